@@ -91,13 +91,6 @@ class Relation:
     decided_by: str
 
 
-class Apparent(StrEnum):
-    """Quantity from which an effect's apparent size, as if it were alone, is stated beside every discovery."""
-
-    SETTLED = "settled"  # from the line at rest with the needle shut
-    LEFT = "left"  # from all that the amended model leaves
-
-
 @dataclass(frozen=True)
 class EffectParameter:
     """A number of an effect. All fields in SI; `unit` is what it is printed in, SI value = printed value * si.
@@ -153,7 +146,7 @@ class Effect:
     signature: str
     relations: tuple[Relation, ...] = ()
     decided_by: str = ""
-    apparent: Apparent | None = None
+    apparent: bool = False
     remedy: str = ""
     wear: bool = False
 

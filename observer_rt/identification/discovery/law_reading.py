@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
-from math import isclose
 
-from observer_rt.foundation.units import MILLIMETRE
+import numpy as np
+
 from observer_rt.model.terms.law import (
     ZERO,
     Call,
     Coefficient,
-    Lag,
     Law,
-    LawTable,
     Number,
     Operation,
     Quantity,
-    Resonance,
 )
 from observer_rt.model.terms.term import Variable
 
@@ -81,8 +79,11 @@ SUBJECTS = (
     Subject("time since the opening", "ms", SINCE),
     Subject("time", "s", {Variable.TIME: 1.0}),
     Subject("injection", "-", {Variable.INJECTION_NUMBER: 1.0}),
+    Subject("needle lift over the largest", "-", {Variable.NEEDLE_LIFT: 1.0, Variable.MAX_LIFT: 0.0}),
 )
-LIFT_SHARE = Subject("needle lift over the largest", "-", {Variable.NEEDLE_LIFT: 1.0, Variable.MAX_LIFT: 0.0})
+_PROBES = np.array(
+    (-170.0, -3.7, 23.0, 311.0)
+)  # values of a variable, by which a law is a straight line or not
 
 
 @dataclass(frozen=True)
@@ -106,20 +107,6 @@ class Product:
 def with_unit(number: str, unit: str) -> str:
     """A number with its unit, if it has one."""
     return number if unit in ("", "-") else f"{number} {unit}"
-
-
-def with_largest_lift(law: Law, largest: float | None) -> Law:
-    """The law with the largest lift [m] as a number; unchanged without one."""
-    if largest is None:
-        return law
-    match law:
-        case Quantity(Variable.MAX_LIFT):
-            return Number(largest / MILLIMETRE)
-        case Call(operation, arguments):
-            return Call(operation, tuple(with_largest_lift(one, largest) for one in arguments))
-        case Lag(argument) | Resonance(argument) | LawTable(argument):
-            return replace(law, argument=with_largest_lift(argument, largest))
-    return law
 
 
 def product_of(law: Law) -> Product:
@@ -149,63 +136,34 @@ def product_of(law: Law) -> Product:
 
 
 def line_of(law: Law) -> StraightLaw | None:
-    """The law as a straight line over one physical quantity; None if it is not one."""
-    combination = _combination(law)
-    if combination is None:
+    """The law as a straight line over one physical quantity, as its values say; None if it is not one."""
+    variables = sorted(law.variables)
+    if not variables or law.variables & set(GATES) or law.has_coefficient or law.remembers:
         return None
-    slopes, constant = combination
-    first = next(iter(slopes), None)
-    if first is None:
+    zero = {
+        one.word: float(one is Variable.MAX_LIFT) for one in variables
+    }  # a lift is a share of the largest
+    probed = [one for one in variables if one is not Variable.MAX_LIFT]
+    constant = float(law.at(zero))
+    slopes = {one: _rounded(float(law.at(zero | {one.word: 1.0})) - constant) for one in probed}
+    probes = {one: number * _PROBES for number, one in enumerate(probed, start=1)}
+    straight = constant + sum(slope * probes[one] for one, slope in slopes.items())
+    rounding = 1e-9 * max(map(abs, slopes.values()), default=0.0)
+    values = law.at(zero | {one.word: values for one, values in probes.items()})
+    if not math.isfinite(rounding) or not np.allclose(values, straight, 1e-9, rounding):
         return None
-    if first == _SHARE and len(slopes) == 1:
-        return StraightLaw(LIFT_SHARE, slopes[first], -constant / slopes[first])
     for subject in SUBJECTS:
         slope = slopes.get(next(iter(subject.of)), 0.0)
-        alike = slopes.keys() == subject.of.keys() and all(
-            isclose(slopes[variable], slope * sign) for variable, sign in subject.of.items()
-        )
-        if alike:
-            return StraightLaw(subject, slope, -constant / slope + 0.0)
+        of = {one: slope * subject.of.get(one, math.nan) for one in variables}
+        if (
+            slope
+            and of.keys() == subject.of.keys()
+            and all(math.isclose(of[one], slopes[one]) for one in probed)
+        ):
+            return StraightLaw(subject, slope, _rounded(-constant / slope) + 0.0)
     return None
 
 
-_SHARE = Variable.MAX_LIFT  # stands for lift over the largest lift
-_Combination = tuple[dict[Variable, float], float]
-
-
-def _combination(law: Law) -> _Combination | None:
-    """Slope by variable, and the constant, of a linear law; None for any other."""
-    match law:
-        case Number():
-            return {}, law.reckoned
-        case Quantity(variable) if variable not in GATES and variable is not Variable.MAX_LIFT:
-            return {variable: 1.0}, 0.0
-        case Call(Operation.DIVIDE, (Quantity(Variable.NEEDLE_LIFT), Quantity(Variable.MAX_LIFT))):
-            return {_SHARE: 1.0}, 0.0
-        case Call(Operation.NEGATE, (argument,)):
-            return _times(_combination(argument), -1.0)
-        case Call(Operation.ADD, (left, right)):
-            return _sum(_combination(left), _combination(right))
-        case Call(Operation.SUBTRACT, (left, right)):
-            return _sum(_combination(left), _times(_combination(right), -1.0))
-        case Call(Operation.MULTIPLY, arguments):
-            first, second = map(_combination, arguments)
-            if first is None or second is None or (first[0] and second[0]):
-                return None
-            return _times(first, second[1]) if first[0] else _times(second, first[1])
-        case Call(Operation.DIVIDE, (argument, Number() as number)) if number != ZERO:
-            return _times(_combination(argument), 1.0 / number.reckoned)
-    return None
-
-
-def _times(combination: _Combination | None, factor: float) -> _Combination | None:
-    if combination is None:
-        return None
-    return {variable: factor * slope for variable, slope in combination[0].items()}, factor * combination[1]
-
-
-def _sum(left: _Combination | None, right: _Combination | None) -> _Combination | None:
-    if left is None or right is None:
-        return None
-    slopes = {v: left[0].get(v, 0.0) + right[0].get(v, 0.0) for v in (*left[0], *right[0])}
-    return {variable: slope for variable, slope in slopes.items() if slope}, left[1] + right[1]
+def _rounded(value: float) -> float:
+    """Free of rounding errors, so that equal lines are equal."""
+    return float(f"{value:.12g}")

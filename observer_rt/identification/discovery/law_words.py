@@ -13,7 +13,6 @@ from observer_rt.identification.discovery.law_reading import (
     StraightLaw,
     line_of,
     product_of,
-    with_largest_lift,
     with_unit,
 )
 from observer_rt.identification.discovery.numbers import shown, sign, significant
@@ -88,7 +87,8 @@ def plain_words(term: Term, largest_lift: float | None = None) -> str:
 
     largest_lift: of the needle [m]; None where it is not known.
     """
-    product = product_of(with_largest_lift(term.law, largest_lift))
+    largest = {} if largest_lift is None else {Variable.MAX_LIFT: Number(largest_lift / MILLIMETRE)}
+    product = product_of(term.law.replaced(largest))
     if len(product.gates) > 1 or not product.size:
         return ""
     match product.factors:

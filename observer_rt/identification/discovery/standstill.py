@@ -2,20 +2,19 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import dead_band
-from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Entry, Figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.model.effect import Apparent, Component, Effect
+from observer_rt.model.effect import Effect
 from observer_rt.model.effective import Coefficients, EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 
@@ -30,8 +29,7 @@ OFFSET_TOLERATED, SLOPE_TOLERATED = 0.02 * MEGAPASCAL, 2 * MEGAPASCAL  # Pa, Pa/
 class StandstillFigure:
     """A figure of the standstill, in `unit`.
 
-    recording: its number, None for all together; sigma: standard deviation, nan for a noise level; explained: it
-    stands out in the model as given, and no more with what was found.
+    recording: its number, None for all together; sigma: standard deviation, nan for a noise level.
     """
 
     id: str
@@ -40,7 +38,6 @@ class StandstillFigure:
     sigma: Figure
     unit: str
     passed: bool
-    explained: bool = False
 
 
 def standstill_checks(
@@ -50,27 +47,19 @@ def standstill_checks(
     amended: EffectiveModel,
     usual_offset: float = 0.0,
 ) -> tuple[StandstillFigure, ...]:
-    """Offset, slope and noise of every recording, and apparent sizes of sensor effects over all recordings.
+    """Offset, slope and noise of every recording, and the lag of a sensor over all recordings.
 
-    usual_offset: of the line-pressure sensor on the healthy injector [Pa]. Apparent offset and leak come from the
-    settled needle alone. A lag does not show there, a ringing recorded late being a ringing like any other: it is
-    its residual beside the amended model, from opening to ringing.
+    usual_offset: of the line-pressure sensor on the healthy injector [Pa]. A lag does not show at rest, a ringing
+    recorded late being a ringing like any other: it is its residual beside the amended model, from opening on.
     """
     result: list[StandstillFigure] = []
     for number, measurement in enumerate(measured):
         result += _of_recording(number, measurement, nominal.coefficients, usual_offset)
-    shown_effects = (effect for effect in VOCABULARY.values() if effect.apparent is not None)
-    as_given, with_found = ((model, likelihood.judge(model)) for model in (nominal, amended))
-    # of the settled needle, sensors first; then of what is left
-    for effect in sorted(
-        shown_effects, key=lambda e: (e.apparent is Apparent.LEFT, e.component is not Component.LINE_SENSOR)
-    ):
-        settled = effect.apparent is Apparent.SETTLED
-        figures = _apparent(likelihood, as_given if settled else with_found, effect, settled)
-        if settled and not all(figure.passed for figure in figures):
-            left = _apparent(likelihood, with_found, effect, settled)
-            figures = [replace(figure, explained=all(one.passed for one in left)) for figure in figures]
-        result += figures
+    judged = likelihood.judge(amended)
+    for effect in VOCABULARY.values():
+        moved = effect.apparent and likelihood.judge(effect.apply(amended, (effect.parameters[0].dead_zone,)))
+        if judged and moved:
+            result.append(_apparent(effect, judged, moved))
     return tuple(result)
 
 
@@ -159,28 +148,17 @@ def _calm(measurement: Measurement) -> NDArray[np.bool_]:
 
 
 def _apparent(
-    likelihood: JointLikelihood,
-    judged_model: tuple[EffectiveModel, list[JudgedModel] | None],
-    effect: Effect,
-    settled: bool,
-) -> list[StandstillFigure]:
+    effect: Effect, judged: Sequence[JudgedModel], moved: Sequence[JudgedModel]
+) -> StandstillFigure:
     """Size of an effect on top of a judged model by one Gauss-Newton step on the innovations, as if it were alone.
 
-    settled: only of the settled needle, for right after a closing x~ still carries what happened while it was open.
+    moved: the model with the effect as small as it matters.
     """
     parameter = effect.parameters[0]
-    step = parameter.dead_zone
-    model, here = judged_model
-    moved = likelihood.judge(effect.apply(model, (step,)))
-    if here is None or moved is None:
-        return []
-    along, length = 0.0, 0.0
-    for recorded, before, after in zip(likelihood.recordings, here, moved, strict=True):
-        used = recorded.phases == Phase.STANDSTILL if settled else np.ones(recorded.phases.size, np.bool_)
-        slope = (after.z[used] - before.z[used]) / step
-        along -= float(slope @ before.z[used])
-        length += float(slope @ slope)
-    value = along / length if length > 0.0 else 0.0
+    here = np.concatenate([one.z for one in judged])
+    slope = (np.concatenate([one.z for one in moved]) - here) / parameter.dead_zone
+    length = float(slope @ slope)
+    value = -float(slope @ here) / length if length > 0.0 else 0.0
     sigma = 1.0 / math.sqrt(length) if length > 0.0 else math.inf
-    name, si, unit = f"apparent_{effect.id}", parameter.si, parameter.unit
-    return [_judged(name, None, value, sigma, si, unit, parameter.dead_zone)]
+    name = f"apparent_{effect.id}"
+    return _judged(name, None, value, sigma, parameter.si, parameter.unit, parameter.dead_zone)

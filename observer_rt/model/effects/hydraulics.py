@@ -8,7 +8,6 @@ from observer_rt.model.effect import (
     BALLISTIC_RATE,
     FUEL_OR_DRAWING,
     SAMPLE_OR_BALANCE,
-    Apparent,
     Component,
     Effect,
     Likeness,
@@ -97,7 +96,6 @@ GUIDE_LEAKAGE = Effect(
     signature=(
         "The line pressure stands a little below the rail pressure all the time and its ringing dies sooner."
     ),
-    apparent=Apparent.SETTLED,
     wear=True,
 )
 

@@ -9,7 +9,6 @@ from observer_rt.model.effect import (
     LIFT_GAUGE_OR_RATE,
     LIFT_STEP,
     PRESSURE_GAUGE,
-    Apparent,
     Component,
     Effect,
     Likeness,
@@ -42,7 +41,7 @@ LINE_PRESSURE_SENSOR_LAG = Effect(
         "Steep changes of the line pressure are recorded late and rounded, at opening, closing and while "
         "it rings."
     ),
-    apparent=Apparent.LEFT,
+    apparent=True,
 )
 
 LINE_PRESSURE_SENSOR_OFFSET = Effect(
@@ -55,7 +54,6 @@ LINE_PRESSURE_SENSOR_OFFSET = Effect(
         "With the needle shut the line pressure differs from the rail pressure by the same amount at "
         "every pressure."
     ),
-    apparent=Apparent.SETTLED,
 )
 
 

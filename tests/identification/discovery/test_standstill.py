@@ -40,16 +40,13 @@ def test_an_offset_is_measured_and_flagged() -> None:
         assert check.value == pytest.approx(0.5, abs=5 * check.sigma)
         assert check.sigma < 0.05
         assert not check.passed
-    (apparent,) = _named(checks, "apparent_line_pressure_sensor_offset")
-    assert apparent.value == pytest.approx(0.5, abs=0.02)
-    assert apparent.recording is None
-    assert not apparent.passed
 
 
 def test_a_slow_sensor_shows_beside_the_model() -> None:
     checks = _checks(measurements(recordings((sized("line_pressure_sensor_lag", tau=20e-6),))))
     (lag,) = _named(checks, "apparent_line_pressure_sensor_lag")
     assert lag.value == pytest.approx(20.0, rel=0.2)
+    assert lag.recording is None
     assert not lag.passed
 
 
@@ -79,27 +76,3 @@ def test_an_open_needle_at_the_cut_end_is_no_standstill() -> None:
     cut = measurements([replace(first, needle_lift=lift, line_pressure=line)])
     (check,) = _named(_checks(cut), "rail_line_offset")
     assert check.value == pytest.approx(complete.value, abs=5 * complete.sigma)
-
-
-def test_what_was_found_explains_what_looks_like_a_leak() -> None:
-    """Red in a report is what nobody has named."""
-    hidden = sized("line_pressure_sensor_offset", o=0.4e6)
-    measured_recordings = measurements(recordings((hidden,)))
-    likelihood, amended = joint_likelihood(measured_recordings, MODEL), effective_model(NOMINAL, (hidden,))
-    as_given = _named(
-        list(standstill_checks(measured_recordings, likelihood, MODEL, MODEL)),
-        "apparent_line_pressure_sensor_offset",
-    )
-    with_it = _named(
-        list(standstill_checks(measured_recordings, likelihood, MODEL, amended)),
-        "apparent_line_pressure_sensor_offset",
-    )
-    assert [(one.passed, one.explained) for one in as_given + with_it] == [(False, False), (False, True)]
-    assert with_it[0].value == as_given[0].value
-    leaks = [
-        _named(
-            list(standstill_checks(measured_recordings, likelihood, MODEL, model)), "apparent_guide_leakage"
-        )[0]
-        for model in (MODEL, amended)
-    ]
-    assert [leak.passed or leak.explained for leak in leaks] == [False, True]

@@ -25,13 +25,13 @@ from observer_rt.identification.discovery.findings import (
 )
 from observer_rt.identification.discovery.gaps import disagreements, gaps_of
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
+from observer_rt.identification.discovery.report.text import headline
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.laws import first_guess
 from observer_rt.identification.discovery.search.proposals import variance_by_phase
 from observer_rt.identification.discovery.search.results import Cell, Discovery, Part, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
-from observer_rt.identification.discovery.sentences import headline
 from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975

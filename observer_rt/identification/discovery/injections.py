@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import computed_field
 
 from observer_rt.foundation.documents import Entry, Figure, Inside, key, unit
@@ -23,20 +22,16 @@ SHOWN_RINGING = 6e-3  # s after the last closing
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """One injection: time [s] (n,) from its opening, and signals (n,) in SI; None for what there is not.
+    """One injection of a recording, and models over it: as given, and with what was found, None without anything.
 
-    noise_floor: of the line pressure [Pa]: what noise alone leaves between model and measurement.
+    samples: how many are shown; noise_floor: of the line pressure [Pa]: what noise alone leaves of it.
     """
 
     title: str
-    time: NDArray[np.float64]
-    lift: NDArray[np.float64]
-    line_pressure: NDArray[np.float64]
-    nominal_pressure: NDArray[np.float64]
-    amended_pressure: NDArray[np.float64] | None
-    measured_rate: NDArray[np.float64] | None
-    nominal_rate: NDArray[np.float64]
-    amended_rate: NDArray[np.float64] | None
+    measurement: Measurement
+    before: SimulatedInjection
+    after: SimulatedInjection | None
+    samples: int
     noise_floor: float
 
 
@@ -54,27 +49,18 @@ def typical_overlays(
 def _overlay(
     point: PointGaps, measurement: Measurement, nominal: EffectiveModel, amended: EffectiveModel | None
 ) -> Overlay:
-    recording = measurement.recording
     every = simulated(measurement, nominal)
     number = int(np.argmax([_missed(measurement, one) for one in every]))
     before = every[number]
-    after: SimulatedInjection | None = None if amended is None else simulated(measurement, amended)[number]
-    last = before.event.openings[-1].last + round(SHOWN_RINGING * recording.sample_rate)
-    shown = slice(0, max(1, last - int(before.samples[0])))
-    samples = before.samples[shown]
-    rate = recording.injection_rate
+    last = before.event.openings[-1].last + round(SHOWN_RINGING * measurement.recording.sample_rate)
     pressure, duration = measurement.rail_pressure / MEGAPASCAL, measurement.duration / MILLISECOND
     return Overlay(
-        title=f"{pressure:.0f} MPa, needle open {duration:.2f} ms, injection {number + 1} of {len(every)}",
-        time=(samples - samples[0]) * measurement.interval,
-        lift=recording.needle_lift[samples],
-        line_pressure=recording.line_pressure[samples],
-        nominal_pressure=before.line_pressure[shown],
-        amended_pressure=None if after is None else after.line_pressure[shown],
-        measured_rate=None if rate is None else rate[before.rate_samples[shown]],
-        nominal_rate=before.rate[shown],
-        amended_rate=None if after is None else after.rate[shown],
-        noise_floor=point.by_name[LINE_PRESSURE].noise_floor * MEGAPASCAL,
+        f"{pressure:.0f} MPa, needle open {duration:.2f} ms, injection {number + 1} of {len(every)}",
+        measurement,
+        before,
+        None if amended is None else simulated(measurement, amended)[number],
+        max(1, last - int(before.samples[0])),
+        point.by_name[LINE_PRESSURE].noise_floor * MEGAPASCAL,
     )
 
 

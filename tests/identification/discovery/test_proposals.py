@@ -101,7 +101,7 @@ def test_the_gap_shrinks_with_the_law(accepted: Findings) -> None:
     """The plug comes after the first of two injections of each recording, 20 % less of a nozzle."""
     pressure = accepted.gaps.by_name["line_pressure"]
     assert pressure.after < 0.5 * pressure.before
-    assert all(overlay.amended_pressure is not None for overlay in accepted.overlays)
+    assert all(overlay.after is not None for overlay in accepted.overlays)
     assert max(item.after.excess for item in accepted.where) < 5.0
     assert [injection.number for injection in accepted.injections] == [1, 2] * len(WORN_POINTS)
     for injection in accepted.injections:

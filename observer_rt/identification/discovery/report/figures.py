@@ -57,22 +57,30 @@ def _legend(figure: Figure, axes: Axes) -> None:
 
 def _draw_overlay(axes: Sequence[Axes], overlay: Overlay, amended: str) -> None:
     """Lift, line pressure, what models miss of it, rate."""
-    time, measured = overlay.time / MILLISECOND, overlay.line_pressure / MEGAPASCAL
-    axes[0].fill_between(time, overlay.lift / MICROMETRE, color="#dfe5ea", lw=0)
-    axes[0].plot(time, overlay.lift / MICROMETRE, color="#59636e", lw=0.9)
+    measurement, before, shown = overlay.measurement, overlay.before, slice(0, overlay.samples)
+    recording, samples = measurement.recording, before.samples[shown]
+    time = (samples - samples[0]) * measurement.interval / MILLISECOND
+    lift, measured = (
+        recording.needle_lift[samples] / MICROMETRE,
+        recording.line_pressure[samples] / MEGAPASCAL,
+    )
+    axes[0].fill_between(time, lift, color="#dfe5ea", lw=0)
+    axes[0].plot(time, lift, color="#59636e", lw=0.9)
     axes[1].plot(time, measured, color=MEASURED, lw=1.5, alpha=0.75, label="measured")
     floor = 2.0 * overlay.noise_floor / MEGAPASCAL
     axes[2].axhspan(-floor, floor, color="#e8ecef", lw=0)
-    if overlay.measured_rate is not None:
-        axes[3].plot(time, overlay.measured_rate / MM3_PER_MS, color=MEASURED, lw=1.5, alpha=0.75)
-    for label, pressure, rate, colour, style in (
-        ("model as given", overlay.nominal_pressure, overlay.nominal_rate, GIVEN, "-"),
-        (amended, overlay.amended_pressure, overlay.amended_rate, FOUND, (0, (5, 1.5))),
+    if recording.injection_rate is not None:
+        rate = recording.injection_rate[before.rate_samples[shown]] / MM3_PER_MS
+        axes[3].plot(time, rate, color=MEASURED, lw=1.5, alpha=0.75)
+    for label, run, colour, style in (
+        ("model as given", before, GIVEN, "-"),
+        (amended, overlay.after, FOUND, (0, (5, 1.5))),
     ):
-        if pressure is not None and rate is not None:
-            axes[1].plot(time, pressure / MEGAPASCAL, color=colour, lw=1.1, ls=style, label=label)
-            axes[2].plot(time, pressure / MEGAPASCAL - measured, color=colour, lw=0.8)
-            axes[3].plot(time, rate / MM3_PER_MS, color=colour, lw=1.1, ls=style)
+        if run is not None:
+            pressure = run.line_pressure[shown] / MEGAPASCAL
+            axes[1].plot(time, pressure, color=colour, lw=1.1, ls=style, label=label)
+            axes[2].plot(time, pressure - measured, color=colour, lw=0.8)
+            axes[3].plot(time, run.rate[shown] / MM3_PER_MS, color=colour, lw=1.1, ls=style)
 
 
 def gap_figure(findings: Findings) -> str:

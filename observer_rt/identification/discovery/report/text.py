@@ -1,78 +1,114 @@
 """The answer in words, for the screen and the report."""
 
-from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.law_words import law_text
+from observer_rt.identification.discovery.numbers import sign
 from observer_rt.identification.discovery.search.candidates import size_words
-from observer_rt.identification.discovery.search.results import Verdict
-from observer_rt.identification.discovery.sentences import (
-    best_words,
-    choices,
-    headline,
-    standing_words,
-    visible_words,
-)
+from observer_rt.identification.discovery.search.results import Discovery, Proposal, SmallestVisible, Verdict
 from observer_rt.model.effects import VOCABULARY
+
+PHASE_WORDS = {
+    Phase.STANDSTILL: "while the needle is shut",
+    Phase.OPENING: "while the needle opens",
+    Phase.OPEN: "while the needle is open",
+    Phase.CLOSING: "while the needle closes",
+    Phase.AFTER: "right after the needle has closed",
+}
 
 
 def as_text(findings: Findings) -> str:
-    """A few lines: verdict, effects with intervals, the gap before and after."""
-    lines = [headline(findings, caveat_words(findings))]
+    """A few lines: verdict, effects with intervals, laws, the gap before and after."""
+    lines = [headline(findings, "; ".join(caveat.words for caveat in findings.caveats))]
     for effect in findings.effects:
         sizes = ", ".join(size_words(effect.parameters, "95 %: "))
         others = f" [or {', '.join(effect.indistinguishable_from)}]" if effect.indistinguishable_from else ""
-        lines.append(
-            f"  {effect.id}{others}: {sizes or VOCABULARY[effect.id].sentence}; explains "
-            f"{f'{effect.gap_share:.0%}' if effect.gap_share >= 0.01 else 'less than 1%'} of the disagreement"
-        )
+        share = f"{effect.gap_share:.0%}" if effect.gap_share >= 0.01 else "less than 1%"
+        words = sizes or VOCABULARY[effect.id].sentence
+        lines.append(f"  {effect.id}{others}: {words}; explains {share} of the disagreement")
     for decisive in findings.decide_by:
         lines.append(f"  to tell {' from '.join(decisive.separates)}: {decisive.measurement}")
     if findings.is_open:
-        lines.append(f"  no amended model while these are tied: {choices(findings)}")
+        lines.append(f"  no amended model while these are tied: {_choices(findings)}")
     if findings.verdict is Verdict.UNKNOWN:
-        lines.append(f"  {best_words(findings)}")
+        nearest = f"nearest, and not enough: {' with '.join(findings.best.ids)}"
+        lines.append(f"  {nearest if findings.best.ids else 'no known effect brings the model nearer'}")
     for proposal in findings.proposals:
         lines += [f"  proposal {proposal.number}: {proposal.sentence}", f"    {standing_words(proposal)}"]
         lines += [f"    {law_text(term)}" for term in proposal.terms]
-    option = acceptance(findings)
-    if option:
-        lines.append(f"  to have it in the amended model: {option}, and --force")
-    if findings.remainder is not None:
-        lines.append(f"  {part_words(findings)}")
+    may_enter = [proposal.number for proposal in findings.proposals if proposal.may_enter]
+    if may_enter and findings.amended_model is None and not findings.is_open:
+        lines.append(f"  to have it in the amended model: --accept-term {may_enter[0]}, and --force")
+    part = None if findings.proposal is None else findings.proposal.part
+    if findings.remainder is not None and part is not None:
+        lines.append(
+            f"  accepted in part: it closes {part.closed:.0%} of the gap held out; the {part.left / MEGAPASCAL:.2g} "
+            f"MPa left belong to the model's stated uncertainty, by which masses have ±{part.mass_half:.1%} more"
+        )
     # Wear may be there up to these all the same.
     if findings.verdict is Verdict.NONE and findings.smallest_visible:
         wear = (one for one in findings.smallest_visible if VOCABULARY[one.id].wear)
         names = (f"{one.id} below {visible_words(one)}" for one in wear)
         lines.append(f"  not seen: {', '.join(names)}; all in the report")
-    return "\n".join([*lines, *gap_lines(findings)])
+    return "\n".join([*lines, *_gap_lines(findings)])
 
 
-def caveat_words(findings: Findings) -> str:
-    """The reservations in a few words, for a headline."""
-    return "; ".join(caveat.words for caveat in findings.caveats)
+def headline(discovery: Discovery, reservations: str = "") -> str:
+    """The verdict in one sentence, with its reservations."""
+    sure = f"(confidence {discovery.confidence:.2f})"
+    but = f", but: {reservations}" if reservations else ""
+    return f"{discovery.verdict.value}: {_verdict_words(discovery)} {sure}{but}"
 
 
-def acceptance(findings: Findings) -> str:
-    """Options that put a proposal into the amended model; empty where none do, or one is in it."""
-    if findings.amended_model is not None or findings.is_open:
-        return ""
-    may = [one.number for one in findings.proposals if one.may_enter]
-    return f"--accept-term {may[0]}" if may else ""
+def _verdict_words(discovery: Discovery) -> str:
+    unexplained = discovery.unexplained
+    laws = [one.sentence for one in discovery.proposals]
+    if discovery.verdict is Verdict.NONE:
+        return "the model explains the recordings; no effect is missing"
+    if discovery.verdict is Verdict.UNKNOWN:
+        words = "something is missing that no known effect explains"
+        if unexplained is None:
+            return words
+        equation = f"as if the {unexplained.equation.value.replace('_', ' ')} equation were wrong"
+        return f"{words}; it shows most {PHASE_WORDS[unexplained.phase]}, {', or '.join(laws) or equation}"
+    names = [" and ".join(ids) for ids in (discovery.named.ids, *discovery.rivals) if ids] + laws
+    if discovery.verdict is Verdict.AMBIGUOUS and len(names) == 1:
+        return f"{names[0]}, which may be one of the two"
+    return ", or ".join(names)
 
 
-def part_words(findings: Findings) -> str:
-    """Says what a proposal accepted in part leaves; empty where none is."""
-    proposal = findings.proposal
-    if findings.remainder is None or proposal is None or proposal.part is None:
-        return ""
-    return (
-        f"accepted in part: it closes {proposal.part.closed:.0%} of the gap held out; the "
-        f"{proposal.part.left / MEGAPASCAL:.2g} MPa left belong to the model's stated uncertainty, by which masses "
-        f"have ±{proposal.part.mass_half:.1%} more"
+def standing_words(proposal: Proposal) -> str:
+    """Rates a proposal: how far it explains the recordings, and whether a model may have it."""
+    before, after = (value / MEGAPASCAL for value in proposal.held_out)
+    apart = (
+        f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
     )
+    moved = f"injected mass {proposal.candidate.moves.mass / MILLIGRAM:+.2g} mg"
+    fit = f"explains all (probability {proposal.probability:.2f})" if proposal.adequate else ""
+    if proposal.refusal is not None:
+        fit = f"no model may have it, for {proposal.refusal.reason}: {proposal.refusal.remedy}"
+    elif proposal.part is not None:
+        closed, half = f"{proposal.part.closed:.0%}", f"{proposal.part.mass_half:.1%}"
+        fit = f"closes {closed} of the gap: a model may have it in part, masses ±{half}"
+    held = [f"{name} {low:g} to {high:g}" for name, (low, high) in proposal.seen_of_terms.items()]
+    where = f"seen at {', '.join(held)}, beyond it stays as it is there" if held else ""
+    return "; ".join(filter(None, (fit, apart, moved, where)))
 
 
-def gap_lines(findings: Findings) -> list[str]:
+def visible_words(smallest: SmallestVisible) -> str:
+    """The smallest size of an effect that would have been seen, such as `v_H = 0.0034`."""
+    return f"{smallest.parameter} = {smallest.size:.2g} {sign(smallest.unit)}".rstrip()
+
+
+def _choices(discovery: Discovery) -> str:
+    """Names the options that choose among tied candidates."""
+    options = [f"--choose {'+'.join(ids)}" for ids in (discovery.named.ids, *discovery.rivals) if ids]
+    options += [f"--accept-term {one.number}" for one in discovery.proposals if one.may_enter]
+    return f"give the command again with {' or '.join(options)}, and --force"
+
+
+def _gap_lines(findings: Findings) -> list[str]:
     """The gaps on held-out operating points."""
     apart = findings.held_apart and findings.shown.ids
     where = "on operating points held out" if apart else "on the recordings"

@@ -20,7 +20,7 @@ from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.folder import REPORT, check_answer_folder, write_findings
 from observer_rt.identification.discovery.law_words import law_text
 from observer_rt.identification.discovery.report.text import as_text
-from observer_rt.identification.discovery.search.results import Proposal
+from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.model.effects import VOCABULARY
 
 if TYPE_CHECKING:

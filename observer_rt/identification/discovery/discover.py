@@ -29,8 +29,9 @@ from observer_rt.identification.discovery.report.text import headline
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.laws import first_guess
+from observer_rt.identification.discovery.search.proposal import Part
 from observer_rt.identification.discovery.search.proposals import variance_by_phase
-from observer_rt.identification.discovery.search.results import Cell, Discovery, Part, Verdict
+from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
@@ -48,32 +49,18 @@ from observer_rt.model.terms.in_force import TermInForce
 
 _HEALTHY, _NAMED, _SHOWN = 0.4, 0.85, 0.9  # shares of the work done after these steps
 
-_AMEND_FIRST = (
-    "First run `observer-rt discover --out healthy` on the healthy recordings alone; then give healthy/amended.toml "
-    "here as --model."
-)
-_FIRST = {
-    Verdict.NAMED: _AMEND_FIRST,
-    Verdict.AMBIGUOUS: f"{_AMEND_FIRST} There, --choose says which of the tied effects it takes.",
-    Verdict.UNKNOWN: "First correct the injector file by drawing and data sheet: no effect explains its error.",
-}
-"""Remedies, by what discovery finds on healthy recordings."""
-
 ObserverRemainder = Callable[
     [InjectorParameters, Baseline | None, Sequence[Recording]], HealthyRemainder | None
 ]
 """Measures what the learning observer leaves of recordings with a model; see `desk.evaluation.healthy_events`."""
-_INADEQUATE = (
-    "The fit of this model to healthy recordings was not adequate: what is named here may be its error. Fit again "
-    "with another structure or more recordings."
+_INADEQUATE = "The fit of this model was not adequate: what is named here may be its error. Fit again."
+_NOT_COMPARABLE = (
+    "What this model leaves of the healthy injector at this sample rate is not known: what is named here may be its "
+    "error. Fit again, or give healthy recordings by --healthy."
 )
-_FORGOTTEN = (
-    "The model was fitted by an earlier version, which did not keep what the fit leaves of the healthy injector: "
-    "what is named here may be the model's error. Fit again, or give healthy recordings by --healthy."
-)
-_OTHER_RATE = (
-    "The model was fitted at {:g} kHz: what its fit leaves of the healthy injector says nothing at another sample "
-    "rate. Fit at this rate, or give healthy recordings by --healthy."
+_AMEND_FIRST = (
+    "First run `observer-rt discover --out healthy` on the healthy recordings alone, and give healthy/amended.toml "
+    "as --model; where there is none, correct the injector file by drawing and data sheet."
 )
 
 
@@ -221,9 +208,7 @@ def _remembered(nominal: EffectiveModel, recordings: Sequence[Measurement]) -> t
     baseline = healthy_of_fit(fitted, comparable)
     if not fitted.adequate:
         return baseline, _INADEQUATE
-    if fitted.healthy is None:
-        return baseline, _FORGOTTEN
-    return baseline, "" if comparable else _OTHER_RATE.format(fitted.sample_rate_Hz / 1e3)
+    return baseline, "" if comparable and fitted.healthy is not None else _NOT_COMPARABLE
 
 
 def _judged_by_healthy(
@@ -240,5 +225,5 @@ def _judged_by_healthy(
         return baseline, ""
     return baseline, (
         f"On the healthy recordings discovery says '{headline(discovery)}': the model itself is not that of this "
-        f"injector, and what is named here may be its error. {_FIRST[discovery.verdict]}"
+        f"injector, and what is named here may be its error. {_AMEND_FIRST}"
     )

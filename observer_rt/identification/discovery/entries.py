@@ -12,7 +12,8 @@ from observer_rt.foundation.documents import DocumentPart, Figures, Number
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps
 from observer_rt.identification.discovery.search.candidates import Candidate, Size
-from observer_rt.identification.discovery.search.results import PHASE_NAMES, Cell
+from observer_rt.identification.discovery.search.proposal import PHASE_NAMES
+from observer_rt.identification.discovery.search.results import Cell
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.open_loop import Consequence
 from observer_rt.model.effect import Equation

@@ -10,7 +10,7 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.law_words import as_if, law_text
 from observer_rt.identification.discovery.report.text import standing_words
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
-from observer_rt.identification.discovery.search.results import Part, Proposal, Refusal
+from observer_rt.identification.discovery.search.proposal import Part, Proposal, Refusal
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import FormNumber, term_effect
 from observer_rt.model.terms.parser import parse

@@ -12,7 +12,8 @@ from observer_rt.config.bench import load_injector
 from observer_rt.engine.learning.healthy import NOT_FITTED
 from observer_rt.files.formats import read_recording
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
-from observer_rt.identification.discovery.search.results import Proposal, SearchOutcome
+from observer_rt.identification.discovery.search.proposal import Proposal
+from observer_rt.identification.discovery.search.results import SearchOutcome
 from observer_rt.identification.discovery.search.search import Search
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.appearance import with_healthy_offset

@@ -10,12 +10,12 @@ from observer_rt.foundation import units
 from observer_rt.foundation.files import templates_of
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.report import figures, tables, text
-from observer_rt.identification.discovery.search import results
+from observer_rt.identification.discovery.search import proposal
 from observer_rt.identification.discovery.search.laws import guess_words
 from observer_rt.model.effects import VOCABULARY
 
 _PAGES = templates_of(__package__)
-for _module in (units, results, text, tables, figures):
+for _module in (units, proposal, text, tables, figures):
     _PAGES.globals |= vars(_module)
 _PAGES.globals |= {"VOCABULARY": VOCABULARY, "isfinite": math.isfinite}
 _PAGES.globals |= {"learned_figure": learned_figure, "guess_words": guess_words}

@@ -6,7 +6,8 @@ from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.law_words import law_text
 from observer_rt.identification.discovery.numbers import sign
 from observer_rt.identification.discovery.search.candidates import size_words
-from observer_rt.identification.discovery.search.results import Discovery, Proposal, SmallestVisible, Verdict
+from observer_rt.identification.discovery.search.proposal import Proposal
+from observer_rt.identification.discovery.search.results import Discovery, SmallestVisible, Verdict
 from observer_rt.model.effects import VOCABULARY
 
 PHASE_WORDS = {

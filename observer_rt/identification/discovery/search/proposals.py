@@ -21,16 +21,8 @@ from observer_rt.identification.discovery.search.adequacy import Adequacy, worst
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
-from observer_rt.identification.discovery.search.results import (
-    INTERVAL_MARGIN,
-    TOO_FREE,
-    TOO_MANY,
-    Cell,
-    Part,
-    Proposal,
-    Refusal,
-    SearchOutcome,
-)
+from observer_rt.identification.discovery.search.proposal import TOO_FREE, TOO_MANY, Part, Proposal, Refusal
+from observer_rt.identification.discovery.search.results import INTERVAL_MARGIN, Cell, SearchOutcome
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.measurement import Measurement

@@ -16,6 +16,7 @@ from observer_rt.identification.discovery.search.candidates import Candidate, Hy
 from observer_rt.identification.discovery.search.fits import Fitter, best_of_each
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.laws import Guess
+from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.proposals import Proposer, with_parts
 from observer_rt.identification.discovery.search.results import (
     HIGHEST,
@@ -27,7 +28,6 @@ from observer_rt.identification.discovery.search.results import (
     Discovery,
     FittedEffect,
     LargestMisfit,
-    Proposal,
     SearchOutcome,
     SmallestVisible,
     Verdict,

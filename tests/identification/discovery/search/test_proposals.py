@@ -8,8 +8,8 @@ from observer_rt.config.effects import term_domain
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
+from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.proposals import LEAST_CLOSED, seen_in, unsound, with_parts
-from observer_rt.identification.discovery.search.results import Proposal
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import Consequence, consequence
 from observer_rt.model.effect import SizedEffect

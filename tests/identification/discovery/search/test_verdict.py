@@ -7,7 +7,8 @@ import pytest
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
-from observer_rt.identification.discovery.search.results import Discovery, Proposal, Verdict
+from observer_rt.identification.discovery.search.proposal import Proposal
+from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import (
     SearchOptions,
     decide_between,

@@ -140,12 +140,13 @@ def line_of(law: Law) -> StraightLaw | None:
     variables = sorted(law.variables)
     if not variables or law.variables & set(GATES) or law.has_coefficient or law.remembers:
         return None
-    zero = {
-        one.word: float(one is Variable.MAX_LIFT) for one in variables
-    }  # a lift is a share of the largest
-    probed = [one for one in variables if one is not Variable.MAX_LIFT]
+    # A lift is a share of the largest.
+    zero = {one.word: float(one is Variable.MAX_LIFT) for one in variables}
+    probed: list[Variable] = [one for one in variables if one is not Variable.MAX_LIFT]
     constant = float(law.at(zero))
-    slopes = {one: _rounded(float(law.at(zero | {one.word: 1.0})) - constant) for one in probed}
+    slopes: dict[Variable, float] = {
+        one: _rounded(float(law.at(zero | {one.word: 1.0})) - constant) for one in probed
+    }
     probes = {one: number * _PROBES for number, one in enumerate(probed, start=1)}
     straight = constant + sum(slope * probes[one] for one, slope in slopes.items())
     rounding = 1e-9 * max(map(abs, slopes.values()), default=0.0)
@@ -154,12 +155,8 @@ def line_of(law: Law) -> StraightLaw | None:
         return None
     for subject in SUBJECTS:
         slope = slopes.get(next(iter(subject.of)), 0.0)
-        of = {one: slope * subject.of.get(one, math.nan) for one in variables}
-        if (
-            slope
-            and of.keys() == subject.of.keys()
-            and all(math.isclose(of[one], slopes[one]) for one in probed)
-        ):
+        is_alike = all(math.isclose(slopes[one], slope * subject.of.get(one, 0.0)) for one in probed)
+        if slope and subject.of.keys() == law.variables and is_alike:
             return StraightLaw(subject, slope, _rounded(-constant / slope) + 0.0)
     return None
 

@@ -37,7 +37,7 @@ from observer_rt.identification.likelihood.appearance import Signature, healthy_
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood, pool_of
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import Consequence, consequence
+from observer_rt.identification.likelihood.open_loop import consequence
 from observer_rt.model.effect import WITH_A_MEASURED_RATE, Component, Effect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
@@ -300,7 +300,7 @@ class _Verdict:
                 if one not in winner.ids
             ]
             others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
-            moves = self._moves(winner.model_without(number, self._nominal), full_model)
+            moves = consequence(self._measured, winner.model_without(number, self._nominal), full_model)
             share = explained * gain / sum(gains)
             result.append(
                 FittedEffect(effect.id, parameters[effect.id], confidence, others, share, moves, gain)
@@ -331,9 +331,6 @@ class _Verdict:
             position += sizes.size
         return replace(candidate, half=tuple((NORMAL_975 * np.sqrt(variances)).tolist()))
 
-    def _moves(self, before: EffectiveModel, after: EffectiveModel) -> Consequence:
-        return consequence(self._measured, before, after)
-
     def _ranking(self) -> tuple[Candidate, ...]:
         """Leaders by what they cost, the winner, its rivals and the nominal model among them, by -2 log L."""
         outcome = self._outcome
@@ -345,7 +342,7 @@ class _Verdict:
                 self._with_intervals(one),
                 held_out=self._held_out.statistic(one),
                 sizes_of_half=self._held_out.sizes(one),
-                moves=self._moves(self._nominal, one.model(self._nominal)),
+                moves=consequence(self._measured, self._nominal, one.model(self._nominal)),
             )
             for one in sorted(chosen, key=lambda one: one.statistic)
         )

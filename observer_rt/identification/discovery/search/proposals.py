@@ -49,54 +49,50 @@ _PROBE = Term(TermEquation.NOZZLE_FLOW, Number(0.02))
 _MORE = "record more rail pressures and durations, or the injection rate as well"
 
 
-class Proposer:
-    """Makes proposals of what a search found."""
+def proposals_of(
+    laws: Sequence[Candidate],
+    fitter: Fitter,
+    outcome: SearchOutcome,
+    healthy: Healthy,
+    held_out: HeldOutPoints,
+) -> tuple[Proposal, ...]:
+    """Proposals of laws that a search found.
 
-    def __init__(
-        self, fitter: Fitter, outcome: SearchOutcome, healthy: Healthy, held_out: HeldOutPoints
-    ) -> None:
-        self._fitter, self._outcome, self._held_out = fitter, outcome, held_out
-        self._nominal = fitter.nominal
-        self._measured = [recorded.measurement for recorded in fitter.likelihood.recordings]
-        self._adequate = Adequacy(fitter, healthy)
-        pool = fitter.pool(outcome.nominal)
-        assert pool is not None  # the search began with it
-        self._phase = worst(pool, healthy).phase
-        self._seen = seen_in(self._measured, self._nominal)
+    Where the first piles up laws and leaves something all the same, the best of them alone is one more.
+    """
+    if not laws:
+        return ()
+    nominal, adequate = fitter.nominal, Adequacy(fitter, healthy)
+    measured = [recorded.measurement for recorded in fitter.likelihood.recordings]
+    pool, seen = fitter.pool(outcome.nominal), seen_in(measured, nominal)
+    assert pool is not None  # the search began with it
+    phase, before = worst(pool, healthy).phase, held_out.gap(outcome.nominal)
 
-    def proposals(self, laws: Sequence[Candidate]) -> tuple[Proposal, ...]:
-        """Of these. Where the first piles up laws and leaves something all the same, the best of them alone is one
-        more."""
-        made = [self._proposal(one) for one in laws]
-        if made and not made[0].adequate and made[0].objection in (TOO_MANY, TOO_FREE):
-            first = made[0].candidate
-            pairs = zip(first.hypothesis.effects, first.sizes, strict=True)
-            alone = [(Hypothesis((effect,)), np.array([size])) for effect, size in pairs if is_term(effect)]
-            made += [
-                self._proposal(one) for one in sorted(self._fitter.laws(alone), key=attrgetter("price"))[:1]
-            ]
-        return tuple(replace(one, number=number) for number, one in enumerate(made, start=1))
-
-    def _proposal(self, candidate: Candidate) -> Proposal:
-        model, outcome = candidate.model(self._nominal), self._outcome
-        half = NORMAL_975 * INTERVAL_MARGIN * self._fitter.sigmas(candidate)
-        moves = consequence(self._measured, self._nominal, model)
+    def proposal(candidate: Candidate) -> Proposal:
+        half = NORMAL_975 * INTERVAL_MARGIN * fitter.sigmas(candidate)
+        moves = consequence(measured, nominal, candidate.model(nominal))
         return Proposal(
             replace(
-                candidate,
-                half=tuple(half.tolist()),
-                moves=moves,
-                sizes_of_half=self._held_out.sizes(candidate),
+                candidate, half=tuple(half.tolist()), moves=moves, sizes_of_half=held_out.sizes(candidate)
             ),
             outcome.nominal.statistic - candidate.statistic,
-            self._phase,
-            self._adequate(candidate),
-            unsound(candidate.terms, self._nominal, self._seen),
-            (self._held_out.gap(outcome.nominal), self._held_out.gap(candidate)),
+            phase,
+            adequate(candidate),
+            unsound(candidate.terms, nominal, seen),
+            (before, held_out.gap(candidate)),
             probability=outcome.probability(candidate),
-            seen=self._seen,
-            largest_lift=self._nominal.injector.seat.max_lift,
+            seen=seen,
+            largest_lift=nominal.injector.seat.max_lift,
         )
+
+    made = [proposal(one) for one in laws]
+    if not made[0].adequate and made[0].objection in (TOO_MANY, TOO_FREE):
+        first = made[0].candidate
+        pairs = zip(first.hypothesis.effects, first.sizes, strict=True)
+        alone = [(Hypothesis((effect,)), np.array([size])) for effect, size in pairs if is_term(effect)]
+        made += [proposal(one) for one in sorted(fitter.laws(alone), key=attrgetter("price"))[:1]]
+    numbered = [replace(one, number=number) for number, one in enumerate(made, start=1)]
+    return with_parts(numbered, measured, nominal)
 
 
 def unsound(terms: Sequence[Term], nominal: EffectiveModel, seen: SeenRange) -> Refusal | None:

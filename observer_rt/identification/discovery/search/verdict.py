@@ -17,7 +17,7 @@ from observer_rt.identification.discovery.search.fits import Fitter, best_of_eac
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.laws import Guess
 from observer_rt.identification.discovery.search.proposal import Proposal
-from observer_rt.identification.discovery.search.proposals import Proposer, with_parts
+from observer_rt.identification.discovery.search.proposals import proposals_of
 from observer_rt.identification.discovery.search.results import (
     HIGHEST,
     INTERVAL_MARGIN,
@@ -214,9 +214,7 @@ class _Verdict:
         self._baseline = baseline
         self._names = _names_left(outcome)
         laws = [one for one in outcome.left or outcome.nearest if one.terms]
-        proposer = Proposer(fitter, outcome, baseline, held_out)
-        proposals = proposer.proposals(laws[:MOST_PROPOSED])
-        self._proposals = with_parts(proposals, self._measured, self._nominal)
+        self._proposals = proposals_of(laws[:MOST_PROPOSED], fitter, outcome, baseline, held_out)
 
     def _verdict(self) -> Verdict:
         """Laws that explain as much and inject other masses leave it open, too."""

@@ -117,14 +117,10 @@ def taken(
 @contextmanager
 def vocabulary_without(ids: Sequence[str]) -> Iterator[None]:
     """The vocabulary, meanwhile, has these effects not."""
-    kept = dict(effects._in_use)
-    for name in ids:
-        del effects._in_use[name]
-    try:
+    with patch.dict(effects._in_use):
+        for name in ids:
+            del effects._in_use[name]
         yield
-    finally:
-        effects._in_use.clear()
-        effects._in_use.update(kept)
 
 
 @contextmanager

@@ -11,7 +11,6 @@ Decoder = Annotated[
 ]
 Model = Annotated[Path | None, Option("Injector file, instead of the bench file's.")]
 State = Annotated[Path | None, Option("Learned state to start from.")]
-SampleRate = Annotated[float, Option("Samples a second [Hz].", minimum=1.0)]
 FromChannel = Annotated[
     tuple[str, ...],
     Option(

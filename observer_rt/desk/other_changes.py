@@ -1,19 +1,21 @@
 """Differences of two injector files besides what the second one adds: corrections that taking it over would undo."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from typing import TypeAlias
 
 from pydantic import BaseModel
 
-from observer_rt.model.parameters import InjectorParameters, UnitName
+from observer_rt.model.parameters import EffectInForce, InjectorParameters, UnitName
+from observer_rt.model.terms.in_force import TermInForce
 
 _OF_A_FINDING = frozenset({"effects", "terms", "remainder"})
 _OF_A_FIT = "baseline"
+_Addition: TypeAlias = EffectInForce | TermInForce
 
 
 def other_changes(before: InjectorParameters, after: InjectorParameters) -> tuple[str, ...]:
     """Parameters that differ, and effects and terms that are changed or left out."""
-    return (*parameter_changes(before, after), *_of_additions(_additions(before), _additions(after)))
+    return (*parameter_changes(before, after), *_lost(before, after))
 
 
 def parameter_changes(before: InjectorParameters, after: InjectorParameters) -> tuple[str, ...]:
@@ -43,39 +45,18 @@ def _shown(value: object, unit: str) -> str:
     return f"{value:.12g} {unit}".rstrip()
 
 
-@dataclass(frozen=True)
-class _Addition:
-    """An effect or term in force: what tells it from others, its numbers, and all in words."""
-
-    key: object
-    numbers: object
-    words: str
-
-
-def _of_additions(before: Sequence[_Addition], after: Sequence[_Addition]) -> Iterator[str]:
-    present = {addition.key: addition for addition in after}
-    for addition in before:
-        if addition.key not in present:
-            yield f"{addition.words} is left out"
-        elif present[addition.key].numbers != addition.numbers:
-            yield f"{addition.words} -> {present[addition.key].words}"
+def _lost(before: InjectorParameters, after: InjectorParameters) -> Iterator[str]:
+    """Effects and terms in force that the other file leaves out or states otherwise."""
+    stated: list[_Addition] = [*before.effects, *before.terms]
+    kept: list[_Addition] = [*after.effects, *after.terms]
+    for entry in stated:
+        if _stated(entry) not in map(_stated, kept):
+            yield f"{entry.words} is left out, or stated otherwise"
 
 
-def _additions(injector: InjectorParameters) -> Sequence[_Addition]:
-    effects = [
-        _Addition(
-            effect.id,
-            {name: (size.value, size.unit) for name, size in effect.parameters.items()},
-            effect.words,
-        )
-        for effect in injector.effects
-    ]
-    terms = [
-        _Addition(
-            (term.equation, term.law),
-            term.coefficient and (term.coefficient.value, term.coefficient.unit),
-            term.words,
-        )
-        for term in injector.terms
-    ]
-    return [*effects, *terms]
+def _stated(entry: _Addition) -> tuple[object, ...]:
+    """What an effect or term does."""
+    if isinstance(entry, TermInForce):
+        size = entry.coefficient
+        return entry.equation, entry.law, size and (size.value, size.unit)
+    return entry.id, {name: (size.value, size.unit) for name, size in entry.parameters.items()}

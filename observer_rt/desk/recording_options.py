@@ -37,9 +37,8 @@ class EvaluateOptions:
         Path | None,
         Option("Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR"),
     ] = None
-    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): curves, masses, wear.")] = None
-    injections: Annotated[
-        str | None, Option("Injections to draw as curves, such as 1,5-8 (default: first, middle, last).")
+    plot: Annotated[
+        Path | None, Option("Figure (png, svg, pdf): curves of some injections, masses, wear.")
     ] = None
     from_channel: shared.FromChannel = ()
     injector: Injector = None

@@ -4,6 +4,8 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import pandas as pd
+
 from observer_rt.desk.demonstration.missing_effect import SPEED, EffectDemo, hidden_effect
 from observer_rt.foundation.errors import ObserverError
 from tools.benchmarks import command_line as cli
@@ -18,6 +20,7 @@ BARS = (
     Bar("error_after_max_pct", "error_after_pct", "max"),
     Bar("error_after_median_pct", "error_after_pct", "median"),
 )
+NOTHING = pd.DataFrame(columns=["amended", "valid", "error"], dtype=float)
 COLUMNS: dict[str, tuple[str, How]] = {
     "said": ("said", ", ".join),
     "valid before": ("valid_before", "sum"),
@@ -38,26 +41,23 @@ def run_loop(seed: int, outside: bool) -> Row:
         try:
             result = EffectDemo(Path(folder), hidden, seed, SPEED, lambda _: None).run()
         except ObserverError as error:
-            said, before, after = str(error).splitlines()[0], [], []
+            said, rows = str(error).splitlines()[0], NOTHING
         else:
             named = " + ".join(effect["id"] for effect in result.findings["effects"])
             said = f"{result.findings['verdict']} {named}".strip()
-            before = [row for row in result.injections if not row.amended]
-            after = [row for row in result.injections if row.amended][UNLEARNED:]
-    then, now = (
-        max((abs(100.0 * (row.mass / row.true - 1.0)) for row in rows if row.valid), default=0.0)
-        for rows in (before, after)
-    )
-    valid_after = sum(row.valid for row in after)
+            rows = result.injections
+    before, after = rows[rows.amended == 0], rows[rows.amended == 1][UNLEARNED:]
+    errors = rows.error.abs().where(rows.valid == 1, 0.0)
+    then, now = (errors[each.index].max() if len(each) else 0.0 for each in (before, after))
     return {
         "hidden": f"{seed}: {hidden.words}",
         "said": said,
-        "valid_before": sum(row.valid for row in before),
-        "valid_after": valid_after,
+        "valid_before": int(before.valid.sum()),
+        "valid_after": int(after.valid.sum()),
         "injections_after": len(after),
         "error_before_pct": then,
         "error_after_pct": now,
-        "right": valid_after == len(after) > 0 and now <= RIGHT_PCT,
+        "right": len(after) > 0 and bool(after.valid.all()) and now <= RIGHT_PCT,
         "wrong": max(then, now) > WRONG_PCT,
         "seconds": time.monotonic() - begin,
     }

@@ -6,7 +6,7 @@ import numpy as np
 
 from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.desk.evaluation.segment import UNKNOWN, Trace, trace_of
+from observer_rt.desk.evaluation.trace import UNKNOWN, Trace, trace_of
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import State
 from observer_rt.files.replay.framing import Span, windows_of

@@ -35,7 +35,7 @@ class SimulateOptions:
     ] = "1.9"
     injections: Annotated[int, Option("Number of events.", minimum=1)] = 10
     period: Annotated[float, Option("Time from event to event [ms].", minimum=1.0)] = 60.0
-    sample_rate: shared.SampleRate = 100e3
+    sample_rate: Annotated[float, Option("Samples a second [Hz].", minimum=1.0)] = 100e3
     shots: Annotated[
         str | None, Option("Shots of every event as duration@offset [ms], e.g. 0.3@-1.5,1.0@0.")
     ] = None
@@ -116,7 +116,6 @@ class ReproduceOptions:
         Path,
         Option("Folder for figures and table.", "DIR"),
     ]
-    sample_rate: shared.SampleRate = 100e3
     force: shared.Force = False
 
 
@@ -134,7 +133,7 @@ def reproduce(options: ReproduceOptions) -> None:
         check_output("--out", path, options.force, suffixes=FIGURE_SUFFIXES)
     check_output("--out", table, options.force, REPRODUCED)
     with progress_bar(messages, "reproducing", 1.0) as progress:
-        study = run_study(load_bench(), options.sample_rate, progress)
+        study = run_study(load_bench(), progress)
     draw_figure_3(figures[0], study)
     draw_figure_4(figures[1], study.case(NOZZLE_WEAR))
     draw_figure_5(figures[2], study)

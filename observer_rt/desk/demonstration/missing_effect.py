@@ -1,7 +1,6 @@
 """The demonstration of the closed loop: an effect no model has, refused, kept, named, taken over, valid again."""
 
 import json
-import math
 import os
 import random
 import signal
@@ -14,6 +13,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any, NamedTuple
 
+import pandas as pd
 import tomlkit
 from rich.console import Console
 from rich.table import Table
@@ -36,7 +36,7 @@ from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.figures import save_figure
 from observer_rt.foundation.outputs import make_folder, write_text
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.foundation.units import MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.amend import AMENDED
 from observer_rt.identification.discovery.findings import FINDINGS
 from observer_rt.identification.discovery.folder import REPORT
@@ -85,23 +85,14 @@ def _drawn_law(drawn: random.Random) -> HiddenEffect:
 
 
 @dataclass(frozen=True)
-class LoopInjection:
-    """An injection: rail pressure [Pa], mass estimated and true [kg], validity; amended: after the model was."""
-
-    rail_pressure: float
-    mass: float
-    true: float
-    valid: bool
-    reasons: tuple[str, ...]
-    amended: bool
-
-
-@dataclass(frozen=True)
 class LoopResult:
-    """What happened: the hidden effect, all injections, findings.json and where its report is."""
+    """What happened: the hidden effect, all injections, findings.json and where its report is.
+
+    injections: a row each, with the columns of the journal, `true` [mg], `error` [%] and `amended`.
+    """
 
     hidden: HiddenEffect
-    injections: tuple[LoopInjection, ...]
+    injections: pd.DataFrame
     findings: dict[str, Any]
     report: Path
 
@@ -207,19 +198,13 @@ class EffectDemo:
         return amended if amended.exists() else None
 
     def _result(self, scenes: Sequence[BenchRecording]) -> LoopResult:
-        injections = []
-        rows = read_journal(self.folder / JOURNAL).injections
-        runs = sorted({int(str(row["run"])) for row in rows})
-        for row in rows:
-            run = runs.index(int(str(row["run"])))
-            start, end = int(str(row["start_index"])), int(str(row["end_index"]))
-            true = scenes[run].mass(start, end)
-            mass = math.nan if row["mass_mg"] is None else float(str(row["mass_mg"])) * MILLIGRAM
-            reasons = tuple(str(row["reasons"]).split(",")) if row["reasons"] else ()
-            pressure = float(str(row["rail_pressure_MPa"])) * MEGAPASCAL
-            injections.append(LoopInjection(pressure, mass, true, bool(row["valid"]), reasons, run > 0))
+        table = pd.DataFrame(read_journal(self.folder / JOURNAL).injections)
+        table["amended"] = table.run != table.run.min()
+        limits = zip(table.amended, table.start_index, table.end_index, strict=True)
+        table["true"] = [scenes[amended].mass(first, last) / MILLIGRAM for amended, first, last in limits]
+        table["error"] = 100.0 * (table.mass_mg.astype(float) / table.true - 1.0)
         findings = json.loads((self.folder / FOUND / FINDINGS).read_text(encoding="utf-8"))
-        return LoopResult(self.hidden, tuple(injections), findings, self.folder / FOUND / REPORT)
+        return LoopResult(self.hidden, table, findings, self.folder / FOUND / REPORT)
 
 
 def make_empty(folder: Path) -> None:
@@ -235,13 +220,13 @@ def loop_table(result: LoopResult) -> Table:
     rows = (
         (
             "amended" if row.amended else "as given",
-            f"{row.rail_pressure / MEGAPASCAL:.0f}",
-            f"{row.true / MILLIGRAM:.2f}",
-            f"{row.mass / MILLIGRAM:.2f}",
-            f"{100 * (row.mass / row.true - 1):+.2f} %",
-            "yes" if row.valid else ",".join(row.reasons),
+            f"{row.rail_pressure_MPa:.0f}",
+            f"{row.true:.2f}",
+            f"{row.mass_mg:.2f}",
+            f"{row.error:+.2f} %",
+            "yes" if row.valid else str(row.reasons),
         )
-        for row in result.injections
+        for row in result.injections.itertuples()
     )
     table = plain_table(headings, rows, right=range(len(headings)), gap=1)
     table.title, table.title_justify = "Injected mass from the daemon's journal", "left"
@@ -253,17 +238,15 @@ def write_loop_figure(result: LoopResult, path: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure, (masses, gap) = plt.subplots(1, 2, figsize=(11, 4), width_ratios=(3, 1), layout="constrained")
-    before = sum(not row.amended for row in result.injections)
+    injections = result.injections
+    before = int((~injections.amended).sum())
     for valid, label, colour, fill in (
         (False, "not valid", "0.6", "none"),
         (True, "valid", ESTIMATED, ESTIMATED),
     ):
-        points = [
-            (number, 100 * (row.mass / row.true - 1))
-            for number, row in enumerate(result.injections, 1)
-            if row.valid is valid
-        ]
-        masses.plot(*zip(*points, strict=True), "o", color=colour, mfc=fill, label=label) if points else None
+        rows = injections[injections.valid == valid]
+        if len(rows):
+            masses.plot(rows.index + 1, rows.error, "o", color=colour, mfc=fill, label=label)
     masses.axhline(0, color=REFERENCE, lw=0.8)
     masses.axvline(before + 0.5, color=NOMINAL, ls="--")
     masses.annotate(

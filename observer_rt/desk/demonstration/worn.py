@@ -5,7 +5,7 @@ import math
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -20,10 +20,8 @@ from rich.table import Table
 from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.bus.mapping.output_messages import RateMessage
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.bench_file import LinkConfig
-from observer_rt.core.frames.frames import decode_signals
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
@@ -35,7 +33,7 @@ from observer_rt.engine.service.injector import ComparedRate, NominalInjection
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.console import plain_table, stop_on_signals
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 
 if TYPE_CHECKING:
     from observer_rt.desk.evaluation.figures import MassRow
@@ -50,7 +48,7 @@ _QUIET = 1.0  # s without a frame after which the bus has nothing more to say
 
 @dataclass(frozen=True)
 class DemoResult:
-    """What went over the bus: rates decoded from its frames [m3/s], masses of every injection."""
+    """What was published on a link: rates of some injections [m3/s], masses of all."""
 
     curves: Mapping[int, RateCurves]
     masses: "tuple[MassRow, ...]"
@@ -61,7 +59,7 @@ def mass_table(result: DemoResult) -> Table:
     """Masses and their errors, injection by injection."""
     headings = ("injection", "true [mg]", "nominal [mg]", "error", "observer [mg]", "error", "valid")
     table = plain_table(headings, map(_cells, result.masses), right=range(len(headings)), gap=1)
-    table.title, table.title_justify = f"Injected mass from the frames on {result.link}", "left"
+    table.title, table.title_justify = f"Injected mass as published on {result.link}", "left"
     return table
 
 
@@ -99,6 +97,7 @@ class Demo:
         self.recording = self._truth.recording
         self._nominal = NominalInjection(self.bench.injector)
         self._compared: dict[int, Sequence[ComparedRate]] = {}
+        self._published: dict[int, NDArray[np.float64]] = {}
         self._notes = Notes()
 
     def references(self, report: InjectionReport, _rows: NDArray[np.void]) -> Sequence[ComparedRate]:
@@ -111,6 +110,7 @@ class Demo:
         true = ComparedRate("true", rate, self._truth.mass(first, last))
         rows = daemon.core.rows(report.start_position, report.end_position + 1)
         self._compared[report.number] = [true, *self._nominal(report, rows)]
+        self._published[report.number] = rows["injection_rate"].copy()
 
     def run(self, speed: float, show: Callable[[View, threading.Event], None] | None = None) -> DemoResult:
         """Replay at `speed` (1: real time); `show` draws the view until its event is set, None: nobody looks.
@@ -127,8 +127,6 @@ class Demo:
             interrupted = stack.enter_context(stop_on_signals())
             player_link = stack.enter_context(_open(self.link, []))
             daemon_link = stack.enter_context(_open(self.link, inputs))
-            assert bus.rate is not None  # the example bench publishes it
-            published = stack.enter_context(_listening(self.link, bus.rate, self.recording.samples))
             threads = stack.enter_context(ThreadPoolExecutor(3))
             threads.submit(import_module, FIGURES)  # which takes seconds, of which the replay needs nothing
 
@@ -156,23 +154,20 @@ class Demo:
             serving.result()
             if interrupted.is_set():
                 raise KeyboardInterrupt
-            time.sleep(0.2)  # for the listener to take in the last frames
-            return self._result(published)
+            return self._result()
 
-    def _result(self, published: NDArray[np.float64]) -> DemoResult:
+    def _result(self) -> DemoResult:
         from observer_rt.desk.evaluation.figures import MassRow
 
         curves, masses = {}, []
         for report in self._notes.injections:
-            window = slice(report.start_index, report.end_index + 1)
             true, nominal = self._compared[report.number]
-            mass = float(np.trapezoid(published[window])) / self.recording.sample_rate * report.density
-            masses.append(MassRow(report.number, mass, nominal.mass, true.mass, report.valid))
+            masses.append(MassRow(report.number, report.mass, nominal.mass, true.mass, report.valid))
             if report.number in (1, 3, len(self._notes.injections)):
                 curves[report.number] = RateCurves(
                     f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
-                    np.arange(window.stop - window.start) / self.recording.sample_rate,
-                    published[window],
+                    np.arange(nominal.rate.size) / self.recording.sample_rate,
+                    self._published[report.number],
                     nominal.rate,
                     true.rate,
                 )
@@ -187,31 +182,6 @@ def write_figure(result: DemoResult, wear: float, path: Path) -> None:
         f"Injection rate over CAN of an injector with worn nozzle (v_H = {wear:+.2f}): model, observer, truth"
     )
     plot_injections(path, [Picture(title, result.curves, result.masses)], "true")
-
-
-@contextlib.contextmanager
-def _listening(config: LinkConfig, message: RateMessage, samples: int) -> Iterator[NDArray[np.float64]]:
-    """Another participant of the bus: the published rates [m3/s] by sample index, as they come."""
-    rate, values = np.full(samples, np.nan), np.zeros(len(message.page.names))
-    stop = threading.Event()
-    layout, index_place = message.layout, message.page.names.index("SampleIndex")
-
-    def listen() -> None:
-        while not stop.is_set():
-            if (frame := link.receive(0.05)) is not None:
-                decode_signals(np.frombuffer(frame.payload, np.uint8), message.page.table, values)
-                index = int(values[index_place])
-                rates = values[-message.samples :][: samples - index]
-                rate[index : index + len(rates)] = rates * MM3_PER_MS
-
-    receive = [(layout.frame_id, layout.is_extended)]
-    with _open(config, receive) as link, ThreadPoolExecutor(1, "listener") as thread:
-        listening = thread.submit(listen)
-        try:
-            yield rate
-        finally:
-            stop.set()
-        listening.result()
 
 
 def _open(config: LinkConfig, receive: Sequence[tuple[int, bool]]) -> Link:

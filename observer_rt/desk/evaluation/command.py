@@ -11,11 +11,10 @@ from rich.console import Console
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.keeper import sole_writer
 from observer_rt.daemon.state_file import model_hash
-from observer_rt.desk.evaluation.curves import chosen_numbers, refuse_beyond
 from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run, write_state
 from observer_rt.desk.evaluation.logged import open_source, without_truths
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
-from observer_rt.desk.evaluation.segment import SUFFIXES, TRACE_SUFFIX
+from observer_rt.desk.evaluation.trace import SUFFIXES, TRACE_SUFFIX
 from observer_rt.desk.recording_options import EvaluateOptions
 from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import UserError
@@ -33,8 +32,6 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
     knowledge = begun_with("--state", options.state, stated, partial(say, console))
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
     look_over(bench, sources, console)
-    openings = [source.survey.openings.most for source in sources]
-    refuse_beyond(_asked_for(options), sum(openings) if options.chain else max(openings))
     with (
         ExitStack() as stack,
         progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress,
@@ -60,13 +57,11 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
     if options.plot is not None:
         from observer_rt.desk.evaluation.figures import pictures_of, plot_injections
 
-        plot_injections(options.plot, pictures_of(evaluations, _asked_for(options)), "measured")
+        plot_injections(options.plot, pictures_of(evaluations), "measured")
 
 
 def _refuse_early(paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Raise `UserError` for options that do not fit together, and for files that could not be read or written."""
-    if _asked_for(options) and options.plot is None:
-        raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
     location, traces = f"--output {options.output}", _traces(paths, options)
     if len(paths) > 1 and options.output is not None and not options.has_folder:
         raise UserError(location, "names a file, but there are several recordings", "name a folder")
@@ -77,11 +72,6 @@ def _refuse_early(paths: Sequence[Path], options: EvaluateOptions) -> None:
             "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
         )
     _check_destinations(paths, options)
-
-
-def _asked_for(options: EvaluateOptions) -> Sequence[int]:
-    """Numbers of the injections to be drawn as curves, empty: some."""
-    return () if options.injections is None else chosen_numbers(options.injections)
 
 
 def _traces(paths: Sequence[Path], options: EvaluateOptions) -> list[Path]:

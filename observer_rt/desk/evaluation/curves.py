@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.desk.evaluation.segment import Segment, Signal, trace_of
+from observer_rt.desk.evaluation.trace import InjectionSamples, Signal, trace_of
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
     MASS_BOUND,
@@ -20,9 +20,6 @@ from observer_rt.engine.reports.injection_report import (
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS, Z_95
 from observer_rt.model.effective import Coefficients
-
-MOST_CURVES = 8
-OPTION = "--injections"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,65 +47,31 @@ class RateCurves:
     line: PressureCurves | None = None
 
 
-def chosen_numbers(text: str) -> tuple[int, ...]:
-    """Numbers of injections from `1,5-8`. Raises `UserError` for other text, or more injections than can be drawn."""
-    numbers: set[int] = set()
-    for part in text.split(","):
-        first, dash, last = (piece.strip() for piece in part.partition("-"))
-        bounds = (first, last) if dash else (first, first)
-        if not all(bound.isdecimal() and len(bound) < 10 and int(bound) > 0 for bound in bounds):
-            raise UserError(
-                OPTION, f"'{part.strip()}' is no number of an injection", "write it as 7, 1,5 or 1,5-8"
-            )
-        low, high = map(int, bounds)
-        if high < low:
-            raise UserError(OPTION, f"'{part.strip()}' ends before it begins", f"write {high}-{low}")
-        numbers |= set(range(low, min(high, low + MOST_CURVES) + 1))
-    if len(numbers) > MOST_CURVES:
-        raise UserError(OPTION, f"are more than the {MOST_CURVES} that fit into a picture", "choose fewer")
-    return tuple(sorted(numbers))
-
-
 def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:
     """Those chosen, else the first, a middle and the last. Raises `UserError` for one that is not there."""
     missing = [number for number in chosen if number not in present]
     if missing:
         choices = f"there are {min(present)} to {max(present)}" if present else "no injection was found"
-        raise UserError(OPTION, f"there is no injection {missing[0]}", choices)
+        raise UserError("injections", f"there is no injection {missing[0]}", choices)
     ordered = sorted(present)
     places = sorted({0, len(ordered) // 2, len(ordered) - 1}) if ordered else ()
     return list(chosen) or [ordered[place] for place in places]
 
 
-def refuse_beyond(chosen: Sequence[int], most: int) -> None:
-    """Before the long work: raises `UserError` for a number that no injection of at most so many can have."""
-    if chosen and max(chosen) > most:
-        raise UserError(
-            OPTION, f"there is no injection {max(chosen)}", f"the needle opens {most} times at the most"
-        )
-
-
-def _window(report: InjectionReport, segment: Segment) -> slice:
-    """An injection among the samples that its segment remembers; the start of a longer one is lost."""
-    first, end = (
-        index - segment.first_index - segment.first for index in (report.start_index, report.end_index + 1)
-    )
-    return slice(max(first, 0), max(min(end, segment.trace.size), 0))
-
-
-def rate_curves(report: InjectionReport, segment: Segment, c: Coefficients) -> RateCurves:
-    """Curves of an injection, as far as the segment remembers its samples."""
-    window, measured = _window(report, segment), segment.measured_rate
-    trace = trace_of(segment.trace[window].copy())
+def rate_curves(
+    report: InjectionReport, samples: InjectionSamples, c: Coefficients, has_rate: bool
+) -> RateCurves:
+    """Curves of an injection, as far as its samples are remembered; has_rate: measured."""
+    trace = trace_of(samples.trace.copy())
     line_pressure, modelled = (
         values * c.pressure_scale + c.chamber_pressure for values in (trace.line_pressure, trace.x[:, 0])
     )
     return RateCurves(
         f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
-        trace.time - segment.time_at(report.start_index),
+        trace.time - samples.start,
         trace.injection_rate,
         trace.nominal_rate,
-        None if measured is None else trace.measured_rate,
+        trace.measured_rate if has_rate else None,
         trace.injection_rate_sigma,
         PressureCurves(line_pressure, modelled),
     )
@@ -160,12 +123,13 @@ def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficient
     return {**injection_record(result.report, c, has_energizing), **compared}
 
 
-def injection_result(report: InjectionReport, segment: Segment, sample_rate: float) -> InjectionResult:
-    """Result over the window an injection was detected in; nan where the segment does not remember all of it."""
-    window, trace = _window(report, segment), segment.trace
-    is_known = report.start_index - segment.first_index >= segment.first
-    measured = None if segment.measured_rate is None or not is_known else segment.measured_rate[window]
-    nominal, rate = trace.nominal_rate[window], trace.injection_rate[window]
+def injection_result(
+    report: InjectionReport, samples: InjectionSamples, sample_rate: float, has_rate: bool
+) -> InjectionResult:
+    """Result over the window an injection was detected in; nan where not all of it is remembered."""
+    trace, is_known = samples.trace, samples.is_whole
+    measured = trace.measured_rate if has_rate and is_known else None
+    nominal, rate = trace.nominal_rate, trace.injection_rate
 
     def mass(rate: NDArray[np.float64]) -> float:
         return float(np.trapezoid(rate)) * (1.0 / sample_rate) * report.density
@@ -173,11 +137,11 @@ def injection_result(report: InjectionReport, segment: Segment, sample_rate: flo
     def rmse(rate: NDArray[np.float64]) -> float:
         return math.nan if measured is None or not rate.size else math.sqrt(np.mean((rate - measured) ** 2))
 
-    flowing = trace.injection_rate_sigma[window][rate != 0.0]
+    flowing = trace.injection_rate_sigma[rate != 0.0]
     return InjectionResult(
         report=report,
-        start=segment.time_at(report.start_index),
-        end=segment.time_at(report.end_index),
+        start=samples.start,
+        end=samples.end,
         nominal_mass=mass(nominal) if is_known else math.nan,
         measured_mass=math.nan if measured is None else mass(measured),
         rate_rmse=rmse(rate),

@@ -314,7 +314,7 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
             axes.set_ylim(drawn.min() - margin, drawn.max() + margin)
 
 
-def pictures_of(evaluations: Sequence[Evaluation], chosen: Sequence[int]) -> list[Picture]:
+def pictures_of(evaluations: Sequence[Evaluation], chosen: Sequence[int] = ()) -> list[Picture]:
     """Masses and wear of all injections, curves of those chosen, else of the first, a middle and the last.
 
     Raises `UserError` for a number that no injection has.
@@ -325,11 +325,7 @@ def pictures_of(evaluations: Sequence[Evaluation], chosen: Sequence[int]) -> lis
 
 
 def _picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:
-    curves = {
-        one.report.number: evaluation.curves[place]
-        for place, one in enumerate(evaluation.injections)
-        if one.report.number in numbers
-    }
+    curves = {number: evaluation.curves[number] for number in numbers if number in evaluation.curves}
     masses = [_mass_row(one) for one in evaluation.injections]
     return Picture(str(evaluation.path), curves, masses, evaluation.learned)
 

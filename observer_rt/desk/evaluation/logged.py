@@ -14,7 +14,6 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.injector import Meaning
 from observer_rt.config.signals import as_sent
-from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.log_watch import LogWatch
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.injector import bench_constants
@@ -38,14 +37,10 @@ _SHOWN = 5  # places where a log is split
 
 @dataclass(frozen=True)
 class LoggedStretch:
-    """Samples [first_index, last_index] of a log between two restarts of the device: the index rises throughout.
-
-    resumed: first indices after holes that exceed the observer's memory.
-    """
+    """Samples [first_index, last_index] of a log between two restarts of the device: the index rises throughout."""
 
     first_index: int
     last_index: int
-    resumed: tuple[int, ...] = ()
 
     @property
     def samples(self) -> int:
@@ -106,9 +101,7 @@ class LoggedSignals(SignalStream):
                     raise UserError(str(path), problem, "split the log where the index jumps")
                 if not stretches or index[0] <= stretches[-1].last_index:
                     stretches.append(LoggedStretch(int(index[0]), int(index[0])))
-                begun = stretches[-1]
-                resumed = (*begun.resumed, *index[steps > RING].tolist())
-                stretches[-1] = LoggedStretch(begun.first_index, int(index[-1]), resumed)
+                stretches[-1] = LoggedStretch(stretches[-1].first_index, int(index[-1]))
             self._survey(rows)
             progress(self.frames.share_read)
         if rows_read < 2:

@@ -4,14 +4,11 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import fmean, pstdev
-from textwrap import indent
 from typing import Any, TextIO
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.desk.evaluation.curves import SHOWN, InjectionResult, injection_json
@@ -19,15 +16,13 @@ from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned
 from observer_rt.engine.stream.state import Reason
-from observer_rt.foundation.console import say
+from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, Z_95
 from observer_rt.model.effective import Coefficients
 
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
-_NO_INJECTIONS = '"injections": []'  # a string of the document cannot hold it: its quotes would be escaped
-MOST_ROWS = 50  # injections beyond which only means of several are shown
-SUMMARY_ROWS = 20
+MOST_ROWS = 50  # injections that are shown, the last ones
 NOTEWORTHY = 4.0  # standard deviations from nothing
 _FIRST = [SHOWN[name] for name in ("number", "event", "start_s", "rail_pressure_MPa", "mass_mg")]
 _NOMINAL, _MEASURED = SHOWN["nominal_mass_mg"], SHOWN["measured_mass_mg"]
@@ -88,30 +83,15 @@ def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
 
 
 def write_document(evaluations: Sequence[Evaluation], model: str, c: Coefficients, out: TextIO) -> None:
-    """Write one JSON document, injection by injection, however many there are.
-
-    model: SHA-256 of the parameters; c: of the nominal model.
-    """
-    document: dict[str, Any] = {
-        "schema": SCHEMA,
-        "model_sha256": model,
-        "recordings": [_without_injections(evaluation, c) for evaluation in evaluations],
-    }
-    before, *after = json.dumps(document, indent=2).split(_NO_INJECTIONS)
-    out.write(before)
-    for evaluation, text in zip(evaluations, after, strict=True):
-        out.write('"injections": [')
-        for number, result in enumerate(evaluation.injections):
-            record = json.dumps(injection_json(result, evaluation.has_energizing, c), indent=2)
-            out.write((",\n" if number else "\n") + indent(record, 8 * " "))
-        out.write("\n      ]" if len(evaluation.injections) else "]")
-        out.write(text)
+    """Write one JSON document. model: SHA-256 of the parameters; c: of the nominal model."""
+    recordings = [_recording_json(evaluation, c) for evaluation in evaluations]
+    json.dump({"schema": SCHEMA, "model_sha256": model, "recordings": recordings}, out, indent=2)
     out.write("\n")
 
 
-def _without_injections(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
-    """One recording of the document, an empty list for its injections."""
-    valid = sum(result.report.valid for result in evaluation.injections)
+def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
+    injections = evaluation.injections
+    valid = sum(result.report.valid for result in injections)
     return {
         "file": str(evaluation.path),
         "samples": evaluation.samples,
@@ -120,9 +100,9 @@ def _without_injections(evaluation: Evaluation, c: Coefficients) -> dict[str, An
         "spikes": evaluation.counters.spikes,
         "bridged_samples": evaluation.counters.bridged_samples,
         "checks": [vars(check) for check in checks(evaluation, c)],
-        "injections": [],
+        "injections": [injection_json(result, evaluation.has_energizing, c) for result in injections],
         "summary": {
-            "valid_share": valid / len(evaluation.injections) if len(evaluation.injections) else 0.0,
+            "valid_share": valid / len(injections) if injections else 0.0,
             "adoptions": evaluation.counters.adoptions,
             "rejected_adoptions": evaluation.counters.rejected_adoptions,
             **_level_json(evaluation),
@@ -161,7 +141,7 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
 def print_evaluation(
     evaluation: Evaluation, c: Coefficients, console: Console, is_fitted: bool = False
 ) -> None:
-    """One recording: its origin, its injections (groups of them where there are many), and the faults.
+    """One recording: its origin, its last injections, and the faults.
 
     is_fitted: whether the model was, to a healthy injector, and was adequate.
     """
@@ -181,12 +161,11 @@ def print_evaluation(
     )
     if counters.outliers:
         say(console, counters.outliers)
-    if count > MOST_ROWS:
-        console.print(_summary_table(evaluation.injections, evaluation.has_rate, c))
-    elif count:
-        injections = list(evaluation.injections)
-        measured = any(not math.isnan(result.measured_mass) for result in injections)
-        console.print(_table(injections, measured or evaluation.has_rate, c))
+    if count:
+        measured = any(not math.isnan(result.measured_mass) for result in evaluation.injections)
+        console.print(_table(evaluation.injections[-MOST_ROWS:], measured or evaluation.has_rate, c))
+        if count > MOST_ROWS:
+            say(console, f"(the last {MOST_ROWS} of {count} injections; --json has all)")
     else:
         say(console, "no injection found")
     if evaluation.has_energizing:
@@ -213,48 +192,12 @@ def _table(injections: Sequence[InjectionResult], measured: bool, c: Coefficient
     """Table of injections. Beside a measurement its error replaces the interval: both do not fit."""
     compared = [_NOMINAL, _MEASURED, _ERROR, SHOWN["rate_rmse_mm3_per_ms"]]
     fields = [*_FIRST, *(compared if measured else [SHOWN["mass_bound_mg"], _NOMINAL]), *_WEAR]
-    table = _headed(*(each.heading for each in fields))
-    for result in injections:
-        cells = (each.text(each.of(result, c)) for each in fields)
-        table.add_row(*cells, "yes" if result.report.valid else "no")
-    return table
-
-
-def _summary_table(injections: Sequence[InjectionResult], measured: bool, c: Coefficients) -> Table:
-    """Means of runs of injections, in order; of masses their standard deviation, too."""
-    number, _, start, rail, mass = _FIRST
-    compared = [_NOMINAL, *([_MEASURED] if measured else []), *_WEAR]
-    headings = [each.heading for each in (number, start, rail, mass, *compared)]
-    table = _headed(*headings[:4], "+-\nmg", *headings[4:])
-    size = -(-len(injections) // SUMMARY_ROWS)
-    for first in range(0, len(injections), size):
-        run = injections[first : first + size]
-        numbers = [run[0].report.number, run[-1].report.number]
-        rails, masses, *others = (_mean(each, run, c) for each in (rail, mass, *compared))
-        known_masses = [value for one in run if (value := mass.of(one, c)) is not None]
-        table.add_row(
-            "-".join(map(str, numbers[: len(run)])),
-            start.text(run[0].start),
-            rails,
-            masses,
-            mass.text(pstdev(known_masses) if known_masses else None),
-            *others,
-            f"{100 * sum(one.report.valid for one in run) / len(run):.0f} %",
-        )
-    return table
-
-
-def _mean(field: Field[InjectionResult], run: Sequence[InjectionResult], c: Coefficients) -> str:
-    """Mean of the known values of a field, as text."""
-    values = [value for one in run if (value := field.of(one, c)) is not None]
-    return field.text(fmean(values) if values else None)
-
-
-def _headed(*headings: str) -> Table:
-    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    for heading in (*headings, "\nvalid"):
-        table.add_column(Text(heading), justify="right", no_wrap=True)
-    return table
+    headings = [*(each.heading for each in fields), "\nvalid"]
+    rows = (
+        [*(each.text(each.of(result, c)) for each in fields), "yes" if result.report.valid else "no"]
+        for result in injections
+    )
+    return plain_table(headings, rows, right=range(len(headings)), folds=(), gap=1)
 
 
 def _not_valid(injections: Sequence[InjectionResult]) -> dict[Reason, list[int]]:

@@ -105,8 +105,7 @@ def _evaluation(task: Task, file: Path, alone: Bench) -> Evaluation:
     source = open_source(file, alone, (), Console(quiet=True))
     learning = task.learning and alone.injector.config.learning.enabled
     with file_errors(file):
-        # not ahead: other workers have the other processors
-        history = evaluate(alone, [source], task.knowledge, learning, traces=(), reads_ahead=False)
+        history = evaluate(alone, [source], task.knowledge, learning, traces=())
     if not is_log(file):
         refuse_dead(file, source.survey, source.names)
     return history.evaluations[0]

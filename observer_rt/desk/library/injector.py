@@ -3,14 +3,12 @@
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from html import escape
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Self
-
-import pandas as pd
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
 from observer_rt.config.effects import effects_named
@@ -87,18 +85,6 @@ class Injector:
     def parameters(self) -> InjectorParameters:
         """Parameters of the model [SI]."""
         return self.bench.injector.parameters
-
-    @cached_property
-    def table(self) -> pd.DataFrame:
-        """Parameters [SI] by section and key."""
-        sections = self.parameters.model_dump(exclude_none=True, exclude={"baseline", "effects", "terms"})
-        rows = [
-            (section, key, value)
-            for section, entry in sections.items()
-            if isinstance(entry, dict)
-            for key, value in entry.items()
-        ]
-        return pd.DataFrame(rows, columns=["section", "key", "value"]).set_index(["section", "key"])
 
     def save(self, path: Pathlike, force: bool = False) -> None:
         """Write the injector file, with its comments.

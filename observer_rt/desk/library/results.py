@@ -11,11 +11,10 @@ import numpy as np
 import pandas as pd
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.desk.evaluation.curves import OPTION, RESULT_FIELDS, SHOWN
+from observer_rt.desk.evaluation.curves import RESULT_FIELDS, SHOWN
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.desk.evaluation.histories import write_state
-from observer_rt.desk.evaluation.segment import TRACE_COLUMNS, trace_arrays
-from observer_rt.desk.library.notes import naming_parameters
+from observer_rt.desk.evaluation.trace import TRACE_COLUMNS, trace_arrays
 from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
@@ -156,8 +155,7 @@ class EvaluationResult(KnowledgeHolder):
         """
         from observer_rt.desk.evaluation.figures import injections_figure, pictures_of
 
-        with naming_parameters({OPTION: "injections"}):
-            return injections_figure(pictures_of(self.evaluations, injections), "measured")
+        return injections_figure(pictures_of(self.evaluations, injections), "measured")
 
     @property
     def _learned(self) -> tuple[Knowledge, InjectorParameters]:

@@ -23,12 +23,10 @@ from numpy.typing import NDArray
 from observer_rt.core.model.laws import take_tanh
 from observer_rt.core.paper.scheme import sweep
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import Network, constant_network
 
 HIDDEN, ARGUMENTS = 5, 6  # q; z = [x1 x2 x3 u1 u2 1]
-WELL_ABOVE = 4.0  # times the line mode, below which the target of phi is mostly the fault's derivative
 ROWS = 3  # m, one output for every state
 LANES = 8  # samples reckoned together
 WEIGHTS = HIDDEN * ARGUMENTS + ROWS * HIDDEN + ROWS
@@ -171,17 +169,3 @@ def swept(window: Window, setting: PaperSetting, network: FreeNetwork) -> EventP
     )
     sweep(window, setting, network, result)
     return result
-
-
-def check_gain(location: str, gain: float, c: Coefficients) -> None:
-    """Refuse a gain l [1/s] that cannot identify anything.
-
-    L l e~ is the fault through l s / (s^2 + l s + w^2), w the line mode: a high pass that only a gain well above w
-    moves out of the way. Raises `UserError` naming `location`.
-    """
-    if gain <= c.line.mode:
-        raise UserError(
-            location,
-            f"{gain:g} 1/s is not above the line's own {c.line.mode:.0f} rad/s: x~ would follow the fault",
-            f"sample at {WELL_ABOVE * c.line.mode:.2g} Hz or more",
-        )

@@ -60,10 +60,8 @@ class WearCase:
 
 @dataclass(frozen=True)
 class Study:
-    """Everything the figures, and the table are made of."""
+    """Everything the figures and the table are made of."""
 
-    sample_rate: float
-    gain: float
     coefficients: Coefficients
     healthy: tuple[Truth, ...]
     """One injection of the model at every pressure of Fig. 3."""

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, example_text
 from observer_rt.daemon.keeper import sole_writer
-from observer_rt.files.formats import read_recording, write_recording
+from observer_rt.files.formats import read_recording
 from tests.desk.cli.conftest import Command, document
 from tests.device import candump_lines, frames_of
 
@@ -110,11 +109,13 @@ def _words(figure: Path) -> str:
     return " ".join(re.findall("<!-- (.*?) -->", figure.read_text(), re.DOTALL))
 
 
-def test_chosen_injections_are_drawn_with_units(command: Command, worn: Path, tmp_path: Path) -> None:
+def test_the_first_a_middle_and_the_last_injection_are_drawn_with_units(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
     figure = tmp_path / "worn.svg"
-    command.done("evaluate", worn, "--plot", figure, "--injections", "2,4")
+    command.done("evaluate", worn, "--plot", figure)
     words = _words(figure)
-    assert re.findall(r"injection (\d), ", words) == ["2", "4"]
+    assert re.findall(r"injection (\d), ", words) == ["1", "3", "4"]
     for name, unit in (
         ("injection rate", "mm³/ms"),
         ("line pressure", "MPa"),
@@ -123,20 +124,6 @@ def test_chosen_injections_are_drawn_with_units(command: Command, worn: Path, tm
         ("time", "ms"),
     ):
         assert re.search(rf"{name} \[{unit}\]", words), name
-
-
-def test_one_that_is_not_there_after_all_costs_no_result(
-    command: Command, worn: Path, tmp_path: Path
-) -> None:
-    """A lift that rises for a single sample is no injection, which only the observer knows."""
-    recording = read_recording(worn)
-    lift = recording.needle_lift.copy()
-    lift[100] = 40e-6
-    write_recording(tmp_path / "odd.csv", replace(recording, needle_lift=lift))
-    outcome = command("evaluate", tmp_path / "odd.csv", "--plot", tmp_path / "x.png", "--injections", "5")
-    assert outcome.code == 2
-    assert "there are 1 to 4" in outcome.err
-    assert "mass" in outcome.out
 
 
 def test_traces_of_several_recordings_go_to_a_folder(

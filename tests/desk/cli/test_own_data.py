@@ -126,10 +126,11 @@ def test_truths_beside_recordings_are_left_out(command: Command, worn: Path, tmp
     command.refused("evaluate", tmp_path / "worn.csv.truth.csv")
 
 
-def test_many_injections_are_summarised(command: Command, tmp_path: Path) -> None:
+def test_the_last_of_many_injections_are_shown(command: Command, tmp_path: Path) -> None:
     path = tmp_path / "many.csv"
     arguments = ("--injections", 51, "--period", 12, "--energizing-time", 0.4, "--sample-rate", 50e3)
     command.done("simulate", *arguments, "--output", path)
     outcome = command.done("evaluate", path, "--no-learning")
-    rows = [line for line in outcome.out.splitlines() if "-" in line.split(" ")[0] or " %" in line]
-    assert 10 < len(rows) <= 20
+    rows = [words for line in outcome.out.splitlines() if (words := line.split())[-1] in ("yes", "no")]
+    assert [int(words[0]) for words in rows] == [*range(2, 52)]
+    assert "the last 50 of 51 injections" in outcome.out

@@ -66,4 +66,4 @@ def test_a_needle_that_sticks_for_long() -> None:
     assert long.end == pytest.approx(END, abs=1e-3)
     assert np.isnan(long.nominal_mass)
     assert all(each.nominal_mass > 0.0 for each in injections if each is not long)
-    assert len(evaluation.curves) == len(injections)
+    assert {1, len(injections)} <= set(evaluation.curves)

@@ -1,7 +1,6 @@
 """Files in parts through the observer: the same bits as in one piece, in memory that does not grow."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,11 +10,11 @@ import pytest
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.evaluation import segment
+from observer_rt.desk.evaluation import samples
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.evaluation.logged import LoggedSignals
-from observer_rt.desk.evaluation.segment import Segment, Signal
-from observer_rt.desk.evaluation.spool import Spool
+from observer_rt.desk.evaluation.samples import HistorySamples
+from observer_rt.desk.evaluation.trace import Signal
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.signals.recording import OPTIONAL, Chunk, Recording
 from observer_rt.files.signals.stream import HeldSignals, SignalStream, Stretch
@@ -112,16 +111,15 @@ def test_a_restarted_device_splits_the_log(tmp_path: Path) -> None:
 
 
 def test_what_is_remembered_does_not_grow(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(segment, "RING", 4096)
     sizes: list[int] = []
-    give = Segment.give
+    give = HistorySamples.give
 
-    def watched(self: Segment, time: Signal, measured_rate: Signal | None) -> None:
-        give(self, time, measured_rate)
-        sizes.append(self.trace.size)
+    def watched(self: HistorySamples, first: int, time: Signal, measured_rate: Signal | None) -> None:
+        give(self, first, time, measured_rate)
+        sizes.append(self.held.size)
 
-    monkeypatch.setattr(Segment, "give", watched)
-    monkeypatch.setattr("observer_rt.desk.evaluation.run.RING", 4096)
+    monkeypatch.setattr(HistorySamples, "give", watched)
+    monkeypatch.setattr(samples, "REMEMBERED", 4096)
     recording = worn()
     assert recording.samples > 15_000
     streamed(Cut(recording, [0, recording.samples], 1000))
@@ -154,17 +152,6 @@ def _columns(path: Path) -> tuple[Signal, Signal, list[str]]:
     return table["time_s"].to_numpy(), rate, table["state"].to_pylist()
 
 
-@pytest.mark.parametrize("in_memory", [1, 2, 5, 6])
-def test_a_spool_is_a_sequence(in_memory: int) -> None:
-    spool: Spool[tuple[int, str]] = Spool(in_memory)
-    for number in range(5):
-        spool.append((number, str(number)))
-        assert spool[0] == (0, "0")
-    assert list(spool) == [(number, str(number)) for number in range(5)]
-    assert spool[-1] == (4, "4")
-    assert spool[1:3] == [(1, "1"), (2, "2")]
-
-
 @pytest.mark.slow
 def test_a_log_with_long_holes_as_in_one_piece(tmp_path: Path) -> None:
     """Holes longer than the observer remembers: a row of the trace for every sample all the same."""
@@ -179,10 +166,15 @@ def test_a_log_with_long_holes_as_in_one_piece(tmp_path: Path) -> None:
     path = tmp_path / "bus.blf"
     write_log(path, sent_log(frames))
     log = LoggedSignals(BENCH, path)
-    assert (len(log.logged), len(log.logged[0].resumed)) == (1, 2)
-    in_parts, in_one_piece = tmp_path / "found.csv", tmp_path / "known.csv"
-    result = streamed(log, in_parts)
-    log.logged = (replace(log.logged[0], resumed=()),)
-    reference = streamed(log, in_one_piece)
-    assert recording_json(result, C) == recording_json(reference, C)
-    assert in_parts.read_bytes() == in_one_piece.read_bytes()
+    assert len(log.logged) == 1
+    result = streamed(log, tmp_path / "trace.csv")
+    rows = np.genfromtxt(tmp_path / "trace.csv", delimiter=",", skip_header=1)
+    assert len(rows) == result.samples
+    np.testing.assert_allclose(rows[:, 0], np.arange(len(rows)) / 100e3, rtol=1e-8)
+    is_known = np.isfinite(rows[:, 1])
+    assert [is_known[first : first + 100_000].any() for first in np.flatnonzero(np.diff(is_known) > 0)].count(
+        True
+    ) >= 3
+    reference = evaluate(BENCH, [worn()] * 3).evaluations
+    masses = [report.mass for evaluation in reference for report in evaluation.reports]
+    assert [result.report.mass for result in result.injections] == masses

@@ -1,4 +1,4 @@
-"""`observer-rt reproduce`, run once at a low sample rate."""
+"""`observer-rt reproduce`, run once."""
 
 import csv
 from pathlib import Path
@@ -8,9 +8,7 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from observer_rt.desk.cli.app import app_of
-from observer_rt.foundation.errors import UserError
 
-RATE = "25000"
 pytestmark = pytest.mark.slow
 
 
@@ -18,7 +16,7 @@ pytestmark = pytest.mark.slow
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the command writes; the table it prints in `stdout.txt`."""
     folder = tmp_path_factory.mktemp("reproduce") / "not" / "there" / "yet"
-    result = CliRunner().invoke(app_of(), ["reproduce", "--out", str(folder), "--sample-rate", RATE])
+    result = CliRunner().invoke(app_of(), ["reproduce", "--out", str(folder)])
     assert result.exit_code == 0, result.output
     (folder / "stdout.txt").write_text(result.stdout)
     return folder
@@ -47,12 +45,5 @@ def test_model_is_wrong_as_wear_says_and_ours_is_not(folder: Path) -> None:
         assert abs(float(row["mass_error_pct_ours_1"])) < 0.5
         assert abs(float(row["mass_error_pct_ours_10"])) < 0.5
         if abs(wear) > 0.05:
-            # 28 at v_H = .1: without noise the first event is believed at once, its corners at 25 kHz included
-            assert float(row["x3_mse_ratio_ours_1"]) > 25
-
-
-def test_sample_rate_too_low_for_the_scheme_is_refused(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app_of(), ["reproduce", "--out", str(tmp_path), "--sample-rate", "8000"])
-    assert isinstance(result.exception, UserError)
-    assert result.exception.location == "--sample-rate"
-    assert not list(tmp_path.iterdir())
+            # at -.5 the first event is believed within limits only
+            assert float(row["x3_mse_ratio_ours_1"]) > (40 if wear > -0.45 else 10)

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.paper.scheme import (
     FaultCost,
-    check_gain,
     design_vector,
     free_network,
     no_fault,
@@ -15,7 +14,6 @@ from observer_rt.desk.paper.scheme import (
     swept,
 )
 from observer_rt.desk.paper.training import BETA, minimise, train, training_data
-from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from tests.desk.paper.conftest import Injection, make_injection
 
@@ -108,10 +106,3 @@ def test_trained_on_it_stays_wrong(worn: Injection) -> None:
     """Ten trainings: the mass stays several per cent off."""
     weights = trained(worn, 10)
     assert -0.12 < mass_error(worn, weights) < -0.03
-
-
-def test_a_gain_below_the_line_mode_is_refused() -> None:
-    check_gain("here", 1.01 * C.line.mode, C)
-    with pytest.raises(UserError, match="not above the line") as refused:
-        check_gain("here", 0.99 * C.line.mode, C)
-    assert refused.value.location == "here"

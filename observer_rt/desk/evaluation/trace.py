@@ -1,0 +1,84 @@
+"""The trace of evaluated recordings: its samples in memory, its columns in a file."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.stream.state import State
+from observer_rt.files.signals.table_writers import TABLE_WRITERS, TableWriter, WrittenColumn
+from observer_rt.foundation.units import MM3_PER_MS
+
+Signal = NDArray[np.float64]
+SUFFIXES = tuple(TABLE_WRITERS)
+TRACE_SUFFIX = ".trace.csv"  # added to a recording's name, in a folder
+NUMBER = "%.9g"
+_COLUMNS = (
+    WrittenColumn("time_s", "time", "s", NUMBER),
+    WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", NUMBER),
+    WrittenColumn("injection_rate_sigma_mm3_per_ms", "injection_rate_sigma", "mm3/ms", NUMBER),
+    WrittenColumn("nominal_rate_mm3_per_ms", "nominal_rate", "mm3/ms", NUMBER),
+    WrittenColumn("valid", "valid", "", "%d"),
+    WrittenColumn("state", "state", "", "%s", tuple(state.name for state in State)),
+    *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
+    *(WrittenColumn(f"phi{i}", f"phi{i}", "1/s", NUMBER) for i in (1, 2, 3)),
+)
+TRACE_COLUMNS = tuple(column.header for column in _COLUMNS)
+"""Names of the columns of a written trace, units included."""
+SAMPLE = np.dtype(
+    [
+        ("number", np.int64),  # of the sample in its history
+        ("time", np.float64),  # s
+        ("line_pressure", np.float64),  # normalised, as the observer was given it
+        ("measured_rate", np.float64),  # m3/s
+        ("injection_rate", np.float64),  # m3/s
+        ("injection_rate_sigma", np.float64),  # m3/s, over windows of injections that were learned from
+        ("nominal_rate", np.float64),  # m3/s, by the model with phi = 0 on the same frames
+        ("valid", np.bool_),  # whether the rate is to be used
+        ("state", np.int8),  # `State`
+        ("x", np.float64, 3),  # normalised
+        ("phi", np.float64, 3),  # 1/s
+    ],
+    align=True,
+)
+"""The observer at a sample of a recording; nan where not available."""
+Trace: TypeAlias = np.recarray[Any, np.dtype[np.void]]
+"""Samples (n,) of dtype `SAMPLE`, whose fields are attributes."""
+UNKNOWN = np.array([(0, *[math.nan] * 6, False, int(State.STARTING), [math.nan] * 3, [math.nan] * 3)], SAMPLE)
+"""A sample (1,) of which nothing is known yet."""
+
+
+class InjectionSamples(NamedTuple):
+    """Samples of an injection's window, and its limits [s]; is_whole: none of them was too far back."""
+
+    trace: Trace
+    start: float
+    end: float
+    is_whole: bool
+
+
+def trace_of(samples: NDArray[np.void]) -> Trace:
+    """Trace of samples (n,) of dtype `SAMPLE`."""
+    return samples.view(np.recarray)
+
+
+def unknown(first: int, time: Signal) -> Trace:
+    """Samples (n,) from a number on, at these times [s] (n,), all else of them unknown."""
+    trace = trace_of(np.repeat(UNKNOWN, time.size))
+    trace.number, trace.time = np.arange(first, first + time.size), time
+    return trace
+
+
+def open_trace(path: Path) -> TableWriter:
+    """A trace to be written, in the format of its suffix, one of SUFFIXES."""
+    return TABLE_WRITERS[path.suffix.lower()](path, _COLUMNS)
+
+
+def trace_arrays(rows: Trace) -> Sequence[NDArray[Any]]:
+    """Columns of a written trace, in the order of the table, in memory of their own."""
+    rates = (rows[name] / MM3_PER_MS for name in ("injection_rate", "injection_rate_sigma", "nominal_rate"))
+    states = (rows[name][:, i] for name in ("x", "phi") for i in range(3))
+    return [values.copy() for values in (rows.time, *rates, rows.valid, rows.state, *states)]

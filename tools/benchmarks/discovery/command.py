@@ -80,14 +80,11 @@ def discovery(
         count = 0 if all_kinds else outside.CASES if cases is None else cases
         hidden = outside_cases(str(tier), count, rates, plants, seed, named)
         frame = _run(outside.score_outside, hidden, jobs, out)
-        confidences = values_of(frame, "confidences")
-        if len(confidences):
-            draw_calibration(confidences, out / "calibration.png")
         tables = {
             f"asked: {asked}": table(frame[frame["asked"].eq(asked)], "hidden", outside.COLUMNS)
             for asked in OUTSIDE_SHARES
             if "asked" in frame and frame["asked"].eq(asked).any()
-        } | {"confidence": calibration(confidences)}
+        } | {"confidence": calibration(values_of(frame, "confidences"))}
         conclude(frame, outside.bars(str(tier)), tables, out, as_json, outside.misses(frame))
     elif on_lines:
         cli.chosen_names(effects.replace("+", ","), "--effects", (*EFFECTS, *OUTSIDE, HEALTHY), ())
@@ -111,9 +108,12 @@ def discovery(
 
 
 def _run(work: Callable[..., Row], cases: Sequence[HiddenCase], jobs: int, out: Path) -> pd.DataFrame:
-    """A row a case, each asked with the fitted model of its rig, or the nominal one."""
+    """A row a case, each asked with the fitted model of its rig, or the nominal one; draws how sure it was."""
     models: dict[Rig | None, Path | str] = {None: NOMINAL_INJECTOR}
     for rig in dict.fromkeys(case.rig for case in cases):
         if rig is not None:
             models[rig] = real_line.model_of(rig, out)
-    return run_cases("discovery", work, {case.label: (case, models[case.rig]) for case in cases}, jobs, out)
+    frame = run_cases("discovery", work, {case.label: (case, models[case.rig]) for case in cases}, jobs, out)
+    if len(confidences := values_of(frame, "confidences")):
+        draw_calibration(confidences, out / "calibration.png")
+    return frame

@@ -20,6 +20,7 @@ from tools.benchmarks.discovery.answers import (
     Answer,
     Grade,
     ask,
+    calibration_error,
     tally,
 )
 from tools.benchmarks.discovery.cases import HiddenCase, Query, real_benches
@@ -83,11 +84,8 @@ def is_larger(gap: Sequence[float], tolerance: float) -> bool:
 def facts_of(case: HiddenCase, answer: Answer) -> Row:
     """A case and its answer as a row, but for what the fitted model has to do with."""
     assert case.rig is not None
-    effects, names, smallest = (
-        [name for name, _ in case.parts],
-        answer.names,
-        scoring.smallest_visible(answer),
-    )
+    effects, smallest = [name for name, _ in case.parts], scoring.smallest_visible(answer)
+    names, is_named = answer.names, answer.verdict == NAMED
 
     def is_hidden(name: str) -> bool:
         return any(same_effect(name, effect) for effect in effects)
@@ -95,7 +93,6 @@ def facts_of(case: HiddenCase, answer: Answer) -> Row:
     def has_all(named: Sequence[str]) -> bool:
         return all(any(same_effect(name, effect) for name in named) for effect in effects)
 
-    is_named = answer.verdict == NAMED
     named_right = is_named and len(names) == len(effects) and all(map(is_hidden, names)) and has_all(names)
     is_open = answer.verdict == AMBIGUOUS and bool(effects) and has_all(answer.listed)
     if case.asked is Query.SINGLE:  # of one effect, beside its near ties only
@@ -106,7 +103,8 @@ def facts_of(case: HiddenCase, answer: Answer) -> Row:
         abs(values[0]) >= SURELY_VISIBLE * smallest.get(name, 0.0) for name, values in case.parts
     )
     grade = Grade.AMBIGUOUS if is_open else Grade.RIGHT if right else Grade.WRONG
-    wrong_names = [float(claim["confidence"]) for claim in answer.claims if not is_hidden(claim["id"])]
+    claims = [(float(claim["confidence"]), is_hidden(claim["id"])) for claim in answer.claims]
+    confidences = [confidence if is_right else -confidence for confidence, is_right in claims]
     return {
         "hidden": case.name,
         "text": case.text,
@@ -118,7 +116,8 @@ def facts_of(case: HiddenCase, answer: Answer) -> Row:
         "right": right,
         "grade": grade if counted else Grade.NOT_LOOKED_FOR,
         "half_right": case.asked is Query.PAIR and not right and is_named and any(map(is_hidden, names)),
-        "wrong_and_sure": is_named and any(each >= CONFIDENT for each in wrong_names),
+        "wrong_and_sure": is_named and any(each <= -CONFIDENT for each in confidences),
+        "confidences": confidences,
         "smallest": smallest.get(case.name),
         "named_size": abs(case.parts[0][1][0]) if named_right and len(effects) == 1 else None,
         "held": [],
@@ -149,6 +148,7 @@ BARS = (
     Bar("pairs_half_right", "half_right", "sum", of="kind == 'pair'"),
     Bar("gap_larger", "gap_larger", "sum", most=0),
     Bar("coverage_share", "held", "mean", 0.90, 0.98, from_values=20),
+    Bar("confidence_calibration_error", "confidences", calibration_error, most=0.05),
     Bar("core_seconds_max", "core_seconds", "max", most=20.0),
 )  # fmt: skip
 COLUMNS: dict[str, tuple[str, How]] = {

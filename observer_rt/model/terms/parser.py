@@ -51,8 +51,9 @@ def parse(text: str) -> Law:
         raise UserError("law", f"is longer than {LONGEST} characters", "make it shorter")
     if foreign := _FOREIGN.search(text):
         raise UserError(f"column {foreign.start() + 1}", f"'{foreign[0]}' is in no law", _REMEDY)
-    if max(accumulate((one == "(") - (one == ")") for one in text) if text else [0]) > DEEPEST:
-        raise UserError("law", f"has more than {DEEPEST} nested parentheses", "make it simpler")
+    levels = [0, *accumulate((one == "(") - (one == ")") for one in text)]
+    if not 0 <= min(levels) <= max(levels) <= DEEPEST:
+        raise UserError("law", f"closes what is not open, or nests more than {DEEPEST} parentheses", _REMEDY)
     python = re.sub(r"\s", " ", text).replace("^", "**")
     try:
         return _law(ast.parse(f"({python})", mode="eval").body)
@@ -83,7 +84,7 @@ def _law(node: ast.expr) -> Law:
         case ast.Name(name) | ast.Call(ast.Name(name)):
             meant = did_you_mean(name, (*VARIABLES, *_FUNCTIONS, COEFFICIENT))
             names = (
-                f"variables: {', '.join(VARIABLES)}; functions: {', '.join(_FUNCTIONS)}; c is the coefficient"
+                f"variables: {', '.join(VARIABLES)}; functions: {', '.join(_FUNCTIONS)}; c: the coefficient"
             )
             raise _refused(node, f"unknown name '{name}'", meant + names)
         case ast.UnaryOp(ast.USub(), operand):

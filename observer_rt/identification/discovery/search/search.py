@@ -89,8 +89,7 @@ class Search:
     def _charge_laws(self) -> None:
         """Beside a fitted model laws pay half of what the best name leaves where that explains all.
 
-        A right name leaves the model's own error, and laws explain a part of that; where the form is wrong, the right
-        law explains most of the rest.
+        A right name leaves the model's own error: laws explain a part of it. A wrong name leaves what laws explain.
         """
         names = [one for one in self._tried if len(one.ids) == 1 and not one.terms and one.plausible]
         left = [self._unexplained(one) for one in names if self._is_adequate(one)]

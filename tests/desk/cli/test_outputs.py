@@ -44,7 +44,7 @@ FOLDERS = {  # and the names in it that are written
     ),
     ("discover", "--out"): (
         "discover {worn} --out {out}",
-        ("findings.json", "report.html", "amended.toml", "plan.csv"),
+        ("findings.json", "report.html", "amended.toml"),
     ),
     ("batch", "--out"): ("batch {worn} --out {out}", ("batch.json", "injections")),
 }

@@ -35,7 +35,7 @@ REFUSED = {
 
 
 def run_without(folder: Path, code: int, lines: Iterable[str]) -> subprocess.CompletedProcess[str]:
-    """Commands one after another without what any extra brings, each of which ends with a code."""
+    """Run commands one after another without what any extra brings; each must end with a code."""
     shutil.copyfile(EXAMPLE_BENCH, folder / "bench.toml")
     words = [sys.executable, "-c", WITHOUT, ",".join(EXTRAS), str(code), *lines]
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=100, check=False)

@@ -110,11 +110,14 @@ class Answer:
         others = [other for claim in self.claims for other in claim["indistinguishable_from"]]
         return list(dict.fromkeys([*self.names, *others]))
 
+    def confidences(self, is_right: Callable[[str], bool]) -> list[float]:
+        """Confidences of the claims, negative where the name is wrong."""
+        return [float(claim["confidence"]) * (1 if is_right(claim["id"]) else -1) for claim in self.claims]
+
     def facts(self) -> Row:
         """Columns that every case has."""
-        confidences = [float(claim["confidence"]) for claim in self.claims]
         named = self.names[0] if len(self.names) == 1 else "several"
-        claimed = ", ".join(f"{name} ({c:.2f})" for name, c in zip(self.names, confidences, strict=True))
+        claimed = ", ".join(f"{claim['id']} ({claim['confidence']:.2f})" for claim in self.claims)
         return {
             "verdict": self.verdict,
             "claimed": claimed,

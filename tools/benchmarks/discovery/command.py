@@ -109,10 +109,9 @@ def discovery(
 
 def _run(work: Callable[..., Row], cases: Sequence[HiddenCase], jobs: int, out: Path) -> pd.DataFrame:
     """A row a case, each asked with the fitted model of its rig, or the nominal one; draws how sure it was."""
+    rigs = dict.fromkeys(case.rig for case in cases if case.rig is not None)
     models: dict[Rig | None, Path | str] = {None: NOMINAL_INJECTOR}
-    for rig in dict.fromkeys(case.rig for case in cases):
-        if rig is not None:
-            models[rig] = real_line.model_of(rig, out)
+    models |= {rig: real_line.model_of(rig, out) for rig in rigs}
     frame = run_cases("discovery", work, {case.label: (case, models[case.rig]) for case in cases}, jobs, out)
     if len(confidences := values_of(frame, "confidences")):
         draw_calibration(confidences, out / "calibration.png")

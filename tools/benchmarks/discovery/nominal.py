@@ -71,7 +71,6 @@ def facts_of(case: HiddenCase, answer: Answer, seen: Row, rivals: Mapping[str, f
     is_open = answer.verdict == AMBIGUOUS and is_listed and all(abs(d) < INSEPARABLE for d in rivals.values())
     right = is_named or is_open if hidden else answer.verdict == NONE
     grade = Grade.AMBIGUOUS if hidden and is_open else Grade.RIGHT if right else Grade.WRONG
-    claims = [(float(claim["confidence"]), same_effect(claim["id"], case.name)) for claim in answer.claims]
     return {
         "hidden": case.name,
         "text": case.text,
@@ -86,7 +85,7 @@ def facts_of(case: HiddenCase, answer: Answer, seen: Row, rivals: Mapping[str, f
         "right": right,
         "alarm": not right,
         "grade": Grade.NOT_LOOKED_FOR if hidden and not above else grade,
-        "confidences": [confidence if is_right else -confidence for confidence, is_right in claims],
+        "confidences": answer.confidences(lambda name: same_effect(name, case.name)),
         "held": [],
     }
 

@@ -103,8 +103,7 @@ def facts_of(case: HiddenCase, answer: Answer) -> Row:
         abs(values[0]) >= SURELY_VISIBLE * smallest.get(name, 0.0) for name, values in case.parts
     )
     grade = Grade.AMBIGUOUS if is_open else Grade.RIGHT if right else Grade.WRONG
-    claims = [(float(claim["confidence"]), is_hidden(claim["id"])) for claim in answer.claims]
-    confidences = [confidence if is_right else -confidence for confidence, is_right in claims]
+    confidences = answer.confidences(is_hidden)
     return {
         "hidden": case.name,
         "text": case.text,

@@ -197,6 +197,11 @@ class Candidate:
         return self.hypothesis.is_within_bounds(self.theta)
 
     @property
+    def is_too_small(self) -> bool:
+        """Whether a size within its bounds is too small to matter."""
+        return self.within_bounds and not self.plausible
+
+    @property
     def parts(self) -> tuple[tuple[Effect, NDArray[np.float64], NDArray[np.float64]], ...]:
         """Every effect with its sizes, and their half widths where these are known."""
         split = self.hypothesis.split

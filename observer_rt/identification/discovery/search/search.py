@@ -176,7 +176,7 @@ class Search:
             candidate = self._without_idle(candidate)
             if self._pays(candidate, smaller):
                 return candidate
-            if len(candidate.ids) == 1 and _matters_not(candidate):
+            if len(candidate.ids) == 1 and candidate.is_too_small:
                 # too small to matter, and yet it explains better than what would follow
                 limit = min(limit, candidate.statistic + TIE)
         return None
@@ -219,11 +219,11 @@ class Search:
 
     def _is_too_small(self, singles: Sequence[Candidate]) -> bool:
         """Whether a single explains the recordings by an effect within its dead zone."""
-        return any(_matters_not(one) and self._is_adequate.ratio(one) <= 1.0 for one in singles)
+        return any(one.is_too_small and self._is_adequate.ratio(one) <= 1.0 for one in singles)
 
     def _least_that_matters(self) -> float:
         """-2 log L that single effects must come up to, where one that is too small to matter explains better."""
-        small = (one.statistic for one in self._tried if len(one.ids) == 1 and _matters_not(one))
+        small = (one.statistic for one in self._tried if len(one.ids) == 1 and one.is_too_small)
         return min(small, default=math.inf) + TIE
 
     def _is_new(self, candidate: Candidate) -> bool:
@@ -320,11 +320,6 @@ class Search:
         ranked = sorted(every.values(), key=cost)
         behind = [cost(candidate) - cost(ranked[0]) for candidate in ranked]
         return tuple(zip(ranked, probabilities(behind), strict=True))
-
-
-def _matters_not(candidate: Candidate) -> bool:
-    """Whether a size within its bounds is too small to matter."""
-    return candidate.within_bounds and not candidate.plausible
 
 
 def _class_of(candidate: Candidate) -> frozenset[str]:

@@ -48,7 +48,7 @@ def test_a_daemon_in_a_container_has_it_in_force_when_the_command_ends(
             outcome = command.done("take-over", amended(tmp_path), "--bench", bench)
             assert name in outcome.out
             assert "the daemon has it in force" in outcome.err
-            assert "orifice_area v_H = 0.1" in log.read_text()
+            until(lambda: "orifice_area v_H = 0.1" in log.read_text(), START_TIMEOUT)
 
             before = bench.read_text()
             bench.write_text(before.replace("bridge_ms = 0.5", "bridge_ms = 50"))

@@ -59,18 +59,14 @@ def block_bench(folder: Path, interface: str, channels: Sequence[str]) -> Path:
 def own_bench(folder: Path, database: str, signals: Mapping[str, str], extra: str = "") -> Path:
     """A bench file with a database of a user's own beside ours; signals: the lines of each role."""
     sections = "".join(f"[signals.{role}]\n{lines}\n" for role, lines in signals.items())
-    path = _written(
-        folder, f'[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n{sections}{extra}'
-    )
+    path = _written(folder, f'[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n{sections}{extra}')
     (folder / "user.dbc").write_text(database)
     return path
 
 
 def attributes(fd: Iterable[int] = (), protected: Mapping[int, tuple[int, int]] = NOTHING) -> str:
     """The end of a database: which messages are of CAN FD, profile and data id of those that are protected."""
-    kinds = ",".join(
-        ['"StandardCAN"', '"ExtendedCAN"', *(f'"{n}"' for n in range(2, 14)), '"FD"', '"ExtendedFD"']
-    )
+    kinds = ",".join(['"StandardCAN"', '"ExtendedCAN"', *(f'"{n}"' for n in range(2, 14)), '"FD"', '"ExtendedFD"'])
     lines = [
         f'BA_DEF_ BO_ "VFrameFormat" ENUM {kinds};',
         'BA_DEF_ BO_ "E2EProfile" INT 0 255;',
@@ -125,7 +121,5 @@ def _amplifier_database() -> str:
         ' SG_ Counter : 16|8@1+ (1,0) [0|0] "" Amplifier',
         ' SG_ SampleIndex : 32|32@1+ (1,0) [0|0] "" Amplifier',
     ]
-    lines += [
-        f' SG_ S{k} : {64 + 16 * k}|16@1+ (0.005,-10) [0|0] "" Amplifier' for k in range(AMPLIFIER_SAMPLES)
-    ]
+    lines += [f' SG_ S{k} : {64 + 16 * k}|16@1+ (0.005,-10) [0|0] "" Amplifier' for k in range(AMPLIFIER_SAMPLES)]
     return "\n".join([*lines, attributes([291], {291: (5, 7)})])

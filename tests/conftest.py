@@ -45,9 +45,7 @@ def interface_ready() -> bool:
 def vcan() -> str:
     """Name of a SocketCAN interface that is up and carries CAN FD; without one the test fails."""
     if not interface_ready():
-        pytest.fail(
-            f"no CAN FD interface {INTERFACE} here: run this test by `tools/vcan pytest ...`", pytrace=False
-        )
+        pytest.fail(f"no CAN FD interface {INTERFACE} here: run this test by `tools/vcan pytest ...`", pytrace=False)
     return INTERFACE
 
 
@@ -99,17 +97,13 @@ class SocketCounter:
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Print the count where there could be any, and leave all counts for tools/test."""
         if interface_ready():
-            terminalreporter.write_line(
-                f"{INTERFACE}: {len(self.tests)} of these tests opened a socket on it"
-            )
+            terminalreporter.write_line(f"{INTERFACE}: {len(self.tests)} of these tests opened a socket on it")
         if COUNTS_VARIABLE in os.environ:
             stats = terminalreporter.stats
             passed, failed, errors, skipped = (
                 len(stats.get(name, [])) for name in ("passed", "failed", "error", "skipped")
             )
-            Path(os.environ[COUNTS_VARIABLE]).write_text(
-                f"{passed} {failed + errors} {skipped} {len(self.tests)}\n"
-            )
+            Path(os.environ[COUNTS_VARIABLE]).write_text(f"{passed} {failed + errors} {skipped} {len(self.tests)}\n")
 
 
 def pytest_configure(config: pytest.Config) -> None:

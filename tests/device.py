@@ -93,9 +93,7 @@ def frames_of(
 ) -> list[TimedFrame]:
     """As `replay` sends a recording: where its end, or a span's, fills no frame, the rest is "not available"."""
     samples = recording if isinstance(recording, Recording) else read_recording(recording)
-    return list(
-        Framer(map_bus(_loaded(bench))).frames(samples, all_samples(samples) if spans is None else spans)
-    )
+    return list(Framer(map_bus(_loaded(bench))).frames(samples, all_samples(samples) if spans is None else spans))
 
 
 def encoded(
@@ -266,9 +264,7 @@ def hand(core: Core, frames: Iterable[TimedFrame]) -> list[OutputFrame]:
     """Frames to a core, stamped by their times; what it answers at once."""
     out: list[OutputFrame] = []
     for frame in frames:
-        out += core.handle(
-            frame.frame_id, frame.is_extended, frame.payload, EPOCH + frame.stamp_ns, frame.bus
-        )
+        out += core.handle(frame.frame_id, frame.is_extended, frame.payload, EPOCH + frame.stamp_ns, frame.bus)
     return out
 
 

@@ -38,7 +38,5 @@ def keep(bench: Bench, *hidden: SizedEffect, injections: int = 12) -> None:
     messages: list[str] = []
     with keeping(bench, messages) as keeper:
         observe(keeper, bench, measured.recording)
-        until(
-            lambda: keeper.kept + keeper.lost >= injections - 1
-        )  # of which the last is handed on at the end
+        until(lambda: keeper.kept + keeper.lost >= injections - 1)  # of which the last is handed on at the end
     assert (keeper.kept, messages) == (injections, [])

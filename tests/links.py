@@ -13,9 +13,7 @@ class FakeLink(Link):
     def receive(self, timeout_s: float) -> Frame | None:
         return None
 
-    def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
-    ) -> None:
+    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED) -> None:
         self.on_sent(Frame(frame_id, payload, 0, is_extended, is_fd))
 
     def on_sent(self, frame: Frame) -> None:

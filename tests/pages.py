@@ -6,12 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-_BLOCK = re.compile(
-    r"^```(?P<language>\w*)\n(?P<fenced>(?s:.*?))^```$|(?P<indented>(?:^    .*\n)+)", re.MULTILINE
-)
-_PROGRAM = re.compile(
-    r"^(?:\$ )?((?:observer-rt|tools/\w+|sudo|source|journalctl|sqlite3|podman|pip|python3?)\b.*)$"
-)
+_BLOCK = re.compile(r"^```(?P<language>\w*)\n(?P<fenced>(?s:.*?))^```$|(?P<indented>(?:^    .*\n)+)", re.MULTILINE)
+_PROGRAM = re.compile(r"^(?:\$ )?((?:observer-rt|tools/\w+|sudo|source|journalctl|sqlite3|podman|pip|python3?)\b.*)$")
 _INJECTION = re.compile(
     r"(?P<place> *\d+ +\d+ \d+\.\d{3} +\d+\.\d) +(?P<mass>\d+\.\d\d) +(?P<bound>\d+\.\d)"
     r"(?P<nominal> +\d+\.\d\d) +(?P<nozzle>[+-]\d+\.\d%) +(?P<seat>[+-]\d+\.\d%)(?P<valid> +(?:yes|no))"

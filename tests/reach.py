@@ -54,9 +54,7 @@ def main() -> None:
     contained = [test for test in sorted(reached) if test and all(tests[line] > 1 for line in reached[test])]
     (FOLDER / "unreached.txt").write_text("\n".join(unreached) + "\n")
     (FOLDER / "contained.txt").write_text("\n".join(contained) + "\n")
-    print(
-        f"{total - missed} of {total} lines reached; of {len(reached)} tests {len(contained)} reach none alone"
-    )
+    print(f"{total - missed} of {total} lines reached; of {len(reached)} tests {len(contained)} reach none alone")
 
 
 if __name__ == "__main__":

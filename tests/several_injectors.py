@@ -41,9 +41,7 @@ def merge_logs(folder: Path) -> None:
         for line in (folder / f"{name}.log").read_text().splitlines(keepends=True)
         if name == NAMES[0] or " can0 " not in line
     ]
-    (folder / "engine.log").write_text(
-        "".join(sorted(lines, key=lambda line: float(line[1 : line.index(")")])))
-    )
+    (folder / "engine.log").write_text("".join(sorted(lines, key=lambda line: float(line[1 : line.index(")")]))))
 
 
 def on_one_bus(folder: Path) -> str:

@@ -23,6 +23,4 @@ def test_places_are_there(page: str) -> None:
     assert len(entries) > 20
     assert [path for path, _ in entries if not any(PACKAGE.rglob(path))] == []
     named = [(PACKAGE / path, name) for path, name in entries if name]
-    assert [
-        f"{path}: {name}" for path, name in named if not re.search(rf"\b{name}\b", path.read_text())
-    ] == []
+    assert [f"{path}: {name}" for path, name in named if not re.search(rf"\b{name}\b", path.read_text())] == []

@@ -33,9 +33,7 @@ def test_the_site_is_built_without_a_warning_and_fetches_nothing(tmp_path: Path)
     assert built.returncode == 0, built.stderr
     pages = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.rglob("*.html")}
     assert {"index.html", "tutorial.html", "bench-file.html", "api.html", "commands.html"} <= set(pages)
-    fetched = [
-        tag for text in pages.values() for tag in FETCHED.findall(text) if 'rel="canonical"' not in tag
-    ]
+    fetched = [tag for text in pages.values() for tag in FETCHED.findall(text) if 'rel="canonical"' not in tag]
     assert fetched == []
     assert re.search(r'src="wear_\d+_\d+\.png"', pages["wear.html"])
     assert 'href="notebooks/wear.html"' in pages["library.html"]

@@ -118,9 +118,7 @@ def _database() -> str:
         (PACKAGE_DATA / "observer_fd.dbc").read_text(),
     )
     blocks = re.split(r"(?m)^(?=BO_ |CM_ |BA_ |BA_DEF|VAL_|SIG_)", ours)
-    own = re.compile(
-        rf'^((?:BO_|CM_ BO_|CM_ SG_|BA_ "\w+" BO_|BA_ "\w+" SG_) )({_LIFT}|{_LINE})( \w+Block(?=:))?'
-    )
+    own = re.compile(rf'^((?:BO_|CM_ BO_|CM_ SG_|BA_ "\w+" BO_|BA_ "\w+" SG_) )({_LIFT}|{_LINE})( \w+Block(?=:))?')
     out = []
     for block in blocks:
         out.append(block)

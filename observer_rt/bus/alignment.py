@@ -225,9 +225,7 @@ class MessageTiming:
         elif math.isinf(self.unknown):
             placed = "its clock is not known yet"
         late, jitter = self.jitter.greatest / MILLISECOND, self.jitter.sigma / MICROSECOND
-        return (
-            f"{self.name}: frames came late by up to {late:.3g} ms, jitter {jitter:.1f} us, {drift}; {placed}"
-        )
+        return f"{self.name}: frames came late by up to {late:.3g} ms, jitter {jitter:.1f} us, {drift}; {placed}"
 
 
 def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:

@@ -118,9 +118,7 @@ class Bench:
             raise UserError(
                 f"--injector {name}",
                 f"{self.path} has no [injectors.{name}]",
-                f"{meant}known injectors: {self._names}"
-                if names
-                else "leave it out: the file has one injector",
+                f"{meant}known injectors: {self._names}" if names else "leave it out: the file has one injector",
             )
         return replace(self, injectors=chosen)
 
@@ -178,9 +176,7 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, off_bus: b
     shared = read_toml(path)
     if off_bus and _is_off_bus(shared):
         shared = _completed(shared, read_toml(EXAMPLE_BENCH))
-    stated = validated(
-        _InjectorNames, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench"
-    ).injectors
+    stated = validated(_InjectorNames, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
     files = {
         name: BenchFile(path, name, number, shared, own)
         for number, (name, own) in enumerate((stated or {"": {}}).items())

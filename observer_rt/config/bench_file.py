@@ -93,9 +93,7 @@ def refuse_shared_channels(location: str, links: Sequence[NamedLink]) -> None:
             )
 
 
-def of_links(
-    option: str, texts: Sequence[str], links: Sequence[NamedLink], example: str = "can1"
-) -> dict[int, str]:
+def of_links(option: str, texts: Sequence[str], links: Sequence[NamedLink], example: str = "can1") -> dict[int, str]:
     """Values of a repeatable option by bus number: `VALUE` for the first bus, `NAME=VALUE` for another.
 
     On a bench with one bus every text is a value. Of several values for one bus the last counts. Raises `UserError`
@@ -166,9 +164,7 @@ class BenchFile:
         """Join the sections stated for all injectors and for this one. Raises `UserError` at the key at fault."""
         for key in self.own:
             if key not in InjectorConfig.model_fields:
-                raise unknown_key(
-                    f"{self.path}: injectors.{self.name}.{key}", key, InjectorConfig.model_fields
-                )
+                raise unknown_key(f"{self.path}: injectors.{self.name}.{key}", key, InjectorConfig.model_fields)
         joined = self._shared_for_this_injector() if self.name else {**self.shared}
         for section, content in self.own.items():
             shared = joined.get(section, {})

@@ -34,9 +34,7 @@ class ColumnConfig(Section):
     @model_validator(mode="after")
     def _changes_something(self) -> Self:
         if self.factor == 0.0:
-            raise ValueError(
-                "'factor' is 0, which leaves nothing of the values; state another, or leave it out"
-            )
+            raise ValueError("'factor' is 0, which leaves nothing of the values; state another, or leave it out")
         return self
 
 

@@ -240,9 +240,7 @@ def as_observed(signals: SignalsConfig) -> SignalsConfig:
 
 
 def _changed(signals: SignalsConfig, change: Callable[[Role], dict[str, float]]) -> SignalsConfig:
-    return signals.model_copy(
-        update={role.value: signals.of(role).model_copy(update=change(role)) for role in Role}
-    )
+    return signals.model_copy(update={role.value: signals.of(role).model_copy(update=change(role)) for role in Role})
 
 
 def _effects(signals: SignalsConfig, rail_delay: float, line_delay: float) -> tuple[SizedEffect, ...]:

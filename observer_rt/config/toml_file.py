@@ -30,9 +30,7 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-def validated(
-    model: type[_Model], document: Mapping[str, Any], location_of: Callable[..., str], kind: str
-) -> _Model:
+def validated(model: type[_Model], document: Mapping[str, Any], location_of: Callable[..., str], kind: str) -> _Model:
     """A document as a model. kind: of the complete example that `run --print-example-<kind>` prints.
 
     Types are strict: no text for a number, no number for a switch. location_of: gives the location of an entry by the

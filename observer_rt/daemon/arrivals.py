@@ -48,9 +48,7 @@ class Arrivals:
         """Messages whose frames are counted."""
         self._counts = {_key(layout): FrameCount(0, 0) for layout in self.watched}
         inputs = {_key(layout) for layout in bus.received}  # one that is shared by mistake, `check` reports
-        self._own = tuple(
-            (layout, self._counts[_key(layout)]) for layout in bus.sent if _key(layout) not in inputs
-        )
+        self._own = tuple((layout, self._counts[_key(layout)]) for layout in bus.sent if _key(layout) not in inputs)
         self._inputs = tuple((source, self._counts[_key(source.layout)]) for source in self.sources)
         self._begin = 0
 
@@ -125,8 +123,7 @@ class Arrivals:
         shown = self.stale(now) or self.sources
         ages = ((source.text, self.age(source, now)) for source in shown)
         return ", ".join(
-            f"{text}: {'no frame yet' if math.isnan(age) else f'last frame {age_text(age)}'}"
-            for text, age in ages
+            f"{text}: {'no frame yet' if math.isnan(age) else f'last frame {age_text(age)}'}" for text, age in ages
         )
 
 
@@ -143,9 +140,7 @@ def sources_of(bus: BusMap) -> tuple[WatchedMessage, ...]:
     streams: dict[MessageLayout, list[int]] = {layout: [] for layout in bus.received}
     for number, stream in enumerate(bus.inputs.streams):
         layout = layout_of(bus, number)
-        carried[layout] += [
-            role.value for place, role in enumerate(ROLES) if int(stream["roles"]) >> place & 1
-        ]
+        carried[layout] += [role.value for place, role in enumerate(ROLES) if int(stream["roles"]) >> place & 1]
         streams[layout].append(number)
     patience = {layout: STALE if streams[layout] else math.inf for layout in bus.received}
     for message in bus.slow:

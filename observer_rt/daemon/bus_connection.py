@@ -68,9 +68,7 @@ class LinkOpening:
         with ExitStack() as stack, suppress(LinkDownError):  # which the daemon waits for
             links = {}
             for number in {layout.bus for layout in self.bus.sent}:
-                links[number] = stack.enter_context(
-                    self._when_there(number, _on(number, self.bus.sent), False)
-                )
+                links[number] = stack.enter_context(self._when_there(number, _on(number, self.bus.sent), False))
             if sender := first_heard(links, self.stop):
                 on, frame = sender
                 name = next(

@@ -217,6 +217,4 @@ def _owner(kept: Path) -> str:
 
 
 def _no_answer(kept: Path) -> RunError:
-    return RunError(
-        f"the daemon that keeps {kept} does not answer\n  remedy: see its log; restart it if it hangs"
-    )
+    return RunError(f"the daemon that keeps {kept} does not answer\n  remedy: see its log; restart it if it hangs")

@@ -97,9 +97,7 @@ class Daemon:
         self.arrivals.begin(self._last_input)
         touch(self.core.compiled.pipeline)
         port = self.ports[self._bus.sent[0].bus]  # of all results
-        self._pump = FramePump(
-            self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._on_thread
-        )
+        self._pump = FramePump(self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._on_thread)
         self._latency = self._pump.latency
         for idle in set(range(len(self.ports))) - buses_of(self._bus):
             self._pump.leave_out(idle)

@@ -32,9 +32,7 @@ LAST_EVENTS = 5.0  # s for the last ones to be written
 
 
 @contextmanager
-def evidence_keeper(
-    fitted: BenchInjector, folder: Path, tell: Callable[[str], None]
-) -> Iterator["EvidenceKeeper"]:
+def evidence_keeper(fitted: BenchInjector, folder: Path, tell: Callable[[str], None]) -> Iterator["EvidenceKeeper"]:
     """Keeper of an injector's evidence in a folder, which is its own while it lasts.
 
     Raises `UserError` for a folder that cannot be made, or is another daemon's.

@@ -146,9 +146,7 @@ class FrameWatch:
         """rate: of samples [Hz]."""
         self._arrivals = arrivals
         self._rate = rate
-        self._begin: tuple[Counters, int] | None = (
-            None  # at the first of the looks judged together, with frames
-        )
+        self._begin: tuple[Counters, int] | None = None  # at the first of the looks judged together, with frames
         self._lost = 0
         self._looks = 0
         self._is_explained = False
@@ -249,9 +247,7 @@ class StateWatch:
         """When the state became what it is [ns]."""
         self._reported: _Standing | None = None
 
-    def look(
-        self, now: int, state: tuple[State, tuple[Reason, ...]], causes: tuple[str, ...] = ()
-    ) -> list[Notice]:
+    def look(self, now: int, state: tuple[State, tuple[Reason, ...]], causes: tuple[str, ...] = ()) -> list[Notice]:
         """Notices at a time [ns]; state: with all its reasons; causes: known to be wrong with the inputs."""
         what, why = state
         standing = (what, why, () if is_good(what) else causes)
@@ -260,9 +256,7 @@ class StateWatch:
         if standing == self._reported or now - self.since < LASTING * SECOND:
             return []
         self._reported = standing
-        text = "; ".join(
-            [named(what), *(named(each) for each in why if each.name != what.name), *standing[2]]
-        )
+        text = "; ".join([named(what), *(named(each) for each in why if each.name != what.name), *standing[2]])
         if not is_good(what) and any(reason in _ABOUT_INPUTS for reason in why):
             text += f"; {self._arrivals.as_text(now)}"
         return [Notice(Topic.STATE, text, is_good(what))]

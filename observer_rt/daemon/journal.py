@@ -118,9 +118,7 @@ class JournalWriter:
         """Write waiting entries, at first the run itself. Raises `RunError`; what it could not write waits on."""
         if self.lost != self._told_lost:
             self._told_lost = self.lost
-            self._tell(
-                f"warning: {self.name}: {self.lost} injections lost so far, for want of room to keep them"
-            )
+            self._tell(f"warning: {self.name}: {self.lost} injections lost so far, for want of room to keep them")
         with contextlib.suppress(PermissionError):  # which the next transaction reports
             if self._identity is not None and not is_at(self._path, self._identity):
                 self._begin_anew()
@@ -181,9 +179,7 @@ class JournalWriter:
                 yield connection
         except (sqlite3.Error, OSError) as error:
             self._give_up()
-            is_damaged = isinstance(error, sqlite3.DatabaseError) and not isinstance(
-                error, sqlite3.OperationalError
-            )
+            is_damaged = isinstance(error, sqlite3.DatabaseError) and not isinstance(error, sqlite3.OperationalError)
             advice = "; move the file away, and a new one is begun" if is_damaged else ""
             raise RunError(f"{self._path}: the journal cannot be written: {error}{advice}") from error
 
@@ -206,9 +202,7 @@ def require_journal(path: Path) -> None:
     if not path.exists() or path.stat().st_size == 0:
         return
     try:
-        with contextlib.closing(
-            sqlite3.connect(path.absolute().as_uri() + "?mode=ro", uri=True)
-        ) as connection:
+        with contextlib.closing(sqlite3.connect(path.absolute().as_uri() + "?mode=ro", uri=True)) as connection:
             (application,) = connection.execute("PRAGMA application_id").fetchone()
             (schema,) = connection.execute("PRAGMA user_version").fetchone()
             (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
@@ -272,9 +266,7 @@ def read_journal(path: Path) -> JournalContent:
             connection.row_factory = sqlite3.Row
             connection.execute("BEGIN")  # one state of the file for all that is asked
             if not connection.execute("SELECT * FROM sqlite_master").fetchall():
-                return JournalContent(
-                    [], []
-                )  # a daemon may be on the way to its first row, or was killed there
+                return JournalContent([], [])  # a daemon may be on the way to its first row, or was killed there
             runs, injections = "run ORDER BY started_unix_us", "injection ORDER BY run, number"
             return JournalContent(_rows(connection, runs), _rows(connection, injections))
     except sqlite3.OperationalError as error:

@@ -68,9 +68,7 @@ class ServiceLog:
             level, text = logging.WARNING, text.removeprefix(_WARNING)
         said = f"{topic}: {one_line(text)}"
         line = f"{_now()} {logging.getLevelName(level)} {said}"
-        if (
-            topic not in self._hidden
-        ):  # the journal has a time of its own, and takes the level from the number
+        if topic not in self._hidden:  # the journal has a time of its own, and takes the level from the number
             self._screen.put(f"<{_PRIORITIES[level]}>{said}" if self._is_journal else line)
         if self._file is not None:
             self._file.put(line)

@@ -44,9 +44,7 @@ class _Wish:
         fitted = bench.injector
         if (named := model_hash(fitted.parameters)) == self.model:
             return True
-        problem = (
-            f"names {fitted.parameters_path} for the daemon, whose model is {named[:8]}, not {self.model[:8]}"
-        )
+        problem = f"names {fitted.parameters_path} for the daemon, whose model is {named[:8]}, not {self.model[:8]}"
         remedy = "does the daemon serve this bench file, and see the same folder?"
         self.answer.set_exception(UserError(str(bench.path.absolute()), problem, remedy))
         return False
@@ -153,9 +151,7 @@ class Reloading:
     def _settle(self, bench: Bench, model: str) -> None:
         """Answer whoever asked for the bench that is served now."""
         for wish in self._taken:
-            wish.answer.set_result(
-                {"model": model, "version": __version__, "bench": str(bench.path.absolute())}
-            )
+            wish.answer.set_result({"model": model, "version": __version__, "bench": str(bench.path.absolute())})
         self._taken = ()
 
     def _answer(self, request: Message) -> Iterator[bytes]:

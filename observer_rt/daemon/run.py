@@ -78,9 +78,7 @@ class InjectorService:
         self._daemon: Daemon | None = None  # before it runs
         asked = (injector.parameters, partial(log.say, Topic.KEPT))
         self._knowledge = (
-            learned
-            or restored_knowledge(keeper.state, *asked)
-            or knowledge_beside(injector.parameters_path, *asked)
+            learned or restored_knowledge(keeper.state, *asked) or knowledge_beside(injector.parameters_path, *asked)
         )
         if learned is not None:
             log.say(Topic.KEPT, f"what was learned from {learned.state.events} events goes on in force")
@@ -93,9 +91,7 @@ class InjectorService:
             from observer_rt.daemon.view import View, draw  # optional: --view
 
             title = " ".join(filter(None, ("observer_rt", injector.name)))
-            self.drawing = partial(
-                draw, View(f"{title}: {self._buses}", self.snapshots.snapshot), console=screen
-            )
+            self.drawing = partial(draw, View(f"{title}: {self._buses}", self.snapshots.snapshot), console=screen)
         self._teller = EventLogger(log, notifier, bench_constants(injector).coefficients, injector.name)
 
     @property
@@ -287,9 +283,7 @@ class Serving:
             partial(hurry, self.processor, self.priority),
         )
         if any(link.config.interface == "virtual" for link in bench.config.buses):
-            self.say(
-                "the virtual bus ends at this process: nothing will come in (vcan0 reaches other programs)"
-            )
+            self.say("the virtual bus ends at this process: nothing will come in (vcan0 reaches other programs)")
         return service
 
     def _get_ready(self) -> None:
@@ -319,9 +313,7 @@ def serve(read: Callable[[], Bench], options: RunOptions, console: Console) -> N
         bench = all_injectors.of(options.injector)
         kept = {path.resolve() for path in kept_files(bench.injector, options.state, options.journal) if path}
         if options.log is not None and options.log.resolve() in kept:
-            raise UserError(
-                f"--log {options.log}", "is the learned state or the journal", "name another file"
-            )
+            raise UserError(f"--log {options.log}", "is the learned state or the journal", "name another file")
         return bench
 
     all_injectors = read()

@@ -171,8 +171,7 @@ class UnitWatch:
         if self._looks < SURVEYED:
             return
         odd = {  # of several of a signal the first
-            each.signal: f"{each.problem}\n  remedy: {each.remedy}"
-            for each in reversed([*implausible(self._survey)])
+            each.signal: f"{each.problem}\n  remedy: {each.remedy}" for each in reversed([*implausible(self._survey)])
         }
         if self._survey.signals[Role.NEEDLE_LIFT.value].highest >= OPEN:
             self._mixed_up = "\n  remedy: ".join(swapped(self._swings) or ())
@@ -182,9 +181,7 @@ class UnitWatch:
         yield from self._findings.look(odd)
 
     def _begin(self) -> None:
-        self._survey, self._swings = (
-            Survey({role.value: SignalSurvey() for role in ROLES}) for _ in range(2)
-        )
+        self._survey, self._swings = (Survey({role.value: SignalSurvey() for role in ROLES}) for _ in range(2))
         self._looks = 0
 
 

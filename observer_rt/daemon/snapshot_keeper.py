@@ -187,9 +187,7 @@ class SnapshotKeeper:
         now = time.monotonic_ns()
         ahead = time.time_ns() - now  # offset of the wall clock from the monotonic clock [ns]
         state, reasons = daemon.standing(now)
-        faults = tuple(
-            replace(each, since=each.since + ahead) for each in _faults(daemon, now, state, reasons)
-        )
+        faults = tuple(replace(each, since=each.since + ahead) for each in _faults(daemon, now, state, reasons))
         return replace(
             self._of_state((daemon.looked or now) + ahead, state, reasons, faults),
             lost=daemon.dropped + daemon.core.counters.lost_samples,
@@ -213,9 +211,7 @@ class SnapshotKeeper:
             self._learned = knowledge, tuple(curve.columns for curve in learned_curves(knowledge, self._c))
         return self._learned[1]
 
-    def _of_state(
-        self, moment: int, state: State, reasons: Sequence[Reason], faults: tuple[Fault, ...]
-    ) -> Status:
+    def _of_state(self, moment: int, state: State, reasons: Sequence[Reason], faults: tuple[Fault, ...]) -> Status:
         level = StatusLevel.BAD
         if state in (State.STARTING, State.WAITING_FOR_DATA):  # a fault once it lasts
             level = StatusLevel.WAITING
@@ -250,9 +246,7 @@ def _silence(daemon: Daemon, now: int) -> list[Fault]:
     """One fault for all silent messages, which mostly share a device or cable; not those of a bus that is down."""
     arrivals = daemon.arrivals
     ages = {
-        source: arrivals.silence(source, now)
-        for source in arrivals.sources
-        if daemon.ports[source.layout.bus].is_up
+        source: arrivals.silence(source, now) for source in arrivals.sources if daemon.ports[source.layout.bus].is_up
     }
     silent = {source: age for source, age in ages.items() if age > max(REPORTED_AFTER, source.patience)}
     if not silent:
@@ -262,9 +256,7 @@ def _silence(daemon: Daemon, now: int) -> list[Fault]:
     remedy = TOPICS[Topic.INPUT].remedy
     if len(texts) == 1:
         return [Fault(texts[0], since, remedy)]
-    return [
-        Fault(f"no frame of {len(texts)} messages for {min(silent.values()):.0f} s", since, remedy, texts)
-    ]
+    return [Fault(f"no frame of {len(texts)} messages for {min(silent.values()):.0f} s", since, remedy, texts)]
 
 
 class StatusLines:
@@ -326,9 +318,7 @@ def _figures(daemon: Daemon) -> Iterator[StatusLine]:
     yield StatusLine("; ".join(filter(None, level)), StatusLevel.GOOD if is_good else StatusLevel.WAITING)
     if core.optional.energizing is not None:
         is_odd = core.optional.energizing.missing > 0
-        yield StatusLine(
-            core.optional.energizing.as_text(), StatusLevel.WAITING if is_odd else StatusLevel.GOOD
-        )
+        yield StatusLine(core.optional.energizing.as_text(), StatusLevel.WAITING if is_odd else StatusLevel.GOOD)
     if daemon.failed_writes:
         text = f"{daemon.failed_writes} failed writes of learned state, journal or log, which says why"
         yield StatusLine(text, StatusLevel.BAD)

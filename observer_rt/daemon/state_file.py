@@ -147,9 +147,7 @@ def model_hash(parameters: InjectorParameters) -> str:
 
     Of the effects and terms in force it covers what they do, not why somebody believes in them.
     """
-    content = parameters.model_dump(
-        mode="json", exclude={"effects", "terms", "format", "remainder", "accuracy"}
-    )
+    content = parameters.model_dump(mode="json", exclude={"effects", "terms", "format", "remainder", "accuracy"})
     if parameters.fluid.reference_temperature is None:  # then there is no law of the temperature either
         for key in ("reference_temperature", "thermal_expansion", "bulk_modulus_slope"):
             del content["fluid"][key]
@@ -163,8 +161,7 @@ def model_hash(parameters: InjectorParameters) -> str:
         ]
     if parameters.terms:
         content["terms"] = [
-            (one.equation, str(one.law), one.coefficient)
-            for one in (stated.term for stated in parameters.terms)
+            (one.equation, str(one.law), one.coefficient) for one in (stated.term for stated in parameters.terms)
         ]
     if parameters.remainder is not None:  # a file without is the model that it was before there was any
         content["remainder"] = parameters.remainder.model_dump(mode="json", exclude={"origin", "date"})
@@ -330,9 +327,7 @@ def learned_beside(injector_file: Path) -> Path:
     return injector_file.with_suffix(".learned.json")
 
 
-def knowledge_beside(
-    injector_file: Path, model: InjectorParameters, tell: Callable[[str], None]
-) -> Knowledge | None:
+def knowledge_beside(injector_file: Path, model: InjectorParameters, tell: Callable[[str], None]) -> Knowledge | None:
     """Reads what `learned_beside` has for this model, and reports what became of it; None without, or if refused."""
     path = learned_beside(injector_file)
     if not path.exists():

@@ -46,9 +46,7 @@ def inputs_of_recordings(
     return DiscoverInputs(start, measured[: len(paths)], hashes(paths), measured[len(paths) :])
 
 
-def inputs_of_evidence(
-    folder: Path, model: Path | None, decoder: Bench | None, console: Console
-) -> DiscoverInputs:
+def inputs_of_evidence(folder: Path, model: Path | None, decoder: Bench | None, console: Console) -> DiscoverInputs:
     """Inputs from the evidence about one model: `model`, else that of the bench file, else that of the newest event.
 
     Raises `UserError` for a folder without evidence, and for an injector file that was changed since.

@@ -69,9 +69,7 @@ class TakeOver:
     @property
     def as_text(self) -> str:
         """The file that the bench names now, and the origin of its learned state."""
-        learned = (
-            f", with what {self.learned_from} events of the evidence taught it" if self.learned_from else ""
-        )
+        learned = f", with what {self.learned_from} events of the evidence taught it" if self.learned_from else ""
         return f"{self.after}{learned}"
 
 

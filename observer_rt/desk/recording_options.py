@@ -15,9 +15,7 @@ LOGS = ", ".join(formats.suffixes_of(formats.LOGS))
 RECORDED = ", ".join(formats.LOGS_WRITTEN)
 
 Recording = Annotated[Path, Argument(f"Recording ({SIGNALS}) or CAN log ({LOGS}).", "RECORDING")]
-Recordings = Annotated[
-    tuple[Path, ...], Argument(f"Recordings ({SIGNALS}) or CAN logs ({LOGS}).", "RECORDING")
-]
+Recordings = Annotated[tuple[Path, ...], Argument(f"Recordings ({SIGNALS}) or CAN logs ({LOGS}).", "RECORDING")]
 
 
 @dataclass(frozen=True)
@@ -30,16 +28,14 @@ class EvaluateOptions:
     state: shared.State = None
     save_state: Annotated[Path | None, Option("File to which the learned state is written.")] = None
     no_learning: Annotated[bool, Option("Keep the model as it is at the start.")] = False
-    chain: Annotated[
-        bool, Option("Treat the recordings as one history: learning continues from file to file.")
-    ] = False
+    chain: Annotated[bool, Option("Treat the recordings as one history: learning continues from file to file.")] = (
+        False
+    )
     output: Annotated[
         Path | None,
         Option("Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR"),
     ] = None
-    plot: Annotated[
-        Path | None, Option("Figure (png, svg, pdf): curves of some injections, masses, wear.")
-    ] = None
+    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): curves of some injections, masses, wear.")] = None
     from_channel: shared.FromChannel = ()
     injector: Injector = None
     force: shared.Force = False

@@ -248,9 +248,7 @@ def event_window(observer: Observer, number: int) -> Window | None:
     )
     columns = window.inputs, window.output, window.resting, window.knots, window.masked
     copy_window(observer.ring, start, late, *columns)
-    openings = np.count_nonzero(
-        np.diff(window.inputs[:, 1] > 0.0, prepend=False) & (window.inputs[:, 1] > 0.0)
-    )
+    openings = np.count_nonzero(np.diff(window.inputs[:, 1] > 0.0, prepend=False) & (window.inputs[:, 1] > 0.0))
     begun = Clock(start * observer.constants.interval, float(event["injections"] - openings))
     return window._replace(clock=begun, commands=commands_at(observer, start, end))
 
@@ -267,9 +265,7 @@ def samples_at(observer: Observer, start: int, end: int) -> NDArray[np.void]:
     """Samples at positions [start, end), with x~ and x^, copied; dtype `sample_dtype`."""
     rows = np.empty(max(0, end - start), sample_dtype(observer.x_hat.shape[1]))
     rows[list(SAMPLE.names or ())] = remembered(observer.ring, start, end)
-    rows["x_tilde"], rows["x_hat"] = (
-        remembered(states, start, end) for states in (observer.x_tilde, observer.x_hat)
-    )
+    rows["x_tilde"], rows["x_hat"] = (remembered(states, start, end) for states in (observer.x_tilde, observer.x_hat))
     return rows
 
 

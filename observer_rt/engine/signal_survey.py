@@ -172,9 +172,7 @@ def refuse_implausible(path: Path | None, survey: Survey, columns: dict[str, str
 
 def implausible(survey: Survey) -> Iterator[Implausible]:
     """Impossible values in a recording's ranges."""
-    rail, line, lift = (
-        survey.signals.get(name) for name in ("rail_pressure", "line_pressure", "needle_lift")
-    )
+    rail, line, lift = (survey.signals.get(name) for name in ("rail_pressure", "line_pressure", "needle_lift"))
     if rail is None or line is None or lift is None or not (rail.count and line.count and lift.count):
         return
     for name, pressure in (("rail_pressure", rail), ("line_pressure", line)):
@@ -223,8 +221,7 @@ def _pressure(name: str, pressure: SignalSurvey, opens: bool) -> Iterator[Implau
     likely = [unit for factor, unit in _PRESSURE_FACTORS if lowest <= pressure.highest * factor <= highest]
     yield Implausible(
         name,
-        f"reaches {pressure.highest / MEGAPASCAL:.4g} MPa"
-        + (" only, though the needle opens" if is_low else ""),
+        f"reaches {pressure.highest / MEGAPASCAL:.4g} MPa" + (" only, though the needle opens" if is_low else ""),
         f"give pressures of {lowest / MEGAPASCAL:g} to {highest / MEGAPASCAL:g} MPa; check the unit{_likely(likely)}",
     )
 

@@ -40,9 +40,7 @@ class Topic(StrEnum):
 
 
 STATES: Mapping[State, Words] = {
-    State.STARTING: Words(
-        "no sample was observed yet", "wait a second; else the log says which input is missing"
-    ),
+    State.STARTING: Words("no sample was observed yet", "wait a second; else the log says which input is missing"),
     State.WAITING_FOR_DATA: Words("no input comes in", "see the reason"),
     State.RUNNING_NOMINAL: Words("observing with the model as given, nothing was learned yet"),
     State.ADAPTED: Words("observing with what was learned"),
@@ -57,9 +55,7 @@ REASONS: Mapping[Reason, Words] = {
         "input samples are missing",
         "see DroppedFrames (slow computer), CrcErrors (disturbed bus), else the log (sensor)",
     ),
-    Reason.DEVICE_RESTARTED: Words(
-        "a measuring device was restarted", "nothing, if meant; else its power supply"
-    ),
+    Reason.DEVICE_RESTARTED: Words("a measuring device was restarted", "nothing, if meant; else its power supply"),
     Reason.NUMERICAL: Words(
         "the model ran out of bounds and began anew", "check units and injector file; report it with a log"
     ),
@@ -69,9 +65,7 @@ REASONS: Mapping[Reason, Words] = {
     Reason.TOO_FEW_EVENTS: Words(
         "too few injections were judged yet", "wait: two injections, one with a restored state"
     ),
-    Reason.INPUT_TIMEOUT: Words(
-        "no frame of any input comes", "switch the devices on; check cable and bit rate"
-    ),
+    Reason.INPUT_TIMEOUT: Words("no frame of any input comes", "switch the devices on; check cable and bit rate"),
     Reason.MODEL_INADEQUATE: Words(
         "the injector does not behave as its model",
         "check injector file and units; `observer-rt fit` calibrates it, `observer-rt discover` finds what it lacks",
@@ -93,17 +87,13 @@ REASONS: Mapping[Reason, Words] = {
         "a changed line and a changed nozzle look alike here",
         "vary the rail pressure; measure the fuel temperature",
     ),
-    Reason.UNTESTED: Words(
-        "the training in use has no test of its result", "update the observer that sends it"
-    ),
+    Reason.UNTESTED: Words("the training in use has no test of its result", "update the observer that sends it"),
     Reason.TIME_BASE: Words(
         "when samples were taken is in doubt",
         "use one time base or an index; is a channel late? docs/time.md",
     ),
     Reason.REVISED: Words("learning from it changed its mass by too much", "take the next ones"),
-    Reason.INPUT_STALE: Words(
-        "one of the inputs stays away", "the log names its message: sensor, device, cable"
-    ),
+    Reason.INPUT_STALE: Words("one of the inputs stays away", "the log names its message: sensor, device, cable"),
     Reason.NOT_JUDGED: Words(
         "the event could not be tested, so nothing is known of it",
         "look for lost frames or a needle that stays open",
@@ -126,9 +116,7 @@ REASONS: Mapping[Reason, Words] = {
     Reason.INPUT_FROZEN: Words(
         "an input kept its value for longer than can be bridged", "check sensor, amplifier and device"
     ),
-    Reason.INPUT_CLIPPED: Words(
-        "an input stays at the end of its range", "check the range of sensor and amplifier"
-    ),
+    Reason.INPUT_CLIPPED: Words("an input stays at the end of its range", "check the range of sensor and amplifier"),
     Reason.LIFT_SENSOR_LAG: Words(
         "the needle lift seems to be recorded late",
         "run `observer-rt discover`: a changed nozzle looks alike; if it names needle_lift_sensor_lag, state lag_us "

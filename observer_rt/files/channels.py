@@ -29,9 +29,7 @@ def chosen_channels(
     wanted = [bus for bus in open_buses if bus in needed]
     if not wanted:
         return dict(said)
-    present = [
-        each for each in dict.fromkeys(entry.channel for entry in open_log(path)) if each not in said.values()
-    ]
+    present = [each for each in dict.fromkeys(entry.channel for entry in open_log(path)) if each not in said.values()]
     numbers = ChannelNumbers()
     by_number = [str(numbers.of(link.config.channel)) for link in links]
     for name_of in ([link.config.channel for link in links], by_number):
@@ -97,9 +95,7 @@ class InputFrames:
         """Notes of the reader of the log after the last reading."""
         notes = self._log.notes()
         if len(self._channels) > 1:
-            pairs = (
-                f"{channel} is {self._bus.labels[bus]}" for bus, channel in sorted(self._channels.items())
-            )
+            pairs = (f"{channel} is {self._bus.labels[bus]}" for bus, channel in sorted(self._channels.items()))
             notes.append(f"{self.path}: channel {', '.join(pairs)}")
         return notes
 

@@ -41,9 +41,7 @@ def _in_arrow(table: Any) -> Any:
             fields.append(pyarrow.field(name, columns[-1].type, metadata=metadata))
         return pyarrow.table(columns, pyarrow.schema(fields))
     except (ValueError, TypeError, AttributeError, pyarrow.ArrowException) as error:
-        remedy = (
-            "give columns of numbers, each under a name of its own, one value for each sample: shape (n,)"
-        )
+        remedy = "give columns of numbers, each under a name of its own, one value for each sample: shape (n,)"
         raise UserError("table", str(error), remedy) from None
 
 

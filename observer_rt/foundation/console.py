@@ -52,9 +52,7 @@ def check_suffix(location: str, path: Path, suffixes: Collection[str]) -> None:
     """Raise `UserError` for a file whose suffix is not among those known."""
     suffix = path.suffix.lower()
     if suffix not in suffixes:
-        raise UserError(
-            location, f"unknown kind of file '{suffix}'", f"known suffixes: {', '.join(suffixes)}"
-        )
+        raise UserError(location, f"unknown kind of file '{suffix}'", f"known suffixes: {', '.join(suffixes)}")
 
 
 class SignalledEvent(threading.Event):

@@ -71,9 +71,7 @@ def _packed(value: Any, arrays: list[NDArray[Any]]) -> Any:
         _type_of(described)
         arrays.append(value)
         return {_TYPE: described, _SHAPE: value.shape}
-    raise TypeError(
-        f"{type(value).__name__} is no plain data: send numbers, text, lists, dictionaries or arrays"
-    )
+    raise TypeError(f"{type(value).__name__} is no plain data: send numbers, text, lists, dictionaries or arrays")
 
 
 def _unpacked(value: Any, stream: BufferedReader, most_bytes: int) -> Any:
@@ -95,9 +93,7 @@ def _type_of(described: Any) -> np.dtype[Any]:
     return np.dtype(described)
 
 
-def _read_array(
-    kind: np.dtype[Any], shape: tuple[int, ...], stream: BufferedReader, most_bytes: int
-) -> NDArray[Any]:
+def _read_array(kind: np.dtype[Any], shape: tuple[int, ...], stream: BufferedReader, most_bytes: int) -> NDArray[Any]:
     size = math.prod(shape) * kind.itemsize
     if min(shape, default=0) < 0 or size > most_bytes:
         raise MessageError(f"announces an array of {shape}")

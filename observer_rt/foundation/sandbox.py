@@ -223,6 +223,4 @@ def _limit(request: _Request) -> None:
         limits.append((resource.RLIMIT_DATA, MEMORY + size * MEMORY_PER_BYTE))
     for kind, limit in limits:
         highest = resource.getrlimit(kind)[1]
-        resource.setrlimit(
-            kind, (limit if highest == resource.RLIM_INFINITY else min(limit, highest), highest)
-        )
+        resource.setrlimit(kind, (limit if highest == resource.RLIM_INFINITY else min(limit, highest), highest))

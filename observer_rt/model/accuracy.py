@@ -59,9 +59,7 @@ class StatedAccuracy:
     @classmethod
     def of(cls, line_percent: float, rail_percent: float, stated: Accuracy) -> "StatedAccuracy":
         """What the accuracies of the pressure sensors and of an injector file say."""
-        shares: dict[str, Any] = {
-            name.removesuffix("_percent"): each and 0.01 * each for name, each in stated
-        }
+        shares: dict[str, Any] = {name.removesuffix("_percent"): each and 0.01 * each for name, each in stated}
         return cls(0.01 * line_percent, 0.01 * rail_percent, measured=shares.pop("mass"), **shares)
 
     def of_event(self, controlled: float) -> "StatedAccuracy":

@@ -13,9 +13,7 @@ from observer_rt.model.effective import EffectiveModel
 Law = Callable[[EffectiveModel, Sequence[float]], EffectiveModel]
 """The model with an effect at parameter values, in SI and in the order of its parameters."""
 
-BOTH_CHANNELS = (
-    "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
-)
+BOTH_CHANNELS = "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
 FUEL_OR_DRAWING = (
     "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal distinguishes them"
 )
@@ -25,9 +23,7 @@ LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
 LIFT_STEP = "the lift channel's answer to a step at its amplifier's input"
 BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
 BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
-PRESSURE_GAUGE = (
-    "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
-)
+PRESSURE_GAUGE = "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
 WITH_A_MEASURED_RATE = {LIFT_GAUGE_OR_RATE: LIFT_GAUGE, BALLISTIC_RATE: BALLISTIC}
 """Measurements that are left of these where the injection rate was measured."""
 
@@ -186,9 +182,7 @@ def added(terms: str, name: str) -> Law:
 
 
 # functions of the module, so that results which hold effects can be pickled
-def _scaled(
-    section: str, names: tuple[str, ...], model: EffectiveModel, values: Sequence[float]
-) -> EffectiveModel:
+def _scaled(section: str, names: tuple[str, ...], model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
     return model.with_section(section, **dict.fromkeys(names, 1.0 + values[0]))
 
 

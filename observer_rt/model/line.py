@@ -40,9 +40,7 @@ def known_line(name: str) -> str:
     return name
 
 
-def line_of(
-    parameters: "InjectorParameters", departures: "Departures", nozzle_flow: float, seat_flow: float
-) -> Any:
+def line_of(parameters: "InjectorParameters", departures: "Departures", nozzle_flow: float, seat_flow: float) -> Any:
     """The line an injector's file names, see `LumpLine.of`."""
     return _LINES[parameters.line.model].of(parameters, departures, nozzle_flow, seat_flow)
 

@@ -162,9 +162,7 @@ class EffectInForce(_Section):
 
 def _known_format(number: int) -> int:
     if number != FORMAT:
-        newer = (
-            "a later version of observer-rt wrote the file" if number > FORMAT else "there is no such format"
-        )
+        newer = "a later version of observer-rt wrote the file" if number > FORMAT else "there is no such format"
         raise ValueError(f"{newer}; this one reads format {FORMAT}")
     return number
 

@@ -25,8 +25,7 @@ def write_extended_bench(folder: Path) -> Path:
     (folder / "user.dbc").write_text(DATABASE)
     roles = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}
     signals = "".join(
-        f'[signals.{role}]\nmessage = "Daq"\nsignal = "{name}"\ncounter = "Count"\n'
-        for role, name in roles.items()
+        f'[signals.{role}]\nmessage = "Daq"\nsignal = "{name}"\ncounter = "Count"\n' for role, name in roles.items()
     )
     path = folder / "bench.toml"
     path.write_text(BENCH + signals)

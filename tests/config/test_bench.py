@@ -150,9 +150,7 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
         ("[chamber]", "[chambre]", "chambre", "'chamber'"),
     ],
 )
-def test_mistakes_in_an_injector_file_are_named(
-    tmp_path: Path, old: str, new: str, location: str, said: str
-) -> None:
+def test_mistakes_in_an_injector_file_are_named(tmp_path: Path, old: str, new: str, location: str, said: str) -> None:
     error = injector_refusal(tmp_path, old, new)
     assert error.location.endswith(f": {location}")
     assert said in f"{error.problem} {error.remedy}"
@@ -176,9 +174,7 @@ delay_us = 20.0
     ("off_bus", "more", "is_enough"),
     [(True, "", True), (False, "", False), (True, '[link]\nchannel = "can1"\n', False)],
 )
-def test_for_files_a_layout_is_all_it_takes(
-    tmp_path: Path, off_bus: bool, more: str, is_enough: bool
-) -> None:
+def test_for_files_a_layout_is_all_it_takes(tmp_path: Path, off_bus: bool, more: str, is_enough: bool) -> None:
     """On a bus, or where one is stated, the databases are missing."""
     path = tmp_path / "layout.toml"
     path.write_text(LAYOUT + more)
@@ -203,9 +199,7 @@ def test_sections_and_files_that_changed_are_named(tmp_path: Path) -> None:
     path.write_text(text.replace("# file = ", "file = ", 1))
     before = content_of(load_bench(path))
     assert changes(before, content_of(load_bench(path))) == []
-    path.write_text(
-        path.read_text().replace("bridge_ms = 0.5", "bridge_ms = 1").replace('"can0"', '"can1"', 1)
-    )
+    path.write_text(path.read_text().replace("bridge_ms = 0.5", "bridge_ms = 1").replace('"can0"', '"can1"', 1))
     injector.write_text(injector.read_text().replace("holes = 8", "holes = 9"))
     database.write_bytes(database.read_bytes() + b"\n")
     changed = ["link", "sampling", "injector file", str(database)]

@@ -13,9 +13,7 @@ from observer_rt.daemon.state_file import model_hash
 from observer_rt.foundation.errors import UserError
 
 Load = Callable[[Path], object]
-FILES = pytest.mark.parametrize(
-    ("source", "load"), [(NOMINAL_INJECTOR, load_injector), (EXAMPLE_BENCH, load_bench)]
-)
+FILES = pytest.mark.parametrize(("source", "load"), [(NOMINAL_INJECTOR, load_injector), (EXAMPLE_BENCH, load_bench)])
 STRANGE = (
     *("nan", "inf", "-inf", "1e999", "-1", "0", "1" * 5_000, '""', "true", "[]", "{}", "{ a = 1 }"),
     *("1979-05-27", "07:32:00", "[" * 3_000 + "]" * 3_000, '"\\u0000"', "'''x'''", "0x10", "[1, [2, '3']]"),

@@ -98,18 +98,14 @@ def test_an_effect_given_twice(tmp_path: Path) -> None:
 
 
 def test_an_effect_of_the_bench_is_stated_there(tmp_path: Path) -> None:
-    slow = (
-        '\n[[effects]]\nid = "needle_lift_sensor_lag"\nparameters = { tau = { value = 16.0, unit = "us" } }\n'
-    )
+    slow = '\n[[effects]]\nid = "needle_lift_sensor_lag"\nparameters = { tau = { value = 16.0, unit = "us" } }\n'
     error = refusal(tmp_path, slow)
     assert error.location.endswith(": effects.0.id")
     assert "lag of the lift sensor in the bench file" in error.remedy
 
 
 @settings(max_examples=30)
-@given(
-    st.sampled_from([e for e in VOCABULARY.values() if e.parameters and not e.remedy]), st.floats(0.0, 1.0)
-)
+@given(st.sampled_from([e for e in VOCABULARY.values() if e.parameters and not e.remedy]), st.floats(0.0, 1.0))
 def test_every_effect_in_its_printed_unit(
     tmp_path_factory: pytest.TempPathFactory, effect: Effect, share: float
 ) -> None:

@@ -40,9 +40,7 @@ def test_each_has_its_own_model(tmp_path: Path) -> None:
 
 def test_where_one_is_asked_for_the_others_are_left_out(tmp_path: Path) -> None:
     bench = load_bench(two_injectors(tmp_path))
-    with pytest.raises(
-        UserError, match=r"(?s)2 injectors, this is for one: left, right.*--injector left"
-    ) as refused:
+    with pytest.raises(UserError, match=r"(?s)2 injectors, this is for one: left, right.*--injector left") as refused:
         _ = bench.injector
     assert refused.value.exit_code == 2
     assert bench.of("right").injector == bench.injectors[1]
@@ -67,9 +65,7 @@ def test_names_and_identifiers_by_rule(tmp_path: Path) -> None:
     assert third.config.outputs.injection_rate_id == RATE_ID + 2 * STEP
 
 
-@pytest.mark.parametrize(
-    "outputs", ["id_step = 16", "id_step = 0\nstatus_id = 5", "id_step = 1\nstatus_id = 'a'"]
-)
+@pytest.mark.parametrize("outputs", ["id_step = 16", "id_step = 0\nstatus_id = 5", "id_step = 1\nstatus_id = 'a'"])
 def test_a_step_needs_a_first_identifier(tmp_path: Path, outputs: str) -> None:
     error = bench_refusal(tmp_path, BOTH + f"[outputs]\n{outputs}\n")
     assert error.location.endswith("bench.toml: outputs.id_step")

@@ -104,8 +104,7 @@ def published_rates(payloads: Sequence[bytes], samples: int) -> tuple[NDArray[np
 def output_bus(interface: str, channel: str) -> can.BusABC:
     """A plain python-can bus that hears the daemon only."""
     filters: list[can.typechecking.CanFilter] = [
-        {"can_id": message.frame_id, "can_mask": 0x7FF, "extended": False}
-        for message in (RATE, SUMMARY, STATUS)
+        {"can_id": message.frame_id, "can_mask": 0x7FF, "extended": False} for message in (RATE, SUMMARY, STATUS)
     ]
     return can.Bus(interface=interface, channel=channel, fd=True, can_filters=filters)
 

@@ -21,8 +21,7 @@ def database(name: str) -> Database:
 def classic_frames(data: Recording) -> Iterator[TimedFrame]:
     """One sample a frame, Motorola, the three channels one after the other."""
     messages = [
-        database("testbed_classic").get_message_by_name(f"DAQ_{n}")
-        for n in ("RailPress", "NeedleLift", "LinePress")
+        database("testbed_classic").get_message_by_name(f"DAQ_{n}") for n in ("RailPress", "NeedleLift", "LinePress")
     ]
     for n in range(data.samples):
         for message, prefix, name, value in zip(

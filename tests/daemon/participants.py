@@ -238,9 +238,7 @@ def opened(path: Path, sending: bool) -> Iterator[list[Link]]:
         yield links
 
 
-def over_bus(
-    path: Path, frames: Sequence[TimedFrame], speed: float = math.inf
-) -> tuple[ResultFrames, Daemon]:
+def over_bus(path: Path, frames: Sequence[TimedFrame], speed: float = math.inf) -> tuple[ResultFrames, Daemon]:
     """Frames played to a daemon over the buses of a bench; the results on the last, all in this process."""
     bench = load_bench(path)
     results = bench.config.buses[-1].config

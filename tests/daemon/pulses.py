@@ -84,9 +84,7 @@ def pulse_bench(folder: Path, energizing: str, extra: str = "") -> Path:
     """A bench with the lines of [signals.energizing], on a bus where frames take no time."""
     (folder / "bed.dbc").write_text(TEXT)
     link = f'[link]\ninterface = "virtual"\nchannel = "{folder.name}"\n'
-    return sample_bench(
-        folder, extra=f'{extra}\n{link}[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{energizing}'
-    )
+    return sample_bench(folder, extra=f'{extra}\n{link}[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{energizing}')
 
 
 TRIPLE = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}
@@ -112,14 +110,10 @@ Pulses = Sequence[tuple[float, float]]
 
 
 @cache
-def injected(
-    injections: int, shots: tuple[Shot, ...] = MAIN
-) -> tuple[tuple[tuple[float, float], ...], Recording]:
+def injected(injections: int, shots: tuple[Shot, ...] = MAIN) -> tuple[tuple[tuple[float, float], ...], Recording]:
     """Energizings of a healthy injector, events every 50 ms, the first 0.15 s in, and its samples with noise."""
     schedule = make_schedule([100e6], injections, 0.05, shots=shots)
-    pulses = tuple(
-        (event.start + shot.offset, shot.duration) for event in schedule.events for shot in event.shots
-    )
+    pulses = tuple((event.start + shot.offset, shot.duration) for event in schedule.events for shot in event.shots)
     return pulses, simulate(load_injector(), schedule, SAMPLE_RATE, (), SimulatedNoise(), seed=8).recording
 
 
@@ -216,9 +210,7 @@ SOURCES: dict[str, tuple[str, Callable[[Pulses], list[TimedFrame]]]] = {
 
 def watch(bench: Path, sent: Recording | Iterable[TimedFrame], *optional: Iterable[TimedFrame]) -> Result:
     """Samples of a recording, or as frames, and optional frames, by time, through a core that does not learn."""
-    return run(
-        bench, merged(samples(sent) if isinstance(sent, Recording) else sent, *optional), learning=False
-    )
+    return run(bench, merged(samples(sent) if isinstance(sent, Recording) else sent, *optional), learning=False)
 
 
 def misfired(recording: Recording, *spans: tuple[float, float]) -> Recording:

@@ -73,16 +73,12 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
     state = LearningState(
         account=Account(
             (
-                Possibility(
-                    -0.1, learned, Mode.QUICK, Velocity(np.ones(2), np.ones((PARAMETERS, 2)), np.eye(2))
-                ),
+                Possibility(-0.1, learned, Mode.QUICK, Velocity(np.ones(2), np.ones((PARAMETERS, 2)), np.eye(2))),
                 Possibility(-2.4, learned, Mode.PASSING),
             ),
             settled=(learned,),
             unobjected=4,
-            doubt=MassDoubt(
-                Wander(point=learned.learned_at[0]), UnexplainedPressure(1e-5, 3.0), Scatter(6.0, 7.0)
-            ),
+            doubt=MassDoubt(Wander(point=learned.learned_at[0]), UnexplainedPressure(1e-5, 3.0), Scatter(6.0, 7.0)),
         ),
         noise=noise,
         lag_doubt=no_doubt(PARAMETERS),

@@ -32,8 +32,7 @@ def slow_bench(folder: Path, roles: dict[str, tuple[str, str]], extra: str = "")
     """A bench of one message of samples, with optional roles in the (message, signal) given."""
     (folder / "bed.dbc").write_text(TEXT)
     signals = "".join(
-        f'[signals.{role}]\nmessage = "{message}"\nsignal = "{signal}"\n'
-        for role, (message, signal) in roles.items()
+        f'[signals.{role}]\nmessage = "{message}"\nsignal = "{signal}"\n' for role, (message, signal) in roles.items()
     )
     return sample_bench(folder, extra=f'{extra}\n[[dbc]]\nfile = "bed.dbc"\n{signals}')
 

@@ -178,9 +178,7 @@ def classic_layout(folder: Path, rate: float) -> Path:
     """A bench that uses nothing but our classic layout."""
     roles = {"rail_pressure": "RailPressure", "needle_lift": "NeedleLift", "line_pressure": "LinePressure"}
     text = '[link]\nfd = false\ninterface = "virtual"\n[[dbc]]\nfile = "observer_classic.dbc"\n'
-    text += "".join(
-        f'[signals.{role}]\nmessage = "Sample"\nsignal = "{name}"\n' for role, name in roles.items()
-    )
+    text += "".join(f'[signals.{role}]\nmessage = "Sample"\nsignal = "{name}"\n' for role, name in roles.items())
     path = folder / "bench.toml"
     path.write_text(text + f"[sampling]\nrate_hz = {rate}\n[outputs]\ninjection_rate = false\n")
     return path

@@ -92,9 +92,7 @@ def test_other_users_may_look_only(kept: Path) -> None:
     for folder in (kept.parent, *kept.parents):
         with suppress(PermissionError):
             folder.chmod(folder.stat().st_mode | 0o111)
-    asked = subprocess.run(
-        [sys.executable, "-c", _ASK, kept.parent], capture_output=True, text=True, check=False
-    )
+    asked = subprocess.run([sys.executable, "-c", _ASK, kept.parent], capture_output=True, text=True, check=False)
     assert "its daemon refuses: user root and its group alone" in asked.stderr
 
 

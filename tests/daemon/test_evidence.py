@@ -91,9 +91,7 @@ def test_a_writer_that_is_killed_costs_an_event_at_the_most_and_is_told_once(
     assert len(messages) == keeper.lost
 
 
-def test_a_folder_that_cannot_be_written_is_told_once_and_when_it_is_over(
-    bench: Bench, tmp_path: Path
-) -> None:
+def test_a_folder_that_cannot_be_written_is_told_once_and_when_it_is_over(bench: Bench, tmp_path: Path) -> None:
     messages: list[str] = []
     folder, recording = tmp_path / "evidence", worn_recording(INJECTIONS)
     with keeping(bench, messages) as keeper:

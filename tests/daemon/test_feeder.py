@@ -129,9 +129,7 @@ def test_it_is_served_again_once_it_is_back(path: Path) -> None:
     assert run.core.counters.lost_samples == 0
 
 
-@pytest.mark.parametrize(
-    "failure", [RunError("broken"), ZeroDivisionError("in the driver"), LinkDownError("gone")]
-)
+@pytest.mark.parametrize("failure", [RunError("broken"), ZeroDivisionError("in the driver"), LinkDownError("gone")])
 def test_what_ends_it_is_raised_behind_the_frames_that_came(path: Path, failure: Exception) -> None:
     class FailingLink(TroubledLink):
         def receive(self, timeout_s: float) -> Frame | None:

@@ -88,9 +88,7 @@ def test_of_a_healthy_bench_nothing_is_told(watched: WatchedInputs) -> None:
 
 def test_of_windows_filled_up_nothing_is_told(watched: WatchedInputs) -> None:
     """Frames come for 10 ms of every 100 ms only, as from a source that sends windows."""
-    assert (
-        watched.tells([frame for frame in watched.frames if frame.stamp_ns % 100_000_000 < 10_000_000]) == []
-    )
+    assert watched.tells([frame for frame in watched.frames if frame.stamp_ns % 100_000_000 < 10_000_000]) == []
 
 
 def test_a_message_that_never_comes(watched: WatchedInputs) -> None:
@@ -127,9 +125,7 @@ def test_one_that_stays_away_when_the_others_come_again(watched: WatchedInputs) 
 
 def test_frames_that_cannot_be_used(watched: WatchedInputs) -> None:
     """The CRC of one message is wrong, as with another E2EDataId."""
-    spoilt = [
-        f._replace(payload=b"\0\0" + f.payload[2:]) if f.frame_id == LIFT_ID else f for f in watched.frames
-    ]
+    spoilt = [f._replace(payload=b"\0\0" + f.payload[2:]) if f.frame_id == LIFT_ID else f for f in watched.frames]
     count, notice = watched.tells(spoilt)
     assert "input frames: frames whose end-to-end protection is wrong\n" in count
     assert notice == f"{LIFT}: {Trouble.USELESS.begun}"

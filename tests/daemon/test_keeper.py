@@ -79,9 +79,7 @@ def test_saves_are_no_more_frequent_than_stated(learner: Kept) -> None:
     assert 2 <= len(files) <= lasted / INTERVAL + 1
 
 
-def test_a_full_disk_is_told_once_counted_and_tried_again(
-    learner: Kept, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_told_once_counted_and_tried_again(learner: Kept, monkeypatch: pytest.MonkeyPatch) -> None:
     is_full, tries, fsync = threading.Event(), list[int](), os.fsync
 
     def limited(descriptor: int) -> None:
@@ -98,16 +96,12 @@ def test_a_full_disk_is_told_once_counted_and_tried_again(
         until(lambda: len(tries) >= 4)
         assert len(learner.messages) == 1
         assert len(tries) - 1 <= keeper.failures <= len(tries)
-        assert re.search(
-            r"No space left on device\n  remedy: make room there.* every 0.25 s", learner.messages[0]
-        )
+        assert re.search(r"No space left on device\n  remedy: make room there.* every 0.25 s", learner.messages[0])
         assert learner.events() == 2  # the old file is whole
         is_full.clear()
         until(lambda: learner.events() == 3)
         until(lambda: len(learner.messages) == 2)
-        assert re.fullmatch(
-            r"learned state in .* is written again, after \d+ failed attempts", learner.messages[1]
-        )
+        assert re.fullmatch(r"learned state in .* is written again, after \d+ failed attempts", learner.messages[1])
     assert re.fullmatch(r"learned state saved in .* \(\d+ attempts failed before\)", learner.messages[2])
 
 

@@ -152,9 +152,7 @@ def test_several_injectors(shell: Shell, vcan: str) -> None:
     for words in several_injectors.make_log():
         shell.do(shlex.join(["observer-rt", *words]))
     several_injectors.merge_logs(shell.folder)
-    left, right, record, replay = (
-        interface for interface in several_injectors.PAGE.commands if needs_bus(interface)
-    )
+    left, right, record, replay = (interface for interface in several_injectors.PAGE.commands if needs_bus(interface))
     interfaces = [OwnInterface(f"can{number}") for number in range(3)]
     try:
         with shell.going(left, "start: ready"):

@@ -120,9 +120,7 @@ def running(bench: Path) -> Iterator[Run]:
 
 @pytest.mark.slow
 @pytest.mark.vcan
-def test_the_interface_is_waited_for_and_another_daemon_is_heard(
-    own_interface: OwnInterface, tmp_path: Path
-) -> None:
+def test_the_interface_is_waited_for_and_another_daemon_is_heard(own_interface: OwnInterface, tmp_path: Path) -> None:
     bench = bench_file(tmp_path, own_interface.name, "socketcan")
     own_interface.remove()
     with running(bench) as first:

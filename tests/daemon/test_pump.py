@@ -80,9 +80,7 @@ def connected(path: Path) -> Iterator[tuple[FarEnd, Daemon]]:
 
 
 @contextmanager
-def pumped(
-    path: Path, room: int | None = None, waits_for_verdicts: bool = True
-) -> Iterator[tuple[FarEnd, PumpRun]]:
+def pumped(path: Path, room: int | None = None, waits_for_verdicts: bool = True) -> Iterator[tuple[FarEnd, PumpRun]]:
     """A device, which has read all that was sent in the end, and a pump that serves it; room: as of `paired`."""
     with paired(map_bus(load_bench(path)), room) as (device, link):
         with PumpRun(path, link, waits_for_verdicts) as run:

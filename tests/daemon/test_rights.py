@@ -99,9 +99,7 @@ def test_no_more_than_there_are_loops() -> None:
     assert processors(allowed_cpus, 1).own == (allowed_cpus[0],)
 
 
-def test_isolated_ones_are_taken_without_being_asked_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_isolated_ones_are_taken_without_being_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mine = max(os.sched_getaffinity(0))
     isolated = tmp_path / "isolated"
     isolated.write_text(f"{mine},{NOT_THERE}\n")
@@ -150,9 +148,7 @@ def test_the_loop_of_a_daemon_is_alone_on_its_processor(tmp_path: Path) -> None:
         daemon.terminate()
         said += daemon.stderr.readlines()
     others = own_cpus - {mine} or own_cpus
-    assert sorted(map(sorted, cpus_by_thread)) == sorted(
-        [[mine], *[sorted(others)] * (len(cpus_by_thread) - 1)]
-    )
+    assert sorted(map(sorted, cpus_by_thread)) == sorted([[mine], *[sorted(others)] * (len(cpus_by_thread) - 1)])
     assert any(f"the loop on CPU {mine}" in line for line in said), said
     assert any(f"WARNING start: CPU {NOT_THERE} of realtime.cpus cannot be used" in line for line in said)
     assert daemon.returncode == 0, said

@@ -83,9 +83,7 @@ def state(tmp_path: Path) -> StateFile:
 
 @in_one_folder
 @given(seed=st.integers(0, 2**32), phi_version=st.integers(0, 2**40), events=st.integers(0, 2**40))
-def test_what_is_saved_is_restored_to_the_bit(
-    state: StateFile, seed: int, phi_version: int, events: int
-) -> None:
+def test_what_is_saved_is_restored_to_the_bit(state: StateFile, seed: int, phi_version: int, events: int) -> None:
     assert state.holds(state.save(some_knowledge(seed, phi_version, events)))
     assert [*state.path.parent.iterdir()] == [state.path]
 
@@ -213,9 +211,7 @@ def without_held_rail(knowledge: Knowledge) -> Knowledge:
 
 
 def without_settled(knowledge: Knowledge) -> Knowledge:
-    return replace(
-        knowledge, state=replace(knowledge.state, account=replace(knowledge.state.account, settled=()))
-    )
+    return replace(knowledge, state=replace(knowledge.state, account=replace(knowledge.state.account, settled=())))
 
 
 LOST: dict[str, tuple[Change, Callable[[Knowledge], Knowledge]]] = {

@@ -148,18 +148,14 @@ def _one_by_one(come: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.maximum.accumulate(come - earliest) + earliest)
 
 
-def send(
-    name: str, clock: Clock, delays: Delays = prompt, end: float = END, wear: float = 0.0
-) -> list[StampedFrame]:
+def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END, wear: float = 0.0) -> list[StampedFrame]:
     """All frames of a message up to `end` [s], one after another."""
     _, truth = plant(wear)
     taken = clock.times(end)
     random = np.random.default_rng(MESSAGES[name].frame_id)
     noise = SimulatedNoise()
 
-    def measured(
-        signal: NDArray[np.float64], sigma: float, codes: Quantisation, unit: float
-    ) -> NDArray[np.float64]:
+    def measured(signal: NDArray[np.float64], sigma: float, codes: Quantisation, unit: float) -> NDArray[np.float64]:
         noisy = np.interp(taken, truth.time, signal) + random.normal(0.0, sigma, taken.size)
         return codes.apply(noisy) / unit
 
@@ -179,9 +175,7 @@ def send(
         words |= raw.astype("<u8") << np.uint64(signal.start)
     stamps = delays(taken, random)
     return [
-        StampedFrame(
-            float(taken[n]), EPOCH + round(float(stamps[n]) * 1e9), message.frame_id, words[n].tobytes()
-        )
+        StampedFrame(float(taken[n]), EPOCH + round(float(stamps[n]) * 1e9), message.frame_id, words[n].tobytes())
         for n in range(taken.size)
     ]
 

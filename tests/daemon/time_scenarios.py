@@ -94,9 +94,7 @@ def lift_alone(rate: float, drift: float) -> list[StampedFrame]:
 def three_clocks(rate: float, drift: float) -> list[StampedFrame]:
     """Every signal of a device of its own."""
     rail = send("RailSlow", Clock(rate, 0.7 / rate, -drift), wear=WORN)
-    return merged(
-        send("Line", Clock(rate), wear=WORN), send("Lift", Clock(rate, 0.3 / rate, drift), wear=WORN), rail
-    )
+    return merged(send("Line", Clock(rate), wear=WORN), send("Lift", Clock(rate, 0.3 / rate, drift), wear=WORN), rail)
 
 
 def worn(

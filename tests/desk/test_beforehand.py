@@ -101,9 +101,7 @@ def test_what_the_bench_file_states_of_the_lift_is_undone_once(bench: Bench, tmp
     np.testing.assert_array_less(np.abs(without - with_lag), 1.5 * sigma)
 
 
-def test_nothing_is_begun_with_where_the_model_does_not_explain_the_evidence(
-    bench: Bench, tmp_path: Path
-) -> None:
+def test_nothing_is_begun_with_where_the_model_does_not_explain_the_evidence(bench: Bench, tmp_path: Path) -> None:
     path = amended(tmp_path, g=-0.02)
     learned_beside(path).write_text("left by an earlier step")
     assert learn_beforehand(bench, path) == 0

@@ -149,9 +149,7 @@ def test_corrections_made_meanwhile_are_lost_only_where_that_is_accepted(bench: 
     assert undo(bench).changes == ("line.length 0.15 m -> 0.16 m",)
 
 
-def test_a_process_whose_number_a_lock_holds_is_never_signalled(
-    bench: Path, kept: Path, tmp_path: Path
-) -> None:
+def test_a_process_whose_number_a_lock_holds_is_never_signalled(bench: Path, kept: Path, tmp_path: Path) -> None:
     result = amended(tmp_path, 0.1)
     before = files(tmp_path)
     with subprocess.Popen(["sleep", "60"]) as foreign:

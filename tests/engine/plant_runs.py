@@ -23,9 +23,7 @@ DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s, of the openings
 def indicator(run: ObservedRun, effect: str) -> Estimate:
     """An indicator after the last event, SI."""
     estimate = run.reports[-1].indicators[effect]
-    si = next(
-        shown.si(coefficients(load_injector())) for _, shown in SCALARS.shown() if shown.effect == effect
-    )
+    si = next(shown.si(coefficients(load_injector())) for _, shown in SCALARS.shown() if shown.effect == effect)
     return Estimate(estimate.value * si, None if estimate.sigma is None else estimate.sigma * si)
 
 

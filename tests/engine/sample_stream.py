@@ -177,9 +177,7 @@ class Stream:
             window = event_window(self.observer, number) if self.learning else None
             outcome = None
             if window is not None:
-                outcome = self.learner.learn(
-                    window, event_standstill(self.observer, number), in_force(self.observer)
-                )
+                outcome = self.learner.learn(window, event_standstill(self.observer, number), in_force(self.observer))
             self.outcomes.append(outcome)
             judge(self.observer, () if outcome is None else outcome.forward, outcome)
         self._keep()

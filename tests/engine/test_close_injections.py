@@ -32,8 +32,7 @@ def test_their_masses_sum_to_what_was_injected(gap: float, rail: float) -> None:
         for before, after in pairwise(reports):
             assert before.end_index == after.start_index  # between its ends each sample is of one
         complete = (
-            np.trapezoid(published[reports[0].start_position : reports[-1].end_position + 1])
-            * windows.interval
+            np.trapezoid(published[reports[0].start_position : reports[-1].end_position + 1]) * windows.interval
         )
         assert sum(report.volume for report in reports) == pytest.approx(complete, rel=1e-12)
         if event < WARM:

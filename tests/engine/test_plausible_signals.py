@@ -49,9 +49,7 @@ def test_pressures_that_are_swapped_from_the_middle_on() -> None:
     made = short.with_arrays({"time": time, **repeated})
     later = np.arange(made.samples) >= made.samples // 2
     rail, line = made.rail_pressure, made.line_pressure
-    exchanged = changed(
-        made, rail_pressure=np.where(later, line, rail), line_pressure=np.where(later, rail, line)
-    )
+    exchanged = changed(made, rail_pressure=np.where(later, line, rail), line_pressure=np.where(later, rail, line))
     assert swapped(HeldSignals(exchanged).survey) is None
     assert "most likely the two are swapped" in doubt_text(exchanged)
     assert "swapped" not in doubt_text(made)
@@ -163,9 +161,7 @@ def test_missing_values_are_told_and_refused_where_they_are_many() -> None:
     line[::7] = np.nan
     often = complete.with_arrays({"line_pressure": line})
     gaps = -(-complete.samples // 7)
-    assert f"line_pressure: {gaps} of {complete.samples} values are missing, in {gaps} gaps" in doubt_text(
-        often
-    )
+    assert f"line_pressure: {gaps} of {complete.samples} values are missing, in {gaps} gaps" in doubt_text(often)
     with pytest.raises(UserError, match="are missing, in"):
         refuse_perforated(None, HeldSignals(often).survey)
     line = complete.line_pressure.copy()
@@ -200,9 +196,7 @@ def test_a_lift_exchanged_with_a_pressure_is_named_from_what_both_do(name: str) 
 
 def test_swapped_columns_are_named() -> None:
     made = recorded()
-    survey = HeldSignals(
-        changed(made, rail_pressure=made.line_pressure, line_pressure=made.rail_pressure)
-    ).survey
+    survey = HeldSignals(changed(made, rail_pressure=made.line_pressure, line_pressure=made.rail_pressure)).survey
     (odd,) = doubts(survey, columns={"rail_pressure": "p1", "line_pressure": "p2"})
     assert "'p2' does what a rail's does, 'p1' what a line's does" in odd.problem
 

@@ -133,9 +133,7 @@ LAYOUTS = (
         ),
     ),
     _csv("a line of units", names=PLAIN, under=("us", "bar", "um", "bar")),
-    _csv(
-        "bracketed units below", names=PLAIN, under=("[ms]", "[bar]", "[µm]", "[bar]"), time=1e3, form=".5f"
-    ),
+    _csv("bracketed units below", names=PLAIN, under=("[ms]", "[bar]", "[µm]", "[bar]"), time=1e3, form=".5f"),
     _csv("moments", separator=",", names=("stamp", *GERMAN[1:]), change=_stamped),
     _csv("text", file="a.txt"),
     _csv(

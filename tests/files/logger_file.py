@@ -39,9 +39,7 @@ class _File:
         self.data += bytes(-len(self.data) % 8)
         position = len(self.data)
         size = 24 + 8 * len(links) + len(content)
-        self.data += (
-            struct.pack(f"<4s4xQQ{len(links)}Q", f"##{kind}".encode(), size, len(links), *links) + content
-        )
+        self.data += struct.pack(f"<4s4xQQ{len(links)}Q", f"##{kind}".encode(), size, len(links), *links) + content
         return position
 
     def link(self, block: int, number: int, target: int) -> None:
@@ -97,9 +95,7 @@ def write_logger_file(
     fields: without the data bytes; a virtual one has the value of its offset in every frame. data_width: bytes a
     record has for them; None: they are of variable length, in records of their own. id_size: bytes of a record's id.
     """
-    flags = (
-        0 if finalised else UPDATE_CYCLES | UPDATE_LAST_LENGTH | UPDATE_VARIABLE_BYTES * (data_width is None)
-    )
+    flags = 0 if finalised else UPDATE_CYCLES | UPDATE_LAST_LENGTH | UPDATE_VARIABLE_BYTES * (data_width is None)
     mark = b"MDF     " if finalised else b"UnFinMF "
     file = _File(mark + b"4.11    logger\0\0" + struct.pack("<4xH30xHH", 411, flags, 0))
     header = file.block("HD", [0] * 6, struct.pack("<QhhBBBBdd", start_ns, 0, 0, 0, 0, 0, 0, 0.0, 0.0))
@@ -122,9 +118,7 @@ def write_logger_file(
         elif (field.factor, field.offset) != (1.0, 0.0):
             conversion = file.linear(field.factor, field.offset)
         kind = FIXED if field.bits else VIRTUAL
-        channels.append(
-            file.channel(f"CAN_DataFrame.{field.name}", kind, UNSIGNED, field.bits, position, conversion)
-        )
+        channels.append(file.channel(f"CAN_DataFrame.{field.name}", kind, UNSIGNED, field.bits, position, conversion))
         position += field.bits
     position += -position % 8
     kind, bits = (VARIABLE, 64) if data_width is None else (FIXED, 8 * data_width)

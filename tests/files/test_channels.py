@@ -40,9 +40,7 @@ def log(folder: Path, suffix: str, *channels: str) -> Path:
         (".blf", ("can2", "can0", "can1"), {0: "1", 1: "2", 2: "3"}),
     ],
 )
-def test_channels_are_matched(
-    tmp_path: Path, suffix: str, channels: tuple[str, ...], result: dict[int, str]
-) -> None:
+def test_channels_are_matched(tmp_path: Path, suffix: str, channels: tuple[str, ...], result: dict[int, str]) -> None:
     assert chosen_channels(log(tmp_path, suffix, *channels), BENCH, INPUTS, ()) == result
 
 
@@ -63,9 +61,7 @@ def test_a_bench_with_one_bus_takes_any_channel(tmp_path: Path) -> None:
     ("suffix", "channels"),
     [(".log", ("vcan0", "vcan1")), (".log", ("can0",)), (".blf", ("3", "5"))],
 )
-def test_where_it_is_not_clear_the_remedy_says_how(
-    tmp_path: Path, suffix: str, channels: tuple[str, ...]
-) -> None:
+def test_where_it_is_not_clear_the_remedy_says_how(tmp_path: Path, suffix: str, channels: tuple[str, ...]) -> None:
     with pytest.raises(UserError, match="is not clear") as raised:
         chosen_channels(log(tmp_path, suffix, *channels), BENCH, INPUTS, ())
     assert all(channel in raised.value.problem for channel in channels)

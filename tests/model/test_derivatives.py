@@ -37,13 +37,9 @@ def models(draw: st.DrawFn) -> Coefficients:
         "pressure_dependent_bulk_modulus": ("n", st.floats(-8.0, 12.0)),
         "entrained_air": ("g", st.floats(1e-5, 0.03)),
     }
-    effects = [
-        sized(name, **{key: draw(values)}) for name, (key, values) in sizes.items() if draw(st.booleans())
-    ]
+    effects = [sized(name, **{key: draw(values)}) for name, (key, values) in sizes.items() if draw(st.booleans())]
     if draw(st.booleans()):
-        effects.append(
-            sized("chamber_pressure_rise", dp=draw(st.floats(0.0, 40e6)), s=draw(st.floats(0.0, 1.0)))
-        )
+        effects.append(sized("chamber_pressure_rise", dp=draw(st.floats(0.0, 40e6)), s=draw(st.floats(0.0, 1.0))))
     return effective_model(load_injector().model_copy(update={"line_outflow": form}), effects).coefficients
 
 
@@ -92,9 +88,7 @@ def test_a_closed_seat_does_not_open_with_noise(area: float) -> None:
 
 
 @given(models(), STATES, INPUTS, thetas())
-def test_lump_by_coefficients(
-    c: Coefficients, x: State, u: tuple[float, float], theta: NDArray[np.float64]
-) -> None:
+def test_lump_by_coefficients(c: Coefficients, x: State, u: tuple[float, float], theta: NDArray[np.float64]) -> None:
     network = learned_of(theta, c).network
     away_from_kinks(x, u, c)
     tangent = tangent_of(c, by_theta(theta, c), PARAMETERS)

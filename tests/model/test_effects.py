@@ -111,9 +111,7 @@ def test_nominal_model_is_that_of_the_paper() -> None:
     assert model.sensor == SensorTerms(0.0, 0.0, 0.0)
 
 
-@given(
-    st.sampled_from(list(combinations(VOCABULARY.values(), 2))), st.floats(0.05, 0.95), st.floats(0.05, 0.95)
-)
+@given(st.sampled_from(list(combinations(VOCABULARY.values(), 2))), st.floats(0.05, 0.95), st.floats(0.05, 0.95))
 def test_order_does_not_matter(pair: tuple[Effect, Effect], share: float, other_share: float) -> None:
     first, second = at(pair[0], share), at(pair[1], other_share)
     assert numbers(effective_model(NOMINAL, [first, second])) == pytest.approx(

@@ -52,9 +52,7 @@ def test_a_law_that_leaves_no_fuel_is_refused(changes: dict[str, float], cause: 
         at_temperature(with_fluid(**changes), 423.15)
 
 
-@pytest.mark.parametrize(
-    ("temperature", "expected"), [(233.0, False), (234.0, True), (423.0, True), (424.0, False)]
-)
+@pytest.mark.parametrize(("temperature", "expected"), [(233.0, False), (234.0, True), (423.0, True), (424.0, False)])
 def test_plausible_temperatures(temperature: float, expected: bool) -> None:
     assert is_plausible(temperature) is expected
     assert not is_plausible(math.nan)

@@ -52,9 +52,7 @@ def test_the_integral_is_that_of_the_pressure_and_changes_nothing_else(line: dic
     plain = coefficients(parameters)
     fine = 10e-6
     # of a wave one implicit step each: the sac takes part of it, and the pressure has a middle only
-    at_once, substeps = (
-        steps_in(length) if isinstance(plain.line, WaveLine) else 40 for length in (PERIOD, fine)
-    )
+    at_once, substeps = (steps_in(length) if isinstance(plain.line, WaveLine) else 40 for length in (PERIOD, fine))
     once, often = at_rest(averaged(plain)), at_rest(plain)
     differences = []
     for k in range(60):

@@ -72,9 +72,7 @@ def test_published_rate_obeys_both_balances_and_phi_is_added(
 
 def test_fault_of_the_nozzle_has_the_direction_of_the_paper(injector: InjectorParameters) -> None:
     """Nozzle wear acts along L = [1 0 12]^T in the paper's form, on the sac alone in the conserving one."""
-    phi = fault_with_rate((0.9, 1.0, 0.8), (0.95, 0.9), coefficients(injector), constant_network(nozzle=0.3))[
-        0
-    ]
+    phi = fault_with_rate((0.9, 1.0, 0.8), (0.95, 0.9), coefficients(injector), constant_network(nozzle=0.3))[0]
     assert phi[2] < 0.0
     assert phi[0] == pytest.approx(phi[2] / 12 if injector.line_outflow is LineOutflow.NOZZLE else 0.0)
 

@@ -76,8 +76,7 @@ def test_slopes_are_the_derivatives(indicated: float, start: float, end: float, 
         step[i] = 1e-3 * lag if i == 3 else 1e-4
         high, low = (point + step), (point - step)
         numeric = (
-            lagged(high[0], high[1], high[2], INTERVAL, high[3])
-            - lagged(low[0], low[1], low[2], INTERVAL, low[3])
+            lagged(high[0], high[1], high[2], INTERVAL, high[3]) - lagged(low[0], low[1], low[2], INTERVAL, low[3])
         ) / (2 * step[i])
         scale = 1.0 if i < 3 else 1.0 / max(lag, INTERVAL)
         assert slope == pytest.approx(numeric, rel=1e-4, abs=1e-5 * scale)
@@ -93,9 +92,7 @@ def test_a_bend_between_samples_is_followed(share: float) -> None:
         fine = x
         areas = np.interp(np.linspace(0.0, 1.0, 4001), [0.0, share, 1.0], [start, knot, end])
         for before, after in pairwise(float(area) for area in areas):
-            fine = advanced(
-                fine, Interval((0.95, before), (0.95, after), interval / 4000, 1), C, constant_network()
-            )
+            fine = advanced(fine, Interval((0.95, before), (0.95, after), interval / 4000, 1), C, constant_network())
         interval_of_sample = Interval(u_start, u_end, interval, substeps)
         bent = advanced_over(x, interval_of_sample, (share, knot), C, constant_network())
         straight = advanced(x, interval_of_sample, C, constant_network())

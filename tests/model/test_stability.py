@@ -31,9 +31,7 @@ def test_fastest_rate_bounds_every_mode(
 ) -> None:
     """Eigenvalues of the equations, linearised numerically, for sacs from a hundredth to ten times nominal."""
     volume = injector.nozzle.sac_volume * sac
-    injector = injector.model_copy(
-        update={"nozzle": injector.nozzle.model_copy(update={"sac_volume": volume})}
-    )
+    injector = injector.model_copy(update={"nozzle": injector.nozzle.model_copy(update={"sac_volume": volume})})
     c = coefficients(injector)
     u = (0.95, opened * full_lift_area(injector) / c.area_scale)
 

@@ -83,9 +83,7 @@ def assert_between(
     st.sampled_from([1e5, 2e4]),
     st.booleans(),
 )
-def test_derivatives(
-    seed: int, needle: str, sac_volume: float, outflow: str, rate: float, means: bool
-) -> None:
+def test_derivatives(seed: int, needle: str, sac_volume: float, outflow: str, rate: float, means: bool) -> None:
     """Of an interval's step by theta and by the state before it, against differences of the step itself."""
     random = np.random.default_rng(seed)
     effects = [

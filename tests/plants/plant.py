@@ -52,9 +52,7 @@ def seen_as(role: str, change: Callable[[Array, Array], Array]) -> Step:
     return lambda seen: replace(seen, **{role: change(seen.time, getattr(seen, role))})
 
 
-def sampled(
-    seen: Signals, noise: Array, every: int, averaged: bool, after_noise: Sequence[Step] = ()
-) -> Signals:
+def sampled(seen: Signals, noise: Array, every: int, averaged: bool, after_noise: Sequence[Step] = ()) -> Signals:
     """Every `every`-th sample, or means up to it, with white noise, as the bus has it.
 
     noise: (3, n) of rail pressure, lift and line pressure, in multiples of the usual; after_noise: what becomes of
@@ -200,9 +198,7 @@ def event_start(number: int) -> float:
 
 def wave_injector(sac_volume: float = 3e-9) -> Injector:
     """An injector whose line carries travelling waves, drained by the seat flow, with a small sac [m3]."""
-    return Injector(
-        line_cells=WAVE_CELLS, line_damping=WAVE_DAMPING, sac_volume=sac_volume, drained_by_seat=1
-    )
+    return Injector(line_cells=WAVE_CELLS, line_damping=WAVE_DAMPING, sac_volume=sac_volume, drained_by_seat=1)
 
 
 def strokes_of(event: Event, start: float, needle: Needle, max_lift: float) -> Array:

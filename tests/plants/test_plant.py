@@ -35,9 +35,7 @@ def once(
     return record(Bench(injector, Needle(), (event,), noise=noise, seed=1))
 
 
-def reference(
-    event: Event, until: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def reference(event: Event, until: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Equations (19)-(23) of the nominal part as the paper prints them, by an adaptive implicit solver."""
     part = Injector()
     strokes = strokes_of(event, FIRST_EVENT, Needle(), part.max_lift)
@@ -76,9 +74,7 @@ def test_agrees_with_an_adaptive_solver(rail_pressure: float) -> None:
     truth = once(rail_pressure=rail_pressure, duration=0.8e-3).truth
     samples = slice(round(times[0] * 1e5), round(times[0] * 1e5) + times.size)
     assert np.max(np.abs(truth.line_pressure[samples] - line)) < 2e3
-    assert (
-        np.max(np.abs(truth.injection_rate[samples] - rate)) < 0.1e-6
-    )  # as the sac runs empty; elsewhere far less
+    assert np.max(np.abs(truth.injection_rate[samples] - rate)) < 0.1e-6  # as the sac runs empty; elsewhere far less
     assert np.sum(truth.injection_rate[samples]) == pytest.approx(np.sum(rate), rel=2e-4)
 
 
@@ -97,9 +93,7 @@ def test_lump_rings_at_its_mode_and_a_wave_line_at_its_quarter_wave() -> None:
     inertance = part.density * part.line_length / part.line_area
     travel_time = math.sqrt(inertance * part.line_volume / part.bulk_modulus_line)
     assert ringing_frequency(once()) == pytest.approx(1.0 / (2.0 * math.pi * travel_time), rel=0.01)
-    assert ringing_frequency(once(injector=wave_injector())) == pytest.approx(
-        1.0 / (4.0 * travel_time), rel=0.02
-    )
+    assert ringing_frequency(once(injector=wave_injector())) == pytest.approx(1.0 / (4.0 * travel_time), rel=0.02)
 
 
 def test_noise_and_codes_are_those_of_sensors_and_bus() -> None:

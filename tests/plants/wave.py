@@ -21,9 +21,7 @@ HIDDEN_SHARE = 0.1  # by which the real part differs from its data sheet, at mos
 KAGAWA_RATES = np.array(
     [26.3744, 72.8033, 187.424, 536.626, 1570.60, 4618.13, 13601.1, 40082.5, 118153.0, 348316.0]
 )  # n of the weighting function sum m exp(-n t), in units of viscosity / radius^2
-KAGAWA_SHARES = np.array(
-    [1.0, 1.16725, 2.20064, 3.92861, 6.78788, 11.6761, 20.0612, 34.4541, 59.1642, 101.590]
-)  # m
+KAGAWA_SHARES = np.array([1.0, 1.16725, 2.20064, 3.92861, 6.78788, 11.6761, 20.0612, 34.4541, 59.1642, 101.590])  # m
 
 
 class Variant(StrEnum):

@@ -221,9 +221,7 @@ def run_wave(
                     _lift_in(middle + GAMMA * (0.5 * step), strokes, remembered[-1], max_lift, laws),
                     _lift_in(middle + 0.5 * step, strokes, remembered[-1], max_lift, laws),
                 )
-                y[end], p_s, after = seat_step(
-                    y[end], p_s, drain, lifts, 0.5 * step, lattice.end_volume, now, faults
-                )
+                y[end], p_s, after = seat_step(y[end], p_s, drain, lifts, 0.5 * step, lattice.end_volume, now, faults)
                 drain = 0.5 * (before + after)
             if beyond:
                 resist(flows, pressures, remembered, inertances, loss, laws, step)

@@ -64,8 +64,6 @@ def windows_of(outcome: Outcome, sample_rate: float) -> Windows:
         if bounds[number - 1][1] >= begin:
             bounds[number][0] = bounds[number - 1][1] = first + int(np.argmin(rate[first : begin + 1]))
     ranges = tuple(slice(int(first), int(last) + 1) for first, last in bounds)
-    members = tuple(
-        tuple(int(i) for i in np.flatnonzero(outcome.event_of == e)) for e in np.unique(outcome.event_of)
-    )
+    members = tuple(tuple(int(i) for i in np.flatnonzero(outcome.event_of == e)) for e in np.unique(outcome.event_of))
     opened = tuple(slice(int(begin), int(shut) + 1) for begin, shut in outcome.openings)
     return Windows(ranges, opened, members, 1.0 / sample_rate)

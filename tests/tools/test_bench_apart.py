@@ -37,7 +37,5 @@ def test_what_claims_to_know_nothing_of_the_package_does_not() -> None:
     assert blind <= set(claiming)
     surroundings = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
     command = [sys.executable, "-c", ALONE, *claiming, "tools.benchmarks.cases"]
-    done = subprocess.run(
-        command, capture_output=True, text=True, cwd=REPOSITORY, check=False, env=surroundings
-    )
+    done = subprocess.run(command, capture_output=True, text=True, cwd=REPOSITORY, check=False, env=surroundings)
     assert done.returncode == 0, done.stderr

@@ -23,9 +23,7 @@ SEEN = {"gain": 500.0, "mass_mg": 1.0, "pressure_mpa": 0.0, "beyond": True}
 RIG = Rig(Discrepancy.TAPER, False, 1)
 
 
-def answer(
-    verdict: str, *names: str, confidence: float = 0.95, others: Sequence[str] = (), **more: Any
-) -> Answer:
+def answer(verdict: str, *names: str, confidence: float = 0.95, others: Sequence[str] = (), **more: Any) -> Answer:
     """An answer that names effects, each with a confidence and the effects it cannot be distinguished from."""
     claims = tuple({"id": n, "confidence": confidence, "indistinguishable_from": [*others]} for n in names)
     stated: dict[str, Any] = {"smallest": (), "amended_model": "", "core_seconds": 4.0, **more}
@@ -138,9 +136,7 @@ def answering(monkeypatch: pytest.MonkeyPatch, module: Any, parts: Parts) -> Non
         *(("seat_outflow", 0), ("line_pressure_sensor_lag", 3)),
     ],
 )
-def test_the_true_effect_in_force_closes_the_gap(
-    monkeypatch: pytest.MonkeyPatch, effect: str, number: int
-) -> None:
+def test_the_true_effect_in_force_closes_the_gap(monkeypatch: pytest.MonkeyPatch, effect: str, number: int) -> None:
     case = nominal_cases([effect], number + 1, [False], 1)[number]
     answering(monkeypatch, nominal, case.parts)
     noted_gaps: list[tuple[list[float], ...]] = []

@@ -52,9 +52,7 @@ def test_signals_change_while_the_fault_is_there(outcome: Outcome, name: str) ->
 def test_frames_change_from_the_fault_on_and_bear_right_check_sums(outcome: Outcome, name: str) -> None:
     bus = map_bus(load_bench())
     recording = recording_of(outcome)
-    frames = [
-        Sent(f.time, f.time, 0, f.payload) for f in Framer(bus).frames(recording, all_samples(recording))
-    ]
+    frames = [Sent(f.time, f.time, 0, f.payload) for f in Framer(bus).frames(recording, all_samples(recording))]
     changed = with_frame_fault(frames, placed(name), bus)
     assert [f for f in changed if f.time < BEGIN] == [f for f in frames if f.time < BEGIN]
     assert changed != frames
@@ -74,9 +72,7 @@ def test_scenarios_are_the_same_by_their_seed() -> None:
         scenario = drawn(task, TABLE, is_rich=False)
         assert scenario.placed == drawn(task, TABLE, is_rich=False).placed
         for placement in scenario.placed:
-            assert {key for keys in placement.stated.values() for key in keys} <= set(
-                SignalConfig.model_fields
-            )
+            assert {key for keys in placement.stated.values() for key in keys} <= set(SignalConfig.model_fields)
 
 
 def test_every_reason_that_may_be_true_is_one_of_the_observer() -> None:

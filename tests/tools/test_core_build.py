@@ -76,8 +76,7 @@ def test_a_stub_states_all_that_python_sees(source: Path) -> None:
     names = {
         name
         for name, value in vars(module).items()
-        if getattr(value, "__module__", None) == module.__name__
-        or isinstance(value, int | float | tuple | dict)
+        if getattr(value, "__module__", None) == module.__name__ or isinstance(value, int | float | tuple | dict)
     }
     stated = re.findall(r"^(?:def |class |)(\w+)[:(]", source.with_suffix(".pyi").read_text(), re.MULTILINE)
     assert set(stated) == {name for name in names if not name.startswith("_")}
@@ -174,9 +173,7 @@ def test_a_wheel_observes_in_an_environment_without_compiler(tmp_path: Path) -> 
     site = Path(run([str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]).strip())
     # What it depends on, as it is here; not the package itself, whose editable install a .pth file names.
     for folder in here.iterdir():
-        if not (
-            folder.name.startswith(("observer_rt", "_observer_rt", "_editable")) or folder.suffix == ".pth"
-        ):
+        if not (folder.name.startswith(("observer_rt", "_observer_rt", "_editable")) or folder.suffix == ".pth"):
             target = site / folder.name
             if not target.exists():
                 target.symlink_to(folder)

@@ -78,9 +78,7 @@ def test_a_signal_reaches_the_command_which_ends_in_its_own_way(number: signal.S
 def test_nothing_is_left_when_it_is_killed(tmp_path: Path) -> None:
     command = [sys.executable, str(VCAN), "bash", "-c", "echo ready; sleep 1000"]
     environment = os.environ | {"TMPDIR": str(tmp_path)}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
-    ) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
         process.kill()

@@ -117,9 +117,7 @@ def with_magnitudes(frame: pd.DataFrame) -> pd.DataFrame:
     theirs = f"{UKF}_errors_pct"
     if theirs in frame:
         for _, rows in frame[frame[theirs].notna()].groupby("class_name"):
-            ours, peer = (
-                pd.Series(rows[each].explode().dropna().abs(), dtype=float) for each in (ERRORS, theirs)
-            )
+            ours, peer = (pd.Series(rows[each].explode().dropna().abs(), dtype=float) for each in (ERRORS, theirs))
             worse = max(ours.median() / peer.median(), ours.max() / peer.max()) if len(ours) else None
             frame.loc[rows.index, "ukf_ratio"] = worse
     return frame
@@ -154,9 +152,7 @@ def accuracy(
         for number in range(cases or CASES)
     }
     frame = with_magnitudes(run_cases("accuracy", score_case, todo, jobs, out))
-    conclude(
-        frame, BARS, {"observer, from the fifth event on": table(frame, "class_name", COLUMNS)}, out, as_json
-    )
+    conclude(frame, BARS, {"observer, from the fifth event on": table(frame, "class_name", COLUMNS)}, out, as_json)
 
 
 def _on_worn_lines(cases: int, seed: int, jobs: int, out: Path, as_json: bool) -> None:
@@ -169,11 +165,7 @@ def _on_worn_lines(cases: int, seed: int, jobs: int, out: Path, as_json: bool) -
         if baseline is None or not baseline.adequate:
             left_out.append(f"{discrepancy}: left out, its fit is INADEQUATE")
             continue
-        todo |= {
-            f"{discrepancy} {seed} {number}": (discrepancy, seed, number, model) for number in range(cases)
-        }
+        todo |= {f"{discrepancy} {seed} {number}": (discrepancy, seed, number, model) for number in range(cases)}
     frame = with_magnitudes(run_cases("worn-lines", worn_lines.score_worn, todo, jobs, out))
-    tables = {
-        "worn injectors on fitted lines, from the fifth event on": table(frame, "class_name", WORN_COLUMNS)
-    }
+    tables = {"worn injectors on fitted lines, from the fifth event on": table(frame, "class_name", WORN_COLUMNS)}
     conclude(frame, WORN_BARS, tables, out, as_json, left_out)

@@ -170,10 +170,7 @@ def table(frame: pd.DataFrame, by: str, columns: Mapping[str, tuple[str, How]]) 
     groups = [*rows.groupby(by, sort=False), ("all", rows)] if len(rows) else []
     return pd.DataFrame(
         {
-            name: {
-                heading: summed_up(values_of(group, column), how)
-                for heading, (column, how) in columns.items()
-            }
+            name: {heading: summed_up(values_of(group, column), how) for heading, (column, how) in columns.items()}
             for name, group in groups
         }
     ).T.rename_axis(by)

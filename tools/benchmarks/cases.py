@@ -88,9 +88,7 @@ _INVENTED: dict[str, Draw] = {
         nozzle_lift_loss=rng.uniform(0.1, 0.4), seat_lift_scale=rng.uniform(20e-6, 80e-6)
     ),
     "lift_sensor_lag": lambda rng: Faults(lift_sensor_lag=rng.uniform(10e-6, 40e-6)),
-    "line_pressure_sensor_gain": lambda rng: Faults(
-        line_pressure_sensor_gain=rng.uniform(0.01, 0.03) * sign(rng)
-    ),
+    "line_pressure_sensor_gain": lambda rng: Faults(line_pressure_sensor_gain=rng.uniform(0.01, 0.03) * sign(rng)),
     "line_inertance": lambda rng: Faults(line_inertance=rng.uniform(0.1, 0.3) * sign(rng)),
     "sac_stiffness": lambda rng: Faults(sac_stiffness=rng.uniform(0.2, 0.5) * sign(rng)),
 }
@@ -103,9 +101,7 @@ _REST: dict[str, Draw] = {
 }
 """What the vocabulary has beside the classes of the bars."""
 
-_UNSEEN: dict[str, Draw] = {
-    "fuel_density": lambda rng: Faults(fuel_density=rng.uniform(0.02, 0.06) * sign(rng))
-}
+_UNSEEN: dict[str, Draw] = {"fuel_density": lambda rng: Faults(fuel_density=rng.uniform(0.02, 0.06) * sign(rng))}
 """In the vocabulary, but nothing in the pressures tells it: flows and 1/inertance scale together. Shown by itself."""
 
 _VOCABULARY = _SIZES | _MORE_SIZES | _LOOK_ALIKES | _REST
@@ -167,10 +163,7 @@ CLASSES: dict[str, FaultClass] = {
     **{name: FaultClass(Group.MAIN, draw) for name, draw in _SIZES.items()},
     **{name: FaultClass(Group.MIXED, draw) for name, draw in _MORE_SIZES.items()},
     "mixture": FaultClass(Group.MIXED, _two_of(_SIZES | _MORE_SIZES)),
-    **{
-        name: FaultClass(Group.LOOK_ALIKE, draw)
-        for name, draw in (_LOOK_ALIKES | _INVENTED | _UNSEEN).items()
-    },
+    **{name: FaultClass(Group.LOOK_ALIKE, draw) for name, draw in (_LOOK_ALIKES | _INVENTED | _UNSEEN).items()},
     "wave_healthy": FaultClass(Group.WAVE, _healthy, waves=True),
     "wave_worn": FaultClass(Group.WAVE, _wear, waves=True),
     **{name: FaultClass(Group.CHANGE, draw, jumps=True) for name, draw in _JUMPS.items()},

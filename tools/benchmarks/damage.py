@@ -162,9 +162,7 @@ def damage(
     """What becomes of damaged files of every format, kind by kind in turn."""
     names, out = kinds(), out or Path("build/damage")
     chosen = [(names[number % len(names)], seed, number) for number in range(cases)]
-    frame = run_cases(
-        "damage", convert_damaged, {" ".join(map(str, each)): each for each in chosen}, jobs, out
-    )
+    frame = run_cases("damage", convert_damaged, {" ".join(map(str, each)): each for each in chosen}, jobs, out)
     faults = frame[frame[Became.FAULT].eq(True)]
     said = [f"{row.label}: {row.said}" for row in faults.itertuples()]
     counts = table(frame, "kind", {str(each): (str(each), "sum") for each in Became})

@@ -114,9 +114,7 @@ def set_at_rest(x: Array, covariance: Array) -> None:
 
 
 @njit(cache=True, nogil=True)
-def unscented(
-    stream: Stream, m: Model, start: Start, shape: tuple[float, float, float], states: Array
-) -> bool:
+def unscented(stream: Stream, m: Model, start: Start, shape: tuple[float, float, float], states: Array) -> bool:
     """Joint unscented Kalman filter (van der Merwe's points; shape: alpha, beta, kappa) into `states` (n, 4).
 
     Returns False when the covariance stopped being one; the remaining states are not written.
@@ -196,9 +194,7 @@ def stream_of(measured: Signals, part: Injector) -> Stream:
     last_open = np.maximum.accumulate(np.where(opened, sample, -opened.size))
     shut_for = sample - last_open
     return Stream(
-        np.stack(
-            ((measured.rail_pressure - part.chamber_pressure) / PRESSURE_SCALE, area / AREA_SCALE), axis=1
-        ),
+        np.stack(((measured.rail_pressure - part.chamber_pressure) / PRESSURE_SCALE, area / AREA_SCALE), axis=1),
         (measured.line_pressure - part.chamber_pressure) / PRESSURE_SCALE,
         shut_for > SETTLED / interval,
         interval,

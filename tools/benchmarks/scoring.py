@@ -228,9 +228,7 @@ def estimate_of(
     """Of an estimator's rate [m3/s] at every sample, and of its normalised sac pressure if it has one."""
     off = (rate - outcome.truth.injection_rate) / MM3_PER_MS
     x3 = np.array(windows.mean_squares(np.full(rate.size, np.nan) if x3_error is None else x3_error))
-    return Estimate(
-        np.array(windows.opening_masses_mg(rate, density)), np.array(windows.mean_squares(off)), x3
-    )
+    return Estimate(np.array(windows.opening_masses_mg(rate, density)), np.array(windows.mean_squares(off)), x3)
 
 
 def bench_for_case(case: Case, model: Path | None = None) -> Bench:
@@ -268,9 +266,7 @@ def x3_of_rate(rate: Array, bench: Bench) -> Array:
     return root * np.abs(root)
 
 
-def _covered_samples(
-    error: Array, sigma: Array, windows: Windows
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _covered_samples(error: Array, sigma: Array, windows: Windows) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Samples with an open needle and a standard deviation, and of these those within 1.96 of it, event by event.
 
     error, sigma: of the rate at every sample, in one unit; sigma is nan where it is not available.
@@ -278,9 +274,7 @@ def _covered_samples(
     available = np.isfinite(sigma)
     covered = available & (np.abs(error) <= Z_95 * np.where(available, sigma, 0.0))
     available_of, covered_of = (
-        np.array(
-            [sum(int(np.sum(marked[windows.opened[i]])) for i in openings) for openings in windows.of_event]
-        )
+        np.array([sum(int(np.sum(marked[windows.opened[i]])) for i in openings) for openings in windows.of_event])
         for marked in (available, covered)
     )
     return available_of, covered_of

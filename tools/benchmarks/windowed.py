@@ -36,9 +36,7 @@ def evaluate_windowed(bench: Bench, recording: Recording) -> WindowedEvaluation:
     for span, part in zip(spans, history.evaluations, strict=True):
         trace[span.start : span.end] = part.trace
         by = span.start - part.first_index
-        reports += [
-            replace(r, start_index=r.start_index + by, end_index=r.end_index + by) for r in part.reports
-        ]
+        reports += [replace(r, start_index=r.start_index + by, end_index=r.end_index + by) for r in part.reports]
     return WindowedEvaluation(trace, tuple(reports))
 
 

@@ -101,10 +101,7 @@ def _sources_state() -> str:
     """What the modules beside the sources are made of: a line a file, each module among them."""
     times = [f"{path} {path.stat().st_mtime_ns}" for path in _sources()]
     existing = [
-        name + ending
-        for name in _module_names()
-        for ending in (SUFFIX, STUB)
-        if (CORE / (name + ending)).exists()
+        name + ending for name in _module_names() for ending in (SUFFIX, STUB) if (CORE / (name + ending)).exists()
     ]
     return "\n".join([_kind().folder, *times, *existing])
 

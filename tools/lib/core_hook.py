@@ -35,9 +35,7 @@ class CoreHook(BuildHookInterface):  # type: ignore[type-arg]
                     build_core.build_in_place()
             else:
                 built = build_core.build(build_core.Kind(f"core-{target or 'portable'}", target=target))
-                build_data["force_include"] |= {
-                    str(path): f"observer_rt/core/{name}" for name, path in built.items()
-                }
+                build_data["force_include"] |= {str(path): f"observer_rt/core/{name}" for name, path in built.items()}
         except build_core.CoreBuildError as error:
             sys.exit(f"observer-rt: {error}")
 

@@ -57,9 +57,7 @@ def obtain_ip() -> str:
             subprocess.run(command, stdin=subprocess.DEVNULL, stdout=2, check=False)
         program = ip_program()
     if program is None:
-        raise UnableError(
-            "the command `ip` is missing", "sudo apt-get update && sudo apt-get install -y iproute2"
-        )
+        raise UnableError("the command `ip` is missing", "sudo apt-get update && sudo apt-get install -y iproute2")
     return program
 
 

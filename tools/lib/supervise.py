@@ -26,9 +26,7 @@ WATCHER = 'read -r line || { kill -9 "-$1"; [ -z "$2" ] || rm -rf "$2"; }'
 def outlived_by_nothing(process: subprocess.Popen[bytes], folder: Path | None) -> Iterator[None]:
     """While the block runs: should this program be killed, the group of `process` and `folder` go with it."""
     words = ["sh", "-c", WATCHER, "sh", str(process.pid), str(folder or "")]
-    watcher = subprocess.Popen(
-        words, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
-    )
+    watcher = subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True)
     try:
         yield
     finally:

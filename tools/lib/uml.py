@@ -40,9 +40,7 @@ def memory_size_mib() -> int:
     """Size of the guest's memory: 3 GiB, or two thirds of the free memory where that is less."""
     size = min(WANTED_MIB, free_memory_mib() * 2 // 3)
     if size < LEAST_MIB:
-        raise UnableError(
-            f"user-mode Linux needs {LEAST_MIB * 3 // 2} MiB of free memory", "close other programs"
-        )
+        raise UnableError(f"user-mode Linux needs {LEAST_MIB * 3 // 2} MiB of free memory", "close other programs")
     return size
 
 
@@ -76,9 +74,7 @@ def run_in_uml(kernel: Kernel, command: list[str], timeout_s: float) -> int:
         def deliver(number: int) -> None:
             orders.sink.write(bytes([number]))
 
-        pumps = [
-            threading.Thread(target=pump, args=(p.source, n, deliver)) for p, n in ((out, 1), (errors, 2))
-        ]
+        pumps = [threading.Thread(target=pump, args=(p.source, n, deliver)) for p, n in ((out, 1), (errors, 2))]
         for thread in pumps:
             thread.start()
         killed = supervise(process, deliver, timeout_s, folder)

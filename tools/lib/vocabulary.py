@@ -23,9 +23,7 @@ SHORT_LIVED = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp, ast.La
 def places(path: Path) -> Iterator[tuple[int, str]]:
     """Line and word of every such name that a file defines, and of every such phrase in its docstrings."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    short_lived = {
-        id(inner) for node in ast.walk(tree) if isinstance(node, SHORT_LIVED) for inner in ast.walk(node)
-    }
+    short_lived = {id(inner) for node in ast.walk(tree) if isinstance(node, SHORT_LIVED) for inner in ast.walk(node)}
     for node in ast.walk(tree):
         line = getattr(node, "lineno", 1)
         if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef | ast.Module):

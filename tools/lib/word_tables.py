@@ -106,9 +106,7 @@ def database_with_words(text: str) -> str:
     text = database_with_signals(text)
     text = re.sub(rf'^VAL_ \d+ \w+ \d+ "{NO_VALUE}" ;\n', "", text, flags=re.MULTILINE)
     coded = re.findall(r'^BA_ "GenSigSNA" SG_ (\d+ \w+) (\d+);$', text, flags=re.MULTILINE)
-    text = (
-        text.rstrip("\n") + "\n" + "".join(f'VAL_ {signal} {code} "{NO_VALUE}" ;\n' for signal, code in coded)
-    )
+    text = text.rstrip("\n") + "\n" + "".join(f'VAL_ {signal} {code} "{NO_VALUE}" ;\n' for signal, code in coded)
     for name, members in (("State", State), ("Reason", Reason)):
         values = " ".join(f'{int(member)} "{named(member)}"' for member in members)
         text = re.sub(rf"^(VAL_ \d+ {name}) .*;$", rf"\1 {values} ;", text, flags=re.MULTILINE)

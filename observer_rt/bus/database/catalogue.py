@@ -31,9 +31,7 @@ _UNDEFINED = re.compile(r"uses (\S+), which it does not define")
 _IN_MESSAGE = re.compile(r"signals? (\w+).* in\s+message (\w+)")
 _MESSAGE = re.compile(r"message (\w+)\W*$")
 _OF_SIGNAL = re.compile(r"unused \w+ entries in DBC: (\w+ \d+ \w+)")
-_CONVERT = (
-    "make a DBC of it: `canconvert {} {}.dbc`, of canmatrix, reads ARXML, DBF, KCD, SYM, XLS and some FIBEX"
-)
+_CONVERT = "make a DBC of it: `canconvert {} {}.dbc`, of canmatrix, reads ARXML, DBF, KCD, SYM, XLS and some FIBEX"
 
 _EXTENDED = 1 << 31  # of an identifier in a DBC file
 _TEXT = r'"(?:\\.|[^"\\])*+"'
@@ -46,9 +44,7 @@ _SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
 _SIGNAL_VALUES = re.compile(
     rf"^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;", re.MULTILINE
 )
-_IDENTIFIED = re.compile(
-    rf"{_TEXT}|\b(BO_|SG_|VAL_|BO_TX_BU_|SIG_VALTYPE_|SIG_GROUP_|SG_MUL_VAL_)([ \t]+)(\d+)\b"
-)
+_IDENTIFIED = re.compile(rf"{_TEXT}|\b(BO_|SG_|VAL_|BO_TX_BU_|SIG_VALTYPE_|SIG_GROUP_|SG_MUL_VAL_)([ \t]+)(\d+)\b")
 
 
 def load_database(path: Path, lenient: bool = False) -> Database:
@@ -242,9 +238,7 @@ def repaired_dbc(text: str) -> tuple[str, tuple[str, ...]]:
             text = text.replace(match[0], "")
     if extended:
         text = _IDENTIFIED.sub(lambda match: _as_extended(match, extended), text)
-    defined = {
-        (match[1], signal) for match in _MESSAGE_LINES.finditer(text) for signal in _SIGNAL.findall(match[3])
-    }
+    defined = {(match[1], signal) for match in _MESSAGE_LINES.finditer(text) for signal in _SIGNAL.findall(match[3])}
     for match in list(_SIGNAL_VALUES.finditer(text)):
         if match.group(2, 3) not in defined:
             complaints.append(f"{match[1]}: there is no such signal, it is left out")

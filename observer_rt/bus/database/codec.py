@@ -247,9 +247,7 @@ def _field(signal: Signal) -> tuple[object, ...]:
 def are_exclusive(first: Conditions, second: Conditions) -> bool:
     """Whether no frame meets both."""
     return any(
-        mine.selector == yours.selector and not mine.values & yours.values
-        for mine in first
-        for yours in second
+        mine.selector == yours.selector and not mine.values & yours.values for mine in first for yours in second
     )
 
 
@@ -288,6 +286,4 @@ def compile_conditions(message: Message, conditions: Conditions) -> Selection:
     """Table of conditions for `is_selected`, selectors counted from 0."""
     in_order = sorted(conditions, key=lambda condition: condition.selector)
     rows = [(n, value) for n, condition in enumerate(in_order) for value in sorted(condition.values)]
-    return Selection(
-        signal_table(message, [condition.selector for condition in in_order]), np.array(rows, CONDITION)
-    )
+    return Selection(signal_table(message, [condition.selector for condition in in_order]), np.array(rows, CONDITION))

@@ -246,9 +246,7 @@ def _expand(pattern: str, names: Sequence[str], location: str) -> tuple[str, ...
         ) from None
     present = [number for number, name in enumerate(produced) if name in names]
     if not present or present[0] > 1:
-        raise UserError(
-            location, f"has no signal {produced[0]} (from {pattern!r})", _nearest(produced[0], names)
-        )
+        raise UserError(location, f"has no signal {produced[0]} (from {pattern!r})", _nearest(produced[0], names))
     missing = sorted(set(range(present[0], present[-1])) - set(present))
     if missing:
         raise UserError(
@@ -266,9 +264,7 @@ def _nearest(name: str, names: Sequence[str]) -> str:
     return f"there are: {', '.join(names)}" if names else "it has none at all: give another database"
 
 
-def from_unit(
-    location: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]
-) -> float:
+def from_unit(location: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]) -> float:
     """Factor from a signal's unit to SI, by `unit` of the bench file, or else as the database states it.
 
     Raises `UserError` naming `location` of the bench file for a unit that is neither in `units` nor a number of one.
@@ -277,9 +273,7 @@ def from_unit(
     factor = factor_of(stated, units)
     if factor is None:
         name = next(iter(units))
-        raise unknown_unit(
-            location, message, stated, unit, units, f', or a number of them ("98066.5 {name}")'
-        )
+        raise unknown_unit(location, message, stated, unit, units, f', or a number of them ("98066.5 {name}")')
     return factor
 
 
@@ -298,7 +292,5 @@ def unknown_unit(
     choices = f"one of {', '.join(units)}{others}"
     if own:
         return UserError(f"{location}.unit", f"{own!r} is no unit of this quantity", f"write {choices}")
-    problem = (
-        f"unit {stated!r} of {message.name} is not known" if stated else f"{message.name} states no unit"
-    )
+    problem = f"unit {stated!r} of {message.name} is not known" if stated else f"{message.name} states no unit"
     return UserError(location, problem, f'add unit = "..." with {choices}')

@@ -171,9 +171,7 @@ class Link(Protocol):
         """
 
     @abstractmethod
-    def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
-    ) -> None:
+    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED) -> None:
         """Send one data frame, `flags` if a CAN FD frame. Waits a moment for a full queue.
 
         A controller may set the error state indicator by itself.

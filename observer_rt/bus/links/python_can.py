@@ -86,8 +86,7 @@ class PythonCanLink(Link):
                 message = self._bus.recv(max(0.0, deadline - time.monotonic()))
             except (can.CanError, OSError) as error:
                 raise LinkDownError(
-                    f"{self._name} failed while receiving: {error}\n"
-                    "  remedy: check that the device is connected"
+                    f"{self._name} failed while receiving: {error}\n  remedy: check that the device is connected"
                 ) from error
             if message is None:
                 return None
@@ -112,9 +111,7 @@ class PythonCanLink(Link):
                     message.is_fd and message.error_state_indicator,
                 )
 
-    def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
-    ) -> None:
+    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED) -> None:
         try:
             self._send(frame_id, payload, is_extended, is_fd, flags, SEND_TIMEOUT_S)
         except (can.CanError, OSError) as error:

@@ -146,9 +146,7 @@ class SocketCanLink(Link):
         try:
             self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         except OSError as error:
-            raise RunError(
-                f"the kernel offers no SocketCAN: {error.strerror}\n  remedy: {NO_SOCKETCAN}"
-            ) from error
+            raise RunError(f"the kernel offers no SocketCAN: {error.strerror}\n  remedy: {NO_SOCKETCAN}") from error
         try:
             self._configure()
         except OSError as error:
@@ -261,9 +259,7 @@ class SocketCanLink(Link):
         """Take the content of an error frame into the condition."""
         self._condition = after_error_frame(self._condition, identifier, data)
 
-    def send(
-        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
-    ) -> None:
+    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED) -> None:
         deadline = time.monotonic() + SEND_PATIENCE_S
         bits = BIT_RATE_SWITCH * flags.bit_rate_switch | ERROR_STATE * flags.error_state_indicator
         frame = self._packed(frame_id, payload, is_extended, is_fd, bits)

@@ -188,9 +188,7 @@ def _map_inputs(
             layout = protected_layout(*source)
         layouts.append(layout)
         row = frame_row(layout)
-        streams += [
-            (source, together) for together in _map_message(fitted, source.message, roles, row, tables)
-        ]
+        streams += [(source, together) for together in _map_message(fitted, source.message, roles, row, tables)]
     timing = map_timing(
         fitted,
         [(source.message, roles) for source, roles in streams],
@@ -327,8 +325,6 @@ def _step(signal: np.void, value: float) -> float:
     kind = int(signal["kind"])
     if kind not in _FLOAT_TYPES:
         return scale
-    raw = np.clip(
-        (value - float(signal["offset"])) / float(signal["scale"]), signal["lowest"], signal["highest"]
-    )
+    raw = np.clip((value - float(signal["offset"])) / float(signal["scale"]), signal["lowest"], signal["highest"])
     with np.errstate(over="ignore"):  # nothing lies beyond the largest number
         return scale * abs(float(np.spacing(np.asarray(raw, _FLOAT_TYPES[kind]))))

@@ -79,9 +79,7 @@ class SlowSignal(OptionalInput):
         """Lowest and highest value [SI] the signal can have."""
         signal = self.table[0]
         limits = [
-            float(
-                (signal[name] * signal["scale"] + signal["offset"]) * self.row["factor"] + self.row["origin"]
-            )
+            float((signal[name] * signal["scale"] + signal["offset"]) * self.row["factor"] + self.row["origin"])
             for name in ("lowest", "highest")
         ]
         return min(limits), max(limits)
@@ -223,9 +221,7 @@ def _energizing(
     """Compile the mapping; link: its bus; grid: `timing.TIMING` of the line pressure's message."""
     location = fitted.location("signals.energizing")
     roles = map(fitted.config.signals.of, Role)
-    companions = [
-        mapping for mapping in roles if mapping.message == message.name
-    ]  # roles that it carries too
+    companions = [mapping for mapping in roles if mapping.message == message.name]  # roles that it carries too
     with named(location):
         names = signal_names(message, config.names)
         groups = sample_groups(message, names)

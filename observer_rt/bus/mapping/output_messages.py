@@ -89,9 +89,7 @@ def output_message(message: Message, signals: Sequence[str], bus: int = 0) -> Ou
         held = frozenset(Condition(selector, frozenset({value})) for selector, value in kind.items())
         places = np.array([signals.index(name) for name in names], np.int64)
         selection = compile_conditions(message, held)
-        pages.append(
-            OutputPage(names, signal_table(message, names), blank_frame(message, kind), places, selection)
-        )
+        pages.append(OutputPage(names, signal_table(message, names), blank_frame(message, kind), places, selection))
     return OutputMessage(protected_layout(message, bus), tuple(pages))
 
 

@@ -153,9 +153,7 @@ def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]
         return None
     location = _location(fitted, roles, "counter")
     if counter not in names:
-        raise UserError(
-            location, f"message {message.name} has no signal {counter!r}", "name the one that counts"
-        )
+        raise UserError(location, f"message {message.name} has no signal {counter!r}", "name the one that counts")
     signal = find_signal(message, counter)
     if (signal.is_signed, signal.scale, signal.offset) != (False, 1, 0) or signal.length > LONGEST_COUNTER:
         raise UserError(
@@ -250,9 +248,7 @@ def _steps(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> in
     return round(ratio)
 
 
-def _set_hold(
-    fitted: BenchInjector, message: Message, roles: Sequence[Role], samples: int, row: np.void
-) -> None:
+def _set_hold(fitted: BenchInjector, message: Message, roles: Sequence[Role], samples: int, row: np.void) -> None:
     stated = _agreed(fitted, message, roles, "max_hold_ms")
     cycle = samples * float(row["interval"])
     location = _location(fitted, roles, "max_hold_ms")
@@ -274,9 +270,7 @@ def _set_hold(
             location if stated is not None else _location(fitted, roles, "rate_hz"),
             f"samples would have to wait {hold / MILLISECOND:g} ms for it, at most {longest / MILLISECOND:.3g} are "
             f"possible at {fitted.config.sampling.rate_hz:g} Hz",
-            "state a shorter max_hold_ms"
-            if cycle <= longest
-            else "a faster signal of the rail pressure is needed",
+            "state a shorter max_hold_ms" if cycle <= longest else "a faster signal of the rail pressure is needed",
         )
     row["hold"] = hold
 
@@ -289,9 +283,7 @@ def _location(fitted: BenchInjector, roles: Sequence[Role], key: str) -> str:
 
 def _agreed(fitted: BenchInjector, message: Message, roles: Sequence[Role], key: str) -> Any:
     """The value of a key that the roles of a message have in common, None where none of them states it."""
-    stated = {
-        role: value for role in roles if (value := getattr(fitted.config.signals.of(role), key)) is not None
-    }
+    stated = {role: value for role in roles if (value := getattr(fitted.config.signals.of(role), key)) is not None}
     first = next(iter(stated), None)
     for role, value in stated.items():
         if first is not None and value != stated[first]:

@@ -103,9 +103,7 @@ def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> It
     try:
         knowledge = load_knowledge(path, fitted.parameters, set_aside=False).knowledge
     except StateDoesNotFitError as error:
-        remedy = (
-            "`run` would set it aside and begin anew: name the model file it belongs to, or another state"
-        )
+        remedy = "`run` would set it aside and begin anew: name the model file it belongs to, or another state"
         yield False, f"{error.location} {error.problem}", remedy
         return
     if knowledge is None:

@@ -202,9 +202,7 @@ def expected_load(bench: Bench, mapped: BenchMap, number: int = 0) -> BusLoad:
 def _traffic(bench: Bench, mapped: BenchMap) -> Iterator[tuple[MessageLayout, float, float]]:
     """Every message with its frames a second: of a continuous source, and with only `WINDOW` for each injection."""
     sources = ((bus, number) for bus in mapped.injectors for number in range(len(bus.input_layouts)))
-    by_frame = {
-        bus.input_layouts[number].key: (bus, number) for bus, number in sources
-    }  # a shared one counts once
+    by_frame = {bus.input_layouts[number].key: (bus, number) for bus, number in sources}  # a shared one counts once
     for bus, number in by_frame.values():
         message, layout = bus.inputs.messages[number], bus.input_layouts[number]
         rate = 1 / float(message_timing(bus, number)["interval"])

@@ -108,7 +108,6 @@ def as_json_document(findings: Sequence[Finding]) -> dict[str, Any]:
         "warnings": sum(finding.level is Level.WARNING for finding in findings),
         "errors": sum(finding.level is Level.ERROR for finding in findings),
         "findings": [
-            {"topic": finding.topic, "level": str(finding.level), "text": finding.text}
-            for finding in findings
+            {"topic": finding.topic, "level": str(finding.level), "text": finding.text} for finding in findings
         ],
     }

@@ -145,9 +145,7 @@ def _protection(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
     protected = [layout for layout in bus.received if layout.e2e_profile is not None]
     bare = [bus.name_of(layout) for layout in bus.received if layout.e2e_profile is None]
     if protected:
-        named = ", ".join(
-            f"{bus.name_of(layout)} by E2E profile {layout.e2e_profile}" for layout in protected
-        )
+        named = ", ".join(f"{bus.name_of(layout)} by E2E profile {layout.e2e_profile}" for layout in protected)
         errors = f"more than {limits.valid_max_errors} wrong of {limits.window} frames"
         yield f"{named}; INVALID, and not taken, after {errors}"
     if bare:
@@ -165,9 +163,7 @@ def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
     noise: float = getattr(configured_noise(fitted), role.value)
     units = LENGTH_UNITS if is_lift else PRESSURE_UNITS
     code = role_factor(bus, role)
-    coded = next(
-        (name for name, known in units.items() if known == code), f"units of {code:g} {next(iter(units))}"
-    )
+    coded = next((name for name, known in units.items() if known == code), f"units of {code:g} {next(iter(units))}")
     samples, frames = int(message["samples"]), int(message["kind_count"])
     division = "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
     if frames > 1:
@@ -209,9 +205,7 @@ def _is_another(period: int | None, expected: float) -> bool:
     return period is not None and abs(period - expected) > PERIOD_TOLERANCE
 
 
-def _periods(
-    layout: MessageLayout, samples: int, frames: int, expected: float
-) -> Iterator[tuple[bool, str, str]]:
+def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) -> Iterator[tuple[bool, str, str]]:
     """Compares the time between samples [ns] in the database with `expected`, that of the bench file.
 
     samples: of every role that `frames` frames together carry.
@@ -255,9 +249,7 @@ def _joined(timing: np.void) -> str:
     if joining is Joining.RATIO:
         return f", every {timing['steps']}th sample; held at most {timing['hold'] / MILLISECOND:g} ms"
     if joining is Joining.NEAREST:
-        return (
-            f", nearest sample of the same time base; stamps {timing['delay'] / MICROSECOND:.4g} us after it"
-        )
+        return f", nearest sample of the same time base; stamps {timing['delay'] / MICROSECOND:.4g} us after it"
     if joining is Joining.CLOCK:
         held = f", held at most {timing['hold'] / MILLISECOND:g} ms" if timing["steps"] > 1 else ""
         return f"; by its clock, stamps {timing['delay'] / MICROSECOND:.4g} us after the last sample{held}"

@@ -50,9 +50,7 @@ def real_time_findings(host: Host) -> Iterator[Said]:
     yield may, "memory is locked" if may else "memory may not be locked", f"{here} --memlock=unlimited"
     text = "swap in use, which can stop the loop for long" if host.swap_in_use else "no swap"
     yield not host.swap_in_use, text, "sudo swapoff --all"
-    remedy = (
-        f"loop and learning want {PROCESSORS}: taskset --cpu-list 0-{PROCESSORS - 1} COMMAND, where there are"
-    )
+    remedy = f"loop and learning want {PROCESSORS}: taskset --cpu-list 0-{PROCESSORS - 1} COMMAND, where there are"
     yield host.processors >= PROCESSORS, f"{host.processors} processor(s)", remedy
     yield not host.loops.trouble, host.loops.trouble or host.loops.as_text(), REMEDY
 

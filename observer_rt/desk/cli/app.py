@@ -50,18 +50,14 @@ class WordedCommand(TyperCommand):
 def _reword(parameter: Any) -> None:
     """Replace what typer says of the type of an option, or of an argument, whose name says enough."""
     of_type, is_argument = parameter.display_type, isinstance(parameter, TyperArgument)
-    parameter.display_type = lambda context: (
-        "" if is_argument else NAMES.get(of_type(context), of_type(context))
-    )
+    parameter.display_type = lambda context: "" if is_argument else NAMES.get(of_type(context), of_type(context))
 
 
 def main() -> None:
     """Entry point of `observer-rt`."""
     try:
         try:
-            asked = next(
-                (word for word in sys.argv[1:2] if any(word in each for each in COMMANDS.values())), ""
-            )
+            asked = next((word for word in sys.argv[1:2] if any(word in each for each in COMMANDS.values())), "")
             exit_code = app_of(asked)(standalone_mode=False)
         finally:
             _flush_messages()
@@ -100,9 +96,7 @@ def _worded(error: Any) -> UserError:
     called = error.ctx.info_name if error.ctx is not None and error.ctx.parent is not None else ""
     command = f"observer-rt {called}".strip()
     message = error.format_message().rstrip(".")
-    return UserError(
-        called or "command line", message[:1].lower() + message[1:], f"`{command} -h` explains it"
-    )
+    return UserError(called or "command line", message[:1].lower() + message[1:], f"`{command} -h` explains it")
 
 
 def _flush_messages() -> None:
@@ -182,8 +176,7 @@ def app_of(only: str = "") -> typer.Typer:
         pretty_exceptions_enable=False,
         rich_markup_mode=None,  # units in brackets are not markup
         help="Estimates the injection rate of a common-rail injector in real time, from CAN back onto CAN.",
-        epilog="Every command has help: -h. Results go to stdout, progress and errors to stderr.\n\n"
-        + EXIT_CODES,
+        epilog="Every command has help: -h. Results go to stdout, progress and errors to stderr.\n\n" + EXIT_CODES,
     )
     app.callback()(_root)
     for heading, commands in COMMANDS.items():

@@ -35,11 +35,7 @@ def with_options(work: Callable[[Any], None]) -> Callable[..., None]:
     @wraps(work)
     def command(**values: Any) -> None:
         stated = {name: value for name, value in values.items() if value is not None}
-        work(
-            kind(
-                **{name: tuple(value) if isinstance(value, list) else value for name, value in stated.items()}
-            )
-        )
+        work(kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in stated.items()}))
 
     command.__dict__["__signature__"] = Signature(parameters)
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}

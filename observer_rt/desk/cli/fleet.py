@@ -24,9 +24,7 @@ class BatchOptions:
     ]
     out: Annotated[
         Path,
-        Option(
-            "Folder for the tables (Parquet); recordings that are in them are not evaluated again.", "DIR"
-        ),
+        Option("Folder for the tables (Parquet); recordings that are in them are not evaluated again.", "DIR"),
     ]
     bench: shared.BenchFile = EXAMPLE_BENCH
     model: shared.Model = None
@@ -38,9 +36,7 @@ class BatchOptions:
     scheduler: Annotated[
         str | None, Option("Address of a Dask scheduler (default: workers on this computer).", "ADDRESS")
     ] = None
-    workers: Annotated[
-        int | None, Option("Processes on this computer (default: one per CPU).", minimum=1)
-    ] = None
+    workers: Annotated[int | None, Option("Processes on this computer (default: one per CPU).", minimum=1)] = None
     state: shared.State = None
     no_learning: Annotated[bool, Option("Judge injections without learning from them.")] = False
     json: shared.Json = False
@@ -84,9 +80,7 @@ class TrendOptions:
     ] = ()
     time_from: Annotated[
         str | None,
-        Option(
-            "Regular expression whose first group finds date and time of a recording in its path.", "PATTERN"
-        ),
+        Option("Regular expression whose first group finds date and time of a recording in its path.", "PATTERN"),
     ] = None
     plot: Annotated[Path | None, Option("Figure (png, svg, pdf): courses of the most worn injectors.")] = None
     force: shared.Force = False

@@ -35,9 +35,7 @@ class DemoOptions:
     injections: Annotated[int, Option("Number of injections.", minimum=3, maximum=100)] = 12
     speed: Annotated[float, Option("Replay speed, 1 = real time.", minimum=0.01, maximum=1.0)] = 0.1
     seed: Annotated[int, Option("Seed of the measurement noise.", minimum=0)] = 1
-    figure: Annotated[Path, Option("Where to write the picture (png, svg, pdf).")] = Path(
-        "observer_rt_demo.png"
-    )
+    figure: Annotated[Path, Option("Where to write the picture (png, svg, pdf).")] = Path("observer_rt_demo.png")
     missing_effect: Annotated[
         bool,
         Option(
@@ -45,9 +43,7 @@ class DemoOptions:
             "missing is found and taken over, and injections are valid again."
         ),
     ] = False
-    outside: Annotated[bool, Option("With --missing-effect: one that is in no vocabulary, but a law.")] = (
-        False
-    )
+    outside: Annotated[bool, Option("With --missing-effect: one that is in no vocabulary, but a law.")] = False
     out: Annotated[
         Path,
         Option("With --missing-effect: folder of bench, evidence and report, new or empty.", "DIR"),
@@ -133,9 +129,7 @@ class CheckOptions:
     state: Annotated[Path | None, Option("Learned state to check: can it be used?")] = None
     log: Annotated[Path | None, Option("CAN log to check: losses, jitter, noise.")] = None
     from_channel: shared.FromChannel = ()
-    recording: Annotated[Path | None, Option("Recording to check: columns, units, rate, gaps, ranges.")] = (
-        None
-    )
+    recording: Annotated[Path | None, Option("Recording to check: columns, units, rate, gaps, ranges.")] = None
     injector: Injector = None
     json: shared.Json = False
 
@@ -191,16 +185,12 @@ def monitor(options: MonitorOptions) -> None:
 class TakeOverOptions:
     """Options of the command."""
 
-    amended: Annotated[Path | None, Argument("Amended injector file that `discover` wrote.", "AMENDED")] = (
-        None
-    )
+    amended: Annotated[Path | None, Argument("Amended injector file that `discover` wrote.", "AMENDED")] = None
     bench: Annotated[
         Path | None,
         Option("Bench file that is to name it."),
     ] = None
-    undo: Annotated[bool, Option("Instead: have the bench file name what it named before the last step.")] = (
-        False
-    )
+    undo: Annotated[bool, Option("Instead: have the bench file name what it named before the last step.")] = False
     accept_changes: Annotated[
         bool,
         Option("Take it over although it also changes parameters that the file in force states otherwise."),

@@ -68,9 +68,7 @@ def replay(options: ReplayOptions) -> None:
         source = player.log_source(chosen, recording, options.from_channel, messages)
     else:
         if options.from_channel:
-            raise UserError(
-                "--from-channel", f"{recording} is no CAN log: it has no channels", "leave it out"
-            )
+            raise UserError("--from-channel", f"{recording} is no CAN log: it has no channels", "leave it out")
         source = player.recording_source(chosen, recording, options.windowed, messages)
     with stop_on_signals() as stopped, ExitStack() as stack:
         if not options.force:
@@ -109,15 +107,10 @@ def record(options: RecordOptions) -> None:
     buses = _with_links(load_bench(options.bench), options).config.buses
     check_recording_path(options.out, options.force)
     channels = [bus.config.channel for bus in buses]
-    names = [
-        bus.name if channels.count(bus.config.channel) > 1 and bus.name else bus.config.channel
-        for bus in buses
-    ]
+    names = [bus.name if channels.count(bus.config.channel) > 1 and bus.name else bus.config.channel for bus in buses]
     with stop_on_signals() as stop, ExitStack() as stack, messages.status("waiting for frames") as status:
         links = {
-            name: stack.enter_context(
-                open_link(link.interface, link.channel, link.fd, computer_time=len(buses) > 1)
-            )
+            name: stack.enter_context(open_link(link.interface, link.channel, link.fd, computer_time=len(buses) > 1))
             for name, link in zip(names, (bus.config for bus in buses), strict=True)
         }
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")

@@ -40,17 +40,13 @@ class FitOptions(ModelOptions):
     """Options of the command."""
 
     recordings: Recordings
-    model: Annotated[
-        Path, Option("Injector file to start from: geometry right, the rest within a factor of two.")
-    ]
+    model: Annotated[Path, Option("Injector file to start from: geometry right, the rest within a factor of two.")]
     output: Annotated[Path, Option("Fitted injector file to write.")]
     mass: Annotated[
         Path | None,
         Option("Measured mean masses (CSV: recording,mass_mg[,sigma_mg]), which fix the absolute level."),
     ] = None
-    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase.")] = (
-        None
-    )
+    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase.")] = None
     force: shared.Force = False
 
 
@@ -72,17 +68,13 @@ def fit(options: FitOptions) -> None:
     decoder = options.decoder(model)
     start, source = load_injector(model), InjectorFile.read(model)
     if output.resolve() == model.resolve():
-        raise UserError(
-            f"--output {output}", "is the model that is fitted", "name another file, to compare the two"
-        )
+        raise UserError(f"--output {output}", "is the model that is fitted", "name another file, to compare the two")
     for name, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
         if path is not None:
             check_output(name, path, options.force, suffixes=suffixes)
     paths = reading.without_copies(without_truths(options.recordings, messages), messages)
     read = partial(open_source, bench=decoder, from_channels=options.from_channel, console=messages)
-    most = (
-        MOST_SAMPLES if options.mass is None else sys.maxsize
-    )  # whole: a mass is the mean of all injections
+    most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: a mass is the mean of all injections
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
     recordings = reading.read_measured(paths, read, messages, most, stated)
     reading.refuse_rates_missing([one.recording for one in recordings])
@@ -119,9 +111,7 @@ class DiscoverOptions(ModelOptions):
     recordings: Recordings = ()
     from_evidence: Annotated[
         Path | None,
-        Option(
-            "Instead of recordings: folder of events that `run` kept, [evidence] in the bench file.", "DIR"
-        ),
+        Option("Instead of recordings: folder of events that `run` kept, [evidence] in the bench file.", "DIR"),
     ] = None
     model: Annotated[
         Path | None,
@@ -168,9 +158,7 @@ def discover(options: DiscoverOptions) -> None:
     if options.from_evidence is not None:
         inputs = inputs_of_evidence(options.from_evidence, options.model, decoder, messages)
     else:
-        inputs = inputs_of_recordings(
-            recordings, healthy, options.model, decoder, options.from_channel, messages
-        )
+        inputs = inputs_of_recordings(recordings, healthy, options.model, decoder, options.from_channel, messages)
     folder.check_answer_folder(out, inputs.model, options.force)
     amendable = InjectorFile.read(inputs.model)
     task = discovery.DiscoveryTask(

@@ -27,18 +27,16 @@ class SimulateOptions:
         Path,
         Option(f"Recording to write ({SIGNALS})."),
     ]
-    rail_pressure: Annotated[
-        str, Option("Rail pressures [MPa], separated by commas; events take them in turn.")
-    ] = "100"
+    rail_pressure: Annotated[str, Option("Rail pressures [MPa], separated by commas; events take them in turn.")] = (
+        "100"
+    )
     energizing_time: Annotated[
         str, Option("Energizing times [ms], separated by commas; events take them in turn.")
     ] = "1.9"
     injections: Annotated[int, Option("Number of events.", minimum=1)] = 10
     period: Annotated[float, Option("Time from event to event [ms].", minimum=1.0)] = 60.0
     sample_rate: Annotated[float, Option("Samples a second [Hz].", minimum=1.0)] = 100e3
-    shots: Annotated[
-        str | None, Option("Shots of every event as duration@offset [ms], e.g. 0.3@-1.5,1.0@0.")
-    ] = None
+    shots: Annotated[str | None, Option("Shots of every event as duration@offset [ms], e.g. 0.3@-1.5,1.0@0.")] = None
     effect: Annotated[
         tuple[str, ...],
         Option(

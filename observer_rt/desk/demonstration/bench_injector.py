@@ -139,9 +139,7 @@ def _rates(
     """Rates of p_L, Q_L and p_S [1/s], each over its scale."""
     line, flow, sac = (x * _SCALES).tolist()
     lift = operation.lift(time)
-    seat_area = (
-        math.pi * lift * math.sin(HALF_CONE) * (SEAT_DIAMETER - 0.5 * lift * math.sin(2.0 * HALF_CONE))
-    )
+    seat_area = math.pi * lift * math.sin(HALF_CONE) * (SEAT_DIAMETER - 0.5 * lift * math.sin(2.0 * HALF_CONE))
     seat = SEAT_FLOW * seat_area * _velocity(line - sac)  # (21)
     nozzle = _nozzle_flow(sac, departure)
     lost = 1e6 * departure.loss(flow * 1e6)
@@ -172,8 +170,6 @@ def _travelled(time: float) -> float:
     return time - 0.5 * ACCELERATION_TIME
 
 
-def _coded(
-    values: NDArray[np.float64], sigma: float, code: float, noise: np.random.Generator
-) -> NDArray[np.float64]:
+def _coded(values: NDArray[np.float64], sigma: float, code: float, noise: np.random.Generator) -> NDArray[np.float64]:
     """Values (n,) as a sensor shows them, in codes of the bus."""
     return np.asarray(np.rint((values + noise.normal(0.0, sigma, values.size)) / code) * code)

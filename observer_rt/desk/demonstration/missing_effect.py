@@ -70,9 +70,7 @@ def _drawn_effect(drawn: random.Random, kind: int) -> HiddenEffect:
         return HiddenEffect(Departure(stiffening=n), f"a bulk modulus that rises with pressure, n = {n:.1f}")
     if kind == 1:
         g = drawn.choice((-1.0, 1.0)) * drawn.uniform(0.012, 0.03)
-        return HiddenEffect(
-            Departure(rail_gain=g), f"a rail pressure sensor whose gain is {100 * g:+.1f} % off"
-        )
+        return HiddenEffect(Departure(rail_gain=g), f"a rail pressure sensor whose gain is {100 * g:+.1f} % off")
     x_0 = drawn.uniform(7.0, 12.0)
     return HiddenEffect(Departure(hidden_lift=x_0 * 1e-6), f"a needle lift recorded {x_0:.1f} um too low")
 
@@ -157,9 +155,7 @@ class EffectDemo:
         self._wait_for("ready", 1)
         with open_link(link.interface, link.channel, link.fd, []) as player:
             self._send(bench, scenes[0].recording, player)
-            self.say(
-                "asking the events it refused what is missing (observer-rt discover --from-evidence) ..."
-            )
+            self.say("asking the events it refused what is missing (observer-rt discover --from-evidence) ...")
             amended = self._discover()
             if amended is None:
                 raise RunError("no effect was found that may be taken over; see the report in the folder")
@@ -189,9 +185,7 @@ class EffectDemo:
         evidence = str(self.folder / "evidence")
         command = [sys.executable, "-m", "observer_rt", "discover", "--from-evidence", evidence]
         command += ["--out", str(folder), "--accept-term", "1", "--force"]
-        asked = subprocess.run(
-            command, capture_output=True, text=True, check=False, preexec_fn=lambda: os.nice(NICE)
-        )
+        asked = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=lambda: os.nice(NICE))
         if asked.returncode:
             raise RunError(f"`observer-rt discover` failed:\n{asked.stderr}")
         amended = folder / AMENDED
@@ -256,9 +250,7 @@ def write_loop_figure(result: LoopResult, path: Path) -> None:
         xycoords=("data", "axes fraction"),
         textcoords="offset points",
     )
-    masses.set(
-        xlabel="injection", ylabel="error of the injected mass [%]", title=f"hidden: {result.hidden.words}"
-    )
+    masses.set(xlabel="injection", ylabel="error of the injected mass [%]", title=f"hidden: {result.hidden.words}")
     masses.legend(loc="upper right")
     masses.margins(y=0.15)
     line = result.findings["gap"]["line_pressure"]

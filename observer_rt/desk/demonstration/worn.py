@@ -66,8 +66,7 @@ def mass_table(result: DemoResult) -> Table:
 def _cells(row: "MassRow") -> Sequence[str]:
     true = row.reference or math.nan
     masses = (
-        (f"{mass / MILLIGRAM:.2f}", f"{100 * (mass / true - 1):+.2f} %")
-        for mass in (row.nominal, row.estimated)
+        (f"{mass / MILLIGRAM:.2f}", f"{100 * (mass / true - 1):+.2f} %") for mass in (row.nominal, row.estimated)
     )
     return (
         str(row.number),
@@ -178,9 +177,7 @@ def write_figure(result: DemoResult, wear: float, path: Path) -> None:
     """The demonstration's picture."""
     from observer_rt.desk.evaluation.figures import Picture, plot_injections
 
-    title = (
-        f"Injection rate over CAN of an injector with worn nozzle (v_H = {wear:+.2f}): model, observer, truth"
-    )
+    title = f"Injection rate over CAN of an injector with worn nozzle (v_H = {wear:+.2f}): model, observer, truth"
     plot_injections(path, [Picture(title, result.curves, result.masses)], "true")
 
 

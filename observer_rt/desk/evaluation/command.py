@@ -68,9 +68,7 @@ def _refuse_early(paths: Sequence[Path], options: EvaluateOptions) -> None:
     if twice := [trace.name for trace in traces if traces.count(trace) > 1]:
         raise UserError(location, f"{twice[0]} would be written twice", "rename the recordings")
     if len(paths) > 1 and options.save_state is not None and not options.chain:
-        raise UserError(
-            "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
-        )
+        raise UserError("--save-state", "needs one history, but the recordings are evaluated apart", "add --chain")
     _check_destinations(paths, options)
 
 

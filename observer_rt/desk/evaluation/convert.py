@@ -84,9 +84,7 @@ def _signals(
                     write(chunk)
                     done += chunk.samples
                     progress(done)
-    origin = (
-        f", from sample index {stream.logged[0].first_index} on" if isinstance(stream, LoggedSignals) else ""
-    )
+    origin = f", from sample index {stream.logged[0].first_index} on" if isinstance(stream, LoggedSignals) else ""
     names = f"{targets[0]}" + (f" to {targets[-1].name}" if len(targets) > 1 else "")
     return f"{names}: {stream.samples} samples at {stream.sample_rate:g} Hz{origin}"
 
@@ -94,9 +92,7 @@ def _signals(
 def _numbered(target: Path, stretches: int, force: bool) -> list[Path]:
     if stretches == 1:
         return [target]
-    targets = [
-        target.with_name(f"{target.stem}_{number:04d}{target.suffix}") for number in range(1, stretches + 1)
-    ]
+    targets = [target.with_name(f"{target.stem}_{number:04d}{target.suffix}") for number in range(1, stretches + 1)]
     for file_target in targets:
         check_output("OUT", file_target, force)
     return targets

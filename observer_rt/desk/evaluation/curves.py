@@ -58,9 +58,7 @@ def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:
     return list(chosen) or [ordered[place] for place in places]
 
 
-def rate_curves(
-    report: InjectionReport, samples: InjectionSamples, c: Coefficients, has_rate: bool
-) -> RateCurves:
+def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficients, has_rate: bool) -> RateCurves:
     """Curves of an injection, as far as its samples are remembered; has_rate: measured."""
     trace = trace_of(samples.trace.copy())
     line_pressure, modelled = (

@@ -165,18 +165,14 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
         Line2D([], [], color=own if len(recordings) == 1 else REFERENCE, ls=style, label=name)
         for name, own, style in WEAR.values()
     ]
-    axes.legend(
-        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False, ncols=2
-    )
+    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False, ncols=2)
     axes.set(xlabel="injection", ylabel="learned change,\n95 % interval [%]")
     axes.grid(alpha=0.3)
 
 
 def draw_posterior(axes: Axes, rows: Sequence[MassRow]) -> None:
     """Probability of every hypothesis of what an event was, stacked, an injection a bar."""
-    table = pd.DataFrame([dict(row.posterior) for row in rows], index=[row.number for row in rows]).fillna(
-        0.0
-    )
+    table = pd.DataFrame([dict(row.posterior) for row in rows], index=[row.number for row in rows]).fillna(0.0)
     table = table[[BEFORE.name, *table.columns.drop(BEFORE.name, errors="ignore")]]
     height = np.zeros(len(table))
     for name, colour in zip(table, (EXPECTED, *RECORDINGS, *RECORDINGS), strict=False):
@@ -244,8 +240,7 @@ def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture],
     if len(recordings) > 1:
         title = f"{len(recordings)} recordings; pale: {reference}, dashed: nominal model"
         handles = [
-            Line2D([], [], color=RECORDINGS[i % len(RECORDINGS)], label=one.title)
-            for i, one in enumerate(recordings)
+            Line2D([], [], color=RECORDINGS[i % len(RECORDINGS)], label=one.title) for i, one in enumerate(recordings)
         ]
         longest = max(len(one.title) for one in recordings) + _HANDLE
         ncols = int(np.clip(_LETTERS * figure.get_figwidth() // longest, 1, COLUMNS))
@@ -260,9 +255,7 @@ def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture],
         return
     figure.legend(handles=handles, loc="outside upper right", ncols=4, frameon=False)
     if len(axes) > 1:
-        axes[1].legend(
-            loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, frameon=False, ncols=2, borderpad=0.0
-        )
+        axes[1].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, frameon=False, ncols=2, borderpad=0.0)
 
 
 def _draw_injection(

@@ -138,9 +138,7 @@ class LoggedSignals(SignalStream):
                 first, held = end, held[-3:]  # a lift is interpolated from its neighbours
         yield from self._placed(held, number, first, self.logged[number].samples)
 
-    def _rows(
-        self, core: Core, stamps: "_Stamps", watch: LogWatch | None = None
-    ) -> Iterator[NDArray[np.void]]:
+    def _rows(self, core: Core, stamps: "_Stamps", watch: LogWatch | None = None) -> Iterator[NDArray[np.void]]:
         """The samples that the observer received, in blocks."""
         seen = 0
         for frames in self._together(core, watch):
@@ -215,9 +213,7 @@ def _too_few(
     elif not counted.crc_errors + counted.length_errors and duration > 0:
         a_second = counted.frames * NANOSECONDS / duration
         problem += f"; they come at {a_second:.3g} a second, where sampling.rate_hz is {rate:g}"
-        remedy += (
-            ", name their index, or set sampling.rate_hz (and rate_hz of slower signals) to what is there"
-        )
+        remedy += ", name their index, or set sampling.rate_hz (and rate_hz of slower signals) to what is there"
     return UserError(str(path), problem, remedy)
 
 
@@ -263,9 +259,7 @@ class _Stamps:
         ]
 
 
-def open_source(
-    path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console
-) -> SignalStream:
+def open_source(path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console) -> SignalStream:
     """Look through a file, and warn of odd values in it. from_channels: of a log, as `--from-channel` names them.
 
     Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log

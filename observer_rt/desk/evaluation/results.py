@@ -124,9 +124,7 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
     """Energizing section of a recording as a whole; empty without this input."""
     if not evaluation.has_energizing:
         return {}
-    delays = [
-        result.report.commanded.opening_delay for result in evaluation.injections if result.report.commanded
-    ]
+    delays = [result.report.commanded.opening_delay for result in evaluation.injections if result.report.commanded]
     delays_us = [delay / MICROSECOND for delay in delays if not math.isnan(delay)]
     return {
         "energizing": {
@@ -138,9 +136,7 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
     }
 
 
-def print_evaluation(
-    evaluation: Evaluation, c: Coefficients, console: Console, is_fitted: bool = False
-) -> None:
+def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, is_fitted: bool = False) -> None:
     """One recording: its origin, its last injections, and the faults.
 
     is_fitted: whether the model was, to a healthy injector, and was adequate.

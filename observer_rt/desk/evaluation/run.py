@@ -62,9 +62,7 @@ class NominalModel:
 class ObserverRun:
     """One observer, learning in lockstep, whose results go to the evaluations of what it is given."""
 
-    def __init__(
-        self, core: Core, bus: BusMap, news: list[News], progress: Progress, keeps_frames: bool
-    ) -> None:
+    def __init__(self, core: Core, bus: BusMap, news: list[News], progress: Progress, keeps_frames: bool) -> None:
         """news: to which the core appends; keeps_frames: that were sent."""
         self.frames: list[OutputFrame] = []
         """Frames that were sent, with `keeps_frames`."""

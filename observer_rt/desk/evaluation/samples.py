@@ -59,9 +59,7 @@ class HistorySamples:
         self._handed_over = 0  # samples
         self._oldest = self._current = 0  # run to be handed over next, and of the last sample that came
         self._last_index = -1
-        self._marks: deque[tuple[int, int]] = (
-            deque()
-        )  # positions in the observer's stream, and sample numbers
+        self._marks: deque[tuple[int, int]] = deque()  # positions in the observer's stream, and sample numbers
 
     @property
     def held(self) -> Trace:
@@ -102,14 +100,10 @@ class HistorySamples:
             places = np.searchsorted(self.held.number, numbers)
             self._note(observer, (position + first + inside) % RING, places, nominal[first + inside])
 
-    def _note(
-        self, observer: Observer, rows: NDArray[np.int64], places: NDArray[np.int64], nominal: Signal
-    ) -> None:
+    def _note(self, observer: Observer, rows: NDArray[np.int64], places: NDArray[np.int64], nominal: Signal) -> None:
         """Copy rows (k,) of the observer's ring to the places (k,) of their samples."""
         ring, trace = observer.ring, self.held
-        trace.line_pressure[places] = np.where(
-            ring["interpolated"][rows], np.nan, ring["line_pressure"][rows]
-        )
+        trace.line_pressure[places] = np.where(ring["interpolated"][rows], np.nan, ring["line_pressure"][rows])
         trace.nominal_rate[places] = nominal
         for name in ("injection_rate", "valid", "state"):
             trace[name][places] = ring[name][rows]
@@ -143,17 +137,13 @@ class HistorySamples:
 
     def injection(self, run: Run, report: InjectionReport) -> InjectionSamples:
         """The window of an injection; notes the standard deviation of its rate."""
-        first, last = (
-            run.number + index - run.first_index for index in (report.start_index, report.end_index)
-        )
+        first, last = (run.number + index - run.first_index for index in (report.start_index, report.end_index))
         held = self.held
         window = trace_of(held[slice(*np.searchsorted(held.number, [first, last + 1]))])
         if report.rate_sigma is not None:
             window.injection_rate_sigma = report.rate_sigma[window.number - first]
         start, end = (self._time(run, number) for number in (first, last))
-        is_whole = (
-            bool(window.size) and int(window.number[0]) == first == int(window.number[-1]) + 1 - window.size
-        )
+        is_whole = bool(window.size) and int(window.number[0]) == first == int(window.number[-1]) + 1 - window.size
         return InjectionSamples(window, start, end, is_whole)
 
     def _time(self, run: Run, number: int) -> float:

@@ -66,9 +66,7 @@ def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.T
     """All rows of a batch's folder. Raises `UserError` for another folder."""
     dataset = folder / INJECTIONS
     if not dataset.is_dir():
-        raise UserError(
-            str(folder), "is no folder of a batch", "make one: observer-rt batch RECORDING... --out DIR"
-        )
+        raise UserError(str(folder), "is no folder of a batch", "make one: observer-rt batch RECORDING... --out DIR")
     with file_errors(dataset):
         table: pa.Table = ds.dataset(dataset, schema=SCHEMA, format="parquet").to_table(columns=list(columns))
     return table

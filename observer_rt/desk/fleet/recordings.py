@@ -74,9 +74,7 @@ class PathPattern:
         match = self.expression.search(str(path))
         text = match and match[min(1, self.expression.groups)]
         if not text:
-            raise UserError(
-                str(path), f"'{self.expression.pattern}' is not in its path", f"see {self.option}"
-            )
+            raise UserError(str(path), f"'{self.expression.pattern}' is not in its path", f"see {self.option}")
         return text
 
     def date_in(self, path: Path) -> datetime:

@@ -28,9 +28,7 @@ QUANTITIES = tuple(indicator.name.partition("_")[0] for indicator in WEAR)
 _SURE, _LEAST_SIGMA = 1.959964, 1e-4  # standard deviations of a recording's 95 % interval; of its value
 _STEPS = 1001  # days at which a limit is looked for; odd: the last recording's is one
 _LIMIT = re.compile(r"(?P<name>\w+)=(?P<size>[+-]?\d*\.?\d+)(?P<percent>\s*%)?")
-_COLUMNS = {
-    name: indicator.columns for name, indicator in zip(QUANTITIES, WEAR, strict=True)
-}  # value, interval
+_COLUMNS = {name: indicator.columns for name, indicator in zip(QUANTITIES, WEAR, strict=True)}  # value, interval
 NEEDED = (
     *("injector", "file", "sha256", "time", "time_from", "number", "valid"),
     *chain.from_iterable(_COLUMNS.values()),
@@ -160,9 +158,7 @@ def trends(rows: pa.Table, dates: PathPattern | None = None) -> list[InjectorTre
         _refuse_written(table)
     table = table.sort_values(["time", "number"])
     made = [_trend(str(name), its) for name, its in table.groupby("injector")]
-    return sorted(
-        made, key=lambda trend: min((-abs(each.now[0]) for each in trend.courses.values()), default=0.0)
-    )
+    return sorted(made, key=lambda trend: min((-abs(each.now[0]) for each in trend.courses.values()), default=0.0))
 
 
 def _refuse_written(table: pd.DataFrame) -> None:

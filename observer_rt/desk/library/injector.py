@@ -52,9 +52,7 @@ class Injector:
     calibration: FitResult | None = field(default=None, compare=False)
 
     @classmethod
-    def load(
-        cls, path: Pathlike | None = None, bench: Pathlike | None = None, injector: str | None = None
-    ) -> Self:
+    def load(cls, path: Pathlike | None = None, bench: Pathlike | None = None, injector: str | None = None) -> Self:
         """Load an injector file.
 
         Parameters

@@ -119,9 +119,7 @@ class EvaluationResult(KnowledgeHolder):
     @cached_property
     def learned(self) -> pd.DataFrame:
         """Laws of nozzle and seat as learned, a point a row: relative change of a flow over a variable."""
-        curves = [
-            {RECORDING: _name(one), **curve.columns} for one in self.evaluations for curve in one.learned
-        ]
+        curves = [{RECORDING: _name(one), **curve.columns} for one in self.evaluations for curve in one.learned]
         table = pd.DataFrame(curves, columns=[RECORDING, "flow", "variable", *_OF_POINTS])
         return table.explode(_OF_POINTS, ignore_index=True).astype(dict.fromkeys(_OF_POINTS, float))
 

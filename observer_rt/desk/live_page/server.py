@@ -49,9 +49,7 @@ class _GuardedHandler(RequestHandler):
             self.set_cookie(_COOKIE, token, httponly=True, samesite="Strict")
         elif not hmac.compare_digest((self.get_cookie(_COOKIE) or "").encode(), token.encode()):
             self.set_status(403)
-            self.finish(
-                "Open the address with the token that `observer-rt monitor` has written on its terminal.\n"
-            )
+            self.finish("Open the address with the token that `observer-rt monitor` has written on its terminal.\n")
 
 
 class _PageFiles(_GuardedHandler, StaticFileHandler):
@@ -148,9 +146,7 @@ async def _serve(handlers: list[Any], address: str, port: int, console: Console)
     try:
         is_local = ip_address(socket.gethostbyname(address)).is_loopback
         token = None if is_local else secrets.token_urlsafe(12)
-        application = Application(
-            token=token, websocket_max_message_size=_LONGEST, log_function=lambda _: None
-        )
+        application = Application(token=token, websocket_max_message_size=_LONGEST, log_function=lambda _: None)
         # a foreign page whose name leads here by its own name server is not served
         names = rf"(localhost|127\.0\.0\.1|{re.escape(address)})" if is_local else ".*"
         application.add_handlers(names, handlers)

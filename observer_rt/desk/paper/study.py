@@ -41,9 +41,7 @@ SWEEP = tuple(round(-0.5 + 0.1 * i, 1) for i in range(11))  # v_H of Fig. 5
 TRAININGS = 10  # of the curves named "trained on"
 PERIOD = 40 * MILLISECOND  # from event to event, long enough for a training to take force before the next
 SAMPLE_RATE = 100e3  # Hz
-LARGEST_GAIN = (
-    1e5  # 1/s, of the paper's identification system; at most the sample rate, above the line's mode
-)
+LARGEST_GAIN = 1e5  # 1/s, of the paper's identification system; at most the sample rate, above the line's mode
 Progress = Callable[[float], None]
 
 
@@ -161,9 +159,7 @@ def _wear_case(bench: Bench, wear: float) -> WearCase:
     )
 
 
-def _ours(
-    bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow
-) -> EstimatorCurves:
+def _ours(bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow) -> EstimatorCurves:
     """Curves of our observer for an injection of `seen`, after it has learned from another recording, or the same."""
     knowledge = evaluate(bench, [learned_from.recording]).knowledge
     (evaluation,) = evaluate(bench, [seen.recording], knowledge, learning=False).evaluations
@@ -178,9 +174,7 @@ class _Scheme:
         constants = bench_constants(bench_for(bench, simulation.recording).injector)
         c = constants.coefficients
         self._setting = PaperSetting(constants.interval, constants.substeps, c, LARGEST_GAIN)
-        self._window, start = learning_window(
-            simulation.truth, injection, c, simulation.recording.sample_rate
-        )
+        self._window, start = learning_window(simulation.truth, injection, c, simulation.recording.sample_rate)
         self._span = slice(injection.first - start, injection.last - start)
 
     def trained(self, trainings: int) -> FreeNetwork:

@@ -125,8 +125,6 @@ def training_data(
     window: Window, seen: EventPass, setting: PaperSetting
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Arguments z = [x^ u 1] (k, 6) and targets L l e~ (k, 3) [1/s] of the k samples driven by phi."""
-    z = np.column_stack(
-        [seen.x, window.inputs[:, 0], np.maximum(window.inputs[:, 1], 0.0), np.ones(seen.error.size)]
-    )
+    z = np.column_stack([seen.x, window.inputs[:, 0], np.maximum(window.inputs[:, 1], 0.0), np.ones(seen.error.size)])
     target = setting.gain * np.outer(seen.error, design_vector(setting.coefficients))
     return z[seen.driven], target[seen.driven]

@@ -135,9 +135,7 @@ class Project:
                     digest.update(f"{os.path.relpath(path, self.folder)} {file_hash(path)}\n".encode())
         return digest.hexdigest()
 
-    def once(
-        self, step: str, files: Iterable[Path | None], made: Path, work: Callable[[], str], say: Say
-    ) -> Path:
+    def once(self, step: str, files: Iterable[Path | None], made: Path, work: Callable[[], str], say: Say) -> Path:
         """Do a step, unless it was done with these files as they are now, and what it made is still there.
 
         made: of the step; work: does it, and says what came of it; say: takes what was done, a line each.

@@ -72,9 +72,7 @@ def run_plant(
     for first in range(0, time.size, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, time.size)
         state, grid = (x, number, indicated, due), (time, rail, table, steps)
-        number, indicated, due = run_injector(
-            *state, first, last, *grid, *parts, states, lift, rate, recorded
-        )
+        number, indicated, due = run_injector(*state, first, last, *grid, *parts, states, lift, rate, recorded)
         if progress is not None:
             progress(last / time.size)
     return Truth(

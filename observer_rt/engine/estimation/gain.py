@@ -28,14 +28,10 @@ class NoiseLevels:
     @property
     def implausible(self) -> tuple[str, ...]:
         """Signals so noisy that a sensor is broken, or no opening of the needle would show; or without noise."""
-        return tuple(
-            name for name, level in vars(self).items() if not 0.0 < level <= getattr(LARGEST_NOISE, name)
-        )
+        return tuple(name for name, level in vars(self).items() if not 0.0 < level <= getattr(LARGEST_NOISE, name))
 
 
-LARGEST_NOISE = NoiseLevels(
-    rail_pressure=5 * MEGAPASCAL, line_pressure=5 * MEGAPASCAL, needle_lift=20 * MICROMETRE
-)
+LARGEST_NOISE = NoiseLevels(rail_pressure=5 * MEGAPASCAL, line_pressure=5 * MEGAPASCAL, needle_lift=20 * MICROMETRE)
 
 
 @dataclass(frozen=True)

@@ -198,9 +198,7 @@ class HeldBelief:
         moves = after.covariance @ _but(toward, self.column)
         moves[self.column] = 1.0
         more = self.variance * np.outer(moves, moves)
-        return Belief(
-            after.mean, symmetric(after.covariance + more), symmetric(after.error_covariance + more)
-        )
+        return Belief(after.mean, symmetric(after.covariance + more), symmetric(after.error_covariance + more))
 
 
 def nothing_held(belief: Belief) -> HeldBelief:

@@ -65,9 +65,7 @@ class PhaseStatistics:
 
     def relative_to(self, variance: NDArray[np.float64], colour: NDArray[np.float64]) -> "PhaseStatistics":
         """Statistics relative to ones that come to `variance` (PHASES,) and `colour` (PHASES, len(BLOCKS))."""
-        return PhaseStatistics(
-            self.squares / variance, self.samples, self.block_squares / colour, self.blocks
-        )
+        return PhaseStatistics(self.squares / variance, self.samples, self.block_squares / colour, self.blocks)
 
     @cached_property
     def quotients(self) -> NDArray[np.float64]:

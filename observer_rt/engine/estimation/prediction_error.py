@@ -182,9 +182,7 @@ class EventCost:
         information += self._offset_weight * np.outer(by_offset, by_offset)
         return Linearisation(theta, value, gradient / self.temper, information / self.temper)
 
-    def whitened(
-        self, values: NDArray[np.float64], masked: NDArray[np.bool_] | None = None
-    ) -> NDArray[np.float64]:
+    def whitened(self, values: NDArray[np.float64], masked: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """Innovations (n,), or slopes of them (n, m), as they count in J; masked: None, as in the event."""
         if self._whitening is not None:
             values = self._whitening.of(values, self._window.masked if masked is None else masked)

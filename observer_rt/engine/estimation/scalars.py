@@ -84,9 +84,7 @@ class ScalarUnit(Enum):
 
     def unit(self, pressure_scale: float) -> float:
         """Size of theta = 1; pressure_scale p_0 [Pa]."""
-        return {ScalarUnit.AS_IT_IS: 1.0, ScalarUnit.PRESSURE: pressure_scale, ScalarUnit.TIME: LAG_UNIT}[
-            self
-        ]
+        return {ScalarUnit.AS_IT_IS: 1.0, ScalarUnit.PRESSURE: pressure_scale, ScalarUnit.TIME: LAG_UNIT}[self]
 
 
 @dataclass(frozen=True)
@@ -230,9 +228,7 @@ class Scalars:
         return ((row.column, row.shown) for row in self.rows if row.shown is not None)
 
     def _numbers(self, element: Element) -> Numbers:
-        numbers = [
-            (row.column + i, row) for row in self.rows if row.element is element for i in range(row.columns)
-        ]
+        numbers = [(row.column + i, row) for row in self.rows if row.element is element for i in range(row.columns)]
         columns, rows = zip(*numbers, strict=True)
         return Numbers(np.array(columns), np.array([row.counted.unit(1.0) for row in rows]))
 

@@ -61,9 +61,7 @@ class Scatter:
 
     def after(self, score: float) -> "Scatter":
         """Adds the score of an event before it was fitted."""
-        return Scatter(
-            c.SCATTER_KEPT * self.events + 1.0, c.SCATTER_KEPT * self.ratios + min(score, c.LARGEST_SCORE)
-        )
+        return Scatter(c.SCATTER_KEPT * self.events + 1.0, c.SCATTER_KEPT * self.ratios + min(score, c.LARGEST_SCORE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +142,7 @@ class UnexplainedPressure:
             means += blocks.mean(axis=1).tolist()
         shares = np.array(means) / (2.0 * float(window.inputs[window.opening, 0]))
         kept = c.UNEXPLAINED_KEPT
-        return UnexplainedPressure(
-            kept * self.squares + float(shares @ shares), kept * self.count + shares.size
-        )
+        return UnexplainedPressure(kept * self.squares + float(shares @ shares), kept * self.count + shares.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,9 +216,7 @@ class Overdispersion:
 
     def after(self, score: float) -> "Overdispersion":
         """Adds the score of an event against what was believed, tempered by the factor."""
-        return Overdispersion(
-            REMEMBERED * self.sum + _ratio(score) * self.factor, REMEMBERED * self.weight + 1.0
-        )
+        return Overdispersion(REMEMBERED * self.sum + _ratio(score) * self.factor, REMEMBERED * self.weight + 1.0)
 
 
 def of_healthy(factor: float) -> Overdispersion:

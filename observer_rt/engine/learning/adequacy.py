@@ -61,9 +61,7 @@ class Innovations(NamedTuple):
     sigma: float
 
 
-def event_statistics(
-    window: Window, innovations: Innovations, interval: float, healthy: Healthy
-) -> PhaseStatistics:
+def event_statistics(window: Window, innovations: Innovations, interval: float, healthy: Healthy) -> PhaseStatistics:
     """Statistics of the innovations over a window, phase by phase, against a healthy injector's; interval [s]."""
     phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
     statistics = phase_statistics(
@@ -205,9 +203,7 @@ class Examiner:
         if expected is not None:
             innovations = innovations._replace(values=innovations.values - expected)
         if self.colour is not None:
-            innovations = Innovations(
-                self.colour.whitening.of(innovations.values, window.masked), self.colour.sigma
-            )
+            innovations = Innovations(self.colour.whitening.of(innovations.values, window.masked), self.colour.sigma)
         event = event_statistics(window, innovations, constants.interval, self._healthy)
         lag = sensor_lag(in_force)
         offset, untold = _offset(window, in_force, constants)

@@ -80,9 +80,7 @@ def expected(shape: HealthyShape, stretch: EventStretch) -> NDArray[np.float64]:
 def together(first: HealthyShape, second: HealthyShape) -> HealthyShape:
     """Both courses added up."""
     added = {
-        name: tuple(
-            round(a + b, _DIGITS) for a, b in zip(getattr(first, name), getattr(second, name), strict=True)
-        )
+        name: tuple(round(a + b, _DIGITS) for a, b in zip(getattr(first, name), getattr(second, name), strict=True))
         for name in HealthyShape.model_fields
     }
     return HealthyShape(**added)

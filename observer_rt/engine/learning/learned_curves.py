@@ -62,9 +62,7 @@ def learned_curves(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedCurve,
     )
 
 
-def _changes(
-    theta: NDArray[np.float64], points: Sequence[EventPoint], c: Coefficients
-) -> Iterator[tuple[Any, ...]]:
+def _changes(theta: NDArray[np.float64], points: Sequence[EventPoint], c: Coefficients) -> Iterator[tuple[Any, ...]]:
     """Flow, variable, inputs (n,), change (n,) and its slopes by theta (n, m) of every curve."""
     if not points:
         return

@@ -24,9 +24,7 @@ from observer_rt.model.network import HIDDEN, OF_NOZZLE
 SMALL = 0.1  # of the prior: what healthy and evenly worn injectors leave
 _WHOLE = 0.999  # of its variance: 1, but for the infinite noise
 _PRIOR = SCALARS.prior(1.0)[WEIGHTS]
-_SQUARES = np.repeat(
-    [*itertools.product((SMALL**2, _WHOLE), repeat=2)], (OF_NOZZLE, HIDDEN - OF_NOZZLE), axis=1
-)
+_SQUARES = np.repeat([*itertools.product((SMALL**2, _WHOLE), repeat=2)], (OF_NOZZLE, HIDDEN - OF_NOZZLE), axis=1)
 _ALL = np.arange(HIDDEN)
 
 
@@ -95,9 +93,7 @@ class LearnedInjector:
         theta = self.theta.copy()
         theta[column] = 0.0
         belief = held_at(self.belief, column, 0.0, EXACTLY**2).prior
-        return replace(
-            self, belief=belief.widened(with_gain(np.zeros_like(theta), max(sigma, EXACTLY))), theta=theta
-        )
+        return replace(self, belief=belief.widened(with_gain(np.zeros_like(theta), max(sigma, EXACTLY))), theta=theta)
 
     def begun(self, interval: float) -> "LearnedInjector":
         """What holds at a sample interval [s], whatever the one before was."""

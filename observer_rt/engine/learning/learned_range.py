@@ -44,9 +44,7 @@ def operating_point(window: Window, interval: float) -> EventPoint:
     """Operating point of an event; interval of its samples [s]."""
     area = window.inputs[:, 1]
     samples = max(int(np.count_nonzero(area > 0.0)), 1)
-    return EventPoint(
-        float(window.inputs[window.opening, 0]), math.log(samples * interval), float(np.max(area))
-    )
+    return EventPoint(float(window.inputs[window.opening, 0]), math.log(samples * interval), float(np.max(area)))
 
 
 def extrapolation_sigma(point: EventPoint, learned_at: Sequence[EventPoint]) -> float:

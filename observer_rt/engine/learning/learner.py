@@ -41,9 +41,7 @@ class Learner:
         """constants: at the start; healthy: what the model leaves unexplained of a healthy injector."""
         gains_for = lru_cache(maxsize=SCHEDULES)(gain_schedule)
         scale, limits = constants.coefficients.pressure_scale, theta_limits(constants.coefficients)
-        self._reader = EventReader(
-            constants.interval, scale, limits, healthy, constants.calibration, gains_for
-        )
+        self._reader = EventReader(constants.interval, scale, limits, healthy, constants.calibration, gains_for)
         self._constants = constants
         self.schedule = self._reader.gains(knowledge.in_force, knowledge.state.noise, constants)
         """Gains at the start."""

@@ -92,9 +92,7 @@ def lift_lag_of(
     wide[_HELD] = SCALARS.drift(scale)[_HELD]
     prior = prior_belief(np.zeros(SCALARS.width), np.diag(wide**2))
 
-    def fitted(
-        lag: float, theta: Theta, active: frozenset[int], iterations: int, event: Window = window
-    ) -> _LagFit:
+    def fitted(lag: float, theta: Theta, active: frozenset[int], iterations: int, event: Window = window) -> _LagFit:
         cost = cost_of(_earlier(event, lag, setting.interval))
         fitter = EventFitter(cost, active, limits)
         return _LagFit(lag, cost, fitter.fit(cost.linearised(theta), prior, iterations))

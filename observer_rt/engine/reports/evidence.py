@@ -43,9 +43,7 @@ def kind_of(reports: Iterable[InjectionReport]) -> EvidenceKind | None:
         return EvidenceKind.REFUSED
     if reasons - _OF_KNOWLEDGE:
         return None
-    is_wide = any(
-        report.valid and not _beyond_calibration(report) <= WIDE * report.mass for report in reports
-    )
+    is_wide = any(report.valid and not _beyond_calibration(report) <= WIDE * report.mass for report in reports)
     if is_wide or Reason.OUTSIDE_LEARNED_RANGE in reasons:
         return EvidenceKind.DOUBTFUL
     return EvidenceKind.GOOD

@@ -100,9 +100,7 @@ class InjectionReport:
     @property
     def posterior_text(self) -> str:
         """What its event may be, in words."""
-        return ", ".join(
-            f"{name} {probability:.2f}".replace("0.", ".") for name, probability in self.posterior
-        )
+        return ", ".join(f"{name} {probability:.2f}".replace("0.", ".") for name, probability in self.posterior)
 
     @property
     def validity(self) -> str:

@@ -62,9 +62,7 @@ from observer_rt.model.effective import Coefficients
 if TYPE_CHECKING:
     from observer_rt.engine.estimation.signal_noise import SlowNoise
 
-_NOT_LEARNED = (
-    "nothing was learned from an event: {}\n  remedy: see that memory is free; report it if it comes again"
-)
+_NOT_LEARNED = "nothing was learned from an event: {}\n  remedy: see that memory is free; report it if it comes again"
 
 
 class SecondSender:
@@ -150,9 +148,7 @@ class Core:
             )
         )
         """Everything compiled code works on."""
-        self.compiled.observer.memory["mode"]["waits_for_verdicts"] = (
-            executor is None or config.learning.lockstep
-        )
+        self.compiled.observer.memory["mode"]["waits_for_verdicts"] = executor is None or config.learning.lockstep
         self._tell = fan_out(listeners)
         self._judging = Judging(
             self.compiled,
@@ -167,9 +163,7 @@ class Core:
         self._writes_summaries = writes_summaries
         self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
         """Energizing, fuel temperature and learning enable as received."""
-        self.second_sender = SecondSender(
-            self.compiled.pipeline.publisher.memory, self.compiled.observer.memory
-        )
+        self.second_sender = SecondSender(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
         """Whether another node sends the same results."""
         self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
 
@@ -249,8 +243,7 @@ class Core:
         places = np.arange(first, self.processed, 1 + (self.processed - first) // most) % RING
         ring = self.compiled.observer.ring
         return {
-            role: ring[role.value][places]
-            * (1.0 if role is Role.NEEDLE_LIFT else self.coefficients.pressure_scale)
+            role: ring[role.value][places] * (1.0 if role is Role.NEEDLE_LIFT else self.coefficients.pressure_scale)
             for role in Role
         }
 

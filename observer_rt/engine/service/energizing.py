@@ -274,10 +274,7 @@ class EnergizingWatch:
         """Indices of the openings whose injections are not reported yet."""
         counts = self._compiled.observer.memory[0]["counts"]
         first, end = int(counts["injections_reported"]), int(counts["injections_begun"])
-        return [
-            int(self._compiled.observer.injections[n % INJECTIONS]["opening_index"])
-            for n in range(first, end)
-        ]
+        return [int(self._compiled.observer.injections[n % INJECTIONS]["opening_index"]) for n in range(first, end)]
 
     def _forget(self, before: int) -> None:
         """Forgets commands of the old count, which began anew after `before`: they have no openings any more."""

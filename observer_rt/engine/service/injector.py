@@ -106,9 +106,7 @@ def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bo
     means = fitted.config.sampling.meaning is Meaning.MEAN
     stated = effects_after_alignment(fitted.config.signals)
     calibration = calibration_of(fitted)
-    return constants_for(
-        injector, rate, durations, events_required, rail_every(fitted), means, stated, calibration
-    )
+    return constants_for(injector, rate, durations, events_required, rail_every(fitted), means, stated, calibration)
 
 
 def calibration_of(fitted: BenchInjector) -> StatedAccuracy:
@@ -189,9 +187,7 @@ def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
     return None
 
 
-def slow_noise_of(
-    observer: Observer, rows: NDArray[np.void], white: NoiseLevels
-) -> "Mapping[Role, SlowNoise]":
+def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels) -> "Mapping[Role, SlowNoise]":
     """Slow noise of line pressure [Pa] and needle lift [m] in processed samples `rows` (n,).
 
     For the line, innovations are used: slow changes of the rail pressure, which the line follows, are no noise.
@@ -249,18 +245,14 @@ class Follower:
         """Be in a state x (states,) at a sample, at which the clock of the terms shows this."""
         self._x, self._terms = x, Terms(self.constants.program, *clock)
 
-    def along(
-        self, rows: NDArray[np.void], commands: NDArray[np.float64] = NO_COMMANDS
-    ) -> NDArray[np.float64]:
+    def along(self, rows: NDArray[np.void], commands: NDArray[np.float64] = NO_COMMANDS) -> NDArray[np.float64]:
         """Injection rate (n,) [m3/s] at samples (n,); the state belongs to the first, where the rate is 0.
 
         rows: dtype `SAMPLE` or `sample_dtype`; commands (k, 2): as of `Window`.
         """
         constants, c = self.constants, self.constants.coefficients
         errors, rate = np.empty((2, len(rows)))
-        setting = Setting(
-            constants.interval, constants.substeps, c, np.zeros(c.states), program=constants.program
-        )
+        setting = Setting(constants.interval, constants.substeps, c, np.zeros(c.states), program=constants.program)
         window = Window(
             inputs=np.column_stack([rows["rail_pressure"], rows["seat_area"]]),
             output=np.zeros(len(rows)),

@@ -87,9 +87,7 @@ class Standstill:
     lift: LiftFigures = field(default_factory=LiftFigures)
 
 
-def standstill_of(
-    record: np.void, pressure_scale: float, stated: NDArray[np.float64] | None = None
-) -> Standstill:
+def standstill_of(record: np.void, pressure_scale: float, stated: NDArray[np.float64] | None = None) -> Standstill:
     """Read the statistics out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa].
 
     stated: levels (3,) of rail and line pressure [p_0] and lift [m] that hold where what was measured does not

@@ -48,9 +48,7 @@ def reason_of_injection(facts: InjectionFacts) -> Reason:
     """Why the injection is not valid. The judgement of its event may overrule what its samples said."""
     reason = facts.of_samples
     if reason in (Reason.NONE, Reason.CONTRADICTED):
-        reason = (
-            Reason.NONE if facts.was_outlier else facts.of_event or (reason and (facts.of_change or reason))
-        )
+        reason = Reason.NONE if facts.was_outlier else facts.of_event or (reason and (facts.of_change or reason))
     if facts.of_inputs and reason in (Reason.NOT_JUDGED, *_NOT_KNOWN_YET):
         reason = facts.of_inputs
     if reason is Reason.NONE and facts.is_revised:

@@ -122,9 +122,7 @@ class BlfLog(LogReader):
             if not unpacker.eof:
                 raise UserError(location, "is damaged: what is packed does not end", READABLE)
         elif packing != layout.NO_COMPRESSION:
-            raise UserError(
-                location, f"is packed in a way unknown here ({packing})", "save it again unpacked"
-            )
+            raise UserError(location, f"is packed in a way unknown here ({packing})", "save it again unpacked")
         if len(data) < size:
             raise UserError(location, f"is damaged: {len(data)} bytes instead of {size}", READABLE)
         return data

@@ -89,9 +89,7 @@ class CandumpLog(TextLogReader):
         is_fd = len(match["length"]) > 1
         return self._frame(match, stamp, is_fd, match["switch"] == "B", match["state"] == "E")
 
-    def _frame(
-        self, match: re.Match[str], stamp: int, is_fd: bool, switch: bool, state: bool
-    ) -> LogFrame | None:
+    def _frame(self, match: re.Match[str], stamp: int, is_fd: bool, switch: bool, state: bool) -> LogFrame | None:
         """Frame of a line of either kind, None of an error or remote frame, which is counted."""
         identifier, is_extended = int(match["id"], 16), len(match["id"]) == EXTENDED_DIGITS
         if is_extended and identifier & ERROR_FLAG:

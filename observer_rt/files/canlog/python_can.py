@@ -165,9 +165,7 @@ class AscLog(PythonCanLog):
                 self.remarks.append(f"line {self._number}: date '{date}' not understood, times count from 0")
 
     def _pass_over(self, words: list[str]) -> None:
-        if words[1].upper() == "CANFD" or (
-            words[1].isdigit() and len(words) < 5 and _NUMBER.fullmatch(words[2])
-        ):
+        if words[1].upper() == "CANFD" or (words[1].isdigit() and len(words) < 5 and _NUMBER.fullmatch(words[2])):
             raise ValueError  # what is left of a frame
         self.other_entries += " ".join(words[1:]).lower() != "start of measurement"
 
@@ -185,9 +183,7 @@ class AscLog(PythonCanLog):
             more = _BYTE.fullmatch("".join(words[first + size : first + size + 1]))
             is_whole = words[4].lower() == "d" and size == min(message.dlc, CLASSIC_LENGTH) and not more
         after = " ".join(words[first + size :]).lower().partition("//")[0]
-        if not is_whole or not {"rx", "tx"}.isdisjoint(
-            after.split()
-        ):  # the end of a line, and more, is missing
+        if not is_whole or not {"rx", "tx"}.isdisjoint(after.split()):  # the end of a line, and more, is missing
             raise ValueError
         if self._base == "hex" and any(len(word) != 2 for word in words[first : first + size]):
             raise ValueError

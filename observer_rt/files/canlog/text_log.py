@@ -39,9 +39,7 @@ def other_kind(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD).removeprefix(b"\xef\xbb\xbf").replace(b'"', b"")
     begins = (head, head.lstrip())
-    remedies = (
-        each for mark, each in _OTHER_KINDS.items() if any(begin.startswith(mark) for begin in begins)
-    )
+    remedies = (each for mark, each in _OTHER_KINDS.items() if any(begin.startswith(mark) for begin in begins))
     remedy = next(remedies, "")
     if not remedy.startswith("."):
         return remedy
@@ -75,9 +73,7 @@ class TextLogReader(LogReader):
         """Refuse a line that does not belong to such a log; the file may be of another kind."""
         shown = "".join(sign if sign.isprintable() else "?" for sign in text[:60])
         remedy = other_kind(self.path) if number <= _LINES_TO_KNOW else ""
-        self.refuse(
-            number, f"not a line of {self.kind}: '{shown}'", remedy or "delete it, or record the log again"
-        )
+        self.refuse(number, f"not a line of {self.kind}: '{shown}'", remedy or "delete it, or record the log again")
 
     def remark(self, text: str) -> None:
         """Note something of the whole log, once."""

@@ -48,9 +48,7 @@ def frames(path: Path) -> Iterator[tuple[list[Any], NDArray[np.void]]]:
     Frames of several groups are put in order of time; what steps back within one group stays as it is.
     """
     with opened(path) as file:
-        numbers = [
-            n for n, each in enumerate(file.groups) if _holds(each, DATA) and each.channel_group.cycles_nr
-        ]
+        numbers = [n for n, each in enumerate(file.groups) if _holds(each, DATA) and each.channel_group.cycles_nr]
         groups = [_Frames(file, number) for number in numbers]
         total, error, remote = (
             sum(int(each.channel_group.cycles_nr) for each in file.groups if is_counted(each))
@@ -208,9 +206,7 @@ class _Frames:
             return _whole_numbers(field, values).astype(np.str_)
         texts = [each.decode("utf-8", "replace") if isinstance(each, bytes) else str(each) for each in values]
         if max(map(len, texts), default=0) > CHANNEL_NAME:
-            raise ValueError(
-                f"'{max(texts, key=len)}' in its frames is longer than {CHANNEL_NAME} characters"
-            )
+            raise ValueError(f"'{max(texts, key=len)}' in its frames is longer than {CHANNEL_NAME} characters")
         return np.array([text.strip().lower() for text in texts], np.str_)
 
     def _read_data(self, result: NDArray[np.void]) -> None:

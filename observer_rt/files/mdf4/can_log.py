@@ -57,9 +57,7 @@ class Mdf4Log(LogReader):
     unit = "frame"
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        for (count, errors, remotes, others, remarks), records in mdf4_apart(
-            FRAMES, "frames", self.path, _PART
-        ):
+        for (count, errors, remotes, others, remarks), records in mdf4_apart(FRAMES, "frames", self.path, _PART):
             self._size, self.error_frames, self.remote_frames, self.other_entries = (
                 count,
                 errors,

@@ -88,9 +88,7 @@ def channels(path: Path) -> Iterator[list[Any]]:
                     yield [name, _unit(file, group, index), int(group), int(index), surplus[group]]
 
 
-def parts(
-    path: Path, group: int, indices: Mapping[str, int], at_once: int
-) -> Iterator[dict[str, NDArray[Any]]]:
+def parts(path: Path, group: int, indices: Mapping[str, int], at_once: int) -> Iterator[dict[str, NDArray[Any]]]:
     """Time [s] and channels of one group by name, so many samples at once; NaN where a sample is marked invalid.
 
     A channel that holds no plain numbers is empty. Raises `ValueError` where fewer samples are read than there are.
@@ -127,9 +125,7 @@ def _numbers(signal: Signal, count: int) -> NDArray[np.float64]:
     values: NDArray[np.float64] = signal.samples.astype(np.float64)
     marks = values if signal.invalidation_bits is None else signal.invalidation_bits
     if not values.size == signal.timestamps.size == len(marks) == count:
-        raise ValueError(
-            f"{signal.name} has {values.size} samples, {signal.timestamps.size} stamps, not {count}"
-        )
+        raise ValueError(f"{signal.name} has {values.size} samples, {signal.timestamps.size} stamps, not {count}")
     if signal.invalidation_bits is not None:
         values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
     return values

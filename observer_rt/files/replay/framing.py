@@ -163,9 +163,7 @@ class Framer:
             due = (framed.due * interval).tolist()
             for number, time, payload in zip(framed.numbers.tolist(), due, framed.payloads(), strict=True):
                 layout = self._bus.input_layouts[number]
-                yield TimedFrame(
-                    time, layout.frame_id, layout.is_extended, layout.is_fd, payload, bus=layout.bus
-                )
+                yield TimedFrame(time, layout.frame_id, layout.is_extended, layout.is_fd, payload, bus=layout.bus)
 
     def framed(self, recording: Recording, spans: Sequence[Span]) -> Iterator["FramedRecording"]:
         """Frames of some spans in arrays, span by span."""
@@ -183,9 +181,7 @@ class Framer:
         sampled = np.ascontiguousarray(values[first : span.end : steps])
         blocks = -(-len(sampled) // int(message["samples"])) * int(message["kind_count"])
         payloads = np.empty((blocks, int(message["length"])), np.uint8)
-        frames_of_message(
-            sampled, first_index, inputs, number, self._counters[number], payloads, np.empty(blocks)
-        )
+        frames_of_message(sampled, first_index, inputs, number, self._counters[number], payloads, np.empty(blocks))
         count, length = payloads.shape
         self._counters[number] += count
         block, kind = np.divmod(np.arange(count), int(message["kind_count"]))

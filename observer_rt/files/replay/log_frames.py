@@ -62,10 +62,7 @@ class LogFrames:
             if first_stamp is None:
                 first_stamp = frame.stamp_ns
             for bus, channel in self._channels.items():
-                if (
-                    channel in (None, entry.channel)
-                    and (bus, frame.frame_id, frame.is_extended) not in self._results
-                ):
+                if channel in (None, entry.channel) and (bus, frame.frame_id, frame.is_extended) not in self._results:
                     yield (
                         entry.channel,
                         TimedFrame(

@@ -204,9 +204,7 @@ def play(
     return PlayStatistics(sent, duration, latest, late, paused / NANOSECONDS)
 
 
-def _wait_until_back(
-    link: Link, error: LinkDownError, stop: threading.Event, tell: Callable[[str], None]
-) -> int:
+def _wait_until_back(link: Link, error: LinkDownError, stop: threading.Event, tell: Callable[[str], None]) -> int:
     """Reconnect a link whose interface is down or away; ns it took. `stop` ends it early."""
     since = time.monotonic_ns()
     tell(f"waiting for the interface: {error}")

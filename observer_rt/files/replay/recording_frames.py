@@ -35,9 +35,7 @@ def recording_frames(stream: SignalStream, bus: BusMap, windowed: bool) -> Itera
     if windowed:
         spans = _of_whole_frames(windows_of(stream.on_one_grid()), block, stream.grid_samples)
     if not spans:
-        raise UserError(
-            "--windowed", f"no injection in {stream.path or 'the recording'}", "send it continuous"
-        )
+        raise UserError("--windowed", f"no injection in {stream.path or 'the recording'}", "send it continuous")
     return _frames_of(stream, bus, _in_pieces(spans, block))
 
 
@@ -83,9 +81,7 @@ def _in_pieces(spans: Iterable[Span], block: int) -> Iterator[Span]:
     """Cuts spans into pieces short enough to be encoded between two frames."""
     piece = block * max(1, ENCODED_AT_ONCE // block)
     return (
-        Span(start, min(start + piece, span.end))
-        for span in spans
-        for start in range(span.start, span.end, piece)
+        Span(start, min(start + piece, span.end)) for span in spans for start in range(span.start, span.end, piece)
     )
 
 

@@ -115,9 +115,7 @@ def _moments(column: Any) -> NDArray[np.int64]:
     import pyarrow
 
     stamps = column.cast(pyarrow.int64())
-    result: NDArray[np.int64] = (
-        stamps.fill_null(0).to_numpy(zero_copy_only=False) * _NANOSECONDS[column.type.unit]
-    )
+    result: NDArray[np.int64] = stamps.fill_null(0).to_numpy(zero_copy_only=False) * _NANOSECONDS[column.type.unit]
     return np.where(stamps.is_valid().to_numpy(zero_copy_only=False), result, NO_MOMENT)
 
 

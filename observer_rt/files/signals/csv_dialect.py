@@ -111,9 +111,7 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
         missing = "names above its numbers" if rows else f"{_FEWEST} numbers in a line"
         raise UserError(str(path), f"has no {missing} in its first {len(lines)} lines", remedy)
     bare, behind = zip(*map(name_and_unit, best.above[heading]), strict=True)
-    names = [
-        name if bare.count(name) == 1 else cell for name, cell in zip(bare, best.above[heading], strict=True)
-    ]
+    names = [name if bare.count(name) == 1 else cell for name, cell in zip(bare, best.above[heading], strict=True)]
     places: dict[str, int] = {}
     for signal, column in wanted.items():
         if (at := _column_number(column, best.above[heading], f"{path}, line {heading + 1}")) is not None:
@@ -175,9 +173,7 @@ def _column_number(column: ColumnConfig, names: Sequence[str], where: str = "") 
     """Number of a column, by its name with or without a unit; where: location of the names in error messages."""
     for cells in (list(names), [name_and_unit(name)[0] for name in names]):
         if where and cells.count(column.column) > 1:
-            raise UserError(
-                where, f"column '{column.column}' appears {cells.count(column.column)} times", "keep one"
-            )
+            raise UserError(where, f"column '{column.column}' appears {cells.count(column.column)} times", "keep one")
         if column.column in cells:
             return cells.index(column.column)
     return None
@@ -202,10 +198,7 @@ def _units(behind: Sequence[str], below: Sequence[Sequence[str]]) -> list[str]:
 def _decimal(rows: Iterable[Sequence[str]]) -> str:
     """A comma where more numbers have one than have a point; of both signs in a number the last one counts."""
     numbers = (
-        cell
-        for row in rows
-        for cell in row
-        if ("," in cell or "." in cell) and _LIKE_A_NUMBER.fullmatch(cell)
+        cell for row in rows for cell in row if ("," in cell or "." in cell) and _LIKE_A_NUMBER.fullmatch(cell)
     )
     signs = Counter(max(".,", key=cell.rfind) for cell in numbers)
     return "," if signs[","] > signs["."] else "."

@@ -39,9 +39,7 @@ class CsvTable(FileTable):
         self.mapped = {name: wanted[name] for name in wanted if name in dialect.places}
         self.layout = dialect.as_text()
         self.columns = dict(zip(dialect.names, dialect.units, strict=True))
-        units = {
-            name: dialect.units[place] for name, place in dialect.places.items() if place < len(dialect.units)
-        }
+        units = {name: dialect.units[place] for name, place in dialect.places.items() if place < len(dialect.units)}
         self.units = {name: unit for name, unit in units.items() if unit}
         self.rasters = (tuple(name for name in self.mapped if name != TIME),)
         self._is_cut = self._ends_too_soon()
@@ -121,9 +119,7 @@ class CsvTable(FileTable):
         if any(sign in text for sign in (*_UNSEEN, COMMENT)) or dialect.separator == dialect.decimal:
             return None
         kinds: dict[int, Any] = {
-            place: np.float64
-            for name, place in dialect.places.items()
-            if self._calendar is None or name != TIME
+            place: np.float64 for name, place in dialect.places.items() if self._calendar is None or name != TIME
         }
         if self._calendar is not None:
             kinds[dialect.places[TIME]] = str
@@ -151,9 +147,7 @@ class CsvTable(FileTable):
     def _cells(self, lines: Sequence[str]) -> dict[int, list[str]]:
         """Cells of lines by their numbers from 1, without those that hold no row."""
         texts = (line.split(COMMENT)[0].strip("\r\n") for line in lines)
-        return {
-            n: split_line(text, self._dialect.separator) for n, text in enumerate(texts, 1) if text.strip()
-        }
+        return {n: split_line(text, self._dialect.separator) for n, text in enumerate(texts, 1) if text.strip()}
 
     def _one_by_one(self, before: int, lines: list[str]) -> Mapping[int, Any]:
         """Columns by their places. Raises `UserError` for a line that is no row of numbers."""
@@ -181,9 +175,7 @@ class CsvTable(FileTable):
         text = bare.translate(str.maketrans(f"{decimal}.", f".{decimal}"))  # so that a point makes no number
         if _NUMBER.fullmatch(text) is None:
             grouped = _GROUPED.fullmatch(bare)
-            remedy = (
-                _UNGROUP if grouped else "write numbers; leave the cell empty where a value is not available"
-            )
+            remedy = _UNGROUP if grouped else "write numbers; leave the cell empty where a value is not available"
             raise UserError(location, f"'{cell}' is not a number with decimal '{decimal}'", remedy)
         return float(text)
 

@@ -64,9 +64,7 @@ def doubts(
     if survey.swapped_in_part or swapped(survey):
         problem, remedy = SWAPPED
         first, second = ((columns or {}).get(name, "") for name in ("rail_pressure", "line_pressure"))
-        named = (
-            f": '{second}' does what a rail's does, '{first}' what a line's does" if first and second else ""
-        )
+        named = f": '{second}' does what a rail's does, '{first}' what a line's does" if first and second else ""
         yield SignalDoubt(problem + named, remedy)
     lift = survey.signals.get("needle_lift")
     # Not computed without noise.

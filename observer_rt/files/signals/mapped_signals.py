@@ -137,8 +137,7 @@ class MappedSignals(TableSignals):
         count = rows.time.size if last is None else min(rows.time.size, last + 1 - rows.first)
         position, rises = axis.knots(rows.time[:count], begin)
         signals = {
-            name: axis.at(grid, position[rises], values[:count][rises])
-            for name, values in rows.signals.items()
+            name: axis.at(grid, position[rises], values[:count][rises]) for name, values in rows.signals.items()
         }
         passed = int(np.searchsorted(np.maximum.accumulate(position), grid[-1] - 1.0)) if count else 0
         longest = max(each.reach for each in self._axes)

@@ -47,8 +47,7 @@ class Mdf4Table(FileTable):
         self.units = {name: each.unit for name, each in self._channels.items() if each.unit}
         self._groups = sorted({each.group for each in self._channels.values()})
         self.rasters = tuple(
-            tuple(name for name, each in self._channels.items() if each.group == group)
-            for group in self._groups
+            tuple(name for name, each in self._channels.items() if each.group == group) for group in self._groups
         )
         for surplus in dict.fromkeys(each.surplus for each in self._channels.values() if each.surplus):
             self.notes.append(
@@ -65,8 +64,7 @@ class Mdf4Table(FileTable):
         channels = _channels(path)
         names = [each.name for each in channels]
         return [
-            Heading(each.name, each.unit, each.group if names.count(each.name) > 1 else None)
-            for each in channels
+            Heading(each.name, each.unit, each.group if names.count(each.name) > 1 else None) for each in channels
         ]
 
     def parts(self, raster: int) -> Iterator[TablePart]:

@@ -55,10 +55,7 @@ def layout_of(location: str, headings: Sequence[Heading], brings_time: bool = Fa
 def in_words(layout: RecordingConfig) -> str:
     """What headings say, in one line."""
     columns = ([(TIME, layout.time)] if layout.time is not None else []) + list(layout.signals)
-    parts = (
-        f"{name} is '{column.column}'{f' in {column.unit}' if column.unit else ''}"
-        for name, column in columns
-    )
+    parts = (f"{name} is '{column.column}'{f' in {column.unit}' if column.unit else ''}" for name, column in columns)
     return f"by its headings {', '.join(parts)}"
 
 

@@ -83,9 +83,7 @@ class TimeGrid:
         if distance <= GRID_TOLERANCE * self._period:
             return None
         drift, stamp = distance / self._period, self._begin + row * self._step
-        return UnevenTime(
-            row, f"uneven time: near {stamp:.9g} s stamps lie {drift:.2g} samples off an even grid"
-        )
+        return UnevenTime(row, f"uneven time: near {stamp:.9g} s stamps lie {drift:.2g} samples off an even grid")
 
     @property
     def sample_rate(self) -> float:

@@ -141,8 +141,7 @@ class EvenSignals(TableSignals):
             if waiting is not None:
                 before = waiting
                 signals = {
-                    name: np.concatenate((before.signals[name], values))
-                    for name, values in part.signals.items()
+                    name: np.concatenate((before.signals[name], values)) for name, values in part.signals.items()
                 }
                 part = TablePart(np.concatenate((before.time, part.time)), signals)
             waiting = part if part.time.size < 2 else None

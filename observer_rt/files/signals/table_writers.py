@@ -125,9 +125,7 @@ class Mdf4Writer(TableWriter):
 class ParquetWriter(TableWriter):
     """Parquet; units are metadata `unit` of the columns, words a dictionary."""
 
-    def __init__(
-        self, path: Path, columns: Sequence[WrittenColumn], said: Mapping[str, str] | None = None
-    ) -> None:
+    def __init__(self, path: Path, columns: Sequence[WrittenColumn], said: Mapping[str, str] | None = None) -> None:
         """said: further metadata of the file."""
         import pyarrow
         import pyarrow.parquet
@@ -143,9 +141,7 @@ class ParquetWriter(TableWriter):
         made = [self._array(column, values) for column, values in zip(self._columns, arrays, strict=True)]
         if self._writer is None:
             fields = [
-                arrow.field(
-                    column.header, array.type, metadata={"unit": column.unit} if column.unit else None
-                )
+                arrow.field(column.header, array.type, metadata={"unit": column.unit} if column.unit else None)
                 for column, array in zip(self._columns, made, strict=True)
             ]
             self._schema = arrow.schema(fields, metadata=self._said)

@@ -87,10 +87,7 @@ def accepted(
     why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}
     sizes = proposal.candidate.parameters
     effects = [EffectInForce(id=one, parameters=sizes[one], **why) for one in proposal.effects]
-    terms = [
-        TermInForce.of(_rounded(term), str(term.equation.unit), proposal.seen, **why)
-        for term in proposal.terms
-    ]
+    terms = [TermInForce.of(_rounded(term), str(term.equation.unit), proposal.seen, **why) for term in proposal.terms]
     return (*parameters.effects, *effects), (*parameters.terms, *terms)
 
 

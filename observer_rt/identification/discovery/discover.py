@@ -49,9 +49,7 @@ from observer_rt.model.terms.in_force import TermInForce
 
 _HEALTHY, _NAMED, _SHOWN = 0.4, 0.85, 0.9  # shares of the work done after these steps
 
-ObserverRemainder = Callable[
-    [InjectorParameters, Baseline | None, Sequence[Recording]], HealthyRemainder | None
-]
+ObserverRemainder = Callable[[InjectorParameters, Baseline | None, Sequence[Recording]], HealthyRemainder | None]
 """Measures what the learning observer leaves of recordings with a model; see `desk.evaluation.healthy_events`."""
 _INADEQUATE = "The fit of this model was not adequate: what is named here may be its error. Fit again."
 _NOT_COMPARABLE = (
@@ -124,8 +122,7 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     files, chosen = tuple(task.hashes), map(chosen_words, task.measured)
     several = Counter(point.file for point in points)
     names = tuple(
-        files[point.file] if several[point.file] == 1 else f"{files[point.file]}, {point.name}"
-        for point in points
+        files[point.file] if several[point.file] == 1 else f"{files[point.file]}, {point.name}" for point in points
     )
     amended = shown.model(nominal)
     in_force: tuple[EffectInForce, ...] = ()

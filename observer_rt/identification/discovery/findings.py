@@ -72,9 +72,7 @@ def is_like_inertance(nominal: EffectiveModel, amended: EffectiveModel) -> bool:
 
 def _of_healthy_recordings(findings: "Findings") -> Iterator[Caveat]:
     if findings.healthy_warning:
-        yield Caveat(
-            "healthy_recordings", "what is named may be the model's own error", findings.healthy_warning
-        )
+        yield Caveat("healthy_recordings", "what is named may be the model's own error", findings.healthy_warning)
 
 
 def _of_bench(findings: "Findings") -> Iterator[Caveat]:
@@ -144,9 +142,7 @@ def _of_level(findings: "Findings") -> Iterator[Caveat]:
 def starts_anew(terms: Sequence[Term]) -> tuple[str, ...]:
     """Says of each variable of laws that is counted from the start that it is."""
     counted = {variable: None for term in terms for variable in sorted(term.law.variables & _COUNTED)}
-    return tuple(
-        f"{one.word} starts anew with every recording and every start of the daemon" for one in counted
-    )
+    return tuple(f"{one.word} starts anew with every recording and every start of the daemon" for one in counted)
 
 
 def _of_counting(findings: "Findings") -> Iterator[Caveat]:
@@ -204,9 +200,7 @@ class Findings(Discovery):
     recordings: Annotated[dict[str, str], Field(description="SHA-256 by file name")]
     judged_in_part: tuple[str, ...]
     healthy: tuple[str, ...] = ()
-    made: Annotated[datetime, PlainSerializer(lambda made: made.isoformat(timespec="seconds"), str)] = (
-        datetime.min
-    )
+    made: Annotated[datetime, PlainSerializer(lambda made: made.isoformat(timespec="seconds"), str)] = datetime.min
     fitted_on: tuple[str, ...]
     held_out: tuple[str, ...]
     seconds: Annotated[float, PlainSerializer(lambda seconds: round(seconds, 3))] = 0.0

@@ -51,9 +51,7 @@ def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
     existing = [name for name in ANSWER if (folder / name).exists()]
     if existing and not (force and FINDINGS in existing):
         more = ", or add --force to replace what is there" if FINDINGS in existing else ""
-        raise UserError(
-            f"--out {folder}", f"holds {', '.join(existing)} already", f"name another folder{more}"
-        )
+        raise UserError(f"--out {folder}", f"holds {', '.join(existing)} already", f"name another folder{more}")
 
 
 def write_findings(folder: Path, task: DiscoveryTask, findings: Findings, injector: InjectorFile) -> str:
@@ -73,9 +71,7 @@ def write_findings(folder: Path, task: DiscoveryTask, findings: Findings, inject
         write_text(folder / REPORT, report(written))
         if written.amended_model is not None:
             cells = stable_cells(task.parameters, written.in_force, task.measured)
-            write_amended(
-                folder / AMENDED, injector, written.in_force, cells, written.terms, written.remainder
-            )
+            write_amended(folder / AMENDED, injector, written.in_force, cells, written.terms, written.remainder)
         else:
             (folder / AMENDED).unlink(missing_ok=True)
     return text

@@ -66,9 +66,7 @@ def _overlay(
 
 def _missed(measurement: Measurement, simulated_injection: SimulatedInjection) -> float:
     """Rms of the line pressure's gap on an event [Pa]."""
-    return rms(
-        simulated_injection.line_pressure - measurement.recording.line_pressure[simulated_injection.samples]
-    )
+    return rms(simulated_injection.line_pressure - measurement.recording.line_pressure[simulated_injection.samples])
 
 
 @dataclass(frozen=True)

@@ -65,12 +65,8 @@ SUBJECTS = (
     Subject("injection rate", "mm³/ms", {Variable.NOZZLE_FLOW: 1.0}),
     Subject("rail pressure", "MPa", {Variable.RAIL_PRESSURE: 1.0}),
     *(Subject(f"{name} pressure", "MPa", {variable: 1.0}) for variable, name in _PRESSURES.items()),
-    Subject(
-        "pressure above the chamber's", "MPa", {Variable.LINE_PRESSURE: 1.0, Variable.CHAMBER_PRESSURE: -1.0}
-    ),
-    Subject(
-        "pressure drop over the nozzle", "MPa", {Variable.SAC_PRESSURE: 1.0, Variable.CHAMBER_PRESSURE: -1.0}
-    ),
+    Subject("pressure above the chamber's", "MPa", {Variable.LINE_PRESSURE: 1.0, Variable.CHAMBER_PRESSURE: -1.0}),
+    Subject("pressure drop over the nozzle", "MPa", {Variable.SAC_PRESSURE: 1.0, Variable.CHAMBER_PRESSURE: -1.0}),
     Subject("pressure drop over the seat", "MPa", {Variable.LINE_PRESSURE: 1.0, Variable.SAC_PRESSURE: -1.0}),
     Subject("needle lift", "mm", {Variable.NEEDLE_LIFT: 1.0}),
     Subject("speed of the needle", "mm/ms", {Variable.LIFT_RATE: 1.0}),
@@ -81,9 +77,7 @@ SUBJECTS = (
     Subject("injection", "-", {Variable.INJECTION_NUMBER: 1.0}),
     Subject("needle lift over the largest", "-", {Variable.NEEDLE_LIFT: 1.0, Variable.MAX_LIFT: 0.0}),
 )
-_PROBES = np.array(
-    (-170.0, -3.7, 23.0, 311.0)
-)  # values of a variable, by which a law is a straight line or not
+_PROBES = np.array((-170.0, -3.7, 23.0, 311.0))  # values of a variable, by which a law is a straight line or not
 
 
 @dataclass(frozen=True)
@@ -125,8 +119,7 @@ def product_of(law: Law) -> Product:
             parts = [product_of(one) for one in arguments]
             size = parts[0].size * parts[1].size
             gates, factors = (
-                tuple(chain.from_iterable(getattr(one, name) for one in parts))
-                for name in ("gates", "factors")
+                tuple(chain.from_iterable(getattr(one, name) for one in parts)) for name in ("gates", "factors")
             )
             return Product(size, gates, factors)
         case Call(Operation.DIVIDE, (argument, Number() as number)) if number != ZERO:

@@ -159,9 +159,7 @@ def _read(factors: tuple[Law, ...]) -> Reading | None:
             if decay is None or swing is None or swing.subject.of != SINCE:
                 return None
             kilohertz = swing.slope / (2.0 * math.pi)
-            return Reading(
-                1.0, f"at most, ringing at {kilohertz:.3g} kHz after every opening for {decay:.3g} ms"
-            )
+            return Reading(1.0, f"at most, ringing at {kilohertz:.3g} kHz after every opening for {decay:.3g} ms")
         case (first, Call(Operation.ABS, (second,))):
             squared = _squared(line_of(first), line_of(second), "as its square, either way")
         case (first, second):

@@ -82,9 +82,7 @@ def _of_recording(
     ]
     if not math.isnan(measurement.rate_noise):
         levels.append(("injection_rate_noise", measurement.rate_noise / MM3_PER_MS, "mm3/ms"))
-    return result + [
-        StandstillFigure(name, number, value, math.nan, unit, True) for name, value, unit in levels
-    ]
+    return result + [StandstillFigure(name, number, value, math.nan, unit, True) for name, value, unit in levels]
 
 
 def _judged(
@@ -147,9 +145,7 @@ def _calm(measurement: Measurement) -> NDArray[np.bool_]:
     return np.asarray((every - last_open > settled) & finite, np.bool_)
 
 
-def _apparent(
-    effect: Effect, judged: Sequence[JudgedModel], moved: Sequence[JudgedModel]
-) -> StandstillFigure:
+def _apparent(effect: Effect, judged: Sequence[JudgedModel], moved: Sequence[JudgedModel]) -> StandstillFigure:
     """Size of an effect on top of a judged model by one Gauss-Newton step on the innovations, as if it were alone.
 
     moved: the model with the effect as small as it matters.

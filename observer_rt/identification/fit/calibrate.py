@@ -108,8 +108,7 @@ def choose(tried: Sequence[FittedStructure | FailedStructure]) -> Choice | None:
 
 def _is_as_good(unexplained: UnexplainedSignal, best: UnexplainedSignal) -> bool:
     return unexplained.mean <= MARGIN * best.mean + NOISE and all(
-        not np.isfinite(best.chi2[phase])
-        or unexplained.chi2[phase] <= WORST_MARGIN * max(best.chi2[phase], 1.0)
+        not np.isfinite(best.chi2[phase]) or unexplained.chi2[phase] <= WORST_MARGIN * max(best.chi2[phase], 1.0)
         for phase in Phase
     )
 
@@ -179,9 +178,7 @@ class CalibrationResult:
             low, high = parameter.interval(value, float(sigma))
             file = None if before is None else before / parameter.si
             ci95 = (low / parameter.si, high / parameter.si)
-            sizes[parameter.name] = FittedNumber(
-                parameter.symbol, value / parameter.si, ci95, file, parameter.unit
-            )
+            sizes[parameter.name] = FittedNumber(parameter.symbol, value / parameter.si, ci95, file, parameter.unit)
         return sizes
 
     @property
@@ -291,9 +288,7 @@ def _tried(
             if len(has) == len(every):
                 return asked
     free = (*free, *has)
-    simpler = [
-        one for one in earlier if isinstance(one, FittedStructure) and structure.refines(one.structure)
-    ]
+    simpler = [one for one in earlier if isinstance(one, FittedStructure) and structure.refines(one.structure)]
     if simpler:
         return fitted(structure, simpler[-1].injector, free, folds, ROUGH_ITERATIONS)
     return searched(structure, file, free, folds, ROUGH_ITERATIONS, any(map(explains, earlier)))
@@ -336,10 +331,7 @@ def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
     """Makes the section [baseline] of the file. hashes: SHA-256 of the recordings by name."""
     recordings, calibration = done.measurements, done.fitted.calibration
     # what the model gets wrong goes with the operating point: of each phase, the fold with the most left
-    left = [
-        pooled([fold], [judged])
-        for fold, judged in zip(calibration.recordings, done.fitted.judged, strict=True)
-    ]
+    left = [pooled([fold], [judged]) for fold, judged in zip(calibration.recordings, done.fitted.judged, strict=True)]
     noise = {
         "rail_pressure_MPa": [one.noise.rail_pressure / MEGAPASCAL for one in recordings],
         "line_pressure_MPa": [one.noise.line_pressure / MEGAPASCAL for one in recordings],

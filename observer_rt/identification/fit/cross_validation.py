@@ -69,8 +69,7 @@ def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeanMass])
             points = [points[0][:half], points[0][half:]]
         groups = [(0, events) for events in points]
     return tuple(
-        Fold(replace(short[n], events=tuple(events)), n, np.ones(len(events)), weighed.get(n))
-        for n, events in groups
+        Fold(replace(short[n], events=tuple(events)), n, np.ones(len(events)), weighed.get(n)) for n, events in groups
     )
 
 
@@ -146,11 +145,7 @@ def share_between_samples(measurement: Measurement) -> float:
 
     A mean over the sample period does not, for it holds what flowed in between.
     """
-    return (
-        0.0
-        if measurement.means
-        else BETWEEN_SAMPLES * max(0.0, (measurement.interval - FAST) / (SLOW - FAST))
-    )
+    return 0.0 if measurement.means else BETWEEN_SAMPLES * max(0.0, (measurement.interval - FAST) / (SLOW - FAST))
 
 
 def warnings(recordings: Sequence[Measurement]) -> list[str]:

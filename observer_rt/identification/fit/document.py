@@ -144,9 +144,7 @@ def verdict_words(done: CalibrationResult) -> str:
 def _fit_words(done: CalibrationResult) -> str:
     left = done.left
     if not done.inadequate:
-        words = (
-            f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({phase_name(left.worst)}; limit {GATE:g})"
-        )
+        words = f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({phase_name(left.worst)}; limit {GATE:g})"
         if done.above_gate:
             most = max(map(done.comparison.share, done.above_gate))
             words += (

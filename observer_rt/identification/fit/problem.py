@@ -95,9 +95,7 @@ JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5
 INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
 """Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass gives the level."""
 _TIME = 1e-4  # s
-CONTROL_FLOW = FreeParameter(
-    "c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 30e-6, 0.0, 4.0, MM3_PER_MS
-)
+CONTROL_FLOW = FreeParameter("c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 30e-6, 0.0, 4.0, MM3_PER_MS)
 CONTROL = (
     CONTROL_FLOW,
     FreeParameter("t_on", "line", "control_start", "us", MICROSECOND, -0.2e-3, 0.8e-3, START, 0.8, _TIME),
@@ -197,9 +195,7 @@ class Calibration:
     What a fold's residuals depend on is its own offset only, so those of the others are taken from memory.
     """
 
-    def __init__(
-        self, start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold]
-    ) -> None:
+    def __init__(self, start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold]) -> None:
         """start: the injector in the structure to be fitted, which the prior is centred at."""
         self.free = tuple(free)
         self.folds = tuple(folds)

@@ -67,8 +67,7 @@ def print_fit(fit: FitDocument, console: Console) -> None:
         say(console, line)
     say(console, "\nresiduals, file -> fitted (rms one sample ahead; chi2 of means of 8 samples)")
     residuals = [
-        (left.signal.value, left.phase, *_arrow(left.rms), left.unit, *_arrow(left.chi2))
-        for left in fit.residuals
+        (left.signal.value, left.phase, *_arrow(left.rms), left.unit, *_arrow(left.chi2)) for left in fit.residuals
     ]
     names = ("signal", "phase", "rms", "", "", "unit", "chi2", "", "")
     console.print(plain_table(names, residuals, right=(2, 3, 4, 6, 7, 8), folds=()))

@@ -31,9 +31,7 @@ from observer_rt.identification.likelihood.likelihood import (
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import InjectorParameters
 
-Pair = Annotated[
-    dict[str, Number], Field(description="`file`: by the model given, `fitted`: by the fitted one")
-]
+Pair = Annotated[dict[str, Number], Field(description="`file`: by the model given, `fitted`: by the fitted one")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,9 +168,7 @@ class ModelOnFolds:
     models: Sequence[EffectiveModel]
 
     @classmethod
-    def of(
-        cls, injector: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]
-    ) -> Self | None:
+    def of(cls, injector: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]) -> Self | None:
         """None where it has no finite solution. offsets: of the line-pressure sensor in each fold [MPa]."""
         calibration = Calibration(injector, (), folds)
         judged = calibration.judge_all(offsets)

@@ -171,9 +171,7 @@ def searched(
     if WAVE_DAMPING not in structure.free:
         return fitted(structure, file, free, folds, iterations)
     few = tuple(thinned(fold, 1) for fold in folds)
-    structure_fit = fitted(
-        structure, _best(structure, _around(file), free, few), free, folds, iterations, SPARE
-    )
+    structure_fit = fitted(structure, _best(structure, _around(file), free, few), free, folds, iterations, SPARE)
     if explained or isinstance(structure_fit, FailedStructure) or explains(structure_fit):
         return structure_fit
     here = structure_fit.injector

@@ -57,9 +57,7 @@ def signatures(
 
     remaining: residuals that the gains are of, where they are others.
     """
-    results = (
-        _signature(judged, remaining or judged, effect, judge) for effect in effects if effect.parameters
-    )
+    results = (_signature(judged, remaining or judged, effect, judge) for effect in effects if effect.parameters)
     return [one for one in results if one is not None]
 
 
@@ -75,9 +73,7 @@ def _signature(
         moved = judge(effect, (size, *(p.starts[0] for p in others)))
         if moved is None or not first.lowest <= size <= first.highest:
             break
-        before, after, left = (
-            [residuals_of([one]).z for one in every] for every in (judged, moved, remaining)
-        )
+        before, after, left = ([residuals_of([one]).z for one in every] for every in (judged, moved, remaining))
         changes = [one - other for one, other in zip(before, after, strict=True)]
         information = np.array([float(change @ change) for change in changes])
         gain = np.array([float(change @ one) for change, one in zip(changes, left, strict=True)])
@@ -131,9 +127,7 @@ def healthy_remainder(
     )
 
 
-def _by_event(
-    measurement: Measurement, z: NDArray[np.float64]
-) -> list[tuple[EventStretch, NDArray[np.float64]]]:
+def _by_event(measurement: Measurement, z: NDArray[np.float64]) -> list[tuple[EventStretch, NDArray[np.float64]]]:
     """Normalised innovations (n,) of a recording, event by event."""
     parts = stretches(measurement)
     ends = np.cumsum([part.samples for part in parts])
@@ -153,9 +147,7 @@ def _appearance(signature: Signature) -> Appearance:
         scatter = math.sqrt(max(0.0, beyond_noise / (total - float(weights @ weights) / total)))
     uncertainty = math.sqrt(1.0 / total + scatter**2 * float(weights @ weights) / total**2)
     first = signature.effect.parameters[0]
-    mean, uncertainty, scatter = (
-        float(f"{value / first.si:.{_DIGITS}g}") for value in (mean, uncertainty, scatter)
-    )
+    mean, uncertainty, scatter = (float(f"{value / first.si:.{_DIGITS}g}") for value in (mean, uncertainty, scatter))
     return Appearance(mean=mean, uncertainty=uncertainty, scatter=scatter, unit=first.unit)
 
 
@@ -178,9 +170,7 @@ def reference(appears: Mapping[str, Appearance], signature: Signature) -> tuple[
     weights = signature.information
     by_recordings = float(weights @ weights) / float(np.sum(weights)) ** 2
     si = signature.effect.parameters[0].si
-    return apparent.mean * si, si * math.hypot(
-        apparent.uncertainty, apparent.scatter * math.sqrt(by_recordings)
-    )
+    return apparent.mean * si, si * math.hypot(apparent.uncertainty, apparent.scatter * math.sqrt(by_recordings))
 
 
 def least_gain(appears: Mapping[str, Appearance]) -> float:

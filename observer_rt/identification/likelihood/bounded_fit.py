@@ -73,9 +73,7 @@ class Quadratic:
     """dz/dtheta with sigma held, weighted (n, p)."""
 
 
-def linearise(
-    problem: Problem, theta: NDArray[np.float64], here: Residuals, ranges: Sequence[Range]
-) -> Quadratic:
+def linearise(problem: Problem, theta: NDArray[np.float64], here: Residuals, ranges: Sequence[Range]) -> Quadratic:
     """Slopes by one-sided differences, inwards where a bound is near or the model has no solution on the other side.
 
     With z = e/sigma, -log L = sum rho(z) + log sigma has the Fisher information z'z' (sigma held) + 2 (log sigma)'^2.
@@ -192,9 +190,7 @@ def _lower(
     """
     lowest = np.array([r.lowest for r in ranges])
     highest = np.array([r.highest for r in ranges])
-    outwards = ((here.theta <= lowest) & (here.gradient > 0.0)) | (
-        (here.theta >= highest) & (here.gradient < 0.0)
-    )
+    outwards = ((here.theta <= lowest) & (here.gradient > 0.0)) | ((here.theta >= highest) & (here.gradient < 0.0))
     diagonal = np.diag(here.information)
     free = np.flatnonzero(~outwards & (diagonal > 0.0))
     if free.size == 0:

@@ -81,9 +81,7 @@ def evidence_against(
         if len(chosen) >= FEWEST:
             break
     else:
-        raise UserError(
-            option, f"holds fewer than {FEWEST} events of a kind", "let the observer see more injections"
-        )
+        raise UserError(option, f"holds fewer than {FEWEST} events of a kind", "let the observer see more injections")
     others = {other: sum(event.kind is other for event in own) for other in EvidenceKind if other is not kind}
     counts = ", ".join(f"{count} {other}" for other, count in others.items())
     say(console, f"{folder}: {len(chosen)} {kind} events are searched ({counts} events are not)")
@@ -100,9 +98,7 @@ def evidence_against(
 
 def _stated(event: KeptEvent) -> tuple[SizedEffect, ...]:
     """Delay and lag stated for the line pressure; the samples are already corrected by those of other channels."""
-    return tuple(
-        SizedEffect(VOCABULARY[name], tuple(values)) for name, values in event.belief["line_sensor"].items()
-    )
+    return tuple(SizedEffect(VOCABULARY[name], tuple(values)) for name, values in event.belief["line_sensor"].items())
 
 
 def _digest(hashes: Sequence[str]) -> str:

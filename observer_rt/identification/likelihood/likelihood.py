@@ -134,9 +134,7 @@ class RecordingLikelihood:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
         c, offset = self.measurement.coefficients_of(model), model.sensor.offset
-        is_nominal = (
-            inputs is self._nominal_inputs and (c.chamber_pressure, c.pressure_scale) == self._normalised_by
-        )
+        is_nominal = inputs is self._nominal_inputs and (c.chamber_pressure, c.pressure_scale) == self._normalised_by
         if late or not is_nominal:
             batch = batch_of(self.measurement, self._rows, inputs, late, offset, c)
         elif (offset, c) == self._begins:  # of nearly all models: those that differ by a law
@@ -174,9 +172,7 @@ class RecordingLikelihood:
                 self._gains.clear()
             rate = self.measurement.recording.sample_rate
             smoothing = smoothing_of(self.measurement.interval)
-            schedule = gain_schedule(
-                c, self.measurement.noise, rate, sensor.lag, share, rail_smoothing=smoothing
-            )
+            schedule = gain_schedule(c, self.measurement.noise, rate, sensor.lag, share, rail_smoothing=smoothing)
             self._gains[key] = schedule
         return schedule
 

@@ -280,8 +280,7 @@ def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: floa
     """
     gap = np.full(round(APART * sample_rate), np.nan)
     signals: dict[str, Any] = {
-        name: np.concatenate([samples for part in parts for samples in (part[name], gap)])
-        for name in parts[0]
+        name: np.concatenate([samples for part in parts for samples in (part[name], gap)]) for name in parts[0]
     }
     return Recording(np.arange(signals["needle_lift"].size) / sample_rate, **signals, **of)
 

@@ -116,9 +116,7 @@ def mean_mass(measured: Sequence[Measurement], model: EffectiveModel) -> float:
     return float(np.mean([mass(each, one, density) for each in measured for one in simulated(each, model)]))
 
 
-def consequence(
-    measured: Sequence[Measurement], before: EffectiveModel, after: EffectiveModel
-) -> Consequence:
+def consequence(measured: Sequence[Measurement], before: EffectiveModel, after: EffectiveModel) -> Consequence:
     """By how much line pressure and mass move from one model to another."""
     pressures, masses = [], []
     for measurement in measured:

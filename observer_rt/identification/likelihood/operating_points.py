@@ -84,8 +84,7 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
     margin = round((MARGIN + SMOOTHED) / measurement.interval) + 1
     ordered = sorted(events, key=lambda event: event.start)
     stretches = [
-        np.clip(np.arange(event.start - margin, event.end + margin), 0, recording.samples - 1)
-        for event in ordered
+        np.clip(np.arange(event.start - margin, event.end + margin), 0, recording.samples - 1) for event in ordered
     ]
     kept = np.concatenate(stretches)
     moved, begin = [], 0
@@ -97,9 +96,7 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
         return np.ascontiguousarray(values[kept])
 
     signals = {name: cut(values) for name, values in recording.signals.items()}
-    part = recording.with_arrays(
-        {"time": np.arange(kept.size, dtype=np.float64) * measurement.interval, **signals}
-    )
+    part = recording.with_arrays({"time": np.arange(kept.size, dtype=np.float64) * measurement.interval, **signals})
     return replace(
         measurement,
         recording=part,

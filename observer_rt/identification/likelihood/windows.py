@@ -65,9 +65,7 @@ class Batch(NamedTuple):
         )
 
 
-def in_mass_window(
-    measurement: Measurement, event: JudgedEvent, samples: NDArray[np.int64]
-) -> NDArray[np.bool_]:
+def in_mass_window(measurement: Measurement, event: JudgedEvent, samples: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Selects the samples (n,) of a recording over which an event's mass is summed."""
     lead, tail = (round(t / measurement.interval) for t in (MASS_LEAD, MASS_TAIL))
     inside = np.zeros(samples.size, np.bool_)
@@ -102,9 +100,7 @@ class Rows:
         low pressure, say little of how the sac begins to fill. Of means, not the one in which the needle shuts.
         """
         self.rate_samples = np.concatenate(times)
-        self._injecting = np.concatenate(
-            [in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events]
-        )
+        self._injecting = np.concatenate([in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events])
         self._interval = measurement.interval
 
     def volumes(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -128,10 +124,7 @@ class TrueInputs:
         rail: NDArray[np.float64] | None = None,
     ) -> None:
         """rail: `rail_on_time` of the same terms, where it is known already."""
-        rail = (
-            terms.rail_factor * (rail_on_time(measurement, terms) if rail is None else rail)
-            + terms.rail_shift
-        )
+        rail = terms.rail_factor * (rail_on_time(measurement, terms) if rail is None else rail) + terms.rail_shift
         self.rail = (rail - c.chamber_pressure) / c.pressure_scale
         self.area = _areas(measurement, terms, c)
         self.knots = np.empty((0, 2))
@@ -267,9 +260,7 @@ def latest(measurement: Measurement) -> int:
 def stretches(measurement: Measurement) -> tuple[EventStretch, ...]:
     """The counted samples of every event; edges are where the ramps of the lift meet 0."""
     return tuple(
-        EventStretch(
-            event.end - event.counted, measurement.interval, measurement.rail_pressure, _edges(event)
-        )
+        EventStretch(event.end - event.counted, measurement.interval, measurement.rail_pressure, _edges(event))
         for event in measurement.events
     )
 

@@ -58,8 +58,7 @@ FUEL_DENSITY = Effect(
     apply=scaled("fluid", "density_line", "density_nozzle"),
     sentence="The fuel is denser, or lighter, than the file says, in line and nozzle: rho (1 + r).",
     signature=(
-        "All flows change as one over the root of the density, and the line rings slower the denser the "
-        "fuel is."
+        "All flows change as one over the root of the density, and the line rings slower the denser the fuel is."
     ),
     decided_by=SAMPLE_OR_BALANCE,
 )
@@ -78,9 +77,7 @@ LINE_FRICTION = Effect(
     component=Component.LINE_FLOW,
     parameters=(parameter("k", -0.95, 10.0, 0.005, (0.0, 2.0)),),
     apply=scaled("line", "loss_factor"),
-    sentence=(
-        "The feed line loses more pressure to its flow (deposits, a clogged filter), or less: xi (1 + k)."
-    ),
+    sentence=("The feed line loses more pressure to its flow (deposits, a clogged filter), or less: xi (1 + k)."),
     signature=(
         "The line pressure sags more as the flow through the line grows, and its ringing after the "
         "injection dies sooner."
@@ -93,9 +90,7 @@ GUIDE_LEAKAGE = Effect(
     parameters=(parameter("c", 0.0, 5e-13, 5e-16, unit="m3/(s Pa)"),),
     apply=added("departures", "leakage"),
     sentence="Fuel leaks past the needle guide, open or shut: c (p_L - p_C) drains the line.",
-    signature=(
-        "The line pressure stands a little below the rail pressure all the time and its ringing dies sooner."
-    ),
+    signature=("The line pressure stands a little below the rail pressure all the time and its ringing dies sooner."),
     wear=True,
 )
 
@@ -175,8 +170,7 @@ SEAT_OUTFLOW = Effect(
     parameters=(),
     apply=_seat_outflow,
     sentence=(
-        "The line is drained by the flow through the seat, which also fills the sac, not by the "
-        "injection rate."
+        "The line is drained by the flow through the seat, which also fills the sac, not by the injection rate."
     ),
     signature="The line pressure dips a few microseconds sooner at opening, by what fills the sac.",
 )
@@ -201,9 +195,7 @@ LIFT_DEPENDENT_SEAT_COEFFICIENT = Effect(
         ),
     ),
     apply=_lift_dependent_seat_coefficient,
-    sentence=(
-        "The seat passes less (or more) at small lift than at full lift: alpha_S (1 - a exp(-x_N/x_c))."
-    ),
+    sentence=("The seat passes less (or more) at small lift than at full lift: alpha_S (1 - a exp(-x_N/x_c))."),
     signature="Shows in the first and last moments of an opening; ballistic injections lose most.",
 )
 

@@ -38,8 +38,7 @@ LINE_PRESSURE_SENSOR_LAG = Effect(
     apply=added("sensor", "lag"),
     sentence="The line-pressure sensor follows its pressure with a delay: tau y' = p_L - y.",
     signature=(
-        "Steep changes of the line pressure are recorded late and rounded, at opening, closing and while "
-        "it rings."
+        "Steep changes of the line pressure are recorded late and rounded, at opening, closing and while it rings."
     ),
     apparent=True,
 )
@@ -51,8 +50,7 @@ LINE_PRESSURE_SENSOR_OFFSET = Effect(
     apply=added("sensor", "offset"),
     sentence="The line pressure is recorded too high (or too low) by the same pressure always: y = p_L + o.",
     signature=(
-        "With the needle shut the line pressure differs from the rail pressure by the same amount at "
-        "every pressure."
+        "With the needle shut the line pressure differs from the rail pressure by the same amount at every pressure."
     ),
 )
 
@@ -102,9 +100,7 @@ NEEDLE_LIFT_SENSOR_LAG = Effect(
     sentence="The needle lift is recorded by a slow sensor or amplifier: tau y' = x_N - y.",
     signature="Opening and closing are recorded late and rounded, against both pressures.",
     relations=(
-        Relation(
-            ("channel_skew", "lift_offset", "lift_dependent_seat_coefficient"), Likeness.NEAR, LIFT_STEP
-        ),
+        Relation(("channel_skew", "lift_offset", "lift_dependent_seat_coefficient"), Likeness.NEAR, LIFT_STEP),
     ),
     remedy="state the lag of the lift sensor in the bench file, as lag_us of [signals.needle_lift]",
 )
@@ -112,9 +108,7 @@ NEEDLE_LIFT_SENSOR_LAG = Effect(
 
 def _rail_pressure_sensor_gain(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
     terms, factor = model.inputs, 1.0 / (1.0 + values[0])
-    return model.with_terms(
-        "inputs", rail_factor=terms.rail_factor * factor, rail_shift=terms.rail_shift * factor
-    )
+    return model.with_terms("inputs", rail_factor=terms.rail_factor * factor, rail_shift=terms.rail_shift * factor)
 
 
 RAIL_PRESSURE_SENSOR_GAIN = Effect(
@@ -123,13 +117,9 @@ RAIL_PRESSURE_SENSOR_GAIN = Effect(
     parameters=(parameter("g", -0.1, 0.1, 2e-4),),
     apply=_rail_pressure_sensor_gain,
     sentence="The rail pressure is recorded too high (or too low) by a factor: measured = true (1 + g).",
-    signature=(
-        "With the needle shut the line pressure differs from the recorded rail pressure by a share of it."
-    ),
+    signature=("With the needle shut the line pressure differs from the recorded rail pressure by a share of it."),
     relations=(
-        Relation(
-            ("rail_pressure_sensor_offset", "line_pressure_sensor_offset"), Likeness.NEAR, PRESSURE_GAUGE
-        ),
+        Relation(("rail_pressure_sensor_offset", "line_pressure_sensor_offset"), Likeness.NEAR, PRESSURE_GAUGE),
     ),
 )
 
@@ -145,8 +135,7 @@ RAIL_PRESSURE_SENSOR_OFFSET = Effect(
     parameters=(parameter("o", -10.0, 10.0, 0.02, unit="MPa", si=MEGAPASCAL),),
     apply=_rail_pressure_sensor_offset,
     sentence=(
-        "The rail pressure is recorded too high (or too low) by the same pressure always: measured = "
-        "true + o."
+        "The rail pressure is recorded too high (or too low) by the same pressure always: measured = true + o."
     ),
     signature=(
         "With the needle shut the line pressure differs from the recorded rail pressure by the same "

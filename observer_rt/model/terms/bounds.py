@@ -63,9 +63,7 @@ class TermDomain:
             corners = random.choice(levels, _POINTS // 2)
             values[variable] = np.append(corners, random.uniform(low, high, _POINTS // 2))
         line, chamber = values[Variable.LINE_PRESSURE], values[Variable.CHAMBER_PRESSURE]
-        values[Variable.SAC_PRESSURE] = chamber + values[Variable.SAC_PRESSURE] * np.maximum(
-            line - chamber, 0.0
-        )
+        values[Variable.SAC_PRESSURE] = chamber + values[Variable.SAC_PRESSURE] * np.maximum(line - chamber, 0.0)
         is_open = values[Variable.NEEDLE_LIFT] > 0.0
         values[Variable.LIFT_RATE][~is_open] = 0.0
         values[Variable.SEAT_FLOW][~is_open] = 0.0
@@ -96,9 +94,7 @@ def refuse_unbounded(term: Term, domain: TermDomain) -> None:
     for law in dict.fromkeys((term.law, term.law.settled())):
         _refuse_values(term, _over(law, term, domain), domain)
     if term.equation is TermEquation.NEEDLE_LIFT:
-        held = np.where(
-            domain.points[Variable.CLOSED.word] > 0.0, _over(term.law.settled(), term, domain), 0.0
-        )
+        held = np.where(domain.points[Variable.CLOSED.word] > 0.0, _over(term.law.settled(), term, domain), 0.0)
         at = int(np.argmax(held))
         if held[at] > LARGEST_REST:
             problem = f"holds a shut needle open by {held[at]:.3g} mm, more than {LARGEST_REST:g},"
@@ -162,9 +158,7 @@ def _unsound(
     problem: str,
     remedy: str = "correct the law, or hold it where it grows, by min(), max() or tanh()",
 ) -> UserError:
-    words = [
-        f"{one.word} = {domain.points[one.word][at]:.4g}" for one in Variable if one in term.law.variables
-    ]
+    words = [f"{one.word} = {domain.points[one.word][at]:.4g}" for one in Variable if one in term.law.variables]
     size = f", c = {term.coefficient:g}" if term.law.has_coefficient else ""
     where = f" at {', '.join(words)}" if words else ""
     return UserError(f"{term.equation} = {term.law}{size}", (problem + where).removesuffix(","), remedy)

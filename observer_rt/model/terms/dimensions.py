@@ -54,9 +54,7 @@ class _Check:
             case LawTable(argument, points, values):
                 point_unit = self.unit_of(argument)
                 for point in points:
-                    self.alike(
-                        point_unit, self.unit_of(point), f"in '{law}', '{argument}'", f"the point {point}"
-                    )
+                    self.alike(point_unit, self.unit_of(point), f"in '{law}', '{argument}'", f"the point {point}")
                 unit = self.unit_of(values[0])
                 for value in values[1:]:
                     unit = self.alike(unit, self.unit_of(value), f"in '{law}', {values[0]}", f"{value}")
@@ -103,6 +101,4 @@ class _Check:
             exponent = arguments[1] if operation is Operation.POWER else Number(0.5)
             assert isinstance(exponent, Number)
             return None if first is None else first.to(exponent.value)
-        return self.alike(
-            first, PURE, f"in '{law}', '{arguments[0]}'", f"what {operation.name.lower()}() takes"
-        )
+        return self.alike(first, PURE, f"in '{law}', '{arguments[0]}'", f"what {operation.name.lower()}() takes")

@@ -59,9 +59,7 @@ class TermInForce(BaseModel):
 
             low, high = term.interval or (None, None)
             own_unit = coefficient_unit(term.equation, term.law)
-            stated = TermCoefficient(
-                value=term.coefficient, unit=str(own_unit or unit or PURE), low=low, high=high
-            )
+            stated = TermCoefficient(value=term.coefficient, unit=str(own_unit or unit or PURE), low=low, high=high)
         ranges = {one.word: seen[one] for one in sorted(term.law.variables & set(seen))}
         return cls(equation=term.equation, law=str(term.law), coefficient=stated, seen=ranges, **why)
 
@@ -116,7 +114,5 @@ class TermInForce(BaseModel):
         scale, unit = factor_and_unit
         if needed is not None and unit != needed:
             raise UserError("coefficient.unit", f"is '{stated.unit}'", f"give it in '{needed}'")
-        between = (
-            None if stated.low is None or stated.high is None else (stated.low * scale, stated.high * scale)
-        )
+        between = None if stated.low is None or stated.high is None else (stated.low * scale, stated.high * scale)
         return stated.value * scale, between

@@ -102,9 +102,7 @@ class Law:
         """The law with its inputs held between the ends of ranges, in the units of `variable`."""
         return self.replaced(
             {
-                variable: Call(
-                    Operation.MIN, (Call(Operation.MAX, (Quantity(variable), Number(low))), Number(high))
-                )
+                variable: Call(Operation.MIN, (Call(Operation.MAX, (Quantity(variable), Number(low))), Number(high)))
                 for variable, (low, high) in seen.items()
             }
         )
@@ -232,9 +230,7 @@ class LawTable(Law):
     def spelled(self) -> Law:
         """Table as a sum of lines that begin and end."""
         law: Law = Number(self.values[0].reckoned)
-        knots = [
-            (point.reckoned, value.reckoned) for point, value in zip(self.points, self.values, strict=True)
-        ]
+        knots = [(point.reckoned, value.reckoned) for point, value in zip(self.points, self.values, strict=True)]
         for (start, low), (end, high) in pairwise(knots):
             beyond = Call(Operation.SUBTRACT, (self.argument, Number(start)))
             part = Call(Operation.MIN, (Call(Operation.MAX, (beyond, ZERO)), Number(end - start)))

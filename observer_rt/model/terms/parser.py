@@ -83,9 +83,7 @@ def _law(node: ast.expr) -> Law:
             return _call(node, name, arguments)
         case ast.Name(name) | ast.Call(ast.Name(name)):
             meant = did_you_mean(name, (*VARIABLES, *_FUNCTIONS, COEFFICIENT))
-            names = (
-                f"variables: {', '.join(VARIABLES)}; functions: {', '.join(_FUNCTIONS)}; c: the coefficient"
-            )
+            names = f"variables: {', '.join(VARIABLES)}; functions: {', '.join(_FUNCTIONS)}; c: the coefficient"
             raise _refused(node, f"unknown name '{name}'", meant + names)
         case ast.UnaryOp(ast.USub(), operand):
             return Call(Operation.NEGATE, (_law(operand),))

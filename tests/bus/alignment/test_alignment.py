@@ -52,9 +52,7 @@ def test_index_back_to_zero_is_a_restart(roles: list[list[int]], uptime: int) ->
     aligner.take_all(Block(m, 9, 9, epoch=1) for m in messages)
     assert aligner.indices == [*range(uptime, uptime + 18), *range(18)]
     assert aligner.rows[18].broken is Break.RESTART
-    assert all(
-        row.values == tuple(value(role, row.index, epoch=1) for role in range(3)) for row in aligner.rows[18:]
-    )
+    assert all(row.values == tuple(value(role, row.index, epoch=1) for role in range(3)) for row in aligner.rows[18:])
     assert aligner.count("restarts") == 1
     assert aligner.count("lost") == 0
 

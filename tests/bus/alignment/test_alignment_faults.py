@@ -44,9 +44,7 @@ def reference(roles: Sequence[Sequence[int]], blocks: Sequence[Block]) -> Expect
     lost = jumps = 0
 
     def values(index: int) -> tuple[float, ...]:
-        by_role = {
-            role: value(role, index, at[m][index].is_open) for m in range(len(roles)) for role in roles[m]
-        }
+        by_role = {role: value(role, index, at[m][index].is_open) for m in range(len(roles)) for role in roles[m]}
         return tuple(by_role[role] for role in range(3))
 
     for index in complete:
@@ -70,9 +68,7 @@ def reference(roles: Sequence[Sequence[int]], blocks: Sequence[Block]) -> Expect
     return ExpectedOutput(rows, lost, repeated, old, jumps)
 
 
-def _is_legal(
-    accepted: Sequence[Sequence[Block]], at: Sequence[dict[int, Block]], last: int, index: int
-) -> bool:
+def _is_legal(accepted: Sequence[Sequence[Block]], at: Sequence[dict[int, Block]], last: int, index: int) -> bool:
     for own, have in zip(accepted, at, strict=True):
         before, after = have[last], have[index]
         jumped = own.index(after) == own.index(before) + 1 and after.index > before.end
@@ -177,7 +173,6 @@ def test_any_restarts(epochs: list[tuple[int, list[str]]], roles: list[list[int]
         assert indices == sorted(set(indices))
         for row in segment:
             of_epoch = [
-                tuple(value(role, row.index, epoch=epoch) for role in range(3))
-                for epoch in range(len(epochs))
+                tuple(value(role, row.index, epoch=epoch) for role in range(3)) for epoch in range(len(epochs))
             ]
             assert row.values in of_epoch

@@ -103,9 +103,7 @@ def test_nothing_lost_slips_no_cycle(modulus: int, drift: float, delays: str) ->
     counter = Counter(modulus).take_all(numbers, come)
     assert counter.numbers == numbers.tolist()
     assert counter.anew == [0]
-    expected = (
-        modulus > 1 or delays == "prompt"
-    )  # without a counter, a loss would not be seen among such delays
+    expected = modulus > 1 or delays == "prompt"  # without a counter, a loss would not be seen among such delays
     assert counter.sure[-1] == expected
 
 
@@ -151,9 +149,7 @@ def test_repeated_and_overtaken_frames_are_dropped() -> None:
     order, taken = numbers.copy(), taken.copy()
     order[15_000], order[15_001] = order[15_001], order[15_000]
     taken[15_000], taken[15_001] = taken[15_001], taken[15_001] + 20e-6
-    counter = Counter(16).take_all(
-        np.insert(order, 12_000, 11_999), np.insert(taken, 12_000, taken[11_999] + 2e-5)
-    )
+    counter = Counter(16).take_all(np.insert(order, 12_000, 11_999), np.insert(taken, 12_000, taken[11_999] + 2e-5))
     assert counter.dropped == [Count.REPEATED, Count.OLD]
     assert counter.numbers == [n for n in numbers.tolist() if n != 15_000]
     assert counter.anew == [0]
@@ -176,9 +172,7 @@ def test_host_that_sleeps_makes_the_count_unsure() -> None:
     asleep = (taken > 1.2) & (taken < 1.28)
     counter = Counter(1).take_all(numbers, np.where(asleep, 1.28, taken))
     first = int(np.flatnonzero(asleep)[0])
-    assert (
-        counter.numbers[first] > first + 100
-    )  # taken for a loss, until the next one comes too early for that
+    assert counter.numbers[first] > first + 100  # taken for a loss, until the next one comes too early for that
     assert counter.anew == [0, first + 1]
     assert not any(counter.sure[first + 1 : first + 100])
     assert counter.numbers[-1] - counter.numbers[first + 1] == FRAMES - 1 - (first + 1)

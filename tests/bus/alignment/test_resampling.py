@@ -230,8 +230,7 @@ def test_means_on_the_grid_count_half_a_sample_before() -> None:
     for row in rows:
         index = int(row["index"])
         rail, lift, pressure = (
-            row["values"][ROLES.index(role)]
-            for role in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT, Role.LINE_PRESSURE)
+            row["values"][ROLES.index(role)] for role in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT, Role.LINE_PRESSURE)
         )
         assert (rail, pressure) == (pytest.approx(line(index), rel=1e-12), 1e6 + index)
         assert (lift, row["shares"][LIFT]) == (pytest.approx(1e-6 * (index + 1)), 0.5)

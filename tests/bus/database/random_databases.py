@@ -134,9 +134,7 @@ def signals(draw: st.DrawFn, name: str, first: int, length: int, is_big_endian: 
         if draw(st.booleans()):
             codes["error"] = (codes.get("not_available", 1 << length) - 1) & ((1 << length) - 1)
     start = dbc_start(first, length, is_big_endian)
-    return Field(
-        name, start, length, is_big_endian, mark, is_signed, is_float, scale, offset, limits, **codes
-    )
+    return Field(name, start, length, is_big_endian, mark, is_signed, is_float, scale, offset, limits, **codes)
 
 
 @st.composite

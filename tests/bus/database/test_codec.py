@@ -99,9 +99,7 @@ def values(draw: st.DrawFn, field: Field) -> float:
         raw = draw(st.floats(-1e6, 1e6, width=32))
     else:
         lowest = -(1 << field.length - 1) if field.is_signed else 0
-        raw = draw(st.integers(lowest, lowest + (1 << field.length) - 1)) + draw(
-            st.sampled_from([0.0, 0.5, -0.25])
-        )
+        raw = draw(st.integers(lowest, lowest + (1 << field.length) - 1)) + draw(st.sampled_from([0.0, 0.5, -0.25]))
     return draw(st.sampled_from([1.0, 1.0, 1.0, 1e3, math.inf])) * float(raw * field.scale + field.offset)
 
 
@@ -161,9 +159,7 @@ def test_a_frame_with_an_unknown_selector_carries_nothing_multiplexed(random: Ra
     outer = next(one for one in random.fields if one.name == "Outer")
     unknown = next(code for code in range(256) if code not in random.selectors["Outer"])
     payload = with_bits(bytes(random.size), outer, unknown)
-    assert set(selected(random.load(), payload)) == {
-        one.name for one in random.fields if one.mark in ("", "M")
-    }
+    assert set(selected(random.load(), payload)) == {one.name for one in random.fields if one.mark in ("", "M")}
 
 
 @many

@@ -167,9 +167,7 @@ def test_faulty_databases_are_refused_with_file_line_and_reason(
         ('0 "off" 1 "on"', (None, None)),
     ],
 )
-def test_codes_named_in_a_value_table(
-    tmp_path: Path, names: str, codes: tuple[int | None, int | None]
-) -> None:
+def test_codes_named_in_a_value_table(tmp_path: Path, names: str, codes: tuple[int | None, int | None]) -> None:
     text = USER_DBC + f"VAL_ 2147484672 Rail2 {names} ;\n"
     signal = find_message(load_text(tmp_path, text), "Pressures").get_signal_by_name("Rail2")
     assert reserved_codes(signal) == codes

@@ -77,9 +77,7 @@ def test_units_are_read_in_the_encodings_of_editors(tmp_path: Path, encoding: st
 
 def test_a_default_without_quotes_is_told(tmp_path: Path) -> None:
     path = tmp_path / "odd.dbc"
-    path.write_text(
-        ODD.split("\nBO_ 416727056")[0] + 'BA_DEF_ BO_ "Sent" STRING ;\nBA_DEF_DEF_ "Sent" false;\n'
-    )
+    path.write_text(ODD.split("\nBO_ 416727056")[0] + 'BA_DEF_ BO_ "Sent" STRING ;\nBA_DEF_DEF_ "Sent" false;\n')
     with pytest.raises(UserError, match=r"odd.dbc:6: Invalid syntax(?s:.*)lenient = true"):
         load_database(path)
     assert load_database(path, lenient=True).dbc.attribute_definitions["Sent"].default_value == "false"
@@ -88,9 +86,7 @@ def test_a_default_without_quotes_is_told(tmp_path: Path) -> None:
 
 def test_the_reason_why_leniency_does_not_help_is_said_too(tmp_path: Path) -> None:
     path = tmp_path / "odd.dbc"
-    overlapping = ODD.replace(
-        "\n\nBO_ 416727056", '\n SG_ A2 : 7|8@1+ (1,0) [0|0] "" Device\n\nBO_ 416727056', 1
-    )
+    overlapping = ODD.replace("\n\nBO_ 416727056", '\n SG_ A2 : 7|8@1+ (1,0) [0|0] "" Device\n\nBO_ 416727056', 1)
     path.write_text(overlapping.replace("8|32@1-", "8|0@1-"))
     with pytest.raises(UserError) as raised:
         load_database(path)

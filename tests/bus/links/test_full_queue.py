@@ -57,9 +57,7 @@ def links(interface: OwnInterface, queue: int = QUEUE, rate: int = RATE) -> tupl
 
 def numbers(receiver: Link) -> list[int]:
     """Of the frames that wait to be received."""
-    return [
-        int.from_bytes(frame.payload[:4], "little") for frame in iter(lambda: receiver.receive(0.05), None)
-    ]
+    return [int.from_bytes(frame.payload[:4], "little") for frame in iter(lambda: receiver.receive(0.05), None)]
 
 
 def payload(number: int) -> bytes:

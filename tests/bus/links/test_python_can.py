@@ -130,9 +130,7 @@ def test_an_interface_that_cannot_be_opened_fails_at_run_time() -> None:
         open_link("pcan", "NO_SUCH_CHANNEL", True)
 
 
-def test_own_frames_that_come_back_are_no_other_senders(
-    channel: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_own_frames_that_come_back_are_no_other_senders(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """As on interfaces that give every frame to all, its sender among them; equal ones of another node count."""
     bus_of = can.Bus
     monkeypatch.setattr(can, "Bus", lambda **options: bus_of(**options, receive_own_messages=True))

@@ -188,9 +188,7 @@ def test_back_but_not_configured_yet(own_interface: OwnInterface) -> None:
         assert link.receive(0.0) is None
 
 
-def test_what_was_lost_before_still_counts(
-    own_interface: OwnInterface, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_was_lost_before_still_counts(own_interface: OwnInterface, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(socketcan_link, "RECEIVE_BUFFER_BYTES", 4096)
     with link_on(own_interface.name, []) as sender, link_on(own_interface.name) as receiver:
         lost = 0

@@ -83,9 +83,7 @@ def test_the_kernels_stamp_for_frames_the_interface_did_not_stamp(
     reader = StampReader(receiver, "lo")
     assert reader.by_hardware
     stamp, end = None, time.monotonic() + 5.0
-    while (
-        stamp is None and time.monotonic() < end
-    ):  # the kernel begins to stamp a moment after it was asked to
+    while stamp is None and time.monotonic() < end:  # the kernel begins to stamp a moment after it was asked to
         before = time.time_ns()
         sender.send(b"x")
         stamp = stamp_of_next(reader, receiver)

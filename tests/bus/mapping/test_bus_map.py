@@ -136,12 +136,8 @@ def test_index_that_cannot_be_unwrapped(tmp_path: Path, index: str) -> None:
 
 def test_a_message_too_short_for_its_protection(tmp_path: Path) -> None:
     path = tmp_path / "short.dbc"
-    attributes = USER_DBC[USER_DBC.index("BA_DEF_") :].replace(
-        'E2EProfile" BO_ 292 2', 'E2EProfile" BO_ 292 5'
-    )
-    text = (
-        'VERSION ""\nBU_: A\nBO_ 291 Long: 64 A\nBO_ 292 Short: 2 A\n SG_ State : 0|3@1+ (1,0) [0|0] "" A\n'
-    )
+    attributes = USER_DBC[USER_DBC.index("BA_DEF_") :].replace('E2EProfile" BO_ 292 2', 'E2EProfile" BO_ 292 5')
+    text = 'VERSION ""\nBU_: A\nBO_ 291 Long: 64 A\nBO_ 292 Short: 2 A\n SG_ State : 0|3@1+ (1,0) [0|0] "" A\n'
     path.write_text(text + attributes)
     with pytest.raises(UserError, match="has 2 bytes, which E2E profile 5"):
         output_message(find_message(load_database(path), "Short"), ["State"])
@@ -154,9 +150,7 @@ def test_a_message_too_short_for_its_protection(tmp_path: Path) -> None:
         ("ObserverStatus", signals_of(StatusValues)[:-6], 12),
     ],
 )
-def test_the_classic_layout_carries_what_the_fd_layout_does(
-    message: str, names: tuple[str, ...], pages: int
-) -> None:
+def test_the_classic_layout_carries_what_the_fd_layout_does(message: str, names: tuple[str, ...], pages: int) -> None:
     classic = output_message(find_message(load_database(CLASSIC_DATABASE), message), names)
     assert len(classic.pages) == pages
     assert {name for page in classic.pages for name in page.names} == set(names)
@@ -170,9 +164,7 @@ def test_the_classic_layout_carries_what_the_fd_layout_does(
 
 def test_a_rate_message_may_lack_header_signals_but_not_be_multiplexed(tmp_path: Path) -> None:
     text = 'VERSION ""\nBU_: A\nBO_ 1 Rates: 8 A\n SG_ Page M : 0|8@1+ (1,0) [0|0] "" A\n'
-    text += (
-        ' SG_ InjectionRate_00 : 8|16@1+ (0.01,0) [0|0] "" A\n SG_ State MARK : 24|3@1+ (1,0) [0|0] "" A\n'
-    )
+    text += ' SG_ InjectionRate_00 : 8|16@1+ (0.01,0) [0|0] "" A\n SG_ State MARK : 24|3@1+ (1,0) [0|0] "" A\n'
     text += ' SG_ InjectionRate_01 MARK : 32|16@1+ (0.01,0) [0|0] "" A\n'
     path = tmp_path / "rates.dbc"
     path.write_text(text.replace("MARK ", ""))

@@ -6,12 +6,8 @@ import pytest
 from observer_rt.bus.mapping.output_messages import BITS_PER_STUFF_BIT, frame_time
 
 
-@pytest.mark.parametrize(
-    ("length", "stuffed", "checksum", "fixed_stuff_bits"), [(64, 517, 25, 7), (16, 133, 21, 6)]
-)
-def test_bits_sent_at_the_data_bit_rate(
-    length: int, stuffed: int, checksum: int, fixed_stuff_bits: int
-) -> None:
+@pytest.mark.parametrize(("length", "stuffed", "checksum", "fixed_stuff_bits"), [(64, 517, 25, 7), (16, 133, 21, 6)])
+def test_bits_sent_at_the_data_bit_rate(length: int, stuffed: int, checksum: int, fixed_stuff_bits: int) -> None:
     """ESI, DLC and data; stuff count and CRC; fixed stuff bits; CRC delimiter."""
     at_1m, at_2m = (frame_time(length, True, 500e3, rate, False) for rate in (1e6, 2e6))
     assert (at_1m - at_2m) * 2e6 == pytest.approx(stuffed * 31 / 30 + checksum + fixed_stuff_bits + 1)

@@ -39,9 +39,7 @@ def refused(folder: Path, rail: str, line: str = LINE_LIFT, lift: str = LINE_LIF
         ('message = "Rail"\nrate_hz = 1e3', Joining.CLOCK, Numbering.STAMPS),
     ],
 )
-def test_how_the_rail_pressure_is_joined(
-    tmp_path: Path, rail: str, joining: Joining, numbering: Numbering
-) -> None:
+def test_how_the_rail_pressure_is_joined(tmp_path: Path, rail: str, joining: Joining, numbering: Numbering) -> None:
     bus = timed(tmp_path, rail)
     row = bus.inputs.timing[stream_of(bus, Role.RAIL_PRESSURE)]
     assert (row["joining"], row["numbering"]) == (joining, numbering)
@@ -100,9 +98,7 @@ def test_refusals_of_the_rail_pressure(
 def test_a_stated_delay_moves_the_samples(tmp_path: Path, rail: str, moved: float) -> None:
     """At 20 kHz; the line pressure, which is the grid, stays."""
     bus = timed(tmp_path, rail, line=LINE_LIFT, lift=f"{LINE_LIFT}\nfilter_delay_us = 30")
-    rail_relation, lift = (
-        bus.grid_relations[stream_of(bus, r)] for r in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT)
-    )
+    rail_relation, lift = (bus.grid_relations[stream_of(bus, r)] for r in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT))
     assert rail_relation is not None
     assert rail_relation.early == pytest.approx(moved)
     assert lift is not None

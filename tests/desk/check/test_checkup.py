@@ -103,9 +103,7 @@ def test_what_is_odd_is_said(
 def test_a_sample_period_that_contradicts_the_rate(findings_of: FindingsOf) -> None:
     findings = of(findings_of({"rate_hz = 100e3": "rate_hz = 50e3"}), "sampling")
     assert [finding.level for finding in findings] == [Level.OK, Level.ERROR, Level.WARNING]
-    assert (
-        "sampling.rate_hz: is 50000, but SampleBlock states a sample period of 10000 ns" in findings[1].text
-    )
+    assert "sampling.rate_hz: is 50000, but SampleBlock states a sample period of 10000 ns" in findings[1].text
     assert "SamplePeriodNs to 20000" in findings[1].text
     agreed = findings_of(
         {"rate_hz = 100e3": "rate_hz = 30e3"},
@@ -155,9 +153,7 @@ def test_for_programs_and_for_the_screen() -> None:
     assert "error" in capture.get()
 
 
-def test_the_injector_file_is_known_by_its_bytes_and_by_its_values(
-    findings_of: FindingsOf, tmp_path: Path
-) -> None:
+def test_the_injector_file_is_known_by_its_bytes_and_by_its_values(findings_of: FindingsOf, tmp_path: Path) -> None:
     """`sha256sum` says the first; a comment changes it, and not the hash of the values that is on the bus."""
 
     def hashes(injector: Edits) -> tuple[str, str]:

@@ -39,9 +39,7 @@ def test_each_is_reported_by_its_name(tmp_path: Path) -> None:
             said = [f"{name}: {finding.text}" for finding in alone if finding.topic == topic]
             assert said == [text for text in texts if text.startswith(f"{name}: ")], topic
             assert said, topic
-    assert [finding.text for finding in two if finding.topic == "identifiers"] == [
-        "11 messages, all different"
-    ]
+    assert [finding.text for finding in two if finding.topic == "identifiers"] == ["11 messages, all different"]
     assert not errors([finding for finding in two if finding.topic != "interface"])
 
 

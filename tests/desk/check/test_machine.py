@@ -69,9 +69,7 @@ def test_an_interface_that_is_ready_or_to_be_mended(
     assert_odd(findings, *([command] if command else []))
 
 
-@pytest.mark.parametrize(
-    ("channel", "remedy"), [("vcan7", "ip link add vcan7 type vcan"), ("can7", "driver")]
-)
+@pytest.mark.parametrize(("channel", "remedy"), [("vcan7", "ip link add vcan7 type vcan"), ("can7", "driver")])
 def test_an_interface_that_is_missing(network: Network, channel: str, remedy: str) -> None:
     assert_odd(interface_findings(LinkConfig(channel=channel), network=network()), remedy)
 

@@ -112,6 +112,5 @@ def test_a_slow_replay_is_no_drift_of_a_clock(tmp_path: Path) -> None:
 
     texts = [finding.text for finding in findings_of(tmp_path, [slowed(frame) for frame in frames()])]
     assert any(
-        "SampleBlock: frames came late" in text and "sent at 0.05 times sampling.rate_hz" in text
-        for text in texts
+        "SampleBlock: frames came late" in text and "sent at 0.05 times sampling.rate_hz" in text for text in texts
     )

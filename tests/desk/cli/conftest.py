@@ -76,9 +76,7 @@ def module(
 ) -> "subprocess.Popen[str]":
     """The program in a process of its own; environment: what it has besides."""
     words = [sys.executable, "-m", "observer_rt", *map(str, arguments)]
-    return subprocess.Popen(
-        words, stdout=stdout, stderr=subprocess.PIPE, text=True, env=os.environ | environment
-    )
+    return subprocess.Popen(words, stdout=stdout, stderr=subprocess.PIPE, text=True, env=os.environ | environment)
 
 
 def document(command: Command, *arguments: object) -> dict[str, Any]:

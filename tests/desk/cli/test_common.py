@@ -113,9 +113,7 @@ for arguments in sys.argv[1:]:
 def helps() -> dict[str, str]:
     """What the program prints to the arguments that ask for help, on a narrow terminal."""
     asked = [f"{command} {option}".strip() for command in ("", *COMMANDS) for option in ("-h", "--help")]
-    done = subprocess.run(
-        [sys.executable, "-c", EACH_HELP, *asked], capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", EACH_HELP, *asked], capture_output=True, text=True, check=True)
     return dict(zip(asked, done.stdout.split("\f")[1:], strict=True))
 
 
@@ -136,9 +134,7 @@ def test_help_names_no_types_and_has_an_example(command: str) -> None:
     assert EXIT_CODES in " ".join(text.split())
 
 
-def test_no_more_threads(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_no_more_threads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     def refuse(_: threading.Thread) -> None:
         raise RuntimeError("can't start new thread")  # in Python's words, as under `ulimit -v`
 

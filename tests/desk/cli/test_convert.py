@@ -41,9 +41,7 @@ def test_what_is_lost_is_said(command: Command, tmp_path: Path) -> None:
     assert "1 stamps are rounded to multiples of 1000 ns" in outcome.err
 
 
-def test_a_log_becomes_a_recording_by_a_bench_file(
-    command: Command, tmp_path: Path, worn: Path, bench: Path
-) -> None:
+def test_a_log_becomes_a_recording_by_a_bench_file(command: Command, tmp_path: Path, worn: Path, bench: Path) -> None:
     """Replayed, recorded, converted: the samples that were sent, in the recording's own time."""
     recording = read_recording(worn)
     frames = sent_log(frames_of(bench, recording))

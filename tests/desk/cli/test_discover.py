@@ -88,12 +88,8 @@ def test_of_two_that_are_tied_the_one_chosen_is_amended(command: Command, tmp_pa
 
 
 @pytest.mark.slow
-def test_a_model_that_is_wrong_on_healthy_recordings_is_told(
-    command: Command, worn: Path, tmp_path: Path
-) -> None:
-    done = command.done(
-        "discover", "--out", tmp_path / "found", "--healthy", _copy(worn, tmp_path), "--json", worn
-    )
+def test_a_model_that_is_wrong_on_healthy_recordings_is_told(command: Command, worn: Path, tmp_path: Path) -> None:
+    done = command.done("discover", "--out", tmp_path / "found", "--healthy", _copy(worn, tmp_path), "--json", worn)
     findings = json.loads(done.out)
     assert "orifice_area" in findings["healthy_warning"]
     assert findings["confidence"] <= 0.8

@@ -166,9 +166,7 @@ def test_chain_is_one_history_and_apart_are_several(command: Command, worn: Path
     assert first["injections"] == chained[0]["injections"]
 
 
-def test_logs_of_a_device_that_went_on_are_as_one(
-    command: Command, worn: Path, bench: Path, tmp_path: Path
-) -> None:
+def test_logs_of_a_device_that_went_on_are_as_one(command: Command, worn: Path, bench: Path, tmp_path: Path) -> None:
     """Such as files a recorder began anew, here within the third injection."""
     within = 1394  # frames of nine samples
     assert read_recording(worn).needle_lift[9 * within] > 100e-6
@@ -181,9 +179,7 @@ def test_logs_of_a_device_that_went_on_are_as_one(
     result = [injection for part in chained for injection in part["injections"]]
     assert [injection["number"] for injection in result] == [1, 2, 3, 4]
     keys = ("mass_mg", "mass_ci95_mg", "valid", "phi_version", "indicators")
-    assert [[i[key] for key in keys] for i in result] == [
-        [i[key] for key in keys] for i in reference["injections"]
-    ]
+    assert [[i[key] for key in keys] for i in result] == [[i[key] for key in keys] for i in reference["injections"]]
     apart = document(command, *parts, "--bench", bench)["recordings"]
     assert apart[1]["injections"][0]["number"] == 1
     # Once more: a device that was restarted, which begins with what was learned.

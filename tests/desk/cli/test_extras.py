@@ -48,9 +48,7 @@ def test_every_library_is_in_its_extra() -> None:
     of_desk = [*extras["desk"][1:], *extras["pictures"]]  # its first names the other extra
     required = {line.partition(">")[0]: "desk" for line in of_desk} | {"distributed": "batch"}
     required["tornado"] = "monitor"
-    assert {
-        library: extra for library, extra in EXTRAS.items() if library != "dask"
-    } == required  # of distributed
+    assert {library: extra for library, extra in EXTRAS.items() if library != "dask"} == required  # of distributed
 
 
 def test_the_daemons_side_needs_no_extra(tmp_path: Path) -> None:

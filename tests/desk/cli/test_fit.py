@@ -59,9 +59,7 @@ def test_a_fit_writes_the_file_the_figure_and_says_what_it_is_worth(
 
 
 @pytest.mark.slow
-def test_json_holds_all_of_it(
-    command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path
-) -> None:
+def test_json_holds_all_of_it(command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path) -> None:
     masses = tmp_path / "masses.csv"
     masses.write_text("recording,mass_mg\nhealthy_1.csv,144.2\n")
     fitted = tmp_path / "fitted.toml"

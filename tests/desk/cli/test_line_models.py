@@ -69,9 +69,7 @@ def test_a_fit_that_will_not_do_is_told_at_once(
     model = injector(tmp_path / "injector.toml", end=FITTED.format(adequate=adequate, rate=rate))
     evaluated = command.done("evaluate", resting, "--model", model)
     lines = [line for line in evaluated.err.splitlines() if line.startswith("warning")]
-    (checked,) = (
-        one for one in observer_findings(load_bench(model=model).injector) if one.topic == "fitted model"
-    )
+    (checked,) = (one for one in observer_findings(load_bench(model=model).injector) if one.topic == "fitted model")
     if said is None:
         assert lines == []
         assert checked.level is Level.OK

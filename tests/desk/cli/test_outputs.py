@@ -77,9 +77,7 @@ SAME_KIND = {
 STRANGERS = ("observer.log", "bench.toml", "learned.json", "evidence/mine.parquet", "notes.txt")
 
 
-HAVE_FORCE = {
-    command.name for command in app_of().registered_commands if "force" in get_type_hints(command.callback)
-}
+HAVE_FORCE = {command.name for command in app_of().registered_commands if "force" in get_type_hints(command.callback)}
 
 
 def test_every_output_is_tried() -> None:
@@ -159,9 +157,7 @@ def test_a_folder_of_somebody_else_is_left_alone(
                 (position / stranger).write_bytes(content)
             asked = words(key, worn, str(position))
             if "/" in name:  # of a project that is there
-                (position / "project.toml").write_text(
-                    'model = "../model.toml"\nrecordings = ["../bench.toml"]\n'
-                )
+                (position / "project.toml").write_text('model = "../model.toml"\nrecordings = ["../bench.toml"]\n')
                 asked[1] = "report"
             before = contents(folder)
             for consent in ([], ["--force"]) if key[0] in HAVE_FORCE else ([],):
@@ -180,9 +176,7 @@ def test_a_demonstration_takes_an_empty_folder_only(command: Command, folder: Pa
         (location / name).write_bytes(b"mine\n")
         before = contents(folder)
         for consent in ([], ["--force"]):
-            said = command.refused(
-                "demo", "--missing-effect", "--out", location, "--figure", "x.png", *consent
-            )
+            said = command.refused("demo", "--missing-effect", "--out", location, "--figure", "x.png", *consent)
             assert f"{location}: is not empty" in said
             assert contents(folder) == before
 

@@ -169,9 +169,7 @@ def test_the_commands_of_a_fit(command: Command, tmp_path: Path, monkeypatch: py
 
 
 @pytest.mark.slow
-def test_the_commands_of_a_discovery(
-    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_commands_of_a_discovery(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     commands = [words_of(line)[0] for line in Page("docs/discovery.md").commands]
     of_ones_own, *alone = commands[:4]
@@ -182,9 +180,7 @@ def test_the_commands_of_a_discovery(
 
 
 @pytest.mark.slow
-def test_from_unknown_to_the_daemon(
-    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_from_unknown_to_the_daemon(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     page = Page("docs/discovery.md")
     simulate_plugged, discover_plugged, evaluate_amended = (words_of(line)[0] for line in page.commands[4:7])
@@ -195,9 +191,7 @@ def test_from_unknown_to_the_daemon(
     command.done(*simulate_plugged)
     result = command.done(*discover_plugged).out
     table = command.done(*evaluate_amended).out
-    [proposal] = re.findall(
-        r"^ +proposal 1: as if the nozzle lost 15.0 % of its flow .*$", page.text, re.MULTILINE
-    )
+    [proposal] = re.findall(r"^ +proposal 1: as if the nozzle lost 15.0 % of its flow .*$", page.text, re.MULTILINE)
     assert proposal.strip() in " ".join(result.split())
     rows = re.findall(r"^ +( [456]   .* yes)$", page.text, re.MULTILINE)
     assert len(rows) == 3
@@ -209,9 +203,7 @@ PROGRAMS = LIBRARY.fenced("python")
 
 
 def printed(program: str, folder: Path) -> list[str]:
-    done = subprocess.run(
-        [sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=True)
     return done.stdout.splitlines()
 
 
@@ -236,9 +228,7 @@ def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_commands_on_several_injectors(
-    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_commands_on_several_injectors(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     several_injectors.write_bench(tmp_path)
     for words in several_injectors.make_log():
@@ -286,16 +276,12 @@ def test_the_page_on_an_injector_of_ones_own(
         elif words[:2] == ["check", "--bench"]:
             assert "fitted.toml: adequate" in " ".join(outcome.out.split())
     the_fit_is_as_the_page_says()
-    the_worn_injector_is(
-        document(command, "worn.csv", "--model", "fitted.toml")["recordings"][0]["injections"]
-    )
+    the_worn_injector_is(document(command, "worn.csv", "--model", "fitted.toml")["recordings"][0]["injections"])
     assert json.loads(Path("found/findings.json").read_text())["verdict"] == "named"
 
 
 def the_fit_is_as_the_page_says() -> None:
-    plant, by_file, fitted = (
-        load_injector(Path(name)) for name in ("plant.toml", "by_file.toml", "fitted.toml")
-    )
+    plant, by_file, fitted = (load_injector(Path(name)) for name in ("plant.toml", "by_file.toml", "fitted.toml"))
     for item in (by_file, fitted):
         assert (item.line_outflow, item.line.model) == (plant.line_outflow, plant.line.model)
         assert item.baseline is not None

@@ -27,9 +27,7 @@ def sending() -> Iterator[None]:
             number = 0
             while not over.wait(0.001):
                 data = number.to_bytes(8, "big")
-                bus.send(
-                    can.Message(arbitration_id=0x123, is_extended_id=False, is_fd=number % 2 == 1, data=data)
-                )
+                bus.send(can.Message(arbitration_id=0x123, is_extended_id=False, is_fd=number % 2 == 1, data=data))
                 number += 1
 
     sender = threading.Thread(target=send)

@@ -146,9 +146,7 @@ def test_hang_up_takes_over_a_bench_file_that_was_changed(
             while True:
                 notifications.append(manager.recv(1000).decode())
     assert outcome.code == 0
-    assert (
-        "sampling.bridge_ms: 50 is not allowed; remedy: it should be less than or equal to 5" in outcome.err
-    )
+    assert "sampling.bridge_ms: 50 is not allowed; remedy: it should be less than or equal to 5" in outcome.err
     assert "is taken over: sampling\n" in outcome.err
     assert outcome.err.count("stop: stopped after") == 2
     assert (notifications[0], notifications[-1]) == ("READY=1", "STOPPING=1")

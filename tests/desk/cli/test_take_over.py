@@ -25,9 +25,7 @@ def bench(bench: Path, tmp_path: Path) -> Path:
 def of_its_own() -> Sequence[str]:
     """A command's beginning that gives it process numbers of its own, if this user may."""
     prefix = ["unshare", "--pid", "--fork", "--kill-child"]
-    return (
-        prefix if subprocess.run([*prefix, "true"], check=False, capture_output=True).returncode == 0 else ()
-    )
+    return prefix if subprocess.run([*prefix, "true"], check=False, capture_output=True).returncode == 0 else ()
 
 
 def amended(folder: Path, replacement: tuple[str, str] = ("", "")) -> Path:

@@ -55,9 +55,7 @@ def test_a_long_injection_ends_at_the_flow_at_which_all_pressure_is_used_up() ->
 
 def test_sensors_show_what_their_departures_say(healthy: BenchRecording) -> None:
     shown = recorded(Departure(rail_gain=0.02, hidden_lift=10e-6))
-    assert np.mean(shown.recording.rail_pressure / healthy.recording.rail_pressure) == pytest.approx(
-        1.02, rel=1e-3
-    )
+    assert np.mean(shown.recording.rail_pressure / healthy.recording.rail_pressure) == pytest.approx(1.02, rel=1e-3)
     open_ = healthy.recording.needle_lift > 0.1e-3
     hidden = healthy.recording.needle_lift[open_] - shown.recording.needle_lift[open_]
     assert np.mean(hidden) == pytest.approx(10e-6, rel=0.01)

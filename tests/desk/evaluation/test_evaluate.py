@@ -86,9 +86,7 @@ def test_results_of_the_injections() -> None:
 def test_window_of_a_result_holds_the_whole_injection() -> None:
     truth = worn().truth
     for result in recording_json(evaluated().evaluations[0], C)["injections"]:
-        lift = truth.needle_lift[
-            (truth.time > result["start_s"] - 0.02) & (truth.time < result["end_s"] + 0.02)
-        ]
+        lift = truth.needle_lift[(truth.time > result["start_s"] - 0.02) & (truth.time < result["end_s"] + 0.02)]
         inside = truth.needle_lift[(truth.time >= result["start_s"]) & (truth.time <= result["end_s"])]
         assert (inside > 0.0).sum() == (lift > 0.0).sum()
         assert result["end_s"] - result["start_s"] < 3e-3
@@ -168,9 +166,7 @@ NOMINAL_ERRORS = {0.3: -0.21, -0.3: 0.38, 0.0: 0.0}  # of the model that knows n
 @pytest.mark.parametrize("v_h", [0.3, -0.3, 0.0])
 def test_mass_and_rate(v_h: float) -> None:
     schedule = make_schedule([100e6], 10, 0.06, [1.9e-3])
-    made = simulate(
-        load_injector(), schedule, 50e3, (sized("orifice_area", v_H=v_h),), SimulatedNoise(), seed=7
-    )
+    made = simulate(load_injector(), schedule, 50e3, (sized("orifice_area", v_H=v_h),), SimulatedNoise(), seed=7)
     (evaluation,) = evaluate(load_bench(), [made.recording]).evaluations
     density = load_injector().fluid.density_nozzle
     results = evaluation.injections

@@ -36,9 +36,7 @@ def frames(bench: Bench = BENCH) -> list[LogFrame]:
     return log_of(worn(), all_samples(worn()), bench)
 
 
-def log_of(
-    recording: Recording, spans: list[Span], bench: Bench = BENCH, shift: float = 0.0
-) -> list[LogFrame]:
+def log_of(recording: Recording, spans: list[Span], bench: Bench = BENCH, shift: float = 0.0) -> list[LogFrame]:
     return sent_log(later(frames_of(bench, recording, spans), shift), START)
 
 
@@ -86,9 +84,7 @@ def test_the_frames_of_a_log_give_what_the_recording_gives(write: Write) -> None
     assert len(history.evaluations[0].reports) == 3
     all_samples = expected().evaluations[0].trace
     for name in ("injection_rate", "injection_rate_sigma", "nominal_rate", "valid", "state", "x", "phi"):
-        np.testing.assert_array_equal(
-            history.evaluations[0].trace[name][: len(all_samples)], all_samples[name]
-        )
+        np.testing.assert_array_equal(history.evaluations[0].trace[name][: len(all_samples)], all_samples[name])
 
 
 def test_classic_frames_give_what_the_recording_gives(write: Write, classic_bench: Bench) -> None:

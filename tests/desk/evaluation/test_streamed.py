@@ -158,9 +158,7 @@ def test_a_log_with_long_holes_as_in_one_piece(tmp_path: Path) -> None:
     framer = Framer(map_bus(BENCH))
     frames, begin = [], 0.0
     for _ in range(3):
-        frames += [
-            frame._replace(time=frame.time + begin) for frame in framer.frames(worn(), all_samples(worn()))
-        ]
+        frames += [frame._replace(time=frame.time + begin) for frame in framer.frames(worn(), all_samples(worn()))]
         framer.pause(100_000)
         begin = framer.next_index / 100e3
     path = tmp_path / "bus.blf"

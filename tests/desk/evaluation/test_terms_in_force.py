@@ -75,11 +75,7 @@ def test_what_a_term_says_is_not_learned_again(injector: Path) -> None:
         load_injector(injector), make_schedule([140e6, 80e6], 6, 0.06, [1.1e-3]), 100e3, (), SimulatedNoise()
     )
     with_terms, without = (
-        evaluate(load_bench(model=model), [made.recording])
-        .evaluations[0]
-        .reports[-1]
-        .indicators[NOZZLE]
-        .value
+        evaluate(load_bench(model=model), [made.recording]).evaluations[0].reports[-1].indicators[NOZZLE].value
         for model in (injector, NOMINAL_INJECTOR)
     )
     assert abs(with_terms) < 0.01

@@ -18,9 +18,7 @@ def started(*arguments: str | Path, cwd: Path | None = None) -> "subprocess.Pope
     """`observer-rt batch` with two workers of its own unless a scheduler is named, its results as JSON."""
     words = [sys.executable, "-m", "observer_rt", "batch", *map(str, arguments), "--json", *PATTERN]
     workers = () if "--scheduler" in arguments else ("--workers", "2")
-    return subprocess.Popen(
-        [*words, *workers], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd
-    )
+    return subprocess.Popen([*words, *workers], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd)
 
 
 def ended(process: "subprocess.Popen[str]") -> dict[str, Any]:

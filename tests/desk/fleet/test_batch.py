@@ -39,9 +39,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_killed_worker_loses_and_doubles_nothing_and_a_bad_file_is_a_row(
-    recordings: Path, tmp_path: Path
-) -> None:
+def test_a_killed_worker_loses_and_doubles_nothing_and_a_bad_file_is_a_row(recordings: Path, tmp_path: Path) -> None:
     process = started(recordings, "--out", tmp_path)
     wait_until(process, lambda: any(tmp_path.glob("injections/*.parquet")))
     workers_of(process)[0].kill()

@@ -50,10 +50,7 @@ def test_recordings_at_one_time_are_refused() -> None:
 
 
 def when_written(*files: str) -> pa.Table:
-    made = [
-        rows(f"{k}", "worn", [0.1, 0.2], file=file, time_from=TimeFrom.WRITTEN)
-        for k, file in enumerate(files)
-    ]
+    made = [rows(f"{k}", "worn", [0.1, 0.2], file=file, time_from=TimeFrom.WRITTEN) for k, file in enumerate(files)]
     return pa.concat_tables(made)
 
 
@@ -94,9 +91,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say_when_values_scatter_beyon
         result = WearLine.of(DAYS, value, 1.96 * sigma)
         level, half = result.at(DAYS[-1:])
         slope_half = math.sqrt(result.spread[0, 0])
-        holds.append(
-            [abs(level[0] - rate * LAST) <= half[0], abs(result.coefficients[0] - rate) <= slope_half]
-        )
+        holds.append([abs(level[0] - rate * LAST) <= half[0], abs(result.coefficients[0] - rate) <= slope_half])
         low, _, high = result.reaches(Limit("nozzle", 1.3 * rate * LAST))
         dates.append(low <= 1.3 * LAST <= high)
     assert np.mean(holds, axis=0) == pytest.approx([0.95, 0.95], abs=0.025)
@@ -151,9 +146,7 @@ def document(made: list[InjectorTrend], *limits: Limit) -> Any:
 
 def test_rates_have_their_sign_and_limits_a_date() -> None:
     limits = (LIMIT, Limit.read("nozzle=-30%"))
-    wears, falls = document(
-        trends(pa.concat_tables([campaign("wears", 0.02), campaign("falls", -0.01)])), *limits
-    )
+    wears, falls = document(trends(pa.concat_tables([campaign("wears", 0.02), campaign("falls", -0.01)])), *limits)
     assert wears["nozzle"]["rate_per_month"]["value"] == pytest.approx(0.02 * 3.04, rel=0.1)
     assert falls["nozzle"]["rate_per_month"]["ci95"][1] < 0.0
     above, below = wears["limits"]

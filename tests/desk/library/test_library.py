@@ -62,9 +62,7 @@ def test_names_of_the_library_are_there() -> None:
         ort.Injektor  # noqa: B018
 
 
-def test_masses_are_those_of_the_command(
-    worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult
-) -> None:
+def test_masses_are_those_of_the_command(worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult) -> None:
     history = evaluate(load_bench(), [worn[0]])
     masses = [report.mass * 1e6 for report in history.evaluations[0].reports]
     np.testing.assert_allclose(result.injections.mass_mg, masses, rtol=1e-12)
@@ -92,9 +90,7 @@ def test_masses_have_a_budget(worn: tuple[Recording, pd.DataFrame], result: ort.
     table, budget = result.injections, result.budget
     total = np.sqrt((budget.filter(like="by_") ** 2).sum(axis=1))
     assert len(budget) == len(table)
-    assert (
-        1.96 * total < 1.001 * table.mass_bound_mg
-    ).all()  # beside it what the event was published apart by
+    assert (1.96 * total < 1.001 * table.mass_bound_mg).all()  # beside it what the event was published apart by
     np.testing.assert_allclose(table.mass_bound_mg.iloc[-1], 1.96 * total.iloc[-1], rtol=0.2)
     errors = abs(table.mass_mg - true_masses(worn[1], table))[table.valid]
     assert (errors < table.mass_bound_mg[table.valid]).sum() >= 3
@@ -218,9 +214,7 @@ def test_simulate_refuses_by_its_parameters(arguments: dict[str, Any], location:
     assert refused.value.location == location
 
 
-@pytest.mark.parametrize(
-    ("call", "form"), [("evaluate", "layout"), ("discover", "recording"), ("fit", "frame")]
-)
+@pytest.mark.parametrize(("call", "form"), [("evaluate", "layout"), ("discover", "recording"), ("fit", "frame")])
 def test_a_line_pressure_that_never_moves_is_refused_by_name(
     worn: tuple[Recording, pd.DataFrame], call: str, form: str, tmp_path: Path
 ) -> None:
@@ -229,9 +223,7 @@ def test_a_line_pressure_that_never_moves_is_refused_by_name(
     injector = ort.Injector.load()
     if form == "layout":
         bench = tmp_path / "bench.toml"
-        columns = (
-            f'{c.rpartition("_")[0]} = {{column = "{c}", unit = "{c.rpartition("_")[2]}"}}' for c in frame
-        )
+        columns = (f'{c.rpartition("_")[0]} = {{column = "{c}", unit = "{c.rpartition("_")[2]}"}}' for c in frame)
         bench.write_text("[recording]\n" + "\n".join(columns))
         injector = ort.Injector.load(bench=bench)
     with pytest.raises(ort.UserError, match=r"never moves: it is 99\.3 MPa") as refused:
@@ -289,9 +281,7 @@ def test_wrong_call_says_what_to_give(argument: object, error: type[Exception], 
 def test_doubt_becomes_a_warning(worn: tuple[Recording, pd.DataFrame]) -> None:
     arrays, frame = worn[0].arrays, ort.to_frame(worn[0])
     rail, line = arrays["rail_pressure"], arrays["line_pressure"]
-    exchanged = frame.assign(
-        rail_pressure_MPa=frame.line_pressure_MPa, line_pressure_MPa=frame.rail_pressure_MPa
-    )
+    exchanged = frame.assign(rail_pressure_MPa=frame.line_pressure_MPa, line_pressure_MPa=frame.rail_pressure_MPa)
     for recording in ({**arrays, "rail_pressure": line, "line_pressure": rail}, exchanged):
         with pytest.warns(ort.ObserverWarning, match="most likely the two are swapped"):
             ort.Injector.load().evaluate(recording)

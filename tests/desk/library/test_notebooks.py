@@ -16,9 +16,7 @@ from nbclient import NotebookClient
 FOLDER = Path(__file__).parents[3] / "docs" / "notebooks"
 NOTEBOOKS = sorted(path.name for path in FOLDER.glob("*.ipynb"))
 LARGEST = 1_500_000  # bytes of a file
-OF_THIS_RUN = re.compile(
-    r"(?<![\w<.])/\w[\w.-]*/|\b[A-Z]:\\|\b0x[0-9a-f]{6,}"
-)  # absolute paths, and addresses
+OF_THIS_RUN = re.compile(r"(?<![\w<.])/\w[\w.-]*/|\b[A-Z]:\\|\b0x[0-9a-f]{6,}")  # absolute paths, and addresses
 
 
 def kept(name: str) -> Any:
@@ -28,9 +26,7 @@ def kept(name: str) -> Any:
 def run(name: str, folder: Path) -> Any:
     """A notebook with what its cells show. Raises CellExecutionError for a cell that fails."""
     notebook = kept(name)
-    NotebookClient(
-        notebook, timeout=900, record_timing=False, resources={"metadata": {"path": folder}}
-    ).execute()
+    NotebookClient(notebook, timeout=900, record_timing=False, resources={"metadata": {"path": folder}}).execute()
     return notebook
 
 

@@ -29,9 +29,7 @@ def round_ends(script: Page, low: float, high: float, span: float, before: Ends)
 
 
 @given(_VALUES, _VALUES, st.floats(0.1, 100.0), st.tuples(_VALUES, _VALUES))
-def test_all_is_seen_and_fills_the_axis(
-    script: Page, item: float, other: float, span: float, before: Ends
-) -> None:
+def test_all_is_seen_and_fills_the_axis(script: Page, item: float, other: float, span: float, before: Ends) -> None:
     assume(before[0] < before[1])
     low, high = min(item, other), max(item, other)
     first, last = round_ends(script, low, high, span, before)

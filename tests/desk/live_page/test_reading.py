@@ -66,9 +66,7 @@ def test_injections_of_a_daemon_that_is_started_anew_come_after_those_before(tmp
 
 
 @pytest.mark.parametrize(("age", "is_silent"), [(0.0, False), (2.0, True)])
-def test_a_loop_that_hangs_is_silent_though_its_process_answers(
-    tmp_path: Path, age: float, is_silent: bool
-) -> None:
+def test_a_loop_that_hangs_is_silent_though_its_process_answers(tmp_path: Path, age: float, is_silent: bool) -> None:
     with watching(bench_file(tmp_path, "read"), {"": said(age=age)}) as view:
         until(lambda: bool(view.readers[0].injections() or first(view).state != "no status yet"))
         assert first(view).silent == is_silent

@@ -27,11 +27,7 @@ def watching() -> Iterator[Watching]:
 
 
 _JSON = st.recursive(
-    st.none()
-    | st.booleans()
-    | st.integers()
-    | st.floats()
-    | st.sampled_from(["drawn", "save", "curves", "?"]),
+    st.none() | st.booleans() | st.integers() | st.floats() | st.sampled_from(["drawn", "save", "curves", "?"]),
     lambda inner: st.lists(inner, max_size=3),
 )
 

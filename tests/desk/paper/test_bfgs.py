@@ -31,9 +31,7 @@ class Function:
         return np.asarray(self._gradient(theta), np.float64)
 
 
-def minimum_of(
-    function: Function, start: list[float], iterations: int = 500, first: float = 1.0
-) -> SearchEnd:
+def minimum_of(function: Function, start: list[float], iterations: int = 500, first: float = 1.0) -> SearchEnd:
     return minimise(function, np.array(start), first * np.eye(len(start)), iterations)
 
 

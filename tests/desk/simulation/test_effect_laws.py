@@ -203,9 +203,7 @@ def test_lift_recorded_too_high_is_zero_while_shut() -> None:
     schedule = make_schedule([100e6], 1, 0.05, [OPEN_FOR])
     result = simulate(NOMINAL, schedule, 100e3, (sized("lift_offset", x_0=-20e-6),))
     true = result.truth.needle_lift
-    np.testing.assert_allclose(
-        result.recording.needle_lift, np.where(true > 0.0, true + 20e-6, 0.0), atol=1e-12
-    )
+    np.testing.assert_allclose(result.recording.needle_lift, np.where(true > 0.0, true + 20e-6, 0.0), atol=1e-12)
 
 
 def test_slow_lift_sensor() -> None:
@@ -214,9 +212,7 @@ def test_slow_lift_sensor() -> None:
     fine = simulate(NOMINAL, make_schedule([100e6], 1, 0.05, [OPEN_FOR]), 1e6).truth
     answer = np.exp(-np.arange(300) * 1e-6 / 30e-6)
     expected = np.convolve(fine.needle_lift, answer / answer.sum())[: fine.time.size]
-    np.testing.assert_allclose(
-        slow.needle_lift, np.interp(slow.time, fine.time + 0.5e-6, expected), atol=0.3e-6
-    )
+    np.testing.assert_allclose(slow.needle_lift, np.interp(slow.time, fine.time + 0.5e-6, expected), atol=0.3e-6)
     assert np.abs(slow.needle_lift - simulated("", 100e6).recording.needle_lift).max() > 20e-6
 
 

@@ -175,15 +175,11 @@ def test_energizing_shorter_than_the_delays_allow_lifts_nothing(duration: float)
 
 
 @given(duration=st.floats(0.06e-3, 3e-3), rail_pressure=st.floats(20e6, 200e6), share=st.floats(-0.1, 1.1))
-def test_rounded_lift_is_the_mean_of_the_straight_one(
-    duration: float, rail_pressure: float, share: float
-) -> None:
+def test_rounded_lift_is_the_mean_of_the_straight_one(duration: float, rail_pressure: float, share: float) -> None:
     s = placed(duration, rail_pressure)
     time = s.opening + share * (s.closed - s.opening)
     window = time + CORNER_ROUNDING * (np.arange(2000) + 0.5 - 1000) / 2000
-    straight = np.interp(
-        window, [s.opening, s.top, s.closing, s.closed], [0.0, s.peak_lift, s.peak_lift, 0.0]
-    )
+    straight = np.interp(window, [s.opening, s.top, s.closing, s.closed], [0.0, s.peak_lift, s.peak_lift, 0.0])
     assert lift_of_stroke(time, s) == pytest.approx(straight.mean(), abs=1e-11)
 
 

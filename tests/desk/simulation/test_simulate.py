@@ -55,9 +55,7 @@ def run(schedule: Schedule = ONE, effects: Sequence[SizedEffect] = (), sample_ra
         (2.4e-3, 140e6, 155.0),
     ],
 )
-def test_check_masses_of_the_nominal_injector(
-    open_time: float, rail_pressure: float, expected: float
-) -> None:
+def test_check_masses_of_the_nominal_injector(open_time: float, rail_pressure: float, expected: float) -> None:
     """The figures beside the nominal parameters, for a needle that opens and closes in 0.25 ms each."""
     ramp, start = 0.25e-3, 1e-3
     speed = NOMINAL.seat.max_lift / ramp
@@ -136,9 +134,7 @@ def test_noisy_signals_lie_on_the_grid_of_the_bus() -> None:
 def test_measured_rate_has_one_gain_error_per_recording() -> None:
     gains = []
     for seed in range(40):
-        made = simulate(
-            NOMINAL, ONE, 20e3, noise=SimulatedNoise(injection_rate=0.0), measured_rate=True, seed=seed
-        )
+        made = simulate(NOMINAL, ONE, 20e3, noise=SimulatedNoise(injection_rate=0.0), measured_rate=True, seed=seed)
         assert made.recording.injection_rate is not None
         running = made.truth.injection_rate > 1e-6
         gain = made.recording.injection_rate[running] / made.truth.injection_rate[running]
@@ -204,9 +200,7 @@ QUANTITIES = pytest.mark.parametrize(
 
 
 @QUANTITIES
-def test_every_code_of_the_bus_is_left_as_it_is(
-    quantisation: Quantisation, signal: str, factor: float
-) -> None:
+def test_every_code_of_the_bus_is_left_as_it_is(quantisation: Quantisation, signal: str, factor: float) -> None:
     codes = np.arange(0xFFFE, dtype=np.float64)
     values = (codes + quantisation.lowest) * quantisation.multiple / quantisation.divisor
     assert np.array_equal(quantisation.apply(values), values)
@@ -228,9 +222,7 @@ def test_values_are_rounded_as_on_the_bus(
 
 
 @QUANTITIES
-def test_out_of_range_is_clipped_below_the_error_code(
-    quantisation: Quantisation, signal: str, factor: float
-) -> None:
+def test_out_of_range_is_clipped_below_the_error_code(quantisation: Quantisation, signal: str, factor: float) -> None:
     low, high = quantisation.apply(np.array([-1e4, 1e4]) * factor) / factor
     assert low == pytest.approx(float(SIGNALS[signal].offset))
     assert SIGNALS[signal].scaled_to_raw(high) == 0xFFFD

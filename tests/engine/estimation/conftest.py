@@ -72,9 +72,7 @@ def affected(request: pytest.FixtureRequest) -> Case:
     c = model.coefficients
     schedule = gain_schedule(c, NOISE, SAMPLE_RATE, 10e-6, 0.4)
     substeps = substeps_needed(model.injector, SAMPLE_RATE)
-    setting = Setting(
-        1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy(), late=0.4, lag=10e-6, offset=0.006
-    )
+    setting = Setting(1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy(), late=0.4, lag=10e-6, offset=0.006)
     return Case(c, schedule, setting)
 
 
@@ -134,9 +132,7 @@ def simulated_event(
     indicated = [x[0]]
     for u_start, u_end in pairwise(with_time(inputs, setting.interval)):
         before = x[0]
-        advance_state(
-            x, Interval(u_start, u_end, setting.interval, setting.substeps), c, learned.network, None
-        )
+        advance_state(x, Interval(u_start, u_end, setting.interval, setting.substeps), c, learned.network, None)
         lag = setting.lag + float(learned.sensor[0])
         indicated.append(lagged(indicated[-1], before, x[0], setting.interval, lag))
     shown = np.array(indicated)

@@ -115,9 +115,7 @@ def test_start_in_a_ringing_line_is_good_after_a_millisecond(nominal: Case) -> N
     x = np.array([output[0], 0.0, 0.0])
     for k in range(1, 101):
         start = np.append(x, x[0])
-        pair = Window(
-            np.array([[0.95, 0.0]] * 2), output[k - 1 : k + 1], np.ones(2, np.bool_), start, opening=2
-        )
+        pair = Window(np.array([[0.95, 0.0]] * 2), output[k - 1 : k + 1], np.ones(2, np.bool_), start, opening=2)
         gain = nominal.schedule.gains[min(k - 1, len(nominal.schedule.gains) - 1)]
         error = innovations_at(replace(nominal, setting=setting._replace(gain=gain)), pair, HEALTHY)
         predicted = output[k] - error[1]

@@ -75,9 +75,7 @@ def single(significance: float) -> tuple[NDArray[np.float64], NDArray[np.float64
     ("significance", "active", "chosen"),
     [(3.9, False, False), (4.1, False, True), (2.4, True, False), (2.6, True, True), (2.6, False, False)],
 )
-def test_four_sigma_to_enter_and_two_and_a_half_to_stay(
-    significance: float, active: bool, chosen: bool
-) -> None:
+def test_four_sigma_to_enter_and_two_and_a_half_to_stay(significance: float, active: bool, chosen: bool) -> None:
     before = frozenset({3}) if active else frozenset[int]()
     theta, after = subset_of(*single(significance), before)
     assert (after == {3}) == chosen

@@ -30,9 +30,7 @@ def test_the_error_after_an_event_is_what_is_said_of_it() -> None:
         after = held.considered(held.prior.updated(information, slopes.T @ measured), information)
         errors.append(after.mean - truth)
         assert after.mean[HELD] == pytest.approx(value, abs=1e-6)
-    np.testing.assert_allclose(
-        np.cov(np.array(errors).T), after.covariance, atol=0.03 * np.max(after.covariance)
-    )
+    np.testing.assert_allclose(np.cov(np.array(errors).T), after.covariance, atol=0.03 * np.max(after.covariance))
 
 
 def test_holding_costs_what_the_value_is_unlikely_by() -> None:

@@ -111,9 +111,7 @@ def test_colour_is_found_where_the_variance_is_right(phase: Phase) -> None:
     lag = np.arange(1, BLOCKS[1])
     expected = 1.0 + 2.0 * float(((1 - lag / BLOCKS[1]) * 0.6**lag).sum())
     error = expected * np.sqrt(2 / statistics.blocks[phase, 1])
-    assert statistics.block_squares[phase, 1] / statistics.blocks[phase, 1] == pytest.approx(
-        expected, abs=4 * error
-    )
+    assert statistics.block_squares[phase, 1] / statistics.blocks[phase, 1] == pytest.approx(expected, abs=4 * error)
     assert statistics.colour(phase) > 2.5
     assert statistics.excess(phase) > 8.0
 

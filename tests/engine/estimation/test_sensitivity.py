@@ -59,9 +59,7 @@ def test_slopes_are_the_derivatives_of_the_innovations(case: Case, theta: NDArra
 
 def test_slopes_with_effects_in_force(affected: Case) -> None:
     """Everything the right-hand side may be asked for at once, and a slow sensor recorded late."""
-    assert_slopes(
-        affected, simulated_event(affected, worn_theta(seed=7), event_inputs(), seed=3), worn_theta()
-    )
+    assert_slopes(affected, simulated_event(affected, worn_theta(seed=7), event_inputs(), seed=3), worn_theta())
 
 
 def test_slopes_with_a_lift_sampled_between(case: Case) -> None:

@@ -79,9 +79,7 @@ def test_it_is_as_if_weights_were_measured_to_be_0(seed: int, nozzle: float, sea
     np.testing.assert_allclose(small.mean, kept @ belief.mean, rtol=1e-9, atol=1e-9 * PRIOR.min())
     error = kept @ belief.error_covariance @ kept.T + gain @ noise @ gain.T
     for result, expected in ((small.covariance, kept @ covariance), (small.error_covariance, error)):
-        np.testing.assert_allclose(
-            result / np.outer(PRIOR, PRIOR), expected / np.outer(PRIOR, PRIOR), atol=1e-9
-        )
+        np.testing.assert_allclose(result / np.outer(PRIOR, PRIOR), expected / np.outer(PRIOR, PRIOR), atol=1e-9)
 
 
 def test_other_parameters_move_with_the_weights_that_explained_them() -> None:

@@ -22,9 +22,7 @@ def white(index: NDArray[np.int64], seed: int = 1) -> NDArray[np.float64]:
     return WHITE * np.random.default_rng(seed).normal(size=index.size)
 
 
-def noise_found(
-    values: NDArray[np.float64], index: NDArray[np.int64], rate: float = 100e3
-) -> SlowNoise | None:
+def noise_found(values: NDArray[np.float64], index: NDArray[np.int64], rate: float = 100e3) -> SlowNoise | None:
     return slow_noise(values, index, rate, WHITE)
 
 

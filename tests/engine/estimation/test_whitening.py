@@ -20,9 +20,7 @@ def reference(values: NDArray[np.float64], whitening: Whitening) -> NDArray[np.f
     """The same by scipy, for one column."""
     remaining = values[1:]
     if whitening.forgetting is not None:
-        remaining = lfilter(
-            [1.0, -1.0], [1.0, -whitening.forgetting], remaining - remaining[:LEVEL_SAMPLES].mean()
-        )
+        remaining = lfilter([1.0, -1.0], [1.0, -whitening.forgetting], remaining - remaining[:LEVEL_SAMPLES].mean())
     remaining = lfilter(np.append(1.0, whitening.taps), [1.0], remaining)
     return np.append(0.0, remaining)
 
@@ -41,9 +39,7 @@ def test_as_scipy_filters(forgetting: float | None, taps: NDArray[np.float64], s
 def test_is_linear() -> None:
     whitening = Whitening(0.985, TAPS)
     first, second = noise(2, 300), noise(3, 300)
-    assert_allclose(
-        whitening.of(first - 2.0 * second), whitening.of(first) - 2.0 * whitening.of(second), atol=1e-12
-    )
+    assert_allclose(whitening.of(first - 2.0 * second), whitening.of(first) - 2.0 * whitening.of(second), atol=1e-12)
 
 
 def test_a_level_passes_no_high_pass() -> None:

@@ -29,8 +29,7 @@ def seen(
 ) -> ObservedRun:
     """Single injections at changing operating points, of an injector with such faults."""
     schedule = tuple(
-        Event(RAIL_PRESSURES[k % 5], (Shot(7e-6 * (k % 5), DURATIONS[k % 3]),), faults_at(k))
-        for k in range(events)
+        Event(RAIL_PRESSURES[k % 5], (Shot(7e-6 * (k % 5), DURATIONS[k % 3]),), faults_at(k)) for k in range(events)
     )
     bench = Bench(Injector(), Needle(), schedule, seed=23, around=around, laws=laws)
     run = observed(bench, bench_at(bench.sample_rate, accuracy_percent=accuracy_percent))

@@ -50,9 +50,7 @@ def learned(
             level[time >= closing - laws.control_trail - shuts_after] = 0.0
     recording = replace(recording_of(outcome), energizing=level)
     history = evaluate(bench_at(bench.sample_rate), [recording])
-    masses = windows_of(outcome, bench.sample_rate).masses(
-        outcome.truth.injection_rate, bench.injector.density
-    )
+    masses = windows_of(outcome, bench.sample_rate).masses(outcome.truth.injection_rate, bench.injector.density)
     changes = SCALARS.valve.of(history.knowledge.in_force)[:2]
     return ObservedRun(history.evaluations[0].reports, masses)[FIRST:], [DELAY - each for each in changes]
 

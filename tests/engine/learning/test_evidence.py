@@ -66,9 +66,7 @@ def integral(cost: Linearisation, belief: Belief) -> tuple[float, NDArray[np.flo
     st.lists(st.floats(0.4, 1.5), min_size=2, max_size=2),
     st.floats(-0.7, 0.7),
 )
-def test_it_is_the_integral(
-    entries: list[float], mean: list[float], sigma: list[float], correlation: float
-) -> None:
+def test_it_is_the_integral(entries: list[float], mean: list[float], sigma: list[float], correlation: float) -> None:
     cost, belief = parabola(entries), prior(mean, sigma, correlation)
     result, (log, theta) = evidence(cost, belief, ANYWHERE), integral(cost, belief)
     assert result.log == pytest.approx(log, abs=1e-3)
@@ -91,9 +89,7 @@ def test_of_what_lies_beyond_little_is_believed(limits: Limits) -> None:
     cost = Linearisation(np.zeros(2), 50.0, np.array([-40.0, 0.0]), 20.0 * np.eye(2))
     belief = prior([0.0, 0.0], [1.0, 1.0], 0.0)
     result, free = evidence(cost, belief, limits), evidence(cost, belief, ANYWHERE)
-    reached = np.clip(
-        free.theta / max(1.0, float(np.max(free.theta / limits.longest_step))), None, limits.highest
-    )
+    reached = np.clip(free.theta / max(1.0, float(np.max(free.theta / limits.longest_step))), None, limits.highest)
     total = cost.expected(reached) + 0.5 * float(reached @ reached)
     price = free.log + cost.expected(free.theta) + 0.5 * float(free.theta @ free.theta)
     assert result.log == pytest.approx(price - total + BEYOND, rel=1e-6)

@@ -82,9 +82,7 @@ def test_a_model_that_fits_no_healthy_injector_is_refused_unless_trusted() -> No
     white = statistics(1.0)
     refused = [Objection(Reason.MODEL_INADEQUATE, None)]
     assert objections(white, 0.0, 0.0, healthy_of(baseline(**FITTED, adequate=False), 1e5)) == refused
-    assert (
-        objections(white, 0.0, 0.0, healthy_of(baseline(**FITTED, adequate=False), 1e5, trusted=True)) == []
-    )
+    assert objections(white, 0.0, 0.0, healthy_of(baseline(**FITTED, adequate=False), 1e5, trusted=True)) == []
     assert objections(white, 0.0, 0.0, NOT_FITTED) == []
 
 

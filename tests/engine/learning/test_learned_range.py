@@ -41,9 +41,7 @@ def test_an_event_more_never_makes_a_point_stranger(
 
 def test_it_grows_with_the_distance_to_full() -> None:
     origin = EventPoint(1.0, -7.0, 0.8)
-    away = np.array(
-        [extrapolation_sigma(EventPoint(1.0 + d * REACH[0], -7.0, 0.8), [origin]) for d in range(5)]
-    )
+    away = np.array([extrapolation_sigma(EventPoint(1.0 + d * REACH[0], -7.0, 0.8), [origin]) for d in range(5)])
     assert np.all(np.diff(away) > 0.0)
     assert away[-1] == pytest.approx(1.0, abs=1e-3)
 
@@ -67,9 +65,7 @@ def flow_known_by(sigmas: dict[int, float], filled: float = 0.9, rate: float = 5
     slopes[:, Parameter.NOZZLE_BIAS] = filled * rate
     slopes[:, Parameter.SEAT_BIAS] = (1.0 - filled) * rate
     nothing = np.zeros(100)
-    run = OpenLoop(
-        np.full(100, rate), slopes, np.zeros((100, 4)), np.zeros((100, 3, 3)), nothing, nothing, nothing
-    )
+    run = OpenLoop(np.full(100, rate), slopes, np.zeros((100, 4)), np.zeros((100, 3, 3)), nothing, nothing, nothing)
     covariance = np.zeros((PARAMETERS, PARAMETERS))
     for column, sigma in sigmas.items():
         covariance[column, column] = sigma**2

@@ -36,9 +36,7 @@ NO_MORE_THAN_NOISE = LiftLag(16e-6, without=-490.0, left=-640.0, samples=1200)
 @pytest.mark.parametrize(("lag", "wear"), [(15e-6, 0.25), (40e-6, 0.0)])
 def test_a_slow_lift_sensor_is_named(lag: float, wear: float) -> None:
     result = reasons(sized("needle_lift_sensor_lag", tau=lag), sized("orifice_area", v_H=wear))
-    assert (
-        result[4:].count(Reason.LIFT_SENSOR_LAG) >= EVENTS - 5
-    )  # one may be a law of the seat, not yet known
+    assert result[4:].count(Reason.LIFT_SENSOR_LAG) >= EVENTS - 5  # one may be a law of the seat, not yet known
     assert set(result[4:]) <= {Reason.LIFT_SENSOR_LAG, Reason.OUTSIDE_LEARNED_RANGE}
 
 

@@ -24,9 +24,7 @@ def test_an_event_beyond_the_seen_range_of_a_law_is_no_mass_to_rely_on() -> None
     for pressure, is_beyond in ((60e6, False), (140e6, True)):
         shots = make_schedule([pressure], 5, 0.06, [1.9e-3])
         recording = simulate(load_injector(), shots, 100e3, (), SimulatedNoise(), seed=3).recording
-        reports = (
-            evaluate(bench, [recording]).evaluations[0].reports[2:]
-        )  # of the first two nothing is known yet
+        reports = evaluate(bench, [recording]).evaluations[0].reports[2:]  # of the first two nothing is known yet
         assert [Reason.OUTSIDE_LEARNED_RANGE in one.reasons for one in reports] == [is_beyond] * 3
 
 

@@ -20,8 +20,6 @@ from tests.daemon.samples import some_report
     ],
 )
 def test_how_far_it_is(rails: tuple[float, float], said: str) -> None:
-    report = some_report(
-        rail_pressure=120e6, known_rails=rails, valid=False, reason=Reason.OUTSIDE_LEARNED_RANGE
-    )
+    report = some_report(rail_pressure=120e6, known_rails=rails, valid=False, reason=Reason.OUTSIDE_LEARNED_RANGE)
     assert said in line(report)
     assert said not in line(some_report(rail_pressure=120e6, known_rails=rails))

@@ -49,9 +49,7 @@ def test_evaluation_of_the_recording_gives_the_same_frames(clean: Traffic) -> No
 
 
 @pytest.mark.parametrize("messages", [ONE_MESSAGE, THREE_MESSAGES], ids=["one message", "three messages"])
-def test_stamps_change_nothing_where_messages_share_an_index(
-    tmp_path: Path, messages: dict[str, str]
-) -> None:
+def test_stamps_change_nothing_where_messages_share_an_index(tmp_path: Path, messages: dict[str, str]) -> None:
     """Not a bit of what goes out, whatever the receiver's clock does: it stands still, or it runs wild."""
     bench = sample_bench(tmp_path, messages)
     frames = Device(bench).send(simulated(), Span(0, 14_000))
@@ -79,9 +77,7 @@ def test_three_messages_give_the_same_rates(tmp_path: Path, clean: Traffic) -> N
     three = run(bench, Device(bench).send(simulated()))
     common = 28 * (simulated().samples // 28)
     assert three.core.counters.samples == common
-    rates, expected_rates = (
-        {i: c for i, c in of.rates.items() if i < common - 40} for of in (three, clean.result)
-    )
+    rates, expected_rates = ({i: c for i, c in of.rates.items() if i < common - 40} for of in (three, clean.result))
     assert rates == expected_rates
     assert [each["Mass"] for each in three.summaries] == [each["Mass"] for each in clean.result.summaries]
 
@@ -180,9 +176,7 @@ SPOILT: dict[str, tuple[str, Callable[[Frames], Frames]]] = {
         "crc_errors",
         lambda frames: [
             one
-            for frame, bit in zip(
-                frames, np.random.default_rng(2).integers(512, size=len(frames)), strict=True
-            )
+            for frame, bit in zip(frames, np.random.default_rng(2).integers(512, size=len(frames)), strict=True)
             for one in (damaged(frame, int(bit)), frame)
         ],
     ),
@@ -271,9 +265,7 @@ def test_an_input_whose_protection_is_invalid_is_not_taken_until_it_is_valid_aga
 
 
 def test_the_window_of_the_bench_file_counts(clean: Traffic) -> None:
-    limits = E2EConfig(
-        window=3, valid_max_errors=0, init_max_errors=0, invalid_max_errors=0, invalid_min_ok=3
-    )
+    limits = E2EConfig(window=3, valid_max_errors=0, init_max_errors=0, invalid_max_errors=0, invalid_min_ok=3)
     core = core_of(load_bench(clean.bench).with_sections(e2e=limits))
     frames = list(clean.frames[:30])
     frames[20] = damaged(frames[20], 40)

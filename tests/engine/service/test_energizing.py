@@ -104,9 +104,7 @@ def test_mean_and_spread_of_the_delays(tmp_path: Path) -> None:
     """Commands arrive 40 us too late and too early in turn."""
     pulses, recording = injected(4)
     moved = [(start + 40e-6 * (-1) ** n, duration) for n, (start, duration) in enumerate(pulses)]
-    figures = watch(
-        pulse_bench(tmp_path, EnergizingBy.TIME), recording, durations(moved)
-    ).core.optional.energizing
+    figures = watch(pulse_bench(tmp_path, EnergizingBy.TIME), recording, durations(moved)).core.optional.energizing
     assert figures is not None
     assert figures.commands == 4
     assert figures.mean_delay == pytest.approx(DELAY, abs=1.5 * SAMPLE)
@@ -156,9 +154,7 @@ def read(mapped: EnergizingLayout, commands: Pulses, first: int, lost: set[int])
 
 
 @given(STRETCHES, FIRST)
-def test_every_rising_edge_is_a_command(
-    in_blocks: EnergizingLayout, stretches: list[int], first: int
-) -> None:
+def test_every_rising_edge_is_a_command(in_blocks: EnergizingLayout, stretches: list[int], first: int) -> None:
     commands = pulses(stretches)
     result = read(in_blocks, commands, first, set())
     assert [(one.start - first) % INDICES for one in result] == commands.starts

@@ -103,9 +103,7 @@ def silent(level: int) -> list[TimedFrame]:
 
 def repeated(pulses: Pulses) -> list[TimedFrame]:
     """A duration with an index may be sent cyclically, until the next; one that was overtaken."""
-    sent = [
-        duration_frame(lasts, start + n * 5e-3, index_at(start)) for start, lasts in pulses for n in range(9)
-    ]
+    sent = [duration_frame(lasts, start + n * 5e-3, index_at(start)) for start, lasts in pulses for n in range(9)]
     second = pulses[1][0]
     return merged(sent, [duration_frame(1.1e-3, second + 1e-3, index_at(second - 5e-3))])
 
@@ -155,9 +153,7 @@ CASES = {
     "a command may come long after its samples": Case(
         EnergizingBy.TIME, lambda p: later(durations(p), 20e-3), ([1, 2, 3], []), 3
     ),
-    "a command after its report is not missing too": Case(
-        EnergizingBy.TIME, with_one_late, ([1, None, 3, 4], [])
-    ),
+    "a command after its report is not missing too": Case(EnergizingBy.TIME, with_one_late, ([1, None, 3, 4], [])),
     # when energizing started is not known, nor whether it had an injection
     "a level that was high before the first frame misses nothing": Case(
         *(EnergizingBy.LEVELS_IN_BLOCK, lambda p: blocks(p, p[1][0] + 0.4e-3, 0.3), ([None, 1], []), 3),
@@ -235,9 +231,7 @@ def test_it_changes_no_result(tmp_path: Path, kind: str) -> None:
 def test_of_more_commands_than_wait_for_python_the_oldest_are_lost(tmp_path: Path) -> None:
     core = core_of(pulse_bench(tmp_path, EnergizingBy.SAFE))
     energizing_frames = safe_durations([(1e-3 * n, 0.5e-3) for n in range(READINGS + 5)])
-    block = block_of(
-        [BusFrame(one.bus, Frame(one.frame_id, one.payload, one.stamp_ns)) for one in energizing_frames]
-    )
+    block = block_of([BusFrame(one.bus, Frame(one.frame_id, one.payload, one.stamp_ns)) for one in energizing_frames])
     number = 0
     while number < block.frames:
         number, _ = core.compiled.take_many(block, number)

@@ -43,9 +43,7 @@ def traffic() -> list[TimedFrame]:
 
 
 def findings(bench: Path, topic: str, name: str) -> list[tuple[Level, str]]:
-    return [
-        (one.level, one.text) for one in checkup(load_bench(bench)) if one.topic == topic and name in one.text
-    ]
+    return [(one.level, one.text) for one in checkup(load_bench(bench)) if one.topic == topic and name in one.text]
 
 
 @pytest.mark.parametrize(
@@ -63,9 +61,7 @@ def findings(bench: Path, topic: str, name: str) -> list[tuple[Level, str]]:
         (EnergizingBy.CYCLIC, "Energized", Level.WARNING, "receive stamps"),
     ],
 )
-def test_check_says_what_to_expect(
-    tmp_path: Path, lines: str, mapping: str, level: Level, accuracy: str
-) -> None:
+def test_check_says_what_to_expect(tmp_path: Path, lines: str, mapping: str, level: Level, accuracy: str) -> None:
     bench = pulse_bench(tmp_path, lines)
     [(result, text)] = findings(bench, "mapping", "energizing")
     assert result is Level.OK
@@ -133,9 +129,7 @@ def test_frames_of_a_recording_say_nothing_of_it(tmp_path: Path, signal: str, co
 
 def test_view_and_status(tmp_path: Path) -> None:
     """Of a daemon on a bench whose status message has the counts."""
-    path = pulse_bench(
-        tmp_path, EnergizingBy.TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n'
-    )
+    path = pulse_bench(tmp_path, EnergizingBy.TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n')
     frames = traffic()
     link = ScriptedLink(frames)
     daemon = HeardDaemon(path, link)

@@ -52,9 +52,7 @@ def fuel_at(celsius: float, injections: int = INJECTIONS) -> Simulation:
     }
     injector = NOMINAL.model_copy(update={"fluid": NOMINAL.fluid.model_copy(update=changes)})
     schedule = make_schedule([100e6], injections, 0.05, [1.1e-3])
-    return simulate(
-        injector, schedule, SAMPLE_RATE, (sized("orifice_area", v_H=0.2),), SimulatedNoise(), seed=3
-    )
+    return simulate(injector, schedule, SAMPLE_RATE, (sized("orifice_area", v_H=0.2),), SimulatedNoise(), seed=3)
 
 
 @cache
@@ -192,9 +190,7 @@ def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:
         history = evaluate(load_bench(path), [recording])
         assert [report.valid for report in history.evaluations[0].reports[2:]] == [True, True]
         shown = recording_json(history.evaluations[0], coefficients(NOMINAL))["injections"]
-        assert [injection["fuel_temperature_degC"] for injection in shown] == pytest.approx(
-            [40.0] * INJECTIONS
-        )
+        assert [injection["fuel_temperature_degC"] for injection in shown] == pytest.approx([40.0] * INJECTIONS)
 
 
 def test_an_injector_without_a_reference_is_refused(tmp_path: Path) -> None:
@@ -215,9 +211,7 @@ def made(folder: Path, timeout: float) -> Fuel:
     def at(time: float, *optional_frames: TimedFrame) -> float | None:
         device.index = round(time * SAMPLE_RATE)
         samples = device.send(simulated(), Span(0, BLOCK))
-        hand(
-            core, [*samples, *(optional_frames or samples)]
-        )  # a frame that is repeated brings nothing but a look
+        hand(core, [*samples, *(optional_frames or samples)])  # a frame that is repeated brings nothing but a look
         kelvin = float(core.compiled.pipeline.input_memory.memory["measured"][0])
         return None if math.isnan(kelvin) else round(kelvin - 273.15, 1)
 

@@ -45,9 +45,7 @@ def flags(result: Result) -> list[int]:
 def test_enabled_or_not_known_changes_nothing(
     clean: Traffic, with_frames: Callable[..., Result], value: int | None
 ) -> None:
-    assert (
-        with_frames((n, bed("LearnEnable", value)) for n in range(0, 1600, 100)).frames == clean.result.frames
-    )
+    assert with_frames((n, bed("LearnEnable", value)) for n in range(0, 1600, 100)).frames == clean.result.frames
     assert with_frames([]).frames == clean.result.frames
 
 
@@ -80,16 +78,12 @@ def test_what_was_learned_stays_in_force(clean: Traffic, with_frames: Callable[.
 def test_learning_goes_on_when_it_is_on_again(
     clean: Traffic, with_frames: Callable[..., Result], on: int | None
 ) -> None:
-    result = with_frames(
-        [(0, bed("LearnEnable", 0)), (after_injection(clean.result, 1), bed("LearnEnable", on))]
-    )
+    result = with_frames([(0, bed("LearnEnable", 0)), (after_injection(clean.result, 1), bed("LearnEnable", on))])
     assert [report.mass_ci95 is None for report in result.reports] == [True, False, False]
     assert result.core.counters.adoptions == 2
 
 
-def test_damaged_frames_are_counted_and_change_nothing(
-    clean: Traffic, with_frames: Callable[..., Result]
-) -> None:
+def test_damaged_frames_are_counted_and_change_nothing(clean: Traffic, with_frames: Callable[..., Result]) -> None:
     good = safe_bed(7, enable=0)
     result = with_frames([(0, damaged(good, 40)), (1, good._replace(payload=good.payload[:-1]))], SAFE_ENABLE)
     assert result.frames == clean.result.frames

@@ -34,9 +34,7 @@ def database() -> Database:
     return result
 
 
-FRAMES = st.lists(
-    st.tuples(st.integers(0, 3), st.binary(max_size=64), st.integers(-(10**9), 10**9)), max_size=400
-)
+FRAMES = st.lists(st.tuples(st.integers(0, 3), st.binary(max_size=64), st.integers(-(10**9), 10**9)), max_size=400)
 
 
 @pytest.mark.parametrize("bench", [EXAMPLE_BENCH, CLASSIC], ids=["protected", "three messages"])
@@ -56,9 +54,7 @@ def test_any_bytes_are_counted_and_harm_nothing(bench: Path, frames: list[tuple[
     counters = core.counters
     assert counters.frames == sum(of_ours.values())
     wrong = sum(
-        1
-        for number, payload, _ in frames
-        if number < len(lengths) and len(payload) < [*lengths.values()][number]
+        1 for number, payload, _ in frames if number < len(lengths) and len(payload) < [*lengths.values()][number]
     )
     assert counters.length_errors >= wrong
 

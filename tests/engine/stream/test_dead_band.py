@@ -103,9 +103,7 @@ def test_hysteresis() -> None:
     assert open_samples(opened) == list(range(68))
 
 
-@pytest.mark.parametrize(
-    ("samples", "rate", "opens"), [(3, 100e3, 0), (4, 100e3, 1), (7, 200e3, 0), (1, 20e3, 0)]
-)
+@pytest.mark.parametrize(("samples", "rate", "opens"), [(3, 100e3, 0), (4, 100e3, 1), (7, 200e3, 0), (1, 20e3, 0)])
 def test_what_lasts_less_than_forty_microseconds_is_no_opening(samples: int, rate: float, opens: int) -> None:
     stream = Stream(sample_rate=rate).stay_shut(5e-3)
     spike = np.zeros(50)

@@ -63,9 +63,7 @@ def test_event_gap_parts_events(later: int, events: int) -> None:
 
 
 @pytest.mark.parametrize(("shut", "events"), [(3 * MS - 5, 1), (3 * MS + 5, 2)])
-def test_event_that_has_lasted_its_gap_ends_where_the_needle_was_shut_long_enough(
-    shut: int, events: int
-) -> None:
+def test_event_that_has_lasted_its_gap_ends_where_the_needle_was_shut_long_enough(shut: int, events: int) -> None:
     """Only then x^ begins the next one anew, from x~."""
     stream = run({1000: GAP, 1000 + GAP + shut: 50}, 8000)
     assert stream.count("event", "number") == events

@@ -69,9 +69,7 @@ def test_what_is_not_to_be_trusted_contradicts_nothing() -> None:
     assert contradicted_at([9.0] * 100, at_fault) is None
 
 
-@pytest.mark.parametrize(
-    ("healthy", "contradicts"), [(NOT_FITTED, True), (Healthy(live_variance=9.0), False)]
-)
+@pytest.mark.parametrize(("healthy", "contradicts"), [(NOT_FITTED, True), (Healthy(live_variance=9.0), False)])
 def test_what_a_fitted_model_leaves_of_a_healthy_injector_is_no_contradiction(
     healthy: Healthy, contradicts: bool
 ) -> None:

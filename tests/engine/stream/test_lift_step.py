@@ -14,9 +14,7 @@ STEP_AT = 19_300  # 2 ms before an opening
 LATE = 10  # openings from the start, from which on all is settled
 
 
-def run(
-    disturbance: NDArray[np.float64], noise: float = NOISE.needle_lift, is_contradicted: bool = False
-) -> Stream:
+def run(disturbance: NDArray[np.float64], noise: float = NOISE.needle_lift, is_contradicted: bool = False) -> Stream:
     """is_contradicted: by a line pressure that never falls."""
     lift = opened(OPENINGS, LENGTH, OPEN_FOR) + disturbance
     lift += np.random.default_rng(4).normal(0.0, noise, LENGTH)
@@ -33,9 +31,7 @@ def durations(stream: Stream) -> NDArray[np.int64]:
 def edge_errors(stream: Stream, noise: float = NOISE.needle_lift) -> NDArray[np.float64]:
     """Lifts [m] on the flanks over those without disturbance, of the later openings."""
     plain = run(np.zeros(LENGTH), noise).rows["lift"]
-    flanks = [
-        np.arange(start + first, start + first + 15) for start in OPENINGS[-LATE:] for first in (3, 132)
-    ]
+    flanks = [np.arange(start + first, start + first + 15) for start in OPENINGS[-LATE:] for first in (3, 132)]
     difference = stream.rows["lift"] - plain
     return np.array([difference[flank].mean() for flank in flanks])
 

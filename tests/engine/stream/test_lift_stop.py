@@ -52,9 +52,7 @@ def test_a_few_openings_are_not_enough() -> None:
 
 def run(after_closing: NDArray[np.float64]) -> Stream:
     """Stream of openings of 150 samples; after_closing: lift [m] added to the samples from the end of each on."""
-    lift = opened(OPENINGS, LENGTH, OPEN_FOR) + np.random.default_rng(11).normal(
-        0.0, NOISE.needle_lift, LENGTH
-    )
+    lift = opened(OPENINGS, LENGTH, OPEN_FOR) + np.random.default_rng(11).normal(0.0, NOISE.needle_lift, LENGTH)
     for start in OPENINGS:
         end = start + OPEN_FOR
         lift[end : end + after_closing.size] += after_closing

@@ -18,9 +18,7 @@ UM = 1e-6
 OPENINGS = range(1000, 40_000, 3000)
 
 
-def lift_of(
-    openings: range, length: int, noise: float = NOISE.needle_lift, seed: int = 4
-) -> NDArray[np.float64]:
+def lift_of(openings: range, length: int, noise: float = NOISE.needle_lift, seed: int = 4) -> NDArray[np.float64]:
     return opened(openings, length) + np.random.default_rng(seed).normal(0.0, noise, length)
 
 
@@ -89,9 +87,7 @@ def test_low_lift_that_stays_from_the_start_is_of_a_shut_needle() -> None:
     """In a line as full as the rail: the openings are found, and an event must pass before they are valid."""
     lift = lift_of(range(2000, 30_000, 5000), 30_000) + 30 * UM
     stream = beside_rest(lift)
-    assert [i["opening_index"] for i in stream.injections][-5:] == pytest.approx(
-        range(7000, 30_000, 5000), abs=3
-    )
+    assert [i["opening_index"] for i in stream.injections][-5:] == pytest.approx(range(7000, 30_000, 5000), abs=3)
     assert abs(float(stream.observer.memory[0]["resting_lift"]["zero"]) - 30 * UM) < 0.5 * UM
     assert not stream.rows["valid"][:4000].any()
     assert stream.rows["valid"][-1]

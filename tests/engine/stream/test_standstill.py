@@ -38,9 +38,7 @@ def test_noise_is_measured_within_two_percent(levels: NoiseLevels) -> None:
 
 @pytest.mark.parametrize("undone", [0.0, 3.7e-6, -4.4e-6])
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.8])
-def test_noise_of_a_rail_pressure_between_its_samples_is_that_of_its_samples(
-    share: float, undone: float
-) -> None:
+def test_noise_of_a_rail_pressure_between_its_samples_is_that_of_its_samples(share: float, undone: float) -> None:
     """Interpolation takes away its quick part, which the line does not follow anyway; so does a second one.
 
     undone: a delay [s] that is stated.
@@ -148,10 +146,7 @@ def offset_after(difference: float, is_coloured: bool = False) -> float:
     line = RAIL + random.normal(0.0, NOISE.line_pressure, SAMPLES)
     stream.feed(rail, np.zeros(SAMPLES), line)
     stream.feed(rail, np.zeros(SAMPLES), line + difference)
-    return (
-        float(stream.observer.memory[0]["pair"]["offset"])
-        * stream.observer.constants.coefficients.pressure_scale
-    )
+    return float(stream.observer.memory[0]["pair"]["offset"]) * stream.observer.constants.coefficients.pressure_scale
 
 
 @pytest.mark.parametrize("difference", [0.0, 0.8 * MEGAPASCAL, -1.2 * MEGAPASCAL])

@@ -112,6 +112,4 @@ def moved(entries: Iterable[LogFrame], other: Iterable[LogFrame]) -> int:
     assert [(e.frame._replace(stamp_ns=0), *e[1:]) for e in entries] == [
         (e.frame._replace(stamp_ns=0), *e[1:]) for e in other
     ]
-    return max(
-        (abs(a.frame.stamp_ns - b.frame.stamp_ns) for a, b in zip(entries, other, strict=True)), default=0
-    )
+    return max((abs(a.frame.stamp_ns - b.frame.stamp_ns) for a, b in zip(entries, other, strict=True)), default=0)

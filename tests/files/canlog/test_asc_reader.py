@@ -198,8 +198,7 @@ def test_an_empty_frame_and_a_remote_one_on_a_channel_of_can_fd(tmp_path: Path) 
     """Both count as remote frames: neither carries data."""
     tail = "  102187  133   {} e000fb6c 46500250 4b140250 20011736 2001040d"
     lines = [
-        f"   0.1 CANFD   1 Rx   7d   0 0 {flags[1]} 0 {tail.format(flags[0])}"
-        for flags in (("1000", 0), ("10", 8))
+        f"   0.1 CANFD   1 Rx   7d   0 0 {flags[1]} 0 {tail.format(flags[0])}" for flags in (("1000", 0), ("10", 8))
     ]
     entries = log(tmp_path, *lines)
     assert not list(entries)

@@ -17,11 +17,7 @@ NANOSECONDS, TEN_MICROSECONDS = 2, 1
 
 
 def obj(kind: int, body: bytes, time: int = 0, unit: int = NANOSECONDS, version: int = 1) -> bytes:
-    stamp = (
-        struct.pack("<LHHQ", unit, 0, 0, time)
-        if version == 1
-        else struct.pack("<LBBHQQ", unit, 0, 0, 0, time, 0)
-    )
+    stamp = struct.pack("<LHHQ", unit, 0, 0, time) if version == 1 else struct.pack("<LBBHQQ", unit, 0, 0, 0, time, 0)
     header = 16 + len(stamp)
     size = header + len(body)
     return struct.pack("<4sHHLL", b"LOBJ", header, version, size, kind) + stamp + body + bytes(size % 4)
@@ -32,10 +28,7 @@ def classic(channel: int = 1, flags: int = 0, dlc: int = 2, identifier: int = 0x
 
 
 def fd_64(dlc: int, valid: int, flags: int, data: bytes, more: int = 0) -> bytes:
-    return (
-        struct.pack("<BBBBLLLLLLLHBBL", 3, dlc, valid, 0, 0x8000_1234, 0, flags, 0, 0, 0, 0, 0, 1, more, 0)
-        + data
-    )
+    return struct.pack("<BBBBLLLLLLLHBBL", 3, dlc, valid, 0, 0x8000_1234, 0, flags, 0, 0, 0, 0, 0, 1, more, 0) + data
 
 
 def container(data: bytes, packed: bool = True) -> bytes:
@@ -80,9 +73,7 @@ def test_objects_may_be_split_over_containers(tmp_path: Path, packed: bool) -> N
 def test_padding_after_a_marker(tmp_path: Path, padding: int) -> None:
     marker = obj(96, struct.pack("<LLL3xBLLL12x", 0, 0, 0, 0, 3, 3, 0) + b"abcdef")
     objects = marker + bytes(padding) + obj(1, classic())
-    result = log(
-        tmp_path, container(objects), container(marker + bytes(padding)), container(obj(1, classic()))
-    )
+    result = log(tmp_path, container(objects), container(marker + bytes(padding)), container(obj(1, classic())))
     assert len(list(result)) == 2
     assert result.notes() == [f"{result.path}: left out: 2 entries that are no frames"]
     outside = log(tmp_path, marker, bytes(padding % 9), container(obj(1, classic())))

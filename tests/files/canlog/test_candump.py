@@ -132,9 +132,7 @@ def test_words_below_an_error_frame_belong_to_it(tmp_path: Path) -> None:
     )
     assert [entry.frame.frame_id for entry in result] == [0x124]
     assert result.notes() == [f"{result.path}: left out: 1 error frames"]
-    assert "line 2: not a line" in message(
-        tmp_path, " (1700000001.500000)  can0  124   [2]  0A 0B\n\tbus-error\n"
-    )
+    assert "line 2: not a line" in message(tmp_path, " (1700000001.500000)  can0  124   [2]  0A 0B\n\tbus-error\n")
 
 
 def test_frames_of_can_xl_and_colours(tmp_path: Path) -> None:

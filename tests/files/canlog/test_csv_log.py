@@ -60,9 +60,7 @@ def test_malformed_lines_are_refused(tmp_path: Path, line: str, said: str) -> No
         list(open_log(path))
 
 
-@pytest.mark.parametrize(
-    "heading", ["time_s,rail_pressure_MPa", "ID,Data Bytes", "", "TimestampEpoch,BusChannel"]
-)
+@pytest.mark.parametrize("heading", ["time_s,rail_pressure_MPa", "ID,Data Bytes", "", "TimestampEpoch,BusChannel"])
 def test_other_csv_files_are_no_logs(tmp_path: Path, heading: str) -> None:
     path = tmp_path / "bus.csv"
     path.write_text(f"{heading}\n1,2\n")

@@ -44,9 +44,7 @@ def damages(draw: st.DrawFn) -> Damage:
     """A stretch of bytes replaced by others; the seed chooses where, whatever the length of the file."""
     chance = random.Random(draw(st.integers(0, 2**32)))
     removed = draw(st.sampled_from((0, 1, 1, 2, 5)))
-    added = draw(
-        st.binary(max_size=6) | st.sampled_from((b"\n", b" ", b"0", b"9", b"x", b"\0", b"\xff", b"R"))
-    )
+    added = draw(st.binary(max_size=6) | st.sampled_from((b"\n", b" ", b"0", b"9", b"x", b"\0", b"\xff", b"R")))
 
     def damage(data: bytes) -> bytes:
         position = chance.randrange(len(data))

@@ -81,9 +81,7 @@ def test_the_start_time_counts_in_days(tmp_path: Path) -> None:
     ("kind", "switched", "state"),
     [("FD", False, False), ("FB", True, False), ("FE", True, True), ("BI", False, True)],
 )
-def test_fd_frames_by_length_code_and_by_length(
-    tmp_path: Path, kind: str, switched: bool, state: bool
-) -> None:
+def test_fd_frames_by_length_code_and_by_length(tmp_path: Path, kind: str, switched: bool, state: bool) -> None:
     data = "00 " * 12
     (coded,) = log(tmp_path, HEADS["2.1"] + f"  1  1.000 {kind} 2 0100 Rx -  9 {data}\n")
     (plain,) = log(tmp_path, HEADS["2.0"] + f"  1  1.000 {kind}  0100 Rx 12 {data}\n")

@@ -64,9 +64,7 @@ def test_every_field_of_a_logger_is_read(tmp_path: Path, is_finalised: bool, dat
 def test_what_asammdf_makes_of_a_card_is_read_the_same(tmp_path: Path) -> None:
     """It finalises the file and stores the constant fields as virtual channels."""
     frames = [frame._replace(channel="3") for frame in mixture(".mf4", 50)]
-    fields = [field for field in ALL_STORED if field.name != "BusChannel"] + [
-        Field("BusChannel", 0, offset=3)
-    ]
+    fields = [field for field in ALL_STORED if field.name != "BusChannel"] + [Field("BusChannel", 0, offset=3)]
     card, saved = tmp_path / "card.mf4", tmp_path / "saved.mf4"
     write_logger_file(card, frames, fields, MIDNIGHT)
     with MDF(card) as file:
@@ -134,8 +132,7 @@ def test_text_for_a_direction_and_a_length_without_its_field(tmp_path: Path) -> 
 def test_times_that_a_damaged_conversion_makes_impossible_are_refused(tmp_path: Path, factor: float) -> None:
     path = tmp_path / "card.mf4"
     frames = [
-        frame._replace(frame=frame.frame._replace(stamp_ns=n * 10**18))
-        for n, frame in enumerate(mixture(".mf4", 9))
+        frame._replace(frame=frame.frame._replace(stamp_ns=n * 10**18)) for n, frame in enumerate(mixture(".mf4", 9))
     ]
     write_logger_file(path, frames, ALL_STORED, 0)
     data = path.read_bytes()
@@ -146,13 +143,9 @@ def test_times_that_a_damaged_conversion_makes_impossible_are_refused(tmp_path: 
 
 def test_a_channel_that_is_no_number(tmp_path: Path) -> None:
     path = tmp_path / "card.mf4"
-    fields = [field for field in ALL_STORED if field.name != "BusChannel"] + [
-        Field("BusChannel", 0, offset=2.5)
-    ]
+    fields = [field for field in ALL_STORED if field.name != "BusChannel"] + [Field("BusChannel", 0, offset=2.5)]
     write_logger_file(path, mixture(".mf4", 5), fields, MIDNIGHT)
-    with pytest.raises(
-        UserError, match=r"damaged MDF file: ValueError: the BusChannel of its frames is 2\.5"
-    ):
+    with pytest.raises(UserError, match=r"damaged MDF file: ValueError: the BusChannel of its frames is 2\.5"):
         list(open_log(path))
 
 

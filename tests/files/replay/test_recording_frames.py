@@ -60,9 +60,7 @@ def test_a_long_recording_is_sent_as_if_encoded_at_once(bus: BusMap) -> None:
     assert len(frames) == 556
     assert {(frame.frame_id, frame.is_extended, frame.is_fd) for frame in frames} == {(0x100, False, True)}
     signals = recording.rail_pressure, recording.needle_lift, recording.line_pressure
-    for values, signal, half_a_step in zip(
-        decoded(frames).values(), signals, (2501.0, 5.01e-9, 2501.0), strict=True
-    ):
+    for values, signal, half_a_step in zip(decoded(frames).values(), signals, (2501.0, 5.01e-9, 2501.0), strict=True):
         assert list(values) == list(range(5004))
         assert list(values.values())[:5003] == pytest.approx(signal.tolist(), abs=half_a_step)
     assert [frame.payload[2] for frame in frames] == [n & 0xFF for n in range(556)]

@@ -65,15 +65,11 @@ def read(path: Path, fitted: Bench) -> Recording:
     return open_recording(path, fitted.injector).collected()
 
 
-def write_rows(
-    folder: Path, time: NDArray[np.float64], digits: int = 7, **changes: NDArray[np.float64]
-) -> Path:
+def write_rows(folder: Path, time: NDArray[np.float64], digits: int = 7, **changes: NDArray[np.float64]) -> Path:
     """A CSV file of signals at times [s], printed in ms with so many digits."""
     columns = {**signals(time.size), **changes}
     rows = zip(time * 1e3, columns["p_Rail"], columns["lift"], columns["p_Line"], strict=True)
-    return write(
-        folder, "t,p_Rail,lift,p_Line\n" + "".join(f"{t:.{digits}f},{p},{x},{y}\n" for t, p, x, y in rows)
-    )
+    return write(folder, "t,p_Rail,lift,p_Line\n" + "".join(f"{t:.{digits}f},{p},{x},{y}\n" for t, p, x, y in rows))
 
 
 def opened(path: Path, folder: Path, options: str = "", text: str = COLUMNS) -> SignalStream:

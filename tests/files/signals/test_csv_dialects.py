@@ -27,9 +27,7 @@ FORMATS = {
 
 def cells(k: int, columns: Sequence[str], decimal: str, form: str | None) -> list[str]:
     """Row k of some columns: time [ms], or a stamp, and the three signals."""
-    values = {
-        name: f"{column[k] * (1e3 if name == 't' else 1):.6g}" for name, column in signals(k + 1).items()
-    }
+    values = {name: f"{column[k] * (1e3 if name == 't' else 1):.6g}" for name, column in signals(k + 1).items()}
     texts = {name: text.replace(".", decimal) for name, text in values.items()}
     if form is not None:
         texts["t"] = (START + timedelta(microseconds=10 * k)).strftime(FORMATS[form])
@@ -69,9 +67,7 @@ def message(path: Path, folder: Path, **bench_options: str) -> str:
     ending=st.sampled_from(["\n", "\r\n"]),
     order=st.permutations(NAMES),
     has_units=st.booleans(),
-    preamble=st.lists(
-        st.sampled_from(["", "# made by a tool", "Prüfstand 7", "date;2024-01-02", "1;2"]), max_size=4
-    ),
+    preamble=st.lists(st.sampled_from(["", "# made by a tool", "Prüfstand 7", "date;2024-01-02", "1;2"]), max_size=4),
     is_quoted=st.booleans(),
     form=st.sampled_from([None, *FORMATS]),
     further=st.sampled_from([[], ["on"]]),
@@ -164,9 +160,7 @@ def test_separators_of_thousands_are_refused(tmp_path: Path, cell: str, decimal:
 
 @given(cut=st.integers(1, 60), encoding=st.sampled_from(("utf-8", "utf-16", "utf-16-be", "cp1252")))
 @reuse_folder
-def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(
-    tmp_path: Path, cut: int, encoding: str
-) -> None:
+def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(tmp_path: Path, cut: int, encoding: str) -> None:
     path, fitted = tmp_path / "foreign.csv", bench(tmp_path)
     text = named(*lines())
     mark = codecs.BOM_UTF16_BE if encoding == "utf-16-be" else b""

@@ -70,9 +70,7 @@ def test_parts_of_any_length(sizes: list[int]) -> None:
         (12, "leaves out 8 samples that are in it: it may be damaged"),
     ],
 )
-def test_a_heading_that_counts_other_samples_than_there_are(
-    tmp_path: Path, stated: int, heading: str
-) -> None:
+def test_a_heading_that_counts_other_samples_than_there_are(tmp_path: Path, stated: int, heading: str) -> None:
     """As damage of its bytes leaves it: later parts are empty."""
     path = tmp_path / "counted.mf4"
     values = np.arange(20.0)

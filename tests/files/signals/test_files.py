@@ -16,9 +16,7 @@ from observer_rt.foundation.errors import UserError
 CODES = st.integers(0, 0xFFFD)
 
 
-def _signal(
-    draw: st.DrawFn, samples: int, lowest: int, multiple: float, divisor: float
-) -> NDArray[np.float64]:
+def _signal(draw: st.DrawFn, samples: int, lowest: int, multiple: float, divisor: float) -> NDArray[np.float64]:
     codes = draw(hnp.arrays(np.int64, samples, elements=CODES))
     values = (codes + lowest) * multiple / divisor
     missing = draw(hnp.arrays(np.bool_, samples, elements=st.booleans()))
@@ -46,10 +44,7 @@ def same(left: Recording, right: Recording) -> bool:
     return (
         np.array_equal(left.time, right.time)
         and left.signals.keys() == right.signals.keys()
-        and all(
-            np.array_equal(values, right.signals[name], equal_nan=True)
-            for name, values in left.signals.items()
-        )
+        and all(np.array_equal(values, right.signals[name], equal_nan=True) for name, values in left.signals.items())
     )
 
 
@@ -127,9 +122,7 @@ def test_a_device_is_not_replaced_by_a_file(tmp_path: Path) -> None:
         ("a.log.zst", "unpack it first"),
     ],
 )
-def test_kinds_that_are_met_but_not_read_have_a_remedy_of_their_own(
-    tmp_path: Path, name: str, advice: str
-) -> None:
+def test_kinds_that_are_met_but_not_read_have_a_remedy_of_their_own(tmp_path: Path, name: str, advice: str) -> None:
     for read in (is_log, open_log, read_recording):
         with pytest.raises(UserError, match=rf"unknown kind of file(?s:.*){advice}"):
             read(tmp_path / name)

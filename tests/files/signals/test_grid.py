@@ -41,9 +41,7 @@ def test_a_long_gap_splits(tmp_path: Path) -> None:
     stream = opened(write_rows(tmp_path, kept / RATE), tmp_path)
     assert [part.samples for part in stream.stretches] == [200, 270]
     assert stream.stretches[1].start == pytest.approx(230 / RATE)
-    assert any(
-        "split into 2 stretches: after 0.00199 s 0.00031 s are missing" in note for note in stream.notes
-    )
+    assert any("split into 2 stretches: after 0.00199 s 0.00031 s are missing" in note for note in stream.notes)
     joined = stream.collected()
     assert joined.samples == 500
     assert np.flatnonzero(np.isnan(joined.rail_pressure)).tolist() == list(range(200, 230))
@@ -66,10 +64,7 @@ def test_means_are_not_resampled(tmp_path: Path, rate: float) -> None:
     with pytest.raises(UserError, match="cannot be resampled") as caught:
         opened(path, tmp_path, 'meaning = "mean"')
     assert "set sampling.rate_hz to the rate of the file" in caught.value.remedy
-    assert (
-        opened(write_rows(tmp_path, np.arange(500) / RATE), tmp_path, 'meaning = "mean"').meaning
-        is Meaning.MEAN
-    )
+    assert opened(write_rows(tmp_path, np.arange(500) / RATE), tmp_path, 'meaning = "mean"').meaning is Meaning.MEAN
     assert opened(path, tmp_path).meaning is Meaning.INSTANT
 
 
@@ -138,9 +133,7 @@ unit = "bar"
 
 
 @pytest.mark.parametrize("at_once", [1 << 16, 37])
-def test_mdf4_channels_of_several_rasters(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: int
-) -> None:
+def test_mdf4_channels_of_several_rasters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: int) -> None:
     for module in (mdf4_table, mapped_signals):
         monkeypatch.setattr(module, "SAMPLES_AT_ONCE", at_once)
     slow, fast = np.arange(0.0, 0.1, 1e-3), np.arange(10_000) / RATE
@@ -157,9 +150,7 @@ def test_mdf4_channels_of_several_rasters(
     assert recording.samples == 10_000
     last_time = slow[-1]
     inside = recording.time <= last_time
-    np.testing.assert_allclose(
-        recording.rail_pressure[inside], 100e6 + recording.time[inside] * 10e6, rtol=1e-9
-    )
+    np.testing.assert_allclose(recording.rail_pressure[inside], 100e6 + recording.time[inside] * 10e6, rtol=1e-9)
     assert np.isnan(recording.rail_pressure[~inside]).all()
     np.testing.assert_allclose(recording.needle_lift, fast * 1e-2, rtol=1e-6)
     assert recording.line_pressure[0] == 990e5
@@ -198,9 +189,7 @@ def test_parquet_with_units_in_its_metadata(tmp_path: Path) -> None:
         "lift": result["lift"].astype(int),
     }
     table = pyarrow.table({**columns, "p_Line": result["p_Line"], "word": ["a"] * 300})
-    fields = [
-        field.with_metadata({"unit": "bar"}) if field.name == "p_Rail" else field for field in table.schema
-    ]
+    fields = [field.with_metadata({"unit": "bar"}) if field.name == "p_Rail" else field for field in table.schema]
     pyarrow.parquet.write_table(table.cast(pyarrow.schema(fields)), tmp_path / "x.parquet")
     recording = read(tmp_path / "x.parquet", bench(tmp_path, rail=""))
     np.testing.assert_allclose(recording.rail_pressure, result["p_Rail"] * 1e5)

@@ -38,9 +38,7 @@ def test_without_time_and_rate_the_line_to_write_is_named(tmp_path: Path) -> Non
         opened(write_rows(tmp_path, np.arange(SAMPLES) / RATE, 2), tmp_path, "", WITHOUT_TIME)
 
 
-@pytest.mark.parametrize(
-    ("rate", "digits"), [(100e3, 5), (48e3, 6), (30e3, 7), (1e6 / 3.0, 7), (12_345.0, 9)]
-)
+@pytest.mark.parametrize(("rate", "digits"), [(100e3, 5), (48e3, 6), (30e3, 7), (1e6 / 3.0, 7), (12_345.0, 9)])
 def test_the_rate_of_stamps_is_a_round_one(rate: float, digits: int) -> None:
     result = rate_of(np.round(np.arange(20_000) / rate, digits))
     assert result == pytest.approx(rate, rel=1e-9)

@@ -19,9 +19,7 @@ from observer_rt.model.parameters import EffectInForce, EffectValue
 from tests.identification.discovery.conftest import WEAR, Worn
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
-WORN = EffectInForce(
-    id="orifice_area", parameters={"v_H": EffectValue(value=0.1, ci95=(0.09, 0.11), unit="-")}
-)
+WORN = EffectInForce(id="orifice_area", parameters={"v_H": EffectValue(value=0.1, ci95=(0.09, 0.11), unit="-")})
 LEAK = EffectInForce(
     id="guide_leakage", parameters={"c": EffectValue(value=1.5e-14, unit="m3/(s Pa)")}, origin="workshop"
 )

@@ -34,9 +34,7 @@ def test_good_recordings_leave_no_reservation(worn: Worn) -> None:
 def _without_rate(findings: Findings) -> Findings:
     return replace(
         findings,
-        gaps=replace(
-            findings.gaps, by_name={k: gap for k, gap in findings.gaps.by_name.items() if k != RATE}
-        ),
+        gaps=replace(findings.gaps, by_name={k: gap for k, gap in findings.gaps.by_name.items() if k != RATE}),
     )
 
 
@@ -84,9 +82,7 @@ def test_a_level_measured_when_the_model_was_fitted_settles_masses(worn: Worn) -
     assert "when the model was fitted" in caveat.sentence
 
 
-@pytest.mark.parametrize(
-    ("level", "measured"), [("file", False), ("measured_mass", True), ("measured_rate", True)]
-)
+@pytest.mark.parametrize(("level", "measured"), [("file", False), ("measured_mass", True), ("measured_rate", True)])
 def test_the_level_is_what_the_fit_of_the_model_says(level: str, measured: bool) -> None:
     assert not is_level_measured(effective_model(NOMINAL))
     fitted = NOMINAL.model_copy(update={"baseline": baseline(level=level)})

@@ -36,9 +36,7 @@ def test_mass_is_off_by_what_wear_changes(worn: Worn) -> None:
             mass(measurement, new, density) - mass(measurement, old, density)
             for old, new in zip(before, after, strict=True)
         ]
-    assert gaps.by_name[MASS].before * MILLIGRAM == pytest.approx(
-        np.sqrt(np.mean(np.square(changes))), rel=0.15
-    )
+    assert gaps.by_name[MASS].before * MILLIGRAM == pytest.approx(np.sqrt(np.mean(np.square(changes))), rel=0.15)
 
 
 def test_what_is_shown_was_not_fitted(worn: Worn) -> None:

@@ -61,9 +61,7 @@ def test_the_smallest_size_that_could_be_seen_is_seen(options: SearchOptions) ->
     """And half of it is not: at six standard deviations a size is named, at less than three it is not."""
     smallest = {one.id: one.size for one in _discover(OWN, options=options).smallest_visible}
     assert len(smallest) > 15
-    twice, half = (
-        (OWN, sized("guide_leakage", c=factor * smallest["guide_leakage"])) for factor in (2.0, 0.4)
-    )
+    twice, half = ((OWN, sized("guide_leakage", c=factor * smallest["guide_leakage"])) for factor in (2.0, 0.4))
     assert [one.id for one in _discover(*twice, options=options).effects] == ["guide_leakage"]
     assert _discover(*half, options=options).effects == ()
 

@@ -30,9 +30,7 @@ from observer_rt.model.terms.term import Term, TermEquation
 from tests.identification.discovery.conftest import WORN_POINTS, Worn
 from tests.identification.discovery.hidden import NOMINAL, effect_of, recordings
 
-PLUGGED = Term(
-    TermEquation.NOZZLE_FLOW, parse("-0.2*(injection_number > 1)")
-)  # a hole, after the first injection
+PLUGGED = Term(TermEquation.NOZZLE_FLOW, parse("-0.2*(injection_number > 1)"))  # a hole, after the first injection
 
 
 @pytest.fixture(scope="module")
@@ -88,9 +86,7 @@ def test_a_proposal_is_in_document_screen_and_page(accepted: Findings) -> None:
     assert stated["gap_held_out"]["after_MPa"] < stated["gap_held_out"]["before_MPa"]
     assert stated["seen"] == {"injection_number": [1.0, 2.0]}
     for text in (as_text(accepted), page):
-        assert re.search(
-            r"the nozzle lost (19\.\d|20|20\.\d) % of its flow from the injection after number 1", text
-        )
+        assert re.search(r"the nozzle lost (19\.\d|20|20\.\d) % of its flow from the injection after number 1", text)
         assert "injection_number starts anew" in text
     assert "injection_number starts anew" in accepted.terms[0].evidence
     for words in ("With proposal 1", "nozzle_flow = c", "--model found/amended.toml"):
@@ -146,9 +142,7 @@ def test_what_leaves_something_is_accepted_in_part(
     assert remainder.as_json()["in_part"] is True
     for text in (as_text(remainder), report(remainder)):
         assert "ccepted in part: it closes" in text
-    widths = [
-        _mass_halves(plugged, model) for model in (stated, stated.model_copy(update={"remainder": None}))
-    ]
+    widths = [_mass_halves(plugged, model) for model in (stated, stated.model_copy(update={"remainder": None}))]
     assert widths[0] == pytest.approx(np.hypot(widths[1], part.mass_half), rel=0.1)
 
 

@@ -53,7 +53,5 @@ def of_independent_plant(part: Injector, points: Sequence[tuple[float, float]] =
     for number, (pressure, duration) in enumerate(points):
         event = plant.Event(pressure, (plant.Shot(0.0, duration + 0.3e-3),), Faults())
         measured = plant.record(plant.Bench(part, plant.Needle(), (event,) * 3, seed=number)).measured
-        result.append(
-            Recording(measured.time, measured.rail_pressure, measured.needle_lift, measured.line_pressure)
-        )
+        result.append(Recording(measured.time, measured.rail_pressure, measured.needle_lift, measured.line_pressure))
     return result

@@ -136,9 +136,7 @@ def test_without_a_rate_the_inertance_is_seen_not_to_be_told() -> None:
     calibration = Calibration(NOMINAL, free, folds)
     here = calibration.residuals(calibration.centre)
     assert here is not None
-    sure = certainty(
-        calibration, linearise(calibration.residuals, calibration.centre, here, calibration.ranges), 1.0
-    )
+    sure = certainty(calibration, linearise(calibration.residuals, calibration.centre, here, calibration.ranges), 1.0)
     assert sure.undetermined is not None
 
 
@@ -179,9 +177,7 @@ def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("drained_by_seat", [0, 1])
 def test_an_independent_plant_is_fitted_in_its_own_structure(drained_by_seat: int) -> None:
-    done = _fit(
-        measurements(of_independent_plant(Injector(drained_by_seat=drained_by_seat))), off_by_ten_percent()
-    )
+    done = _fit(measurements(of_independent_plant(Injector(drained_by_seat=drained_by_seat))), off_by_ten_percent())
     assert done.fitted.structure.outflow is (LineOutflow.SEAT if drained_by_seat else LineOutflow.NOZZLE)
     assert done.inadequate == ()
     assert max(map(abs, _deviations(done, NOMINAL).values())) < 4.0

@@ -56,9 +56,7 @@ def test_means_at_a_fifth_of_the_rate(slow: Sequence[Measurement], shares: Seque
 @pytest.mark.slow
 def test_instants_from_a_file_with_wrong_stiffness_and_nozzle() -> None:
     part, fitted = real_part(PART_SEED), check_found(healthy(100e3, Meaning.INSTANT), FILES[1])
-    along_pipe = part.bulk_modulus_line / (
-        1.0 - LINES[Variant.PLAIN].end_share
-    )  # our volume is without the end's
+    along_pipe = part.bulk_modulus_line / (1.0 - LINES[Variant.PLAIN].end_share)  # our volume is without the end's
     assert fitted.fluid.bulk_modulus_line == pytest.approx(along_pipe, rel=0.004)
     assert fitted.nozzle.flow_coefficient * fitted.nozzle.area == pytest.approx(part.nozzle_area, rel=0.001)
     assert fitted.seat.flow_coefficient == pytest.approx(part.seat_coefficient, rel=0.0075)

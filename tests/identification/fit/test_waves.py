@@ -62,8 +62,7 @@ def calibrated_to(
 ) -> CalibrationResult:
     """A plant that knows nothing of our cells, explained by waves drained by the seat; part: on it, a file of it."""
     benches = [
-        replace(one, line=plant, injector=part or one.injector)
-        for one in healthy_benches(Variant.PLAIN, 1).values()
+        replace(one, line=plant, injector=part or one.injector) for one in healthy_benches(Variant.PLAIN, 1).values()
     ]
     measured = measurements([recording_of(record(bench)) for bench in benches])
     by_seat = [one for one in WAVES if one.outflow is LineOutflow.SEAT]
@@ -120,8 +119,7 @@ def test_a_hole_that_shuts_is_learned_on_a_fitted_line() -> None:
     """Its step is narrower than the neurons: they leave of it what a fitted model leaves of a healthy injector."""
     done, (laws, faults) = calibrated_to(LINES[Variant.PLAIN]), NINE_LAWS["a hole shuts at a large drop"]
     events = tuple(
-        Event(HOLE_PRESSURES[k % 3], (Shot(7e-6 * (k % 5), HOLE_DURATIONS[k // 3 % 2]),), faults)
-        for k in range(18)
+        Event(HOLE_PRESSURES[k % 3], (Shot(7e-6 * (k % 5), HOLE_DURATIONS[k // 3 % 2]),), faults) for k in range(18)
     )
     bench = Bench(real_part(1), Needle(), events, seed=95, line=LINES[Variant.PLAIN], laws=laws)
     model = done.injector.model_copy(update={"baseline": baseline_of(done, {})})
@@ -140,9 +138,7 @@ def test_a_lump_that_cannot_be_stepped_is_left_out_with_the_reason(travelling: C
 
 
 @pytest.mark.parametrize("stiffness", [0.8e9, 1.2e9, 1.6e9, 2.0e9, 2.6e9])
-@pytest.mark.parametrize(
-    "structure", [one for one in STRUCTURES if one.line != "lump"], ids=lambda one: one.name
-)
+@pytest.mark.parametrize("structure", [one for one in STRUCTURES if one.line != "lump"], ids=lambda one: one.name)
 def test_cells_are_as_many_as_sound_allows(structure: Structure, stiffness: float) -> None:
     injector = structure.of(with_values(NOMINAL, (STIFFNESS,), np.array([stiffness])))
     line = coefficients(injector).line

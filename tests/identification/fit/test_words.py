@@ -48,9 +48,7 @@ QUIET = SimulatedNoise(rail_pressure=0.01e6, line_pressure=0.015e6, needle_lift=
 
 
 @pytest.mark.parametrize(("size", "is_adequate"), [(0.03e6, True), (0.6e6, False)])
-def test_what_a_better_sensor_shows_is_weighed_by_what_it_does_to_masses(
-    size: float, is_adequate: bool
-) -> None:
+def test_what_a_better_sensor_shows_is_weighed_by_what_it_does_to_masses(size: float, is_adequate: bool) -> None:
     """The line rings a little at each opening, beyond every model: far above noise, whether it matters or not."""
     measured_recordings = measurements([_rung(one.recording, size) for one in simulations(noise=QUIET)])
     done = calibrate(NOMINAL, measured_recordings, {}, lambda _: None, STRUCTURES[:1])
@@ -80,6 +78,4 @@ def test_an_entry_far_from_the_truth_is_named() -> None:
     done = calibrate(file, measured_recordings, {}, lambda _: None, STRUCTURES[:1])
     assert verdict_words(done).startswith("adequate")
     assert "IMPLAUSIBLE: fluid.bulk_modulus_line" in verdict_words(done)
-    assert any(
-        "check line.volume (K_L counts only as K_L/V_L), line.length" in line for line in oddities(done)
-    )
+    assert any("check line.volume (K_L counts only as K_L/V_L), line.length" in line for line in oddities(done))

@@ -59,10 +59,7 @@ def test_as_much_noise_is_left_at_every_share_of_a_sample(share: float) -> None:
     noisy = replace(AT_REST, recording=replace(AT_REST.recording, rail_pressure=rail))
     events = (replace(AT_REST.events[0], start=0, end=rail.size),)
     part = slice(200, rail.size // 2 - 200)
-    levels = [
-        np.std(true_rail_pressure(replace(noisy, events=events), delay)[part])
-        for delay in (0.0, 1e-5 * share)
-    ]
+    levels = [np.std(true_rail_pressure(replace(noisy, events=events), delay)[part]) for delay in (0.0, 1e-5 * share)]
     assert levels[1] == pytest.approx(levels[0], rel=0.02)
 
 
@@ -125,7 +122,5 @@ def test_the_noise_of_a_restored_lift_speaks_less_against_the_model() -> None:
     assert judged is not None
     for recorded, judged_model in zip(likelihood.recordings, judged, strict=True):
         moving = (recorded.phases == Phase.OPENING) | (recorded.phases == Phase.CLOSING)
-        assert (
-            np.mean(judged_model.z[moving] ** 2) < 2.0
-        )  # 3.0 were the lift taken to be as quiet as it was recorded
+        assert np.mean(judged_model.z[moving] ** 2) < 2.0  # 3.0 were the lift taken to be as quiet as it was recorded
         assert np.mean(judged_model.rate_z**2) < 0.95  # 1.0 and 1.1, likewise

@@ -33,9 +33,7 @@ def part(recording: Recording, start: int, end: int) -> Recording:
 
 
 def joined(*parts: Recording) -> Recording:
-    rail, lift, line, rate = (
-        np.concatenate([part.signals[name] for part in parts]) for name in parts[0].signals
-    )
+    rail, lift, line, rate = (np.concatenate([part.signals[name] for part in parts]) for name in parts[0].signals)
     return Recording(np.arange(rail.size) / 100e3, rail, lift, line, rate)
 
 
@@ -69,9 +67,7 @@ def test_every_injection_of_a_long_one_is_found_whole() -> None:
     assert measured_recordings.recording.samples <= MOST
     assert len(measured_recordings.events) > MOST // PERIOD
     assert set(windows(measured_recordings)) <= set(windows(expected))
-    assert {lengths(event) for event in measured_recordings.events} == {
-        lengths(event) for event in expected.events
-    }
+    assert {lengths(event) for event in measured_recordings.events} == {lengths(event) for event in expected.events}
     assert measured_recordings.noise.line_pressure == pytest.approx(expected.noise.line_pressure, rel=0.02)
     assert measured_recordings.noise.needle_lift == pytest.approx(expected.noise.needle_lift, rel=0.15)
     assert (measured_recordings.rail_pressure, measured_recordings.duration) == pytest.approx(

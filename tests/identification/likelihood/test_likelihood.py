@@ -108,9 +108,7 @@ def test_what_is_stated_of_the_channels_is_known() -> None:
         sized("line_pressure_sensor_lag", tau=9e-6),
     )
     result = [replace(one, stated=channels) for one in measurements(recordings(channels))]
-    by_effects = joint_likelihood(
-        [replace(one, stated=()) for one in result], effective_model(NOMINAL, channels)
-    )
+    by_effects = joint_likelihood([replace(one, stated=()) for one in result], effective_model(NOMINAL, channels))
     stated, alike = joint_likelihood(result, NOMINAL_MODEL), effective_model(NOMINAL, channels)
     assert _statistic(stated) == pytest.approx(_statistic(by_effects, alike), rel=1e-12)
     assert _statistic(stated) < _statistic(by_effects, NOMINAL_MODEL) - 1e3
@@ -149,12 +147,8 @@ def test_a_candidate_is_judged_or_has_no_solution(
 ) -> None:
     model = MODELS[line]
     for effect in (VOCABULARY[one] for one in ids):
-        shares = [
-            data.draw(st.sampled_from((0.0, 0.5, 1.0)) | st.floats(0.0, 1.0)) for _ in effect.parameters
-        ]
-        values = [
-            p.lowest + s * (p.highest - p.lowest) for p, s in zip(effect.parameters, shares, strict=True)
-        ]
+        shares = [data.draw(st.sampled_from((0.0, 0.5, 1.0)) | st.floats(0.0, 1.0)) for _ in effect.parameters]
+        values = [p.lowest + s * (p.highest - p.lowest) for p, s in zip(effect.parameters, shares, strict=True)]
         model = effect.apply(model, values)
     judged = _likelihood(rate, line).judge(model)
     if judged is not None:

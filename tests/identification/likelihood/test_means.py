@@ -108,7 +108,5 @@ def test_noise_is_added_to_what_keeps_its_meaning() -> None:
     assert measured_recordings.means
     assert replace(
         measured_recordings,
-        recording=replace(
-            measured_recordings.recording, rail_pressure=measured_recordings.recording.rail_pressure
-        ),
+        recording=replace(measured_recordings.recording, rail_pressure=measured_recordings.recording.rail_pressure),
     ).means

@@ -90,9 +90,7 @@ def test_openings_are_those_that_the_observer_sees(rate: float) -> None:
     for seed in range(4):
         shots = [(Shot(7e-6 * k, (0.2 + 0.25 * (seed + 2 * k)) * 1e-3), Shot(4e-3, 0.3e-3)) for k in range(4)]
         events = tuple(Event((40 + 40 * seed) * 1e6, each, Faults()) for each in shots)
-        recording = recording_of(
-            record(Bench(Injector(), Needle(), events, sample_rate=rate, noise=1.0, seed=seed))
-        )
+        recording = recording_of(record(Bench(Injector(), Needle(), events, sample_rate=rate, noise=1.0, seed=seed)))
         openings, observed = openings_of(recording), _observed(recording)
         assert len(openings) == len(observed) == 8
         for opening, (first, last) in zip(openings, observed, strict=True):

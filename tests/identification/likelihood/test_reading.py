@@ -59,7 +59,5 @@ def test_gaps_and_what_they_cost_are_named() -> None:
     (measurement,) = measurements([replace(recording, rail_pressure=rail, needle_lift=lift)])
     first, second = coverage(measurement).splitlines()
     assert first.endswith("36 missing, 1 of 2 injections judged")
-    assert second == (
-        f"  left out, samples are missing in it or beside it: at {recording.time[opening.first]:.4f} s"
-    )
+    assert second == (f"  left out, samples are missing in it or beside it: at {recording.time[opening.first]:.4f} s")
     assert coverage(complete).endswith("samples at 100000 Hz, none missing, 2 of 2 injections judged")

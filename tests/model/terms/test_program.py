@@ -27,9 +27,7 @@ def held(value: NDArray[np.float64], equation: TermEquation) -> NDArray[np.float
     return np.clip(np.where(np.isfinite(value), value, 0.0), *equation.bounds)
 
 
-def blurred(
-    law: Law, values: Values, c: float, random: np.random.Generator, share: float
-) -> NDArray[np.float64]:
+def blurred(law: Law, values: Values, c: float, random: np.random.Generator, share: float) -> NDArray[np.float64]:
     """The law, tables as sums of lines, with every operation's result off by about such a share."""
     if isinstance(law, LawTable):
         return blurred(law.spelled, values, c, random, share)
@@ -37,8 +35,7 @@ def blurred(
         return law.at(values, c)
     names = list(Variable)[: len(law.arguments)]
     parts = {
-        name.word: blurred(one, values, c, random, share)
-        for name, one in zip(names, law.arguments, strict=True)
+        name.word: blurred(one, values, c, random, share) for name, one in zip(names, law.arguments, strict=True)
     }
     exact = Call(law.operation, tuple(map(Quantity, names))).at(parts)
     return exact * (1.0 + share * random.normal(size=exact.shape))
@@ -109,6 +106,4 @@ def test_time_that_stands_still_moves_no_lag() -> None:
     memory, variables = np.full(3 * len(program), np.nan), np.zeros((2, len(Variable)))
     variables[1, Variable.LINE_FLOW] = 10.0
     assert not totals_of_terms(program, variables, memory, 0.0).any()
-    assert totals_of_terms(program, variables[1:], memory, 1.0)[0, 0] == pytest.approx(
-        10.0 * (1.0 - np.exp(-1.0))
-    )
+    assert totals_of_terms(program, variables[1:], memory, 1.0)[0, 0] == pytest.approx(10.0 * (1.0 - np.exp(-1.0)))

@@ -71,12 +71,8 @@ def draw_calibration(confidences: pd.Series, path: Path) -> None:
         axes.scatter(bins["expected"], bins["seen"], 36.0, FOUND, zorder=3, label="seen")
         for expected, seen, count in bins.itertuples(index=False):
             axes.annotate(f"{count}", (expected, seen), (7, -4), textcoords="offset points")
-        axes.set(
-            xlim=(-0.03, 1.08), ylim=(-0.03, 1.03), xlabel="probability said", ylabel="share that is right"
-        )
-        axes.set_title(
-            f"{bins['of'].sum()} explanations, off by {calibration_error(confidences):.3f} in the mean"
-        )
+        axes.set(xlim=(-0.03, 1.08), ylim=(-0.03, 1.03), xlabel="probability said", ylabel="share that is right")
+        axes.set_title(f"{bins['of'].sum()} explanations, off by {calibration_error(confidences):.3f} in the mean")
         axes.legend(loc="upper left", frameon=False)
         save_figure(figure, path, dpi=150)
 

@@ -200,9 +200,7 @@ def outside_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> lis
     """One bench a recording of the case's rig; of tier A of a plant whose rail is at rest."""
     rng, rig = _of_points(case, points), case.rig
     healthy = [
-        _at_rest(case, point, rng, noise)
-        if rig is None
-        else bench_of(rig, point, OUTSIDE_INJECTIONS, rng, noise)
+        _at_rest(case, point, rng, noise) if rig is None else bench_of(rig, point, OUTSIDE_INJECTIONS, rng, noise)
         for point in points
     ]
     return [_with_hidden(bench, case, kind_named) for bench in healthy]
@@ -236,9 +234,7 @@ def _with_hidden(bench: Bench, case: HiddenCase, kind_of: Callable[[str], Hidden
         bench = replace(
             bench,
             laws=kind.laws(values, bench.laws),
-            events=tuple(
-                replace(e, faults=kind.faults(values, i, e.faults)) for i, e in enumerate(bench.events)
-            ),
+            events=tuple(replace(e, faults=kind.faults(values, i, e.faults)) for i, e in enumerate(bench.events)),
             around=replace(
                 around,
                 supply=(*around.supply, *kind.supplies(values)),

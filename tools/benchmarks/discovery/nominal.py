@@ -62,9 +62,7 @@ def score_nominal(case: HiddenCase, model: Path) -> Row:
 def facts_of(case: HiddenCase, answer: Answer, seen: Row, rivals: Mapping[str, float]) -> Row:
     """A case and its answer as a row; seen: the result of `visibility`, rivals: that of `rivalry`."""
     hidden = bool(case.parts)
-    relevant = hidden and (
-        seen["mass_mg"] >= RELEVANT_MASS_MG or seen["pressure_mpa"] >= RELEVANT_PRESSURE_MPA
-    )
+    relevant = hidden and (seen["mass_mg"] >= RELEVANT_MASS_MG or seen["pressure_mpa"] >= RELEVANT_PRESSURE_MPA)
     above = relevant and seen["gain"] >= VISIBLE_GAIN and seen["beyond"]
     is_named = answer.verdict == NAMED and len(answer.names) == 1 and same_effect(answer.names[0], case.name)
     is_listed = any(same_effect(name, case.name) for name in answer.listed)

@@ -117,9 +117,7 @@ def recorded(bench: plant.Bench, outcome: plant.Outcome, with_rate: bool) -> Ora
     openings = np.stack((changes[::2], changes[1::2] - 1), axis=1)
     starts = (plant.event_start(number) for number in range(len(bench.events)))
     lift = bench.injector.max_lift
-    strokes = [
-        plant.strokes_of(*event, bench.needle, lift) for event in zip(bench.events, starts, strict=True)
-    ]
+    strokes = [plant.strokes_of(*event, bench.needle, lift) for event in zip(bench.events, starts, strict=True)]
     counted = np.zeros(measured.time.size, np.bool_)
     for first, last in openings:
         counted[first - round(LEAD / INTERVAL) : last + round(TAIL / INTERVAL)] = True
@@ -135,9 +133,7 @@ def recorded(bench: plant.Bench, outcome: plant.Outcome, with_rate: bool) -> Ora
     )
 
 
-def record_all(
-    benches: Sequence[plant.Bench], with_rate: bool
-) -> tuple[tuple[OracleRecording, plant.Outcome], ...]:
+def record_all(benches: Sequence[plant.Bench], with_rate: bool) -> tuple[tuple[OracleRecording, plant.Outcome], ...]:
     """Every bench's recording and what really happened."""
     return tuple((recorded(b, outcome, with_rate), outcome) for b in benches for outcome in [plant.record(b)])
 
@@ -276,9 +272,7 @@ def _starts(effect: HiddenKind) -> list[tuple[float, ...]]:
     sizes = list(np.geomspace(size.lowest, size.highest, STARTS))
     if size.most_negative < 0.0:
         sizes += [-value for value in np.geomspace(size.lowest, -size.most_negative, STARTS)]
-    return list(
-        product(sizes, *(np.geomspace(p.lowest, WIDER_SHAPE * p.highest, SHAPE_STARTS) for p in shapes))
-    )
+    return list(product(sizes, *(np.geomspace(p.lowest, WIDER_SHAPE * p.highest, SHAPE_STARTS) for p in shapes)))
 
 
 def _refined(recordings: Sequence[OracleRecording], effect: HiddenKind, start: tuple[float, ...]) -> float:

@@ -63,9 +63,7 @@ def facts_of(case: HiddenCase, answer: outside_answers.OutsideAnswer) -> Row:
     worse = accepted and worse_mg > WORSE_MG and after.mass_mg > (1.0 + WORSE_SHARE) * answer.before.mass_mg
     is_named = answer.verdict == NAMED
     wrong = (
-        is_named
-        and answer.confidence >= CONFIDENT
-        and any(not kinds.near_tie(n, case.name) for n in answer.claims)
+        is_named and answer.confidence >= CONFIDENT and any(not kinds.near_tie(n, case.name) for n in answer.claims)
     )
     rightly_named = len(answer.by_vocabulary) == 1 and kinds.near_tie(answer.by_vocabulary[0], case.name)
     right_equation = bool(proposed) and proposed <= right_equations

@@ -47,9 +47,7 @@ def healthy_benches(rig: Rig) -> tuple[Bench, ...]:
     return tuple(bench_of(rig, point, FIT_INJECTIONS, rng) for point in GIVEN)
 
 
-def bench_of(
-    rig: Rig, point: tuple[float, float], injections: int, rng: Generator, noise: float = 1.0
-) -> Bench:
+def bench_of(rig: Rig, point: tuple[float, float], injections: int, rng: Generator, noise: float = 1.0) -> Bench:
     """One healthy recording at one operating point, its injections anywhere on the grid of samples."""
     plant, (rail_pressure, duration) = plant_of(rig.discrepancy, rig.seed), point
     shots = [Shot(rng.uniform(0.0, 1.0 / SAMPLE_RATE), duration) for _ in range(injections)]

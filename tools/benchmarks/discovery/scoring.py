@@ -144,9 +144,7 @@ def in_terms_of(fitted: InjectorParameters, case: HiddenCase) -> Parts:
     part = plant_of(case.rig.discrepancy, case.rig.seed).part
     stiffness = fitted.fluid.bulk_modulus_line / part.bulk_modulus_line
     factors = {"entrained_air": 1.0 / stiffness, "pressure_dependent_bulk_modulus": stiffness}
-    return tuple(
-        (name, tuple(factors.get(name, 1.0) * value for value in values)) for name, values in case.parts
-    )
+    return tuple((name, tuple(factors.get(name, 1.0) * value for value in values)) for name, values in case.parts)
 
 
 def with_effects(injector: InjectorParameters, parts: Parts) -> InjectorParameters:

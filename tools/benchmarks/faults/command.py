@@ -94,9 +94,7 @@ def faults(
     seed: cli.SeedOption = 1,
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
-    live: Annotated[
-        int, typer.Option(min=0, help="So many with a daemon on vcan0, too, in `tools/vcan`.")
-    ] = 0,
+    live: Annotated[int, typer.Option(min=0, help="So many with a daemon on vcan0, too, in `tools/vcan`.")] = 0,
     daemons: Annotated[
         int, typer.Option(min=0, help="So many daemons killed, without room on the disk, without power.")
     ] = 0,

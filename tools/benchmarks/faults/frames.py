@@ -92,9 +92,7 @@ def with_frame_fault(frames: Frames, placed: PlacedFault, bus: BusMap) -> Frames
     if not isinstance(fault, FrameFault):
         return frames
     before = [each for each in frames if each.time < placed.begin]
-    during = [
-        each for each in frames if placed.begin <= each.time and (fault.stays or each.time < placed.end)
-    ]
+    during = [each for each in frames if placed.begin <= each.time and (fault.stays or each.time < placed.end)]
     after = frames[len(before) + len(during) :]
     return [*before, *(fault.change(during, placed.chance, bus) if during else ()), *after]
 

@@ -213,11 +213,7 @@ class _Player:
         """What the process does wrong now."""
         if self._executor is None:
             return
-        now = [
-            each.fault
-            for each in self._of_process
-            if each.fault is not KILLED and each.begin <= time < each.end
-        ]
+        now = [each.fault for each in self._of_process if each.fault is not KILLED and each.begin <= time < each.end]
         self._executor.kind = now[0] if now else None
         self._executor.work()
 

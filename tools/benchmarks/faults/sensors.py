@@ -76,9 +76,7 @@ def louder(*roles: str, since: float = 0.0) -> Callable[[Part], Signals]:
     def change(part: Part) -> Signals:
         is_there = np.arange(part.seen.time.size) >= since * part.seen.time.size
         extra = math.sqrt(part.size**2 - 1.0) * part.chance.normal(size=(len(roles), is_there.size))
-        signals = {
-            r: getattr(part.seen, r) + NOISE[r] * e * is_there for r, e in zip(roles, extra, strict=True)
-        }
+        signals = {r: getattr(part.seen, r) + NOISE[r] * e * is_there for r, e in zip(roles, extra, strict=True)}
         return replace(part.seen, **signals)
 
     return change
@@ -147,9 +145,7 @@ def _curved(time: Array, values: Array, size: float, rng: Generator) -> Array:
 def _creep(time: Array, values: Array, size: float, rng: Generator) -> Array:
     """After an opening the zero is off by up to `size`, and comes back slowly."""
     interval = float(time[1] - time[0])
-    seen = filters.filtered(
-        values / FULL_LIFT, interval, filters.first_order(1.0 / (2.0 * math.pi * CREEP_TIME))
-    )
+    seen = filters.filtered(values / FULL_LIFT, interval, filters.first_order(1.0 / (2.0 * math.pi * CREEP_TIME)))
     return values + sign(rng) * size * np.minimum(seen * CREEP_TIME / CREEP, 1.0)
 
 
@@ -360,9 +356,7 @@ def _large_ones() -> list[SensorFault]:
             for shape, its_unit, its_sizes, wave, reasons in shapes
         ]  # fmt: skip
     swaps: dict[str, Callable[[Signals], Signals]] = {
-        "swapped_pressures": lambda m: replace(
-            m, rail_pressure=m.line_pressure, line_pressure=m.rail_pressure
-        ),
+        "swapped_pressures": lambda m: replace(m, rail_pressure=m.line_pressure, line_pressure=m.rail_pressure),
         "swapped_lift_and_line": lambda m: replace(
             m, needle_lift=1e-12 * m.line_pressure, line_pressure=1e12 * m.needle_lift
         ),

@@ -27,9 +27,7 @@ NUMBERS = (1, 2, 4, 8)
 BEFORE, AFTER = 2 * MILLISECOND, 4 * MILLISECOND  # of an open needle, as a windowed source sends them
 _FRAME = SAMPLES / SAMPLE_RATE  # s
 _SETTLING = 2.0  # s
-_LAST_WORDS = re.compile(
-    r"stopped after \d+ samples, (\d+) injections; .* (\d+) late, (\d+) events not learned from"
-)
+_LAST_WORDS = re.compile(r"stopped after \d+ samples, (\d+) injections; .* (\d+) late, (\d+) events not learned from")
 
 
 def measure_injectors(folder: Path, traffic: Traffic, seconds: float) -> list[Row]:

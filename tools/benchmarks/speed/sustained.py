@@ -63,9 +63,7 @@ def measure_startup(folder: Path) -> list[Row]:
     for number in range(STARTS):
         with daemon_on_sockets(folder / "startup") as (ours, _):
             used = {"cpu_s": ours.cpu_time(), "memory_mib": ours.memory() / _MEBIBYTE}
-            rows.append(
-                {"part": "startup", "label": f"start {number + 1}", "ready_s": ours.ready_after, **used}
-            )
+            rows.append({"part": "startup", "label": f"start {number + 1}", "ready_s": ours.ready_after, **used})
     return rows
 
 

@@ -25,9 +25,7 @@ _ENERGIZING, _FIRST = 1.2 * MILLISECOND, 10 * MILLISECOND
 _EVENTS = 9  # 0.36 s, a whole number of frames
 _PRESSURES = (60e6, 100e6, 140e6)  # Pa
 _OPEN = 5e-6  # m
-RAW_FRAME = np.dtype(
-    [("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("unused", "<u2"), ("data", "u1", 64)]
-)
+RAW_FRAME = np.dtype([("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("unused", "<u2"), ("data", "u1", 64)])
 _LOOP, _FACTS = "loop.frames", "loop.npz"
 _SWITCHED = 1  # flag of struct canfd_frame
 DEFAULT_IDS = (256, 272, 273, 274, 512, 513, 514)

@@ -136,9 +136,7 @@ class RestingNoise:
     By high pass, in samples of one interval: products of neighbours, and by lag.
     """
 
-    products: NDArray[np.float64] = field(
-        default_factory=lambda: np.zeros((_HIGH_PASSES, ORDERS + 1, ORDERS + 1))
-    )
+    products: NDArray[np.float64] = field(default_factory=lambda: np.zeros((_HIGH_PASSES, ORDERS + 1, ORDERS + 1)))
     by_lag: NDArray[np.float64] = field(default_factory=lambda: np.zeros((_HIGH_PASSES, LAGS)))
     count: float = 0.0
 
@@ -153,9 +151,7 @@ class RestingNoise:
             count += len(values) - ORDERS
         return RestingNoise(products, by_lag, count)
 
-    def _weights(
-        self, segments: Sequence[NDArray[np.float64]], choices: NDArray[np.float64]
-    ) -> tuple[float, float]:
+    def _weights(self, segments: Sequence[NDArray[np.float64]], choices: NDArray[np.float64]) -> tuple[float, float]:
         """Factors that make up for how loud an event is: of its innovations, and of the squares before it.
 
         By what the slowest high pass lets through: levels differ from event to event.
@@ -272,9 +268,7 @@ class TimeJitter:
             return 1.0
         return float(np.convolve(levels**2, np.full(LENGTH, 1.0 / LENGTH), "valid").max())
 
-    def after(
-        self, window: Window, unfiltered: NDArray[np.float64], sigma: float, first: int
-    ) -> "TimeJitter":
+    def after(self, window: Window, unfiltered: NDArray[np.float64], sigma: float, first: int) -> "TimeJitter":
         """Adds an event's innovations (n,) from `first` on, neither white nor weighed."""
         counts = np.convolve(mask_of(window), np.ones(DIFFERENCE.size), "same") == 0.0
         counts[: first + DIFFERENCE.size] = False

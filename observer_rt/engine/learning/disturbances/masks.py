@@ -104,9 +104,7 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
     left, spikes = counted.copy(), list[tuple[int, int]]()
     for _ in range(MOST_SPIKES + 1):
         total = np.concatenate(([0.0], np.cumsum(left)))
-        deviates = {
-            width: _spread((total[width:] - total[:-width]) / np.sqrt(width)) for width in SHARP_WIDTHS
-        }
+        deviates = {width: _spread((total[width:] - total[:-width]) / np.sqrt(width)) for width in SHARP_WIDTHS}
         width = max(SHARP_WIDTHS, key=lambda width: float(np.max(np.abs(deviates[width]))))
         start = int(np.argmax(np.abs(deviates[width])))
         height, end = float(deviates[width][start]), start + width
@@ -198,9 +196,7 @@ class OutlierSearch:
                     mask[start:end] = True
         return mask if (mask & ~before).any() else None
 
-    def after(
-        self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
-    ) -> "OutlierSearch":
+    def after(self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> "OutlierSearch":
         """Adds a fitted event."""
         stretches = frozen_stretches(window, innovations, sigmas, first)
         places = tuple((s.start - window.opening, s.level) for s in stretches)

@@ -183,9 +183,7 @@ class ExplainedEvent(NamedTuple):
         return sum(explanation.weight for explanation, _ in self.explanations if not explanation.is_good)
 
 
-def explain(
-    state: LearningState, event: ClosedEvent, offset: float | None, reader: EventReader
-) -> ExplainedEvent:
+def explain(state: LearningState, event: ClosedEvent, offset: float | None, reader: EventReader) -> ExplainedEvent:
     """Explain an event; offset: line over rail pressure at rest before it [p_0], None: unknown.
 
     Raises numpy.linalg.LinAlgError where nothing is finite.

@@ -114,10 +114,7 @@ def offered(hypotheses: Sequence[Possibility]) -> list[Offers]:
     Each offers that its mode goes on. All other kinds do not depend on the mode: the likeliest offers them for all.
     """
     logs = [
-        {
-            kind: each.log_weight + math.log(rate)
-            for kind, rate in transitions(each.mode, each.learned.is_prior)
-        }
+        {kind: each.log_weight + math.log(rate) for kind, rate in transitions(each.mode, each.learned.is_prior)}
         for each in hypotheses
     ]
     of_all = {
@@ -161,9 +158,7 @@ class Weighing:
             promised = max(promised, log_of(kind))
         self._best = max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
         likely = {
-            kind: explanation
-            for kind, explanation in explanations.items()
-            if log_of(kind) > self._best - c.REFINED
+            kind: explanation for kind, explanation in explanations.items() if log_of(kind) > self._best - c.REFINED
         }
         if not likely:
             return
@@ -172,9 +167,7 @@ class Weighing:
             for kind, explanation in likely.items()
         }
         if AT_FAULT in logs:  # the cost of its theta is part of it
-            at_fault = (
-                before.log + before.cost.expected(before.theta) - reading.at_fault(before.theta, before.fit)
-            )
+            at_fault = before.log + before.cost.expected(before.theta) - reading.at_fault(before.theta, before.fit)
             explained |= dict.fromkeys((AT_FAULT, INADEQUATE), at_fault)
         for kind, log in explained.items():
             explanation = explanations.get(kind, before)
@@ -197,9 +190,7 @@ class Weighing:
 
     def fit_of(self, hypothesis: Possibility) -> EventFit | None:
         """The fit of the event as expected by a hypothesis; None without one."""
-        return next(
-            (each.fit for each in self._all if each.hypothesis is hypothesis and each.kind is BEFORE), None
-        )
+        return next((each.fit for each in self._all if each.hypothesis is hypothesis and each.kind is BEFORE), None)
 
     def explanations(self) -> list[Explanation]:
         """Explanations of sufficient weight, the likeliest first. Raises numpy.linalg.LinAlgError without any."""
@@ -256,12 +247,9 @@ class Weighing:
             return
         start = first if before.fit is None else before.fit.linearisation
         steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
-        explanation.fit = fitter_of(hypothesis, reading, self._reader).fit(
-            start, explanation.held.prior, steps
-        )
+        explanation.fit = fitter_of(hypothesis, reading, self._reader).fit(start, explanation.held.prior, steps)
         explanation.cost = explanation.fit.linearisation
         explanation.log = (
-            evidences(explanation.cost, [explanation.held.prior], self._reader.limits)[0].log
-            + explanation.held.log
+            evidences(explanation.cost, [explanation.held.prior], self._reader.limits)[0].log + explanation.held.log
         )
         explanation.theta = explanation.cost.theta

@@ -132,9 +132,7 @@ def _followed(
         events=state.events + 1,
         overdispersion=overdispersion,
         jitter=state.jitter.after(explained.window, fit.unfiltered, sigma, first),
-        slow_rail=state.slow_rail.after(
-            [explained.window.inputs[part, 0] for part in segments], reader.interval
-        ),
+        slow_rail=state.slow_rail.after([explained.window.inputs[part, 0] for part in segments], reader.interval),
     )
 
 
@@ -212,9 +210,7 @@ def _open_nozzle_change(theta: Theta, window: Window) -> float:
     return float(nozzle_change(theta, np.array([u[0], 0.0, 0.9 * u[0]]), u)[0])
 
 
-def _lift_lag(
-    state: LearningState, explained: ExplainedEvent, reader: EventReader, expected: float
-) -> LiftLag:
+def _lift_lag(state: LearningState, explained: ExplainedEvent, reader: EventReader, expected: float) -> LiftLag:
     """The lag of the lift that explains an event best; expected: [s]."""
     explanation, _ = explained.carried[0]
     reading, learned = explanation.reading, explanation.hypothesis.learned

@@ -248,9 +248,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     state, forward = named(look_alikes.state, verdict.forward, explained, reader)
     if not look_alikes.begins_anew:
         account = settled_after(account, learned, explanation.kind in BELIEVED and not forward)
-        state = replace(
-            state, account=replace(account, hypotheses=tuple(one for _, one in explained.carried))
-        )
+        state = replace(state, account=replace(account, hypotheses=tuple(one for _, one in explained.carried)))
     in_force = theta if lead.velocity is None else _ahead(theta, explanation, lead.velocity, reader)
     by_coil = look_alikes.state.energizing.current.unsure
     covariance = covariance + _apart(explained, mass, shares.agreement) + by_coil

@@ -195,9 +195,7 @@ class EventReader:
         lag = sensor.lag + float(learned.sensor[0])
         return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, constants.rail_every)
 
-    def cost_of(
-        self, state: LearningState, learned: LearnedInjector, window: Window, follows: Follows
-    ) -> EventCost:
+    def cost_of(self, state: LearningState, learned: LearnedInjector, window: Window, follows: Follows) -> EventCost:
         """Cost of an event, whitened by the colour of the noise that was learned."""
         colour = learned.colour
         return EventCost(

@@ -137,9 +137,7 @@ def residual_figure(findings: Findings) -> str:
         for number, injections in groupby(findings.injections, attrgetter("recording")):
             every = tuple(injections)
             x, model_label = start + np.arange(len(every)), None if middles else "model as given"
-            axes.plot(
-                x, [one.before / MEGAPASCAL for one in every], "o", ms=4, color=GIVEN, label=model_label
-            )
+            axes.plot(x, [one.before / MEGAPASCAL for one in every], "o", ms=4, color=GIVEN, label=model_label)
             if label is not None:
                 after = [one.after / MEGAPASCAL for one in every]
                 axes.plot(x, after, "o", ms=4, color=FOUND, label=None if middles else label)

@@ -82,9 +82,7 @@ def _verdict_words(discovery: Discovery) -> str:
 def standing_words(proposal: Proposal) -> str:
     """Rates a proposal: how far it explains the recordings, and whether a model may have it."""
     before, after = (value / MEGAPASCAL for value in proposal.held_out)
-    apart = (
-        f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
-    )
+    apart = f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
     moved = f"injected mass {proposal.candidate.moves.mass / MILLIGRAM:+.2g} mg"
     fit = f"explains all (probability {proposal.probability:.2f})" if proposal.adequate else ""
     if proposal.refusal is not None:
@@ -120,7 +118,5 @@ def _gap_lines(findings: Findings) -> list[str]:
             alone = f"(noise alone {gap.noise_floor:.2g})"
             lines.append(f"  {gap.words} {where}: {gap.before:.3g} {gap.unit} off{after} {alone}")
         elif findings.shown.ids:
-            lines.append(
-                f"  {gap.words}: the model given is {gap.before:.2g} {gap.unit} off, if this is right"
-            )
+            lines.append(f"  {gap.words}: the model given is {gap.before:.2g} {gap.unit} off, if this is right")
     return lines

@@ -28,9 +28,7 @@ REMAINDER = 0.06  # of what there was, that a fitted model may leave: a law is n
 EXACT = 1e-3  # of the same, that an exact model may leave: steps and samples are not finer
 
 
-def cells_of(
-    likelihood: JointLikelihood, judged: Sequence[JudgedModel], model: EffectiveModel
-) -> tuple[Cell, ...]:
+def cells_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel], model: EffectiveModel) -> tuple[Cell, ...]:
     """Every signal in every phase of every recording."""
     result = []
     for number, (recorded, judged_model) in enumerate(zip(likelihood.recordings, judged, strict=True)):

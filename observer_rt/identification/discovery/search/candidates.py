@@ -227,9 +227,7 @@ class Candidate:
             # A coefficient is its only one.
             term = term_of(effect, float(size[0])) if size.size == 1 else None
             if term is not None:
-                ends = [
-                    float(end) for one in half for end in (term.coefficient - one, term.coefficient + one)
-                ]
+                ends = [float(end) for one in half for end in (term.coefficient - one, term.coefficient + one)]
                 fitted_terms.append(replace(term, interval=(ends[0], ends[1])) if ends else term)
         return tuple(fitted_terms)
 

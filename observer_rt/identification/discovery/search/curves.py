@@ -80,9 +80,7 @@ class Axis:
             *([RINGING] if self is SINCE else []),
         )
 
-    def _even_and_odd(
-        self, places: tuple[FormNumber, ...], widths: tuple[FormNumber, ...]
-    ) -> tuple["Form", ...]:
+    def _even_and_odd(self, places: tuple[FormNumber, ...], widths: tuple[FormNumber, ...]) -> tuple["Form", ...]:
         """Laws with only one half free."""
         right = tuple(one for one in places[:-1] if one.value > 0.0)
         return (
@@ -109,9 +107,7 @@ PRESSURE = Axis(
     {"line_pressure", "chamber_pressure"},
 )
 LIFT = Axis("needle_lift/max_lift", (0.0, 0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0), {"needle_lift", "max_lift"})
-SINCE = Axis(
-    "time_since_opening/1", (*(0.07 * number for number in range(19)), 1.5, 2.0), {"time_since_opening"}
-)
+SINCE = Axis("time_since_opening/1", (*(0.07 * number for number in range(19)), 1.5, 2.0), {"time_since_opening"})
 OVER_NOZZLE = Axis(
     "(sac_pressure - chamber_pressure)/100",
     (0.0, 0.1, 0.25, 0.4, 0.6, 0.8, 1.0, 1.3),
@@ -210,9 +206,7 @@ def _parts(groups: Sequence[Sequence[Effect]], score: Score) -> list[Scores]:
     """Scores of every group of terms."""
     scores = score([effect for group in groups for effect in group])
     ends = np.cumsum([len(group) for group in groups])
-    return [
-        scores.part(range(int(end) - len(group), int(end))) for end, group in zip(ends, groups, strict=True)
-    ]
+    return [scores.part(range(int(end) - len(group), int(end))) for end, group in zip(ends, groups, strict=True)]
 
 
 def made_to_measure(
@@ -261,9 +255,7 @@ def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Ef
         numbers = FormNumber(frequency, frequency - 1.0 / longest, frequency + 1.0 / longest)
         for equation in SWINGING:
             sine, cosine = (
-                term_effect(
-                    equation, "sin(6.283185307*A[Hz]*time + W)", (numbers, FormNumber(phase, -4.0, 4.0))
-                )
+                term_effect(equation, "sin(6.283185307*A[Hz]*time + W)", (numbers, FormNumber(phase, -4.0, 4.0)))
                 for phase in (0.0, 0.5 * math.pi)
             )
             pairs.append((sine, cosine))
@@ -279,9 +271,7 @@ def turned(sine: Effect, swings: Sequence[float]) -> Effect:
     return term_effect(law.equation, law.form, (frequency, phase._replace(value=angle)))
 
 
-def lines(
-    left: Sequence[NDArray[np.float64]], times: Sequence[NDArray[np.float64]], interval: float
-) -> list[float]:
+def lines(left: Sequence[NDArray[np.float64]], times: Sequence[NDArray[np.float64]], interval: float) -> list[float]:
     """Frequencies [Hz] that stand out of the spectrum of the residuals, the strongest first.
 
     left: normalised residuals (n,) of each recording; times: theirs [s] (n,), whole numbers of intervals apart.

@@ -135,9 +135,7 @@ class Fitter:
         """What a candidate leaves by signal and phase; None without a solution."""
         if candidate.key not in self._pools:
             judged = self.judged(candidate)
-            self._pools[candidate.key] = (
-                None if judged is None else pool_of(self.likelihood.recordings, judged)
-            )
+            self._pools[candidate.key] = None if judged is None else pool_of(self.likelihood.recordings, judged)
         return self._pools[candidate.key]
 
     def residuals(self, candidate: Candidate) -> Residuals | None:
@@ -195,9 +193,7 @@ class Fitter:
             return max(probed, key=itemgetter(0))[1] if probed else None
 
         scored_effects = [
-            (number, one)
-            for number, one in enumerate(self.map(signature, effects))
-            if one is not None and one.any()
+            (number, one) for number, one in enumerate(self.map(signature, effects)) if one is not None and one.any()
         ]
         numbers = np.array([number for number, _ in scored_effects], np.int64)
         slopes = np.array([one for _, one in scored_effects], np.float32).reshape(-1, here.z.size).T
@@ -301,9 +297,7 @@ class Fitter:
             return self._remembered(
                 hypothesis,
                 key,
-                lambda: minimum_from(
-                    self._problem(hypothesis), hypothesis.ranges(), starts, max_iterations, further
-                ),
+                lambda: minimum_from(self._problem(hypothesis), hypothesis.ranges(), starts, max_iterations, further),
             )
 
         return [one for one in self.map(fitted, tasks) if one is not None]

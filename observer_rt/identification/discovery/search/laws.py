@@ -37,9 +37,7 @@ REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
 PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over the best single to be fitted
 SHORTLIST = 40  # of further laws that are linearised again
 SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
-OTHER_FORM = (
-    5e-3  # of what a name explains, that a curve beside it must gain: .001 at most beside right names
-)
+OTHER_FORM = 5e-3  # of what a name explains, that a curve beside it must gain: .001 at most beside right names
 TAILORED_FURTHER = 2  # most promising equations, in which laws of further terms are made to measure
 _LOSSES = {TermEquation.LINE_FLOW, TermEquation.RAIL_PRESSURE}
 _ALIKE = (
@@ -98,9 +96,7 @@ class Laws:
                 again = scored(first.effects, first.numbers, first.slopes, here)
                 promising = np.argsort(-again.validated)[: SHORTLIST + len(about.ids)]
                 effects = tuple(first.effects[row] for row in promising)
-            self._scored = {
-                about.ids: self._fits.scores(about, [one for one in effects if one.id not in about.ids])
-            }
+            self._scored = {about.ids: self._fits.scores(about, [one for one in effects if one.id not in about.ids])}
         return self._scored[about.ids]
 
     def fits_with(self, about: Candidate) -> list[Candidate]:

@@ -126,9 +126,7 @@ def library(span: RecordingSpan) -> Iterator[Effect]:
             if not span.rail_moves and any(change in law for change in ("lagged(R", "rail_pressure_rate")):
                 continue  # of a rail at rest they would filter its noise, and so explain it
             if not set(law) & {"N", "B"} or span.injections > span.first:
-                yield from (
-                    term_effect(equation, *one) for one in product(spelled(law, span), numbers_of(law))
-                )
+                yield from (term_effect(equation, *one) for one in product(spelled(law, span), numbers_of(law)))
 
 
 def numbers_of(law: str) -> list[tuple[FormNumber, ...]]:

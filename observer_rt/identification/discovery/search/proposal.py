@@ -36,9 +36,7 @@ class Refusal(NamedTuple):
 
 
 INCOMPLETE = Refusal("it leaves something unexplained", _MORE_POINTS)
-TOO_MANY = Refusal(
-    "so many laws together would fit anything", f"{_MORE_POINTS}, or the injection rate as well"
-)
+TOO_MANY = Refusal("so many laws together would fit anything", f"{_MORE_POINTS}, or the injection rate as well")
 AT_BOUND = Refusal("a coefficient would be beyond the bound of its equation", _MORE_POINTS)
 TOO_FREE = Refusal("laws with numbers of their own in several equations would fit anything", TOO_MANY.remedy)
 
@@ -128,9 +126,7 @@ class Proposal:
     def sentence(self) -> str:
         """The proposal in words, such as `as if the nozzle lost 15.1 % of its flow`."""
         parts = [as_if(term, self.largest_lift) for term in self.terms]
-        effects = (
-            f"{one.id} ({', '.join(size_words(one.parameters, '95 %: '))})" for one in self.stated_effects
-        )
+        effects = (f"{one.id} ({', '.join(size_words(one.parameters, '95 %: '))})" for one in self.stated_effects)
         return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *effects])
 
     @computed_field(alias="terms")  # type: ignore[prop-decorator]

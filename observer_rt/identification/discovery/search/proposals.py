@@ -72,9 +72,7 @@ def proposals_of(
         half = NORMAL_975 * INTERVAL_MARGIN * fitter.sigmas(candidate)
         moves = consequence(measured, nominal, candidate.model(nominal))
         return Proposal(
-            replace(
-                candidate, half=tuple(half.tolist()), moves=moves, sizes_of_half=held_out.sizes(candidate)
-            ),
+            replace(candidate, half=tuple(half.tolist()), moves=moves, sizes_of_half=held_out.sizes(candidate)),
             outcome.nominal.statistic - candidate.statistic,
             phase,
             adequate(candidate),
@@ -109,9 +107,7 @@ def unsound(terms: Sequence[Term], nominal: EffectiveModel, seen: SeenRange) -> 
 def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange:
     """Ranges of pressures, flows, speeds and what counts from an opening or the start, in the units of laws."""
     events = [(one, event) for one in measured for event in one.events]
-    ranges = {
-        Variable.INJECTION_NUMBER: (1.0, float(max(e.clock.injections + len(e.openings) for _, e in events)))
-    }
+    ranges = {Variable.INJECTION_NUMBER: (1.0, float(max(e.clock.injections + len(e.openings) for _, e in events)))}
     ranges[Variable.TIME] = (0.0, max(e.clock.time + (e.end - e.start) * one.interval for one, e in events))
     since = max((e.end - e.openings[-1].first) * one.interval for one, e in events)
     ranges[Variable.TIME_SINCE_OPENING] = (0.0, since / MILLISECOND)
@@ -122,8 +118,7 @@ def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange
     ):
         values = [getattr(one.recording, name)[e.start : e.end] / unit for one, e in events]
         changes = [
-            np.diff(each) * (MILLISECOND / one.interval)
-            for each, (one, _) in zip(values, events, strict=True)
+            np.diff(each) * (MILLISECOND / one.interval) for each, (one, _) in zip(values, events, strict=True)
         ]
         ranges[VARIABLES[_RATE[name]]] = _widened(changes)
         low, high = _widened(values)

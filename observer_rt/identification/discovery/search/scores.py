@@ -53,9 +53,7 @@ class Scores:
     def validated(self) -> NDArray[np.float64]:
         """The same (m,) with every part of the data left out in turn."""
         own, total = np.diagonal(self.information_of, axis1=1, axis2=2), np.diag(self.information)
-        sizes = self._within_bounds(
-            (self.gradient - self.gradient_of) / np.maximum(total - own, 1e-12 * total)
-        )
+        sizes = self._within_bounds((self.gradient - self.gradient_of) / np.maximum(total - own, 1e-12 * total))
         return np.asarray(np.sum(2.0 * sizes * self.gradient_of - sizes**2 * own, axis=0))
 
     def _within_bounds(self, sizes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -95,15 +93,11 @@ def bounds_of(effect: Effect) -> tuple[float, float]:
     return (effect.parameters[0].lowest, effect.parameters[0].highest) if effect.parameters else (0.0, WHOLE)
 
 
-def scored(
-    effects: Sequence[Effect], numbers: NDArray[np.int64], slopes: Signature, here: Residuals
-) -> Scores:
+def scored(effects: Sequence[Effect], numbers: NDArray[np.int64], slopes: Signature, here: Residuals) -> Scores:
     """Scores of effects (m,) by their signatures (n, m) in the residuals. numbers: as of `Scores`."""
     left = np.asarray(weights_of(here) * here.z, np.float32)
     ends = np.cumsum(here.counts)
     parts = [slice(int(end - count), int(end)) for end, count in zip(ends, here.counts, strict=True) if count]
     information = np.array([slopes[part].T @ slopes[part] for part in parts], np.float64)
     gradient = np.array([slopes[part].T @ left[part] for part in parts], np.float64)
-    return Scores(
-        tuple(effects), numbers, information, gradient, slopes, float(np.sum(left**2, dtype=np.float64))
-    )
+    return Scores(tuple(effects), numbers, information, gradient, slopes, float(np.sum(left**2, dtype=np.float64)))

@@ -208,9 +208,7 @@ class Search:
 
     def _unexplained(self, candidate: Candidate) -> float:
         """Residuals beyond noise, as `statistic` counts them."""
-        samples = sum(
-            int(one.phases.size + one.rate_phases.size) for one in self._fitter.likelihood.recordings
-        )
+        samples = sum(int(one.phases.size + one.rate_phases.size) for one in self._fitter.likelihood.recordings)
         return (candidate.spread - 1.0) * samples
 
     def _own(self, candidate: Candidate) -> float:
@@ -283,9 +281,7 @@ class Search:
         if best.terms:
             winner = next((one for one, _ in posterior if not one.terms), self._nothing)
         ratio = self._is_adequate.ratio(winner)
-        rivals = [
-            one for one in self._alternatives(best) if one.statistic < best.statistic + TIE * best.spread
-        ]
+        rivals = [one for one in self._alternatives(best) if one.statistic < best.statistic + TIE * best.spread]
         return SearchOutcome(
             self._nothing,
             winner,

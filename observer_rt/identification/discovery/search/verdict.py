@@ -70,8 +70,7 @@ def decide_by(ids: Iterable[str], rate_measured: bool = False) -> tuple[Decisive
     """
     pairs = combinations(dict.fromkeys(ids), 2)
     return _by_measurement(
-        (_measurement(VOCABULARY[one], VOCABULARY[other], rate_measured), (one, other))
-        for one, other in pairs
+        (_measurement(VOCABULARY[one], VOCABULARY[other], rate_measured), (one, other)) for one, other in pairs
     )
 
 
@@ -202,9 +201,7 @@ def _names_left(outcome: SearchOutcome) -> tuple[Candidate, ...]:
 class _Verdict:
     """The result of a search in the words of a `Discovery`."""
 
-    def __init__(
-        self, fitter: Fitter, outcome: SearchOutcome, baseline: Healthy, held_out: HeldOutPoints
-    ) -> None:
+    def __init__(self, fitter: Fitter, outcome: SearchOutcome, baseline: Healthy, held_out: HeldOutPoints) -> None:
         self._fitter = fitter
         self._held_out = held_out
         self._nominal = fitter.nominal
@@ -300,9 +297,7 @@ class _Verdict:
             others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
             moves = consequence(self._measured, winner.model_without(number, self._nominal), full_model)
             share = explained * gain / sum(gains)
-            result.append(
-                FittedEffect(effect.id, parameters[effect.id], confidence, others, share, moves, gain)
-            )
+            result.append(FittedEffect(effect.id, parameters[effect.id], confidence, others, share, moves, gain))
         return tuple(result)
 
     def _gain(self, number: int) -> float:

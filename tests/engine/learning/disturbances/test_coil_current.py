@@ -89,9 +89,7 @@ def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
     cost: Any = SimpleNamespace(value=lambda _: 0.0, innovations=np.zeros(COUNT), burn_in=0)
     fit: Any = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)), slopes=SLOPES)
     coil = Energizing(current=current)
-    without, said = coil.after(
-        window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, flowing=False
-    )
+    without, said = coil.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, flowing=False)
     assert said
     assert not without.is_known
     assert without.current.undone(window(np.ones(COUNT))).output.min() == 1.0

@@ -38,10 +38,7 @@ def with_hum(events: list[NDArray[np.float64]], hertz: float, interval: float) -
     phases = np.random.default_rng(5).uniform(0.0, 2.0 * math.pi, len(events))
     time = np.arange(len(events[0])) * interval
     hum = 0.2 / SIGMA
-    return [
-        values + hum * np.sin(2.0 * math.pi * hertz * time + p)
-        for values, p in zip(events, phases, strict=True)
-    ]
+    return [values + hum * np.sin(2.0 * math.pi * hertz * time + p) for values, p in zip(events, phases, strict=True)]
 
 
 def first_order(events: list[NDArray[np.float64]], pole: float) -> list[NDArray[np.float64]]:

@@ -26,9 +26,7 @@ def response_from(first: int) -> NDArray[np.float64]:
     return np.where(k >= 0, 0.95 ** np.maximum(k, 0), 0.0)
 
 
-def searches(
-    events: int, signal: Callable[[int], NDArray[np.float64]], sigma: float = 1.0
-) -> list[EdgeSearch]:
+def searches(events: int, signal: Callable[[int], NDArray[np.float64]], sigma: float = 1.0) -> list[EdgeSearch]:
     """After every event in which nothing flows before the opening; signal: (n,) of an event by number, in noise."""
     response, result = response_from(OPENING - PLACES.longest)[:OPENING], [EdgeSearch()]
     for seed in range(events):

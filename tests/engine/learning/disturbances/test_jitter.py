@@ -23,9 +23,7 @@ def window_of(output: NDArray[np.float64]) -> Window:
     return Window(np.zeros((SAMPLES, 2)), output, remaining, np.zeros(4), opening=100)
 
 
-def known_after(
-    events: int, jitter: float, unknown: NDArray[np.float64] | float = 0.0, seed: int = 3
-) -> TimeJitter:
+def known_after(events: int, jitter: float, unknown: NDArray[np.float64] | float = 0.0, seed: int = 3) -> TimeJitter:
     """After events whose moments are off by so many samples; unknown: what the model leaves (n,)."""
     random = np.random.default_rng(seed)
     result = TimeJitter()

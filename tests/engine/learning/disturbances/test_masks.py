@@ -104,9 +104,7 @@ def test_of_a_noise_louder_than_known_nothing_is_masked() -> None:
     """By its level as it is, not as it is believed: ten times louder it would be full of spikes and stretches."""
     random = np.random.default_rng(3)
     for _ in range(20):
-        innovations = (
-            np.convolve(random.normal(size=COUNT + 3), np.ones(4), "valid") * 5.0 * SIGMAS.innovation
-        )
+        innovations = np.convolve(random.normal(size=COUNT + 3), np.ones(4), "valid") * 5.0 * SIGMAS.innovation
         window = window_of(truth() + innovations)._replace(resting=np.arange(COUNT) > COUNT // 2)
         assert OutlierSearch().masked(window, innovations, SIGMAS, FIRST) is None
         spiked = innovations.copy()

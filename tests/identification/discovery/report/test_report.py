@@ -115,9 +115,7 @@ def test_names_of_files_are_text(worn: Worn) -> None:
 
 def test_an_ambiguous_answer_names_its_rivals_and_what_would_decide(worn: Worn) -> None:
     rival = next(
-        one
-        for one in worn.findings.ranking
-        if len(one.named) == 1 and not one.terms and one.ids[0] != "orifice_area"
+        one for one in worn.findings.ranking if len(one.named) == 1 and not one.terms and one.ids[0] != "orifice_area"
     )
     tied: dict[str, Any] = {
         "verdict": Verdict.AMBIGUOUS,

@@ -183,9 +183,7 @@ def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:
     discovery = name_effects(effective_model(NOMINAL), measurements(recorded(worn)))
     left = [set(ids) for ids in (discovery.named.ids, *discovery.rivals)]
     assert set(hidden) in left
-    assert all(
-        ids <= set(hidden) | {"lift_gain"} for ids in left
-    )  # which is hard to tell from the seat's area
+    assert all(ids <= set(hidden) | {"lift_gain"} for ids in left)  # which is hard to tell from the seat's area
     right = next(one for one in discovery.ranking if set(one.ids) == set(hidden))
     for effect, size in zip(right.ids, right.sizes, strict=True):
         assert size == pytest.approx(hidden[effect], rel=0.03)
@@ -216,8 +214,7 @@ def test_the_law_that_the_network_learned_is_near_the_truth_and_tried_first() ->
 def test_a_curve_that_may_be_level_is_no_guess() -> None:
     inputs, half = np.linspace(10.0, 100.0, 5), np.full(5, 0.01)
     level, slight, rising = (
-        LearnedCurve(SEAT, "seat_area_mm2", inputs, np.linspace(-rise, rise, 5), half)
-        for rise in (0.0, 0.009, 0.03)
+        LearnedCurve(SEAT, "seat_area_mm2", inputs, np.linspace(-rise, rise, 5), half) for rise in (0.0, 0.009, 0.03)
     )
     assert first_guess((level, slight)) is None
     assert first_guess((level, rising)) is rising

@@ -68,9 +68,7 @@ def measured() -> tuple[Measurement, ...]:
 def _proposal(left: float = 0.25 * GAP, mass: float = -LOST) -> Proposal:
     """A nozzle that loses flow; left: of the gap [Pa]."""
     candidate = Candidate(Hypothesis((NOZZLE,)), (-0.2,), 0.0, half=(0.002,))
-    return Proposal(
-        replace(candidate, moves=Consequence(1e6, mass)), 1e4, Phase.OPEN, False, None, (GAP, left)
-    )
+    return Proposal(replace(candidate, moves=Consequence(1e6, mass)), 1e4, Phase.OPEN, False, None, (GAP, left))
 
 
 def test_what_closes_most_of_the_gap_may_enter_in_part(measured: tuple[Measurement, ...]) -> None:

@@ -11,12 +11,13 @@ from observer_rt.core.learning.predictor import follow, propagate_noise
 from observer_rt.core.model.model import SENSOR_NUMBERS
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import SCALARS, LearnedModel, Parameter, by_theta, learned_of
-from observer_rt.model.effective import NO_CLOCK, NO_PROGRAM, Clock, Coefficients
+from observer_rt.model.effective import LAG_UNIT, NO_CLOCK, NO_PROGRAM, Clock, Coefficients
 from observer_rt.model.right_hand_side import Tangent, tangent_of
 
 NO_RATE = np.empty(0)
 NO_COMMANDS = np.empty((0, 2))
 NO_SLOPES = np.empty((0, 0))
+DELAY_STEP = 2.5e-6  # s, either way, by which the lift is moved for a slope
 DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 
 
@@ -45,6 +46,26 @@ class Window(NamedTuple):
         """Cuts the window to its first `end` samples; the inputs go on, for a pilot valve is ahead of the lift."""
         sampled = ("output", "resting", "masked")
         return self._replace(**{name: getattr(self, name)[:end] for name in sampled})
+
+    def with_lift_earlier(self, samples: float) -> "Window":
+        """The window with its lift so many samples earlier, on straight lines between samples and knots."""
+        if samples == 0.0:
+            return self
+        count, area = self.inputs.shape[0], self.inputs[:, 1]
+        places = np.arange(count, dtype=np.float64)
+        bent = np.flatnonzero(self.knots[:, 0])
+        bends, bent_areas = bent + self.knots[bent, 0], self.knots[bent, 1]
+        order = np.argsort(np.append(places, bends), kind="stable")
+        moved = np.interp(places + samples, np.append(places, bends)[order], np.append(area, bent_areas)[order])
+        knots, before = np.zeros_like(self.knots), np.floor(bends - samples).astype(np.int64)
+        within = (before >= 0) & (before < count)
+        knots[before[within]] = np.column_stack((bends - samples - before, bent_areas))[within]
+        return self._replace(
+            inputs=np.column_stack((self.inputs[:, 0], moved)),
+            resting=self.resting[np.clip(np.arange(self.resting.size) + round(samples), 0, self.resting.size - 1)],
+            opening=max(self.opening - math.ceil(samples), 1),
+            knots=knots,
+        )
 
 
 class Setting(NamedTuple):
@@ -88,6 +109,7 @@ def gradient_of(theta: NDArray[np.float64], c: Coefficients, extra: int = 0) -> 
 
 def innovations(window: Window, setting: Setting, learned: LearnedModel, result: NDArray[np.float64]) -> None:
     """Innovations e~ = y - o - (indicated pressure of x~) of every sample into `result` (n,); result[0] is 0."""
+    window = window.with_lift_earlier(learned.lift_delay / setting.interval)
     follow(window, setting, learned, window.output.size, result, NO_RATE, None, NO_SLOPES)
 
 
@@ -98,10 +120,18 @@ def innovations_with_sensitivity(
     result: NDArray[np.float64],
     slopes: NDArray[np.float64],
 ) -> None:
-    """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, m): the filtered gradient."""
+    """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, m): the filtered gradient.
+
+    That by the delay of the lift is a difference: the lift has corners between the samples.
+    """
     learned = learned_of(theta, setting.coefficients)
     gradient = gradient_of(theta, setting.coefficients)
-    follow(window, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)
+    here = window.with_lift_earlier(learned.lift_delay / setting.interval)
+    follow(here, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)
+    later, earlier = np.empty((2, window.output.size))
+    innovations(window, setting, learned._replace(lift_delay=learned.lift_delay + DELAY_STEP), later)
+    innovations(window, setting, learned._replace(lift_delay=learned.lift_delay - DELAY_STEP), earlier)
+    slopes[:, Parameter.LIFT_DELAY] = (later - earlier) * (0.5 * LAG_UNIT / DELAY_STEP)
 
 
 class OpenLoop(NamedTuple):
@@ -126,6 +156,7 @@ def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> O
     """x^ with the parameters theta (m,) over a window, its sensitivities starting at 0 at the opening."""
     n, m, states = window.output.size, theta.size, setting.coefficients.states
     learned = learned_of(theta, setting.coefficients)
+    window = window.with_lift_earlier(learned.lift_delay / setting.interval)
     opened = np.flatnonzero(window.inputs[:n, 1] > 0.0)
     drained = min(int(opened[-1] if opened.size else 0) + 1 + math.ceil(DRAINING / setting.interval), n)
     result = OpenLoop(
@@ -139,6 +170,7 @@ def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> O
     )
     gradient = gradient_of(theta, setting.coefficients, states)
     follow(window, setting, learned, window.opening, np.empty(n), NO_RATE, gradient, NO_SLOPES, run=result)
+    result.slopes[:, Parameter.LIFT_DELAY] = np.gradient(result.rate) * (LAG_UNIT / setting.interval)
     if setting.rail_share == 0.0:
         return result
     level = level_of(theta, setting)

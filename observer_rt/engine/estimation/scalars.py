@@ -65,6 +65,7 @@ class Parameter(IntEnum):
     CONTROL_HOLD = 14 + HIDDEN  # h
     CONTROL_EXPONENT = 15 + HIDDEN  # n
     DISPLACEMENT = 16 + HIDDEN  # A_d, as flow at 1 m/s in units of Q_0
+    LIFT_DELAY = 17 + HIDDEN  # of the recorded needle lift against both pressures, in units of LAG_UNIT
 
 
 class Element(Enum):
@@ -312,6 +313,8 @@ SCALARS = Scalars((
     Scalar("displacement", Parameter.DISPLACEMENT, prior=1.5 * _MM3_PER_MS, drift=0.005 * _MM3_PER_MS,
            longest_step=2 * _MM3_PER_MS, bounds=(-6 * _MM3_PER_MS, 6 * _MM3_PER_MS), gated_from=-6 * _MM3_PER_MS,
            change=lambda line, a: line._replace(displaced=line.displaced + line.a1 * a)),
+    Scalar("lift_delay", Parameter.LIFT_DELAY, prior=1e-6, drift=0.02e-6, longest_step=30e-6,
+           bounds=(-0.2e-3, 0.2e-3), counted=ScalarUnit.TIME),
 ))
 # fmt: on
 
@@ -340,6 +343,7 @@ class LearnedModel(NamedTuple):
     coefficients: Coefficients
     offset: float
     sensor: NDArray[np.float64]  # (SENSOR_NUMBERS,): lag [s], gain over the rail sensor's
+    lift_delay: float = 0.0  # s, by which the lift is recorded late; x^ and x~ of the running engine do without
 
 
 def nothing_learned(c: Coefficients) -> LearnedModel:
@@ -379,7 +383,11 @@ def _meaning(content: bytes, line: Any, c: Coefficients) -> LearnedModel:
     valve = Valve(*(np.array(c.valve) + np.append(SCALARS.valve.of(theta), 0.0)).tolist())
     changed = c._replace(line=_changed(line, SCALARS.of_line(theta)), valve=valve)
     return LearnedModel(
-        network_of(theta), changed, float(theta[Parameter.LINE_PRESSURE_OFFSET]), SCALARS.sensor.of(theta)
+        network_of(theta),
+        changed,
+        float(theta[Parameter.LINE_PRESSURE_OFFSET]),
+        SCALARS.sensor.of(theta),
+        float(theta[Parameter.LIFT_DELAY]) * LAG_UNIT,
     )
 
 

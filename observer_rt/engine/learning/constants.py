@@ -20,6 +20,8 @@ QUICKER = 8.0  # usual drifts an event, of quick wear beside its velocity; M
 SPEED, TURNS = 6.0, 0.5  # usual drifts an event: prior of the velocity, and its own change; M
 SHIFT = 30.0  # usual drifts, of all; M
 LAWS_CHANGE = 0.15  # of any change, by which the network's weights change with it; M
+LIFT_DELAY_CHANGE = 30.0  # of the prior: 30 us, an amplifier or a filter ahead of a converter; P
+LIFT_DELAYS = (-60e-6, -40e-6, -20e-6, 20e-6, 40e-6, 60e-6)  # s, at which a fit of the lift's delay may begin; M
 NUDGE = 0.03  # of a flow: the prior as a whole pays so much for its width that it hides such a change; M
 
 # Which hypotheses are gone into.

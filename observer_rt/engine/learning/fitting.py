@@ -26,6 +26,7 @@ from observer_rt.engine.learning.constants import BEYOND, NEARLY_WHITE, NEARLY_W
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.model.effective import Coefficients
 
+FAR = 10.0  # times the limits, that a mean may be beyond them by linear slopes
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # a step that lowers the cost by less, in units of chi2 / 2, is the last
 AGREEMENT = 0.05  # of expected and actual cost [chi2 / 2]: within it a linearisation is not repeated
@@ -41,6 +42,11 @@ class Limits:
     highest: NDArray[np.float64]
     longest_step: NDArray[np.float64]
     gate: Gate = SCALARS.gate
+
+    def refuse_far(self, mean: NDArray[np.float64]) -> None:
+        """Raises numpy.linalg.LinAlgError for a mean (m,) of a belief that no event could bring back."""
+        if not np.all(np.abs(mean) <= FAR * np.maximum(np.abs(self.lowest), np.abs(self.highest))):
+            raise np.linalg.LinAlgError("the mean of a belief lies beyond all limits")
 
 
 def theta_limits(c: Coefficients) -> Limits:

@@ -135,13 +135,15 @@ SENSOR_CHANGED = Kind("sensor changed", Mode.STEADY, c.CHANGES, SENSOR, of_prior
                       reason=Reason.PRESSURE_OFFSET)  # or its lag: whichever moved more
 LINE_CHANGED = Kind("line changed", Mode.STEADY, c.LINE_CHANGES, (*LINE, *VALVE), of_prior=1.0,
                     reason=Reason.MODEL_INADEQUATE)  # another pipe, air in it, another pilot valve
+LIFT_LATE = Kind("lift late", Mode.STEADY, c.CHANGES, (int(P.LIFT_DELAY),), of_prior=c.LIFT_DELAY_CHANGE,
+                 reason=Reason.LIFT_SENSOR_LAG)  # or early: a filter, another clock
 SHIFTED = Kind("shifted a little", Mode.STEADY, c.SHIFTS, (*WEAR, *SENSOR, *LINE), drifts=c.SHIFT,
                reason=None)  # the model, from one operating point to another
 SETTLED = Kind("as when settled", Mode.STEADY, c.RETURNS)  # what came after is forgotten
 AT_FAULT = Kind("at fault", Mode.PASSING, c.FAULT_BEGINS, reason=Reason.CONTRADICTED)  # nothing is learned
 INADEQUATE = Kind("model inadequate", Mode.LASTING, c.INADEQUATE_BEGINS, reason=Reason.MODEL_INADEQUATE)
 # fmt: on
-NEW = (CHANGED, NUDGED, SENSOR_CHANGED, LINE_CHANGED, SHIFTED)
+NEW = (CHANGED, NUDGED, SENSOR_CHANGED, LINE_CHANGED, LIFT_LATE, SHIFTED)
 HYPOTHESES = (BEFORE, QUICK, *NEW, SETTLED, AT_FAULT, INADEQUATE)
 BELIEVED = (BEFORE, QUICK, SETTLED, SHIFTED)
 """Kinds of events that came as something believed of the injector said."""
@@ -157,6 +159,7 @@ def transitions(mode: Mode, is_prior: bool) -> Iterator[tuple[Kind, float]]:
         begins = {kind: (1.0 - stays) * rate + (kind.mode is mode) * stays for kind, rate in begins.items()}
     if is_prior:
         del begins[QUICK]
+        begins[LIFT_LATE] = LIFT_LATE.rate
     else:
         begins |= {kind: kind.rate for kind in NEW}
     yield BEFORE, max(1.0 - sum(begins.values()), 1e-3)

@@ -22,8 +22,6 @@ from observer_rt.model.accuracy import EXACT, StatedAccuracy
 # Error of the rate (one sigma) as a share of its change from sample to sample: between samples the inputs are not
 # straight lines, least of all where the needle leaves its seat and comes back.
 HOLD_SHARE = 0.06
-# Share of the volume: if the published and the re-simulated volume differ by more, the published one is revised.
-REVISED = 0.02
 # s (one sigma): uncertainty of the time at which two injections part, at the least flow between them.
 PARTING = 20e-6
 
@@ -35,7 +33,8 @@ class Resimulation:
     run: over the event's window; by_inputs: variance by the noise of the inputs; covariance (m, m): of the error of
     the theta of the run; carried_covariance (m, m): of the theta in force when the rate was published; interval: of
     the samples [s]; systematic, unknown: error of the model as a share of the volume (one sigma), on a healthy
-    injector and on this one by recent events; calibration: of the level, which no event shows.
+    injector and on this one by recent events; calibration: of the level, which no event shows; moved: share by which
+    the mean over all explanations of the event is larger than the run.
     """
 
     run: OpenLoop
@@ -46,6 +45,7 @@ class Resimulation:
     systematic: float = 0.0
     unknown: float = 0.0
     calibration: StatedAccuracy = EXACT
+    moved: float = 0.0
 
     @property
     def model_share(self) -> float:
@@ -87,15 +87,10 @@ def resimulated(
     return Resimulation(run, by_inputs, covariance, carried_covariance, setting.interval)
 
 
-def volume_interval(event: Resimulation, window: slice, published: float) -> tuple[float, float]:
-    """95 % interval of the volume [m3] injected in a window of the event, with the published volume in it.
-
-    The interval of the re-simulated volume is widened until it contains the published one; nan: none was published.
-    """
-    volume = volume_in(event, window)
-    sigma = math.hypot(*volume_budget(event, window))
-    low, high = volume - Z_95 * sigma, volume + Z_95 * sigma
-    return (low, high) if math.isnan(published) else (min(low, published), max(high, published))
+def volume_interval(event: Resimulation, window: slice) -> tuple[float, float]:
+    """95 % interval of the volume [m3] injected in a window of the event."""
+    volume, half = volume_in(event, window), Z_95 * math.hypot(*volume_budget(event, window))
+    return volume - half, volume + half
 
 
 def volume_budget(event: Resimulation, window: slice) -> VolumeBudget:
@@ -111,12 +106,6 @@ def volume_budget(event: Resimulation, window: slice) -> VolumeBudget:
     )
 
 
-def is_revised(event: Resimulation, window: slice, volume: float) -> bool:
-    """Whether what was learned from the event contradicts the volume [m3] published for a window of it."""
-    learned = volume_in(event, window)
-    return not abs(volume - learned) <= REVISED * abs(learned)
-
-
 def rate_sigma(event: Resimulation, window: slice) -> NDArray[np.float64]:
     """Standard deviation [m3/s] of the rate published at the samples of a window of the event."""
     slopes = event.run.slopes[window]
@@ -128,5 +117,10 @@ def rate_sigma(event: Resimulation, window: slice) -> NDArray[np.float64]:
 
 
 def volume_in(event: Resimulation, window: slice) -> float:
-    """Re-simulated volume [m3] injected in a window of the event."""
-    return float(np.trapezoid(event.run.rate[window])) * event.interval
+    """Volume [m3] injected in a window of the event, by its own pressures."""
+    return float(np.trapezoid(corrected_rate(event, window))) * event.interval
+
+
+def corrected_rate(event: Resimulation, window: slice) -> NDArray[np.float64]:
+    """Rate [m3/s] at the samples of a window of the event, by its own pressures."""
+    return np.asarray((1.0 + event.moved) * event.run.rate[window], np.float64)

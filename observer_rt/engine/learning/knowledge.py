@@ -25,7 +25,6 @@ from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
-from observer_rt.engine.learning.lift_lag import LiftLagSearch
 from observer_rt.engine.learning.pressure_lag import LagDoubt, no_doubt
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift, Standstill
 from observer_rt.engine.stream.state import Constants, Reason
@@ -47,7 +46,6 @@ class LearningState:
     range_ends: EndsOfRange = field(default_factory=EndsOfRange)
     overdispersion: Overdispersion = field(default_factory=Overdispersion)
     held_rail: HeldRail = field(default_factory=HeldRail)
-    lift_lag: LiftLagSearch = field(default_factory=LiftLagSearch)
     energizing: Energizing = field(default_factory=Energizing)
     standstill: Standstill | None = field(default=None, metadata=NOT_KEPT)  # at the end of the last event
 

@@ -1,7 +1,7 @@
 """Estimate of an injector and of the noise of its bench, as one frozen value; its weights shrunk towards 0.
 
 A belief has the whole prior, so that any law is learned when it comes. The carried theta has the likely scale, s
-times the prior, of nozzle and seat each by itself: s is `SMALL` or 1, weighed by marginal likelihood (MacKay,
+times the prior, of nozzle and seat each by itself: s is `NONE`, `SMALL` or 1, weighed by marginal likelihood (MacKay,
 Information Theory, Inference, and Learning Algorithms, chapter 28).
 """
 
@@ -9,8 +9,10 @@ import itertools
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief, GatedBelief, held_at, symmetric
@@ -21,32 +23,63 @@ from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.learned_range import EventPoint
 from observer_rt.model.network import HIDDEN, OF_NOZZLE
 
-SMALL = 0.1  # of the prior: what healthy and evenly worn injectors leave
-_WHOLE = 0.999  # of its variance: 1, but for the infinite noise
+Vector = NDArray[np.float64]
+NONE, SMALL, WHOLE = 1e-3, 0.1, math.sqrt(0.999)  # of the prior: no law at all, small ones, any
 _PRIOR = SCALARS.prior(1.0)[WEIGHTS]
-_SQUARES = np.repeat([*itertools.product((SMALL**2, _WHOLE), repeat=2)], (OF_NOZZLE, HIDDEN - OF_NOZZLE), axis=1)
+_SQUARES = np.repeat(
+    [*itertools.product((NONE**2, SMALL**2, WHOLE**2), repeat=2)], (OF_NOZZLE, HIDDEN - OF_NOZZLE), axis=1
+)
+_NOISE = _SQUARES / (1.0 - _SQUARES)
 _ALL = np.arange(HIDDEN)
+LEAST_SCALE = 1e-4  # probability, below which a scale is not looked at
+
+
+class Scale(NamedTuple):
+    """A scale of the weights' prior: the logarithm of its probability, and the variance (HIDDEN,) of a zero."""
+
+    log_weight: float
+    noise: Vector
+
+
+@lru_cache(8)
+def scales_of(belief: Belief) -> tuple[Scale, ...]:
+    """The likely scales, the likeliest first. Raises numpy.linalg.LinAlgError when not positive definite.
+
+    A prior smaller by s is the whole one after each weight was measured to be 0 with s^2/(1 - s^2) of its variance; s
+    is as likely as that.
+    """
+    variance = belief.covariance[np.ix_(WEIGHTS, WEIGHTS)] / np.outer(_PRIOR, _PRIOR)
+    mean = belief.mean[WEIGHTS] / _PRIOR
+    bordered = np.empty((len(_SQUARES), HIDDEN + 1, HIDDEN + 1))
+    bordered[:, :HIDDEN, :HIDDEN] = variance
+    bordered[:, _ALL, _ALL] += _NOISE
+    bordered[:, HIDDEN, :HIDDEN] = mean  # the last row of the root is the mean, made white
+    bordered[:, HIDDEN, HIDDEN] = 1.0 + 2.0 * mean @ mean / NONE**2
+    roots = np.linalg.cholesky(bordered)[:, :, :HIDDEN]
+    densities = -0.5 * (np.log1p(-_SQUARES) + roots[:, HIDDEN] ** 2) - np.log(roots[:, _ALL, _ALL])
+    logs = densities.sum(axis=1)
+    logs -= np.logaddexp.reduce(logs)
+    likely = [i for i in np.argsort(-logs, kind="stable").tolist() if logs[i] > math.log(LEAST_SCALE)]
+    return tuple(Scale(float(logs[i]), _NOISE[i]) for i in likely)
 
 
 @lru_cache(8)
 def shrink(belief: Belief) -> Belief:
-    """The belief with weights of the likely scales. Raises numpy.linalg.LinAlgError when not positive definite.
+    """The belief with weights of the likely scales.
 
-    A prior smaller by s is the whole one after each weight was measured to be 0 with s^2/(1 - s^2) of its variance; s
-    is as likely as that. The mean of s^2 is taken: what no event excited varies as the mixture of all scales does.
+    The mean of s^2 is taken: what no event excited varies as the mixture of all scales does.
     """
+    scales = scales_of(belief)
+    weights = np.exp([each.log_weight for each in scales])
+    squares = weights @ [each.noise / (1.0 + each.noise) for each in scales] / weights.sum()
+    return at_scale(belief, squares / (1.0 - squares))
+
+
+def at_scale(belief: Belief, noise: Vector) -> Belief:
+    """The belief after each weight was measured to be 0, with a variance (HIDDEN,) in units of its prior's."""
     across = belief.covariance[WEIGHTS] / _PRIOR[:, None]
     variance, mean = across[:, WEIGHTS] / _PRIOR, belief.mean[WEIGHTS] / _PRIOR
-    bordered = np.empty((len(_SQUARES), HIDDEN + 1, HIDDEN + 1))
-    bordered[:, :HIDDEN, :HIDDEN] = variance
-    bordered[:, _ALL, _ALL] += _SQUARES / (1.0 - _SQUARES)
-    bordered[:, HIDDEN, :HIDDEN] = mean  # the last row of the root is the mean, made white
-    bordered[:, HIDDEN, HIDDEN] = 1.0 + 2.0 * mean @ mean / SMALL**2
-    roots = np.linalg.cholesky(bordered)[:, :, :HIDDEN]
-    densities = -0.5 * (np.log1p(-_SQUARES) + roots[:, HIDDEN] ** 2) - np.log(roots[:, _ALL, _ALL])
-    weights = np.exp(densities.sum(axis=1) - densities.sum(axis=1).max())
-    squares = weights @ _SQUARES / weights.sum()
-    variance[_ALL, _ALL] += (noise := squares / (1.0 - squares))
+    variance[_ALL, _ALL] += noise
     gain = (inverse_of(variance)[0] @ across).T
     by_error = gain @ (belief.error_covariance[WEIGHTS] / _PRIOR[:, None])
     error = belief.error_covariance - by_error - by_error.T

@@ -62,8 +62,17 @@ class Learner:
 def learn(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outcome:
     """Learn from one event; the outcome's knowledge has the state to go on from.
 
-    An event that cannot be read changes no more of that than noise levels and standstill.
+    An event that cannot be read changes no more of that than noise levels and standstill. Whatever its numbers are,
+    and wherever they lead, it is refused at worst.
     """
+    try:
+        return _learned(state, event, reader)
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return _failed(state, event, Objection(Reason.NOT_LEARNED), reader)
+
+
+def _learned(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outcome:
+    """Learn from one event. Raises LinAlgError, ArithmeticError, ValueError by impossible numbers."""
     window, standstill = event.window, event.standstill
     if standstill.noise is not None:
         state = _with_noise(state, standstill.noise)
@@ -77,10 +86,7 @@ def learn(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outc
     if standstill.samples >= STANDSTILL_ENOUGH and any(each.is_prior for each in state.account.beliefs):
         state = state.map(lambda learned: _with_first_offset(learned, standstill.offset))
     state = replace(state, standstill=standstill)
-    try:
-        return outcome_of(explain(state, event, offset, reader), event, reader)
-    except np.linalg.LinAlgError:
-        return _failed(state, event, Objection(Reason.NOT_LEARNED), reader)
+    return outcome_of(explain(state, event, offset, reader), event, reader)
 
 
 def implausible(window: Window, pressure_scale: float) -> Objection | None:

@@ -16,9 +16,10 @@ from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, ShownIn
 from observer_rt.engine.learning.indicators import Indicators, indicators_of
 from observer_rt.engine.learning.interval import (
     VolumeBudget,
-    is_revised,
+    corrected_rate,
     rate_sigma,
     volume_budget,
+    volume_in,
     volume_interval,
 )
 from observer_rt.engine.learning.knowledge import EventRecord
@@ -60,9 +61,10 @@ class InjectionReport:
     number: counted by the observer, from 1; `..._position` counts the samples received, `..._index` is the number
     that the device gave a sample; valid: whether rate and mass are to be used; phi_version: number of the learned
     correction in force; indicators: learned parameters, normalised, at middle_x (3,), middle_u (2,), x^ and inputs in
-    the middle of the injection. `volume` [m3], `mass` [kg] and `peak_rate` [m3/s] are nan when some sample had no
-    rate; `mass_ci95` [kg] is known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard
-    deviation of the published rate at the n samples of its window; `rail_pressure` [Pa] at the opening;
+    the middle of the injection. `volume` [m3] and `mass` [kg] are those by its own pressures, where its event was
+    learned from, as are `mass_ci95` [kg] and, at the n samples of its window, `corrected_rate` (n,) [m3/s]. Else they
+    are of the live rate, as `live_mass` [kg] and `peak_rate` [m3/s] always are, nan when some sample had no rate;
+    `rate_sigma` (n,) [m3/s]: standard deviation of the live rate; `rail_pressure` [Pa] at the opening;
     `density` [kg/m3] and `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is
     None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which the flow
     was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty where
@@ -77,8 +79,10 @@ class InjectionReport:
     end_index: int
     volume: float
     mass: float
+    live_mass: float
     mass_ci95: tuple[float, float] | None
     rate_sigma: NDArray[np.float64] | None
+    corrected_rate: NDArray[np.float64] | None
     peak_rate: float
     rail_pressure: float
     valid: bool
@@ -112,7 +116,13 @@ class InjectionReport:
     @property
     def mass_bound(self) -> float:
         """Error that the mass may have, by the interval with 95 % [kg]; nan before that is known."""
-        return math.nan if self.mass_ci95 is None else max(abs(bound - self.mass) for bound in self.mass_ci95)
+        return math.nan if self.mass_ci95 is None else 0.5 * (self.mass_ci95[1] - self.mass_ci95[0])
+
+    @property
+    def remainder(self) -> float:
+        """Share by which the flow is larger than the live rate said; nan where either is not known."""
+        is_known = self.corrected_rate is not None and self.live_mass > 0.0
+        return self.mass / self.live_mass - 1.0 if is_known else math.nan
 
     @property
     def reasons(self) -> tuple[Reason, ...]:
@@ -146,25 +156,24 @@ def report_of(
     points = () if outcome is None else outcome.knowledge.state.learned.learned_at
     rails = [point.rail_pressure for point in points]
     indicators = indicators_of(theta, covariance, *middle, judged.fuel.constants.calibration, rails)
-    volume = float(injection["volume"])
-    interval, sigma, budget, revised = None, None, None, False
+    volume = live_volume = float(injection["volume"])
+    interval, sigma, budget, corrected = None, None, None, None
     belongs = injection["event"] == event["number"]
     if belongs and outcome is not None and outcome.resimulated is not None:
         first = int(event["start_position"])
         window = slice(int(injection["start_position"]) - first, int(injection["end_position"]) - first + 1)
-        interval = volume_interval(outcome.resimulated, window, volume)
+        volume, corrected = volume_in(outcome.resimulated, window), corrected_rate(outcome.resimulated, window)
+        interval = volume_interval(outcome.resimulated, window)
         budget = volume_budget(outcome.resimulated, window)
         sigma = rate_sigma(outcome.resimulated, window)
-        revised = is_revised(outcome.resimulated, window, volume)
     passed = not judged.objections
     reason = reason_of_injection(
         InjectionFacts(
             of_samples=Reason(int(injection["reason"])),
             of_event=Reason.NONE if passed else judged.objections[0].reason,
-            of_change=Reason.NONE if outcome is None else outcome.change,
             of_inputs=Reason(int(event["fault"])),
             was_outlier=passed and outcome is not None and outcome.outliers > 0,
-            is_revised=revised,
+            is_learned=corrected is not None,
         )
     )
     state = State(int(injection["state"]))
@@ -175,6 +184,7 @@ def report_of(
         **{name: int(injection[name]) for name in _NUMBERS},
         volume=volume,
         mass=volume * c.density,
+        live_mass=live_volume * c.density,
         peak_rate=float(injection["peak_rate"]),
         rail_pressure=float(injection["rail_pressure"]) * c.pressure_scale + c.chamber_pressure,
         known_rails=(
@@ -183,6 +193,7 @@ def report_of(
         ),
         mass_ci95=None if interval is None else (interval[0] * c.density, interval[1] * c.density),
         rate_sigma=sigma,
+        corrected_rate=corrected,
         valid=reasons[0] is Reason.NONE,
         reason=reasons[0],
         state=state,
@@ -309,6 +320,8 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
     Field("rail_pressure_MPa", float, lambda r, _: r.rail_pressure / MEGAPASCAL, "rail\nMPa", ".1f"),
     Field("mass_mg", float, lambda r, _: r.mass / MILLIGRAM, "mass\nmg", ".2f"),
     Field("mass_ci95_mg", tuple, lambda r, _: r.mass_ci95 and [bound / MILLIGRAM for bound in r.mass_ci95]),
+    Field("live_mass_mg", float, lambda r, _: r.live_mass / MILLIGRAM),
+    Field("remainder_percent", float, lambda r, _: 100.0 * r.remainder),
     _mass_part("noise", lambda budget: budget.inputs),
     _mass_part("learning", lambda budget: budget.learning),
     _mass_part("calibration", lambda budget: budget.calibration),
@@ -326,7 +339,6 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
 MASS_BOUND = Field[InjectionReport](
     "mass_bound_mg", float, lambda r, _: r.mass_bound / MILLIGRAM, "± 95 %\nmg", ".1f"
 )
-"""On the screen, of the mass beside it; the interval is that of another, the mass as learned from the event."""
 NAMED = {each.name: each for each in (*FIELDS, MASS_BOUND)}
 
 

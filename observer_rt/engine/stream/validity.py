@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from observer_rt.engine.stream.state import Reason, State
 
 _NOT_KNOWN_YET = (Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE)
-_PASSING = frozenset({Reason.STARTING, Reason.JUMPED, Reason.REVISED, *_NOT_KNOWN_YET})
+_PASSING = frozenset({Reason.STARTING, Reason.JUMPED, *_NOT_KNOWN_YET})
 """Reasons that pass by themselves. A second sender does not, so it is more severe."""
 OF_MODEL = frozenset(
     {
@@ -19,12 +19,13 @@ OF_MODEL = frozenset(
         Reason.SUDDEN_CHANGE,
         Reason.AMBIGUOUS_SCALE,
         Reason.TIME_BASE,  # or the line pressure seems recorded late
-        Reason.REVISED,
         Reason.CONTRADICTED,
         Reason.LIFT_SENSOR_LAG,
     }
 )
 """Reasons that say that the measurement contradicts the model, or what was learned."""
+_OF_LIVE_RATE = OF_MODEL | {Reason.NONE, Reason.NOT_JUDGED, *_NOT_KNOWN_YET}
+"""Reasons against a rate while it flows, by what was learned before; the injection's own pressures overrule them."""
 
 
 @dataclass(frozen=True)
@@ -33,26 +34,25 @@ class InjectionFacts:
 
     of_samples: first reason of its samples; of_event: why its event did not pass the tests; of_inputs: why the
     samples of the event cannot be trusted; was_outlier: the samples that contradicted the model were outliers;
-    is_revised: learning from the event changed its mass; of_change: the change that an event shows which passed.
+    is_learned: its event was learned from, so that its mass is that of its own pressures.
     """
 
     of_samples: Reason
     of_event: Reason
     of_inputs: Reason
     was_outlier: bool
-    is_revised: bool
-    of_change: Reason = Reason.NONE
+    is_learned: bool = False
 
 
 def reason_of_injection(facts: InjectionFacts) -> Reason:
     """Why the injection is not valid. The judgement of its event may overrule what its samples said."""
     reason = facts.of_samples
-    if reason in (Reason.NONE, Reason.CONTRADICTED):
-        reason = Reason.NONE if facts.was_outlier else facts.of_event or (reason and (facts.of_change or reason))
-    if facts.of_inputs and reason in (Reason.NOT_JUDGED, *_NOT_KNOWN_YET):
+    if facts.is_learned and reason in _OF_LIVE_RATE:
+        reason = facts.of_event
+    elif reason in (Reason.NONE, Reason.CONTRADICTED):
+        reason = Reason.NONE if facts.was_outlier else facts.of_event or reason
+    if facts.of_inputs and reason in (Reason.NONE, Reason.NOT_JUDGED, *_NOT_KNOWN_YET):
         reason = facts.of_inputs
-    if reason is Reason.NONE and facts.is_revised:
-        return Reason.REVISED
     return reason
 
 

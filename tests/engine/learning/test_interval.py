@@ -1,15 +1,12 @@
 """The intervals of an injected volume and of a rate against the distribution they claim."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from observer_rt.engine.estimation.predictor import InputVariance, OpenLoop
-from observer_rt.engine.learning.interval import Resimulation, is_revised, rate_sigma, volume_interval
+from observer_rt.engine.learning.interval import Resimulation, corrected_rate, rate_sigma, volume_interval
 
 SIZE, SAMPLES = 13, 121
 INTERVAL = 1e-5
@@ -36,25 +33,13 @@ def event(seed: int) -> Resimulation:
 
 
 def test_volume_without_doubt_about_parameters_and_inputs() -> None:
-    assert volume_interval(event(1), WHOLE, VOLUME) == pytest.approx((VOLUME, VOLUME))
+    assert volume_interval(event(1), WHOLE) == pytest.approx((VOLUME, VOLUME))
 
 
-@given(published=st.floats(0.5 * VOLUME, 1.5 * VOLUME) | st.just(math.nan), systematic=st.floats(0.0, 0.1))
-def test_a_published_volume_lies_within_its_interval(published: float, systematic: float) -> None:
-    event_interval = replace(event(1), systematic=systematic)
-    low, high = volume_interval(event_interval, WHOLE, published)
-    learned = volume_interval(event_interval, WHOLE, math.nan)
-    assert not published < low
-    assert not published > high
-    assert low <= learned[0] <= learned[1] <= high
-    assert {low, high} <= {*learned, published}
-
-
-@pytest.mark.parametrize(
-    ("share", "revised"), [(0.97, True), (0.99, False), (1.01, False), (1.03, True), (math.nan, True)]
-)
-def test_a_volume_is_revised_where_learning_moved_it(share: float, revised: bool) -> None:
-    assert is_revised(event(1), WHOLE, share * VOLUME) is revised
+def test_the_mean_over_explanations_moves_rate_and_volume() -> None:
+    moved = replace(event(1), moved=0.02)
+    assert volume_interval(moved, WHOLE) == pytest.approx((1.02 * VOLUME, 1.02 * VOLUME))
+    np.testing.assert_allclose(corrected_rate(moved, WHOLE), 1.02 * RATE)
 
 
 def test_width_of_the_volume_follows_from_parameters_and_inputs() -> None:
@@ -68,7 +53,7 @@ def test_width_of_the_volume_follows_from_parameters_and_inputs() -> None:
     draws = random.normal(size=(20_000, SIZE)) @ root.T
     volumes = np.trapezoid(RATE[:, None] + spread.run.slopes @ draws.T, dx=INTERVAL, axis=0)
     volumes += by_inputs * random.normal(size=volumes.size)
-    low, high = volume_interval(spread, WHOLE, VOLUME)
+    low, high = volume_interval(spread, WHOLE)
     assert 0.5 * (low + high) == pytest.approx(VOLUME)
     assert (high - low) / (2 * 1.96) == pytest.approx(volumes.std(), rel=0.02)
     assert np.mean((low < volumes) & (volumes < high)) == pytest.approx(0.95, abs=0.01)

@@ -91,8 +91,11 @@ class Believing:
         likely, active = shrink(belief), before.active if fit is None else fit.active
         theta, active = best_subset(likely.mean, likely.covariance, limits.gate, active)
         noise = self._noise(explanation)
+        considered = held.considered(belief, information)
+        limits.refuse_far(considered.mean)
+        _ = considered.inverse  # or it raises: the next event needs it
         return LearnedInjector(
-            belief=held.considered(belief, information),
+            belief=considered,
             theta=np.clip(theta, limits.lowest, limits.highest),
             statistics=pooled(before.statistics, statistics),
             active=active,

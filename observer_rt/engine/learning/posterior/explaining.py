@@ -9,16 +9,17 @@ import numpy as np
 
 from observer_rt.engine.estimation.gating import Belief, HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
-from observer_rt.engine.estimation.scalars import Theta
+from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
-from observer_rt.engine.learning.fitting import EventFit, EventFitter, evidences, nearly_white
+from observer_rt.engine.learning.fitting import EventFit, EventFitter, Limits, evidences, nearly_white
 from observer_rt.engine.learning.hypotheses import (
     AT_FAULT,
     BEFORE,
     BELIEVED,
     INADEQUATE,
+    LIFT_LATE,
     QUICK,
     SETTLED,
     Kind,
@@ -28,7 +29,9 @@ from observer_rt.engine.learning.hypotheses import (
     moving,
     transitions,
 )
+from observer_rt.engine.learning.learned_injector import at_scale, scales_of
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
+from observer_rt.model.effective import LAG_UNIT
 
 _OWN = (BEFORE, QUICK)
 
@@ -38,8 +41,9 @@ class Explanation:
     """An event explained as one kind, given one hypothesis: the prior, and the theta that explains it best.
 
     log_weight: logarithm of its weight; weight: normalised over all explanations. kind: `SETTLED` where the injector
-    returns to a settled state. held: the prior, with the gain fixed by the samples at rest. cost: linearised about
-    theta (m,); fit: None where theta was not fitted. moving: drift of the wear, if any.
+    returns to a settled state. held: the prior, with the gain fixed by the samples at rest; likeliest: the same with
+    weights of the likeliest scale. cost: linearised about theta (m,); fit: None where theta was not fitted. moving:
+    drift of the wear, if any.
     """
 
     hypothesis: Possibility
@@ -48,6 +52,7 @@ class Explanation:
     reading: EventReading
     prior: Belief
     held: HeldBelief
+    likeliest: Belief
     cost: Linearisation
     theta: Theta
     fit: EventFit | None
@@ -75,20 +80,49 @@ class Explanation:
         """This explanation with theta fitted."""
         if self.fit is not None:
             return self
-        fit = fitter_of(self.hypothesis, self.reading, reader).fit(self.cost, self.held.prior, c.STEPS)
+        fit = fitter_of(self.hypothesis, self.reading, reader).fit(self.cost, self.likeliest, c.STEPS)
         return replace(self, fit=fit, cost=fit.linearisation, theta=fit.linearisation.theta)
 
 
 @dataclass(eq=False)
 class _FoundExplanation:
-    """Evidence of a kind: logarithm, theta, cost there, and a fit if the closed form is not good enough."""
+    """Evidence of a kind: logarithm, theta, cost there, and a fit if the closed form is not good enough.
+
+    held: the whole prior; scaled: with logarithms of their probabilities, those of the likely scales of its weights;
+    likeliest: of these, by the event.
+    """
 
     prior: Belief
     held: HeldBelief
-    log: float
-    theta: Theta
+    scaled: Sequence[tuple[float, HeldBelief]]
     cost: Linearisation
+    log: float = -math.inf
+    likeliest: HeldBelief | None = None
+    theta: Theta | None = None
     fit: EventFit | None = None
+
+    def weigh(self, limits: Limits) -> None:
+        """Evidence by the cost as it is linearised, over all scales."""
+        priors = [held.prior for _, held in self.scaled]
+        found = evidences(self.cost, priors, limits)
+        logs = [log + held.log + each.log for (log, held), each in zip(self.scaled, found, strict=True)]
+        best = int(np.argmax(logs))
+        self.log, self.likeliest, self.theta = (
+            float(np.logaddexp.reduce(logs)),
+            self.scaled[best][1],
+            found[best].theta,
+        )
+
+    def fitted(self, fitter: EventFitter, start: Linearisation, steps: int, limits: Limits) -> None:
+        """Fit it at its likeliest scale; again, where from there another one is the likeliest."""
+        for _ in range(2):
+            scale = self.likeliest
+            self.fit = fitter.fit(start, scale.prior, steps)
+            self.cost = start = self.fit.linearisation
+            self.weigh(limits)
+            if self.likeliest is scale:
+                break
+        self.theta = self.cost.theta
 
 
 def fitter_of(hypothesis: Possibility, reading: EventReading, reader: EventReader) -> EventFitter:
@@ -137,16 +171,20 @@ class Weighing:
     def add(self, hypothesis: Possibility, reading: EventReading, logs: Offers) -> None:
         """Explain the event by each kind that a hypothesis offers. Raises numpy.linalg.LinAlgError if singular."""
         moved, priors = self._priors(hypothesis, logs)
-        held = [reading.resting.held(prior) for prior in priors.values()]
+        scales = scales_of(hypothesis.learned.belief)
         explanations = {
-            kind: _FoundExplanation(prior, of, explanation.log + of.log, explanation.theta, reading.first)
-            for (kind, prior), of, explanation in zip(
-                priors.items(),
-                held,
-                evidences(reading.first, [each.prior for each in held], self._reader.limits),
-                strict=True,
+            kind: _FoundExplanation(
+                prior,
+                reading.resting.held(prior),
+                [(each.log_weight, reading.resting.held(at_scale(prior, each.noise))) for each in scales],
+                reading.first,
             )
+            for kind, prior in priors.items()
         }
+        for each in explanations.values():
+            each.weigh(self._reader.limits)
+        if LIFT_LATE in explanations:
+            self._start_late(reading, explanations[LIFT_LATE], hypothesis.learned.is_prior)
         before = explanations.get(BEFORE) or explanations[SETTLED]
 
         def log_of(kind: Kind) -> float:
@@ -181,6 +219,7 @@ class Weighing:
                     reading,
                     explanation.prior,
                     explanation.held,
+                    explanation.likeliest.prior,
                     explanation.cost,
                     explanation.theta,
                     explanation.fit,
@@ -208,7 +247,8 @@ class Weighing:
         """The belief before the event by kind, and the drift of the wear."""
         learned, reader = hypothesis.learned, self._reader
         if learned.is_prior:
-            return None, {BEFORE: learned.belief}
+            late = learned.belief.widened(reader.widths(LIFT_LATE))
+            return None, {BEFORE: learned.belief, LIFT_LATE: late}
         before = learned.belief.drifted(reader.drift)
         priors = {
             kind: before.widened(reader.widths(kind)) if kind.columns else before
@@ -219,6 +259,19 @@ class Weighing:
             return None, priors
         moved = moving(priors[QUICK], reader.drift, hypothesis.velocity)
         return moved, priors | {QUICK: moved.belief}
+
+    def _start_late(self, reading: EventReading, late: _FoundExplanation, is_new: bool) -> None:
+        """Linearises the event at the lift's delay that explains most by itself, where much is to be explained."""
+        first = reading.first
+        if not (is_new or first.value - first.expected(late.theta) > c.FALLS_FAR):
+            return
+        starts = np.tile(first.theta, (len(c.LIFT_DELAYS), 1))
+        starts[:, Parameter.LIFT_DELAY] += np.array(c.LIFT_DELAYS) / LAG_UNIT
+        values = [reading.cost.value(each) for each in starts]
+        best = int(np.argmin(values))
+        if values[best] < first.value:
+            late.cost = reading.cost.linearised(starts[best])
+            late.weigh(self._reader.limits)
 
     def _nearly_white(
         self, reading: EventReading, explanation: _FoundExplanation, before: _FoundExplanation
@@ -237,7 +290,7 @@ class Weighing:
         behind: float,
     ) -> None:
         """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""
-        first = reading.first
+        first = explanation.cost
         far = float((np.abs(explanation.theta - first.theta) / self._reader.limits.longest_step).max())
         falls = first.value - first.expected(explanation.theta)
         is_new = hypothesis.learned.is_prior
@@ -245,11 +298,8 @@ class Weighing:
             return
         if behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0):
             return
-        start = first if before.fit is None else before.fit.linearisation
+        own = explanation.cost is not reading.first or before.fit is None
+        start = first if own else before.fit.linearisation
         steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
-        explanation.fit = fitter_of(hypothesis, reading, self._reader).fit(start, explanation.held.prior, steps)
-        explanation.cost = explanation.fit.linearisation
-        explanation.log = (
-            evidences(explanation.cost, [explanation.held.prior], self._reader.limits)[0].log + explanation.held.log
-        )
-        explanation.theta = explanation.cost.theta
+        fitter = fitter_of(hypothesis, reading, self._reader)
+        explanation.fitted(fitter, start, steps, self._reader.limits)

@@ -7,7 +7,6 @@ inertance taken for wear, a lift that is late. What they are followed by moves o
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -28,13 +27,16 @@ from observer_rt.engine.learning.indicators import nozzle_change
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
-from observer_rt.engine.learning.lift_lag import UNEXPLAINED, LiftLag, has_large_laws, lift_lag_of
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.reader import EventReader
 from observer_rt.engine.learning.pressure_lag import lag_score, lateness_of
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.units import Z_95
+from observer_rt.model.effective import LAG_UNIT
+
+UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.CONTRADICTED)
+LARGEST_LIFT_DELAY = 6e-6  # s, of the lift against the pressures, that x^ may do without: 1 % of a mass
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,21 +69,10 @@ def look_alikes_in(explained: ExplainedEvent, again: Resimulation, reader: Event
     return LookAlikes(state, objections, begins_anew)
 
 
-def named(
-    state: LearningState,
-    against: Sequence[Objection],
-    explained: ExplainedEvent,
-    reader: EventReader,
-) -> tuple[LearningState, tuple[Objection, ...]]:
-    """Objections to an event with those of the line pressure first, and with a lift that is late."""
+def named(state: LearningState, against: Sequence[Objection], explained: ExplainedEvent) -> tuple[Objection, ...]:
+    """Objections to an event, with phases, those of the line pressure's range first."""
     against = tuple(_with_phase(each, explained) for each in against)
-    if state.range_ends.is_known and against:
-        against = (Objection(Reason.INPUT_CLIPPED), *against)
-    ask = partial(_lift_lag, state, explained, reader)
-    explanation, _ = explained.carried[0]
-    left_by_laws = explanation.excess if has_large_laws(explanation.theta, reader.wide) else None
-    lift_lag, against = state.lift_lag.after(against, left_by_laws, ask)
-    return replace(state, lift_lag=lift_lag), tuple(against)
+    return (Objection(Reason.INPUT_CLIPPED), *against) if state.range_ends.is_known and against else against
 
 
 def _with_phase(objection: Objection, explained: ExplainedEvent) -> Objection:
@@ -191,6 +182,9 @@ def _objections(
     reasons += sensor_objections(offset, sensor_lag(theta), untold * pressure)
     if state.lag_doubt.is_relevant:
         reasons.append(Reason.TIME_BASE)
+    delay = float(theta[Parameter.LIFT_DELAY]) * LAG_UNIT
+    if abs(delay) > LARGEST_LIFT_DELAY:
+        reasons.append(Reason.LIFT_SENSOR_LAG if delay > 0.0 else Reason.TIME_BASE)
     nozzle, stiffness = _open_nozzle_change(theta, window), float(theta[Parameter.BULK_MODULUS])
     if looks_like_inertance(nozzle, stiffness, reader.calibration.line):
         reasons.append(Reason.AMBIGUOUS_SCALE)
@@ -208,15 +202,3 @@ def _open_nozzle_change(theta: Theta, window: Window) -> float:
     widest = int(np.argmax(window.inputs[:, 1]))
     u = window.inputs[widest]
     return float(nozzle_change(theta, np.array([u[0], 0.0, 0.9 * u[0]]), u)[0])
-
-
-def _lift_lag(state: LearningState, explained: ExplainedEvent, reader: EventReader, expected: float) -> LiftLag:
-    """The lag of the lift that explains an event best; expected: [s]."""
-    explanation, _ = explained.carried[0]
-    reading, learned = explanation.reading, explanation.hypothesis.learned
-    return lift_lag_of(
-        explained.window,
-        reading.follows.setting,
-        lambda window: reader.cost_of(state, learned, window, reading.follows),
-        expected,
-    )

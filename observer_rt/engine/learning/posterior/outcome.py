@@ -1,10 +1,11 @@
 """Outcome of an event: its mass and how well that is known, the state carried on, the refusals and their reasons.
 
-The event that showed a change was published with what was believed before and is refused; the next one is not.
+The mass is that by the event's own pressures: the mean over all that explains them. A change is told, and refuses
+nothing; what refuses is that nothing explains the event, or that its explanations leave the mass open.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -109,10 +110,14 @@ def _part(window: Window) -> slice:
 
 
 class Shares(NamedTuple):
-    """Standard deviations of a volume, as shares of it: by belief, inputs and model alone, and in all."""
+    """Standard deviations of a volume, as shares of it: by belief, inputs and model alone, and in all.
+
+    moved: share by which the mean over all explanations is larger than the volume by the leading one.
+    """
 
     from_belief: float
     total: float
+    moved: float
 
     @property
     def remainder(self) -> float:
@@ -134,27 +139,27 @@ def shares_of(mass: EventMass, account: Account, explained: ExplainedEvent, syst
     by_stated = by_belief + mass.by_inputs + systematic**2
     factor = account.doubt.scatter.factor
     total = by_stated + (factor - 1.0) * by_belief + account.doubt.unexplained.variance
-    mixed = _between(mass, by_belief, factor, explained)
+    moved, mixed = _between(mass, by_belief, factor, explained)
     total = max(total + mixed, c.LEAST_OF_MIXED * total)
-    return Shares(math.sqrt(by_stated), account.doubt.wander.widened(total))
+    return Shares(math.sqrt(by_stated), account.doubt.wander.widened(total), moved)
 
 
-def _between(mass: EventMass, by_belief: float, factor: float, explained: ExplainedEvent) -> float:
-    """Variance that hypotheses about one injector have beyond that of the one that leads."""
+def _between(mass: EventMass, by_belief: float, factor: float, explained: ExplainedEvent) -> tuple[float, float]:
+    """Share by which explanations have another mean than the leading one, and the variance they have beyond its."""
     good = [(each.weight, one.learned) for each, one in explained.explanations if each.is_good]
-    total, mixed = sum(weight for weight, _ in good), 0.0
-    for weight, learned in good:
-        if weight < c.LEAST_PART * total:
-            continue
-        moved = mass.moved(learned.theta)
-        if abs(moved) > c.OTHER_INJECTOR:
-            moved = 0.0
-        mixed += weight / total * (factor * (mass.variance(learned.gated.covariance) - by_belief) + moved**2)
-    return mixed
+    total = sum(weight for weight, _ in good)
+    parts = [(weight / total, learned) for weight, learned in good if weight >= c.LEAST_PART * total]
+    moves = [mass.moved_far(learned.theta) for _, learned in parts]
+    mean = sum(weight * moved for (weight, _), moved in zip(parts, moves, strict=True))
+    variance = 0.0
+    for (weight, learned), moved in zip(parts, moves, strict=True):
+        wider = factor * (mass.variance(learned.gated.covariance) - by_belief)
+        variance += weight * (wider + (moved - mean) ** 2)
+    return mean, variance
 
 
 class EventVerdict(NamedTuple):
-    """Objections to the state carried on, and to the event's own published mass; change: that it showed, if any."""
+    """Objections to the state carried on, and to the event's own mass; change: that it showed, if any."""
 
     forward: tuple[Objection, ...]
     own: tuple[Objection, ...]
@@ -171,50 +176,31 @@ def posterior_of(continued: Sequence[Continued]) -> tuple[tuple[str, float], ...
 
 
 def verdict_of(
-    explained: ExplainedEvent,
-    mass: EventMass,
-    shares: Shares,
-    in_force: Theta,
-    contradictions: Sequence[Objection],
-    wide: Theta,
+    explained: ExplainedEvent, mass: EventMass, shares: Shares, contradictions: Sequence[Objection], wide: Theta
 ) -> EventVerdict:
-    """Verdicts; in_force (m,): that the mass was published with; wide: standard deviations (m,) of the prior.
-
-    contradictions: what no theta can hold.
-    """
+    """Verdicts; contradictions: what no theta can hold; wide: standard deviations (m,) of the prior."""
     lead = explained.carried[0]
-    is_right = abs(mass.moved_far(in_force)) + c.SURELY * shares.total <= c.WRONG
-    agree = own = 0.0
+    agree = 0.0
     against: dict[Reason, float] = {}
     for explanation, hypothesis in explained.explanations:
-        moved = mass.moved(hypothesis.learned.theta)
-        agrees = explanation.is_good and abs(moved) <= shares.agreement
+        agrees = explanation.is_good and abs(mass.moved(hypothesis.learned.theta)) <= shares.agreement
         goes_on = 0.0 if explanation.is_good else 1.0 - STAYS[explanation.kind.mode]
         agree += explanation.weight * (agrees or goes_on)
-        own += explanation.weight * (agrees and is_right)
         is_leading = explanation is lead[0] and explanation.kind.reason is not None
         if not agrees or is_leading:
             reason = _reason_of(explanation, hypothesis.learned.theta, wide)
             against[reason] = against.get(reason, 0.0) + explanation.weight
-    most = max(against, key=lambda reason: against[reason], default=Reason.SUDDEN_CHANGE)
-    forward = tuple(contradictions)
+    most = (Objection(max(against, key=lambda reason: against[reason], default=Reason.OUTSIDE_LEARNED_RANGE)),)
+    forward, own = tuple(contradictions), tuple(contradictions)
     if agree < c.AGREED or not lead[0].is_good:
-        forward += (Objection(most),)
+        forward += most
+    if explained.fault_weight > 1.0 - c.AGREED:
+        own += most
+    elif c.SURELY * shares.total > c.WRONG:
+        own += most if agree < c.AGREED else (Objection(Reason.OUTSIDE_LEARNED_RANGE),)
     is_change = lead[0].is_good and lead[0].kind not in BELIEVED
     change = _reason_of(lead[0], lead[1].learned.theta, wide) if is_change else Reason.NONE
-    return EventVerdict(forward, forward or _own_objections(own, against, shares), change)
-
-
-def _own_objections(own: float, against: Mapping[Reason, float], shares: Shares) -> tuple[Objection, ...]:
-    """Objections to a published mass that hypotheses of a weight `own` find right."""
-    if own >= c.AGREED:
-        return ()
-    reason, weight = max(against.items(), key=lambda each: each[1], default=(Reason.NONE, 0.0))
-    if 2.0 * weight > 1.0 - own:
-        return (Objection(reason),)
-    if c.SURELY * shares.from_belief > c.WRONG:
-        return (Objection(Reason.OUTSIDE_LEARNED_RANGE),)
-    return (Objection(Reason.MODEL_INADEQUATE if c.SURELY * shares.total > c.WRONG else Reason.REVISED),)
+    return EventVerdict(forward, own, change)
 
 
 def _reason_of(explanation: Explanation, theta: Theta, wide: Theta) -> Reason:
@@ -244,8 +230,8 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         UNSEEN * extrapolation_sigma(explained.point, explanation.hypothesis.learned.learned_at),
     )
     shares = shares_of(mass, account, explained, systematic)
-    verdict = verdict_of(explained, mass, shares, event.in_force, look_alikes.objections, reader.wide)
-    state, forward = named(look_alikes.state, verdict.forward, explained, reader)
+    verdict = verdict_of(explained, mass, shares, look_alikes.objections, reader.wide)
+    state, forward = look_alikes.state, named(look_alikes.state, verdict.forward, explained)
     if not look_alikes.begins_anew:
         account = settled_after(account, learned, explanation.kind in BELIEVED and not forward)
         state = replace(state, account=replace(account, hypotheses=tuple(one for _, one in explained.carried)))
@@ -258,6 +244,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         carried_covariance=learned.gated.carried(event.in_force) + by_coil,
         systematic=math.hypot(systematic, state.lag_doubt.volume_share),
         unknown=shares.remainder,
+        moved=shares.moved,
         calibration=reader.calibration.of_event(mass.controlled),
     )
     return Outcome(
@@ -265,7 +252,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         knowledge=Knowledge(state, in_force),
         schedule=reader.gains(theta, state.noise, event.constants),
         forward=forward,
-        objections=forward or verdict.own,
+        objections=named(state, verdict.own, explained),
         estimate=theta,
         covariance=covariance + np.diag(state.lag_doubt.variance),
         resimulated=again,

@@ -1,0 +1,75 @@
+"""Whatever numbers an event yields, it is refused at worst: no error, and no belief that the next one cannot use."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.learning.knowledge import no_knowledge
+from observer_rt.engine.learning.learner import Learner
+from observer_rt.engine.observer import Durations, constants_for
+from observer_rt.engine.stream.standstill import Standstill
+from tests.engine.learning.strokes import stroke_of
+from tests.engine.sample_stream import NOISE, NOMINAL
+
+Signal = NDArray[np.float64]
+SCALE = NOMINAL.scaling.pressure
+
+
+def damaged(window: Window, line: Signal, rail: Signal) -> Window:
+    inputs = np.column_stack((rail, window.inputs[:, 1]))
+    return window._replace(inputs=inputs, output=line)
+
+
+@st.composite
+def events(draw: st.DrawFn) -> Window:
+    """A stroke whose pressures no injector has."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    window = stroke_of(seed=draw(st.integers(0, 99)))
+    n = window.output.size
+    line, rail = window.output.copy(), window.inputs[:, 0].copy()
+    gain, offset = (
+        draw(st.sampled_from([1.0, 0.0, -1.0, 1.02, 0.9, 3.0])),
+        draw(st.sampled_from([0.0, 0.01, -0.5, 5.0])),
+    )
+    line = gain * line + offset
+    line += draw(st.sampled_from([0.0, 0.01, 0.15, 1.0])) * rng.standard_normal(n)
+    rail += draw(st.sampled_from([0.0, 1.0, -1.0])) * (np.arange(n) > draw(st.integers(0, n)))
+    period = draw(st.sampled_from([0.0, 7.0, 40.0]))
+    if period:
+        line += 0.1 * np.sin(np.arange(n) / period)
+    if draw(st.booleans()):
+        line = np.full(n, line[0])
+    return damaged(window, line, rail)
+
+
+@given(st.lists(events(), min_size=2, max_size=3))
+@settings(max_examples=15, deadline=None)
+def test_hostile_events_are_refused_at_worst(hostile: list[Window]) -> None:
+    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
+    learner = Learner(constants, no_knowledge(NOISE, SCALE))
+    in_force = np.zeros_like(learner.state.learned.theta)
+    still = Standstill(samples=2000, offset=0.0, noise=NoiseLevels(1e5, 1.5e5, 4e-7))
+    for window in [*hostile, *[stroke_of(seed=i) for i in range(2)]]:
+        outcome = learner.learn(window, still, in_force)
+        assert np.isfinite(outcome.knowledge.in_force).all()
+        in_force = outcome.knowledge.in_force
+        for learned in learner.state.account.beliefs:
+            np.linalg.cholesky(learned.belief.covariance)
+
+
+@pytest.mark.parametrize("error", [OverflowError, ValueError, np.linalg.LinAlgError])
+def test_numbers_that_end_a_computation_refuse_the_event(
+    error: type[Exception], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise error("by numbers of an event")
+
+    monkeypatch.setattr("observer_rt.engine.learning.learner.explain", fails)
+    learner = Learner(constants_for(NOMINAL, 100e3, Durations(), events_required=2), no_knowledge(NOISE, SCALE))
+    still = Standstill(samples=0, offset=0.0, noise=None)
+    outcome = learner.learn(stroke_of(seed=1), still, np.zeros_like(learner.state.learned.theta))
+    assert [each.reason.name for each in outcome.objections] == ["NOT_LEARNED"]

@@ -9,7 +9,6 @@ import itertools
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,38 +28,26 @@ _PRIOR = SCALARS.prior(1.0)[WEIGHTS]
 _SQUARES = np.repeat(
     [*itertools.product((NONE**2, SMALL**2, WHOLE**2), repeat=2)], (OF_NOZZLE, HIDDEN - OF_NOZZLE), axis=1
 )
-_NOISE = _SQUARES / (1.0 - _SQUARES)
+NOISE = _SQUARES / (1.0 - _SQUARES)
+"""Variances (scales, HIDDEN) with which weights of each scale were 0, in units of the prior's."""
 _ALL = np.arange(HIDDEN)
-LEAST_SCALE = 1e-4  # probability, below which a scale is not looked at
 
 
-class Scale(NamedTuple):
-    """A scale of the weights' prior: the logarithm of its probability, and the variance (HIDDEN,) of a zero."""
-
-    log_weight: float
-    noise: Vector
-
-
-@lru_cache(8)
-def scales_of(belief: Belief) -> tuple[Scale, ...]:
-    """The likely scales, the likeliest first. Raises numpy.linalg.LinAlgError when not positive definite.
+def scale_densities(mean: Vector, covariance: Vector) -> Vector:
+    """Logarithms of how likely each scale is by a mean (m,) and covariance (m, m) with the whole prior.
 
     A prior smaller by s is the whole one after each weight was measured to be 0 with s^2/(1 - s^2) of its variance; s
-    is as likely as that.
+    is as likely as that. Raises numpy.linalg.LinAlgError when not positive definite.
     """
-    variance = belief.covariance[np.ix_(WEIGHTS, WEIGHTS)] / np.outer(_PRIOR, _PRIOR)
-    mean = belief.mean[WEIGHTS] / _PRIOR
-    bordered = np.empty((len(_SQUARES), HIDDEN + 1, HIDDEN + 1))
-    bordered[:, :HIDDEN, :HIDDEN] = variance
-    bordered[:, _ALL, _ALL] += _NOISE
-    bordered[:, HIDDEN, :HIDDEN] = mean  # the last row of the root is the mean, made white
-    bordered[:, HIDDEN, HIDDEN] = 1.0 + 2.0 * mean @ mean / NONE**2
+    own = mean[WEIGHTS] / _PRIOR
+    bordered = np.empty((len(NOISE), HIDDEN + 1, HIDDEN + 1))
+    bordered[:, :HIDDEN, :HIDDEN] = covariance[WEIGHTS[:, None], WEIGHTS] / np.outer(_PRIOR, _PRIOR)
+    bordered[:, _ALL, _ALL] += NOISE
+    bordered[:, HIDDEN, :HIDDEN] = own  # the last row of the root is the mean, made white
+    bordered[:, HIDDEN, HIDDEN] = 1.0 + 2.0 * own @ own / NONE**2
     roots = np.linalg.cholesky(bordered)[:, :, :HIDDEN]
     densities = -0.5 * (np.log1p(-_SQUARES) + roots[:, HIDDEN] ** 2) - np.log(roots[:, _ALL, _ALL])
-    logs = densities.sum(axis=1)
-    logs -= np.logaddexp.reduce(logs)
-    likely = [i for i in np.argsort(-logs, kind="stable").tolist() if logs[i] > math.log(LEAST_SCALE)]
-    return tuple(Scale(float(logs[i]), _NOISE[i]) for i in likely)
+    return np.asarray(densities.sum(axis=1), np.float64)
 
 
 @lru_cache(8)
@@ -69,22 +56,33 @@ def shrink(belief: Belief) -> Belief:
 
     The mean of s^2 is taken: what no event excited varies as the mixture of all scales does.
     """
-    scales = scales_of(belief)
-    weights = np.exp([each.log_weight for each in scales])
-    squares = weights @ [each.noise / (1.0 + each.noise) for each in scales] / weights.sum()
+    densities = scale_densities(belief.mean, belief.covariance)
+    weights = np.exp(densities - densities.max())
+    squares = weights @ _SQUARES / weights.sum()
     return at_scale(belief, squares / (1.0 - squares))
 
 
 def at_scale(belief: Belief, noise: Vector) -> Belief:
     """The belief after each weight was measured to be 0, with a variance (HIDDEN,) in units of its prior's."""
-    across = belief.covariance[WEIGHTS] / _PRIOR[:, None]
-    variance, mean = across[:, WEIGHTS] / _PRIOR, belief.mean[WEIGHTS] / _PRIOR
-    variance[_ALL, _ALL] += noise
-    gain = (inverse_of(variance)[0] @ across).T
+    gain, across = _gain(belief.covariance, noise)
     by_error = gain @ (belief.error_covariance[WEIGHTS] / _PRIOR[:, None])
     error = belief.error_covariance - by_error - by_error.T
     error += (by_error[:, WEIGHTS] / _PRIOR + gain * noise) @ gain.T
-    return Belief(belief.mean - gain @ mean, symmetric(belief.covariance - gain @ across), symmetric(error))
+    mean = belief.mean - gain @ (belief.mean[WEIGHTS] / _PRIOR)
+    return Belief(mean, symmetric(belief.covariance - gain @ across), symmetric(error))
+
+
+def mean_at_scale(mean: Vector, covariance: Vector, noise: Vector) -> Vector:
+    """The mean (m,) of `at_scale`."""
+    return np.asarray(mean - _gain(covariance, noise)[0] @ (mean[WEIGHTS] / _PRIOR), np.float64)
+
+
+def _gain(covariance: Vector, noise: Vector) -> tuple[Vector, Vector]:
+    """Gain (m, HIDDEN) of weights measured to be 0, their covariance with all (HIDDEN, m), in units of the prior."""
+    across = covariance[WEIGHTS] / _PRIOR[:, None]
+    variance = across[:, WEIGHTS] / _PRIOR
+    variance[_ALL, _ALL] += noise
+    return (inverse_of(variance)[0] @ across).T, across
 
 
 @dataclass(frozen=True, eq=False)

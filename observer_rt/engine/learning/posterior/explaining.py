@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
+from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief, HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.scalars import Parameter, Theta
@@ -29,7 +31,7 @@ from observer_rt.engine.learning.hypotheses import (
     moving,
     transitions,
 )
-from observer_rt.engine.learning.learned_injector import at_scale, scales_of
+from observer_rt.engine.learning.learned_injector import NOISE, at_scale, mean_at_scale, scale_densities
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
 from observer_rt.model.effective import LAG_UNIT
 
@@ -88,39 +90,41 @@ class Explanation:
 class _FoundExplanation:
     """Evidence of a kind: logarithm, theta, cost there, and a fit if the closed form is not good enough.
 
-    held: the whole prior; scaled: with logarithms of their probabilities, those of the likely scales of its weights;
-    likeliest: of these, by the event.
+    held: the whole prior; offered: logarithms of how likely the scales of its weights are before the event, over what
+    the prior itself says of them; scale: the likeliest by the event.
     """
 
     prior: Belief
     held: HeldBelief
-    scaled: Sequence[tuple[float, HeldBelief]]
+    offered: NDArray[np.float64]
     cost: Linearisation
     log: float = -math.inf
-    likeliest: HeldBelief | None = None
+    scale: int = 0  # row of NOISE
     theta: Theta | None = None
     fit: EventFit | None = None
 
+    @property
+    def likeliest(self) -> Belief:
+        """The prior at the likeliest scale."""
+        return at_scale(self.held.prior, NOISE[self.scale])
+
     def weigh(self, limits: Limits) -> None:
         """Evidence by the cost as it is linearised, over all scales."""
-        priors = [held.prior for _, held in self.scaled]
-        found = evidences(self.cost, priors, limits)
-        logs = [log + held.log + each.log for (log, held), each in zip(self.scaled, found, strict=True)]
-        best = int(np.argmax(logs))
-        self.log, self.likeliest, self.theta = (
-            float(np.logaddexp.reduce(logs)),
-            self.scaled[best][1],
-            found[best].theta,
-        )
+        whole = evidences(self.cost, [self.held.prior], limits)[0]
+        covariance, _ = inverse_of(self.held.prior.information + self.cost.information)
+        logs = self.offered + scale_densities(whole.theta, covariance)
+        self.log = whole.log + self.held.log + float(np.logaddexp.reduce(logs))
+        self.scale = int(np.argmax(logs))
+        self.theta = mean_at_scale(whole.theta, covariance, NOISE[self.scale])
 
     def fitted(self, fitter: EventFitter, start: Linearisation, steps: int, limits: Limits) -> None:
         """Fit it at its likeliest scale; again, where from there another one is the likeliest."""
         for _ in range(2):
-            scale = self.likeliest
-            self.fit = fitter.fit(start, scale.prior, steps)
+            scale = self.scale
+            self.fit = fitter.fit(start, self.likeliest, steps)
             self.cost = start = self.fit.linearisation
             self.weigh(limits)
-            if self.likeliest is scale:
+            if self.scale == scale:
                 break
         self.theta = self.cost.theta
 
@@ -171,18 +175,14 @@ class Weighing:
     def add(self, hypothesis: Possibility, reading: EventReading, logs: Offers) -> None:
         """Explain the event by each kind that a hypothesis offers. Raises numpy.linalg.LinAlgError if singular."""
         moved, priors = self._priors(hypothesis, logs)
-        scales = scales_of(hypothesis.learned.belief)
-        explanations = {
-            kind: _FoundExplanation(
-                prior,
-                reading.resting.held(prior),
-                [(each.log_weight, reading.resting.held(at_scale(prior, each.noise))) for each in scales],
-                reading.first,
-            )
-            for kind, prior in priors.items()
-        }
-        for each in explanations.values():
-            each.weigh(self._reader.limits)
+        belief, explanations = hypothesis.learned.belief, dict[Kind, _FoundExplanation]()
+        likely = scale_densities(belief.mean, belief.covariance)
+        likely -= np.logaddexp.reduce(likely)
+        for kind, prior in priors.items():
+            held = reading.resting.held(prior)
+            offered = likely - scale_densities(held.prior.mean, held.prior.covariance)
+            explanations[kind] = _FoundExplanation(prior, held, offered, reading.first)
+            explanations[kind].weigh(self._reader.limits)
         if LIFT_LATE in explanations:
             self._start_late(reading, explanations[LIFT_LATE], hypothesis.learned.is_prior)
         before = explanations.get(BEFORE) or explanations[SETTLED]
@@ -195,14 +195,14 @@ class Weighing:
             self._fit(hypothesis, reading, before, explanation, log_of(kind) - promised)
             promised = max(promised, log_of(kind))
         self._best = max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
-        likely = {
+        kept = {
             kind: explanation for kind, explanation in explanations.items() if log_of(kind) > self._best - c.REFINED
         }
-        if not likely:
+        if not kept:
             return
         explained = {
             kind: explanation.log + self._nearly_white(reading, explanation, before)
-            for kind, explanation in likely.items()
+            for kind, explanation in kept.items()
         }
         if AT_FAULT in logs:  # the cost of its theta is part of it
             at_fault = before.log + before.cost.expected(before.theta) - reading.at_fault(before.theta, before.fit)
@@ -219,7 +219,7 @@ class Weighing:
                     reading,
                     explanation.prior,
                     explanation.held,
-                    explanation.likeliest.prior,
+                    explanation.likeliest,
                     explanation.cost,
                     explanation.theta,
                     explanation.fit,

@@ -5,6 +5,7 @@ to navigation problems, 1966): an event teaches nothing of it, and all else is a
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -51,6 +52,13 @@ class Belief:
     def widened(self, change: NDArray[np.float64]) -> "Belief":
         """The belief when each parameter did move, by about `change` (m,) (one sigma)."""
         return Belief(self.mean, _moved(self.covariance, change), _moved(self.error_covariance, change))
+
+    def narrowed(self, columns: Sequence[int], share: float) -> "Belief":
+        """The belief in which the standard deviations of these parameters are a share of what they were."""
+        factor = np.ones(self.mean.size)
+        factor[list(columns)] = share
+        both = np.outer(factor, factor)
+        return Belief(self.mean, both * self.covariance, both * self.error_covariance)
 
     @property
     def information(self) -> NDArray[np.float64]:

@@ -313,8 +313,9 @@ SCALARS = Scalars((
     Scalar("displacement", Parameter.DISPLACEMENT, prior=1.5 * _MM3_PER_MS, drift=0.005 * _MM3_PER_MS,
            longest_step=2 * _MM3_PER_MS, bounds=(-6 * _MM3_PER_MS, 6 * _MM3_PER_MS), gated_from=-6 * _MM3_PER_MS,
            change=lambda line, a: line._replace(displaced=line.displaced + line.a1 * a)),
-    Scalar("lift_delay", Parameter.LIFT_DELAY, prior=1e-6, drift=0.02e-6, longest_step=30e-6,
-           bounds=(-0.2e-3, 0.2e-3), counted=ScalarUnit.TIME),
+    # It does not drift: an event that shows another one moves it, and no other.
+    Scalar("lift_delay", Parameter.LIFT_DELAY, prior=1e-10, drift=0.0, longest_step=30e-6, bounds=(-0.2e-3, 0.2e-3),
+           counted=ScalarUnit.TIME),
 ))
 # fmt: on
 

@@ -11,6 +11,7 @@ QUICK_BEGINS, QUICK_ENDS = 1 / 40, 1 / 50  # M: without, 60 of 80 valid in a dri
 CHANGES = 1 / 1000  # of nozzle and seat: half of them large, half small (M: without these, 57 for 61); of the sensor
 LINE_CHANGES = 1 / 3000
 SHIFTS = 1 / 100  # of all a little; M: without, 17 of 26 valid for 26 where friction grows with the pressure
+NOT_AS_FILED = 1 / 20  # line, lag of a sensor, delay of the lift, each by itself, at the first event; P
 RETURNS = 1 / 100  # to what was settled
 FAULT_BEGINS, FAULT_STAYS = 1 / 100, 0.5  # of an event
 INADEQUATE_BEGINS, INADEQUATE_STAYS = 1 / 1000, 0.9  # of the model
@@ -20,8 +21,9 @@ QUICKER = 8.0  # usual drifts an event, of quick wear beside its velocity; M
 SPEED, TURNS = 6.0, 0.5  # usual drifts an event: prior of the velocity, and its own change; M
 SHIFT = 30.0  # usual drifts, of all; M
 LAWS_CHANGE = 0.15  # of any change, by which the network's weights change with it; M
-LIFT_DELAY_CHANGE = 30.0  # of the prior: 30 us, an amplifier or a filter ahead of a converter; P
+LIFT_DELAY_CHANGE = 30e-6  # s: an amplifier, or a filter ahead of a converter; P
 LIFT_DELAYS = (-60e-6, -40e-6, -20e-6, 20e-6, 40e-6, 60e-6)  # s, at which a fit of the lift's delay may begin; M
+FILED = 0.02  # of their prior, by which line and sensors may be off where no event has said otherwise; M
 NUDGE = 0.03  # of a flow: the prior as a whole pays so much for its width that it hides such a change; M
 
 # Which hypotheses are gone into.

@@ -19,6 +19,7 @@ from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter, T
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.stream.state import Reason
+from observer_rt.model.effective import LAG_UNIT
 
 Matrix = NDArray[np.float64]
 FLOWS = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))  # columns of theta that may move on
@@ -27,6 +28,8 @@ _BACK_PRESSURE = range(P.BACK_PRESSURE, P.BACK_PRESSURE + 2)
 WEAR = (int(P.NOZZLE_BIAS), int(P.SEAT_BIAS), *WEIGHTS.tolist(), *_BACK_PRESSURE)
 SENSOR = (int(P.LINE_PRESSURE_OFFSET), int(P.SENSOR_LAG), int(P.LINE_PRESSURE_GAIN))
 _ALIKE = np.array([*WEAR, *SENSOR])
+STATED = (*(column for column, _ in SCALARS.laws), *SCALARS.valve.columns.tolist(), int(P.SENSOR_LAG))
+"""Columns of what the files of injector and bench state, until an event says otherwise."""
 LINE = tuple(column for column, _ in SCALARS.laws)
 VALVE = tuple(SCALARS.valve.columns.tolist())
 
@@ -135,7 +138,7 @@ SENSOR_CHANGED = Kind("sensor changed", Mode.STEADY, c.CHANGES, SENSOR, of_prior
                       reason=Reason.PRESSURE_OFFSET)  # or its lag: whichever moved more
 LINE_CHANGED = Kind("line changed", Mode.STEADY, c.LINE_CHANGES, (*LINE, *VALVE), of_prior=1.0,
                     reason=Reason.MODEL_INADEQUATE)  # another pipe, air in it, another pilot valve
-LIFT_LATE = Kind("lift late", Mode.STEADY, c.CHANGES, (int(P.LIFT_DELAY),), of_prior=c.LIFT_DELAY_CHANGE,
+LIFT_LATE = Kind("lift late", Mode.STEADY, c.CHANGES, (int(P.LIFT_DELAY),), size=c.LIFT_DELAY_CHANGE / LAG_UNIT,
                  reason=Reason.LIFT_SENSOR_LAG)  # or early: a filter, another clock
 SHIFTED = Kind("shifted a little", Mode.STEADY, c.SHIFTS, (*WEAR, *SENSOR, *LINE), drifts=c.SHIFT,
                reason=None)  # the model, from one operating point to another
@@ -159,7 +162,7 @@ def transitions(mode: Mode, is_prior: bool) -> Iterator[tuple[Kind, float]]:
         begins = {kind: (1.0 - stays) * rate + (kind.mode is mode) * stays for kind, rate in begins.items()}
     if is_prior:
         del begins[QUICK]
-        begins[LIFT_LATE] = LIFT_LATE.rate
+        begins |= dict.fromkeys((SENSOR_CHANGED, LINE_CHANGED, LIFT_LATE), c.NOT_AS_FILED)
     else:
         begins |= {kind: kind.rate for kind in NEW}
     yield BEFORE, max(1.0 - sum(begins.values()), 1e-3)

@@ -246,9 +246,6 @@ class Weighing:
     ) -> tuple[Moving | None, Mapping[Kind, Belief]]:
         """The belief before the event by kind, and the drift of the wear."""
         learned, reader = hypothesis.learned, self._reader
-        if learned.is_prior:
-            late = learned.belief.widened(reader.widths(LIFT_LATE))
-            return None, {BEFORE: learned.belief, LIFT_LATE: late}
         before = learned.belief.drifted(reader.drift)
         priors = {
             kind: before.widened(reader.widths(kind)) if kind.columns else before
@@ -290,13 +287,12 @@ class Weighing:
         behind: float,
     ) -> None:
         """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""
-        first = explanation.cost
+        first, is_new = explanation.cost, hypothesis.learned.is_prior
         far = float((np.abs(explanation.theta - first.theta) / self._reader.limits.longest_step).max())
         falls = first.value - first.expected(explanation.theta)
-        is_new = hypothesis.learned.is_prior
         if not (far > c.NEAR or falls > c.FALLS or is_new):
             return
-        if behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0):
+        if behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0) and not is_new:
             return
         own = explanation.cost is not reading.first or before.fit is None
         start = first if own else before.fit.linearisation

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from observer_rt import __version__
 from observer_rt.core.stream.stream import FURTHEST_ZERO, MOST_CROSSTALK
+from observer_rt.daemon.array_texts import ArrayTexts
 from observer_rt.engine.estimation.gain import LARGEST_NOISE
 from observer_rt.engine.estimation.scalars import SCALARS, sensor_lag
 from observer_rt.engine.learning.adequacy import LARGEST_LAG, is_worn_beyond_limits
@@ -29,10 +30,10 @@ from observer_rt.foundation.outputs import replacing
 from observer_rt.foundation.records import Count, NotAsExpectedError, kept_names, plain, restored
 from observer_rt.model.parameters import InjectorParameters
 
-VERSION = 8
+VERSION = 9
 BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; else put the right file back"
 ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
-LARGEST_FILE = 1 << 24  # bytes, far more than any state takes: a hypothesis is .1 to .3 MB
+LARGEST_FILE = 1 << 22  # bytes, far more than any state takes: a hypothesis is 20 kB, of earlier versions .3 MB
 _WHOLE = ("account", "noise", "events", "interval")
 """Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
 
@@ -119,7 +120,7 @@ class _UnusableError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class _Content:
-    """Learned state as it lies in the file. columns: names of the parameters, in their order."""
+    """Learned state as it lies in the file. columns: names of the parameters in order; arrays: `ArrayTexts`."""
 
     package_version: str
     model_sha256: str
@@ -128,6 +129,7 @@ class _Content:
     in_force: NDArray[np.float64]
     state: Mapping[str, Any]
     lift: RestingLift
+    arrays: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -178,22 +180,23 @@ def save_knowledge(path: Path, knowledge: Knowledge, model: InjectorParameters) 
     """
     if problem := problem_of(knowledge, model.scaling.pressure):
         raise RunError(f"{path}: what was learned is not saved, for {problem}")
-    state = plain(knowledge.state)
-    content = plain(
-        _Content(
-            __version__,
-            model_hash(model),
-            SCALARS.names,
-            knowledge.phi_version,
-            knowledge.in_force,
-            {name: each for name, each in state.items() if name in _WHOLE or _is_finite(each)},
-            knowledge.lift,
-        )
-    )
+    arrays = ArrayTexts()
     try:
+        content = plain(
+            _Content(
+                __version__,
+                model_hash(model),
+                SCALARS.names,
+                knowledge.phi_version,
+                knowledge.in_force,
+                dict(_finite_parts(plain(knowledge.state), arrays)),
+                knowledge.lift,
+                tuple(arrays.texts),
+            )
+        )
         document = {"version": VERSION, "sha256": _digest(content), "content": content}
         with replacing(path) as part:
-            part.write_text(_json(document, indent=1) + "\n", encoding="ascii")
+            part.write_text(_json(document) + "\n", encoding="ascii")
     except ValueError:
         raise RunError(f"{path}: what was learned is not saved, for some of it is not finite") from None
     except OSError as error:
@@ -243,12 +246,17 @@ def _usable(data: bytes, model: InjectorParameters) -> Knowledge:
     return knowledge
 
 
-def _is_finite(value: Any) -> bool:
-    try:
-        _json(value)
-    except ValueError:
-        return False
-    return True
+def _finite_parts(state: Mapping[str, Any], arrays: ArrayTexts) -> Iterator[tuple[str, Any]]:
+    """Parts of the state without their arrays. Raises ValueError where one that a file must hold is not finite."""
+    for name, whole in state.items():
+        try:
+            part = arrays.take_out(whole)
+            _json(part)
+        except ValueError:
+            if name in _WHOLE:
+                raise
+        else:
+            yield name, part
 
 
 def _digest(content: object) -> str:
@@ -288,13 +296,13 @@ def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
             raise _UnusableError(
                 f"it was learned for another injector model, SHA-256 {other[:8]}... instead of {this[:8]}..."
             )
-        state = _state_in(content.state, start)
+        state = _state_in(ArrayTexts(content.arrays).put_in(content.state), start)
         if content.columns != SCALARS.names:
             raise _UnusableError("it is of a version that learned other parameters")
         if any(not each.active <= set(SCALARS.gate.columns) for each in state.account.beliefs):
             raise _UnusableError("it leaves out a parameter that cannot be left out")
         return Knowledge(state, content.in_force, content.phi_version, content.lift)
-    except (ValueError, OverflowError, RecursionError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, OverflowError, RecursionError, LookupError, TypeError, AttributeError) as error:
         raise _UnusableError(f"its content is not as expected ({error})") from None
 
 

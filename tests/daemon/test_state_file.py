@@ -12,13 +12,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.config.bench import load_injector
+from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.daemon.array_texts import ArrayTexts
 from observer_rt.daemon.state_file import (
     RestoredKnowledge,
     load_knowledge,
     model_hash,
     save_knowledge,
 )
+from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
@@ -28,6 +30,7 @@ from observer_rt.foundation.records import plain
 from observer_rt.model.effective import LAG_UNIT
 from observer_rt.model.parameters import LineOutflow
 from tests.daemon.samples import PRESSURE_SCALE, damage, some_knowledge
+from tests.device import simulated
 
 MODEL = load_injector()
 OTHER = MODEL.model_copy(update={"line_outflow": LineOutflow.SEAT})
@@ -36,9 +39,15 @@ Change = Callable[[dict[str, Any]], object]
 in_one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 
 
-def bits(knowledge: Knowledge) -> str:
-    """All that is saved of it, with every digit."""
-    return json.dumps(plain(knowledge), default=np.ndarray.tolist)
+def agree(first: Any, second: Any) -> bool:
+    """Whether two values agree: matrices as far as float32 tells them apart, all else in every bit."""
+    if isinstance(first, np.ndarray) and first.ndim > 1:
+        return np.allclose(first, second, rtol=0.0, atol=1e-6 * np.abs(first).max(initial=0.0))
+    if isinstance(first, dict):
+        return first.keys() == second.keys() and all(agree(each, second[name]) for name, each in first.items())
+    if isinstance(first, list):
+        return len(first) == len(second) and all(map(agree, first, second))
+    return bool(np.array_equal(first, second))
 
 
 def with_learned(knowledge: Knowledge, **changes: Any) -> Knowledge:
@@ -62,13 +71,16 @@ class StateFile:
         return load_knowledge(self.path, MODEL)
 
     def holds(self, knowledge: Knowledge) -> bool:
-        """Whether it is restored, and agrees in every bit."""
+        """Whether it is restored."""
         restored = self.load().knowledge
-        return restored is not None and bits(restored) == bits(knowledge)
+        return restored is not None and agree(plain(restored), plain(knowledge))
 
     def rewrite(self, change: Change) -> bytes:
         """Change it, its checksum right all the same: what it holds then."""
         document = json.loads(self.path.read_bytes())
+        content = document["content"]  # whose arrays may also be lists
+        content["state"] = ArrayTexts(content["arrays"]).put_in(content["state"])
+        document = json.loads(json.dumps(document, default=np.ndarray.tolist))
         change(document)
         canonical = json.dumps(document["content"], sort_keys=True, separators=(",", ":"))
         document["sha256"] = hashlib.sha256(canonical.encode()).hexdigest()
@@ -83,7 +95,7 @@ def state(tmp_path: Path) -> StateFile:
 
 @in_one_folder
 @given(seed=st.integers(0, 2**32), phi_version=st.integers(0, 2**40), events=st.integers(0, 2**40))
-def test_what_is_saved_is_restored_to_the_bit(state: StateFile, seed: int, phi_version: int, events: int) -> None:
+def test_what_is_saved_is_restored(state: StateFile, seed: int, phi_version: int, events: int) -> None:
     assert state.holds(state.save(some_knowledge(seed, phi_version, events)))
     assert [*state.path.parent.iterdir()] == [state.path]
 
@@ -117,7 +129,7 @@ def test_a_damaged_file_is_restored_equal_or_set_aside(state: StateFile, data: s
         assert kept.read_bytes() == content
         kept.unlink()
     else:
-        assert bits(restored.knowledge) == bits(knowledge)
+        assert agree(plain(restored.knowledge), plain(knowledge))
         assert state.path.exists()
 
 
@@ -147,13 +159,14 @@ LEARNED = ("state", "account", "hypotheses", 0, "learned")
 MEAN = (*LEARNED, "belief", "mean")
 COVARIANCE = (*LEARNED, "belief", "covariance")
 NOT_RESTORED = {
-    "older version": (lambda document: document.update(version=1), r"version 1, not 8 (observer_rt "),
-    "newer version": (lambda document: document.update(version=9), "format is version 9, not 8"),
+    "older version": (lambda document: document.update(version=1), r"version 1, not 9 (observer_rt "),
+    "newer version": (lambda document: document.update(version=10), "format is version 10, not 9"),
     "another parameter": (put("columns", 0, value="lag"), "other parameters"),
     "a parameter too few": (put("columns", value=list(SCALARS.names[:-1])), "other parameters"),
     "model": (put("model_sha256", value="0" * 64), "another injector model"),
     "short mean": (put(*MEAN, value=[0.0] * (PARAMETERS - 1)), "learned.belief.mean: shape"),
     "flat covariance": (put(*COVARIANCE, value=[1.0] * PARAMETERS), "shape"),
+    "no such text": (put(*COVARIANCE, value={"array": 99}), "not as expected"),
     "ragged": (
         put(*COVARIANCE, value=[[1.0], [1.0, 2.0]]),
         "(account.hypotheses.0.learned.belief.covariance",
@@ -258,6 +271,23 @@ def test_nothing_set_aside_is_overwritten(state: StateFile) -> None:
         assert kept.read_text() == f'{{"version": {number}'
 
 
+def test_a_state_of_many_injections_is_small_and_judges_the_next_ones_as_if_it_had_never_been_on_disk(
+    state: StateFile,
+) -> None:
+    bench, pressures = load_bench(), (60e6, 100e6, 140e6)
+    learned = evaluate(bench, [simulated(20, 0.2, pressures, 100e3, seed=3)]).knowledge
+    state.save(learned)
+    assert state.path.stat().st_size <= 60_000
+    restored = state.load().knowledge
+    following = simulated(4, 0.2, pressures, 100e3, seed=4)
+    as_it_was, again = (evaluate(bench, [following], each).evaluations[0].reports for each in (learned, restored))
+    assert [each.valid for each in as_it_was] == [False, True, True, True]
+    for before, after in zip(as_it_was, again, strict=True):
+        assert (before.valid, before.reasons) == (after.valid, after.reasons)
+        assert after.mass == pytest.approx(before.mass, rel=1e-5)
+        assert after.mass_ci95 == pytest.approx(before.mass_ci95, rel=1e-4)
+
+
 def test_the_offset_bound_is_in_pascal(state: StateFile) -> None:
     """0.15 p_0 is 15 MPa for p_0 = 100 MPa, and 1.2 MPa for 8 MPa; 10 MPa may be learned."""
     knowledge = some_knowledge()
@@ -268,7 +298,7 @@ def test_the_offset_bound_is_in_pascal(state: StateFile) -> None:
     save_knowledge(state.path, knowledge, other)
     restored = load_knowledge(state.path, other).knowledge
     assert restored is not None
-    assert bits(restored) == bits(knowledge)
+    assert agree(plain(restored), plain(knowledge))
 
 
 def test_what_could_not_be_restored_does_not_replace_a_good_file(state: StateFile) -> None:

@@ -3,7 +3,7 @@
 It stands beside the lock of what the daemon keeps, else beside its bench file, so that a process sees both if it sees
 one, also through a folder that is shared with a container; where the daemon may write neither, below `RUN`. A request
 is an object whose `request` is its name; an answer that has `error` refuses. Clients of another user and group may
-only look, as on a bus.
+only look, as on a bus; they have places of their own, so that they keep nobody else out.
 """
 
 import errno
@@ -25,7 +25,7 @@ from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from observer_rt.foundation.files import is_at
 
 OBSERVER = "observer"  # in the folder of evidence: its lock names the process that keeps it
-MOST_CLIENTS = 16  # at once; what is beyond is closed
+MOST_CLIENTS = 16  # at once of our user and group, with root, and as many others; what is beyond is closed
 LONGEST = 1 << 16  # bytes of a line
 IDLE = 30.0  # s that a client may be silent, or not read
 PATIENCE = 60.0  # s that an answer may take
@@ -55,14 +55,17 @@ def socket_places(fitted: BenchInjector, state: Path | None = None) -> tuple[Pat
 
 
 @contextmanager
-def control_socket(kept: Path, requests: Requests) -> Iterator[None]:
-    """Answer requests at the socket of a file. Raises OSError where none can be made, or another daemon has it."""
+def control_socket(kept: Path, requests: Requests, say: Callable[[str], None] = lambda _: None) -> Iterator[None]:
+    """Answer requests at the socket of a file; say: takes a warning of too many clients.
+
+    Raises OSError where no socket can be made, or another daemon has it.
+    """
     with _address(kept) as address:
         with suppress(FileNotFoundError, ConnectionRefusedError), socket.socket(socket.AF_UNIX) as other:
             other.connect(address)
             raise OSError(errno.EADDRINUSE, "another daemon answers there")
         Path(address).unlink(missing_ok=True)  # left behind by a process that was killed
-        with _SocketServer(address, requests) as server:
+        with _SocketServer(address, requests, say) as server:
             path = Path(os.path.realpath(kept) + ".socket")
             own = path.stat()
             thread = Thread(target=server.serve_forever, args=(0.1,), name="control socket", daemon=True)
@@ -137,25 +140,36 @@ class _SocketServer(ThreadingMixIn, UnixStreamServer):
     request_queue_size = 4 * MOST_CLIENTS
     block_on_close = False
 
-    def __init__(self, address: str, requests: Requests) -> None:
+    def __init__(self, address: str, requests: Requests, say: Callable[[str], None]) -> None:
         self.requests = requests
-        self._places = BoundedSemaphore(MOST_CLIENTS)
+        self._say = say
+        self._is_told = False
+        self._places = {is_own: BoundedSemaphore(MOST_CLIENTS) for is_own in (False, True)}
         self._clients: set[socket.socket] = set()
         super().__init__(address, _Client)
         Path(address).chmod(EVERYBODY)
 
-    def verify_request(self, request: object, client_address: object) -> bool:
-        """Whether there is room for one more."""
-        return self._places.acquire(blocking=False)
+    def verify_request(self, request: Any, client_address: object) -> bool:
+        """Whether there is room for one more of its kind."""
+        has_room = self._places[_is_own(request)].acquire(blocking=False)
+        if not (has_room or self._is_told):
+            self._is_told = True
+            process, user, _ = _credentials(request)
+            self._say(
+                f"warning: more than {MOST_CLIENTS} clients at the control socket at once, the last one process "
+                f"{process} of user {user}: more are closed\n  remedy: see what opens them"
+            )
+        return has_room
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         """Serve a client until it goes."""
+        places = self._places[_is_own(request)]
         self._clients.add(request)
         try:
             super().process_request_thread(request, client_address)
         finally:
             self._clients.discard(request)
-            self._places.release()
+            places.release()
 
     def server_close(self) -> None:
         """Serve nobody any more."""
@@ -176,24 +190,32 @@ class _Client(StreamRequestHandler):
                 answer = self._answer(line)
                 self.wfile.writelines([line_of(answer)] if isinstance(answer, Mapping) else answer)
 
-    def _is_ours(self) -> bool:
-        """Whether the client is of this process's user or group, or the administrator."""
-        said = self.request.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-        _, user, group = _CREDENTIALS.unpack(said)
-        return user in (0, os.geteuid()) or group == os.getegid()
-
     def _answer(self, line: bytes) -> Message | Iterator[bytes]:
         try:
             request = json.loads(line)
             answer = self.server.requests[request["request"]]
-            if request["request"] != SNAPSHOT and not self._is_ours():
+            if request["request"] != SNAPSHOT and not _is_own(self.request):
                 user = pwd.getpwuid(os.geteuid()).pw_name
                 return {"error": f"user {user} and its group alone may ask for that; repeat it with sudo"}
             return answer(request)
         except ObserverError as error:
             return {"error": str(error)}
-        except (ValueError, KeyError, TypeError, RecursionError):
+        except (ValueError, ArithmeticError, KeyError, TypeError, RecursionError):
             return {"error": f"this is no request; known: {', '.join(self.server.requests)}"}
+
+
+def _credentials(client: socket.socket) -> tuple[int, int, int]:
+    """Process, user and group of a client."""
+    process, user, group = _CREDENTIALS.unpack(
+        client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    )
+    return process, user, group
+
+
+def _is_own(client: socket.socket) -> bool:
+    """Whether a client is of this process's user or group, or the administrator."""
+    _, user, group = _credentials(client)
+    return user in (0, os.geteuid()) or group == os.getegid()
 
 
 @contextmanager

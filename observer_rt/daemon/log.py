@@ -190,9 +190,9 @@ class Notifier:
         if address:
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
             self._address = f"\0{address[1:]}" if address.startswith("@") else address
-        for_us = environment.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
-        timeout = int(environment.get("WATCHDOG_USEC", 0)) if for_us else 0
-        self._period = timeout * 1e-6 / _FEEDS
+        own, timeout = str(os.getpid()), environment.get("WATCHDOG_USEC", "")  # empty ones count as none
+        is_watched = timeout.isdecimal() and (environment.get("WATCHDOG_PID") or own) == own
+        self._period = int(timeout) * 1e-6 / _FEEDS if is_watched else 0.0
         self._due = 0.0
 
     def ready(self) -> None:

@@ -81,7 +81,7 @@ class Reloading:
         failures = []
         for file in places:
             try:
-                self._socket.enter_context(control_socket(file, requests))
+                self._socket.enter_context(control_socket(file, requests, self._say))
                 return
             except OSError as error:
                 failures.append(f"{file}: {error.strerror}")

@@ -21,13 +21,20 @@ def refuse(_: Message) -> Message:
 
 
 @pytest.fixture
-def kept(tmp_path: Path) -> Iterator[Path]:
+def said() -> list[str]:
+    """Warnings of the socket."""
+    return []
+
+
+@pytest.fixture
+def kept(tmp_path: Path, said: list[str]) -> Iterator[Path]:
     """A file that a daemon keeps, in a folder whose name is longer than the address of a socket may be."""
     folder = tmp_path / ("evidence" * 20)
     folder.mkdir()
     with control_socket(
         folder / "observer",
-        {"double": lambda asked: {"is": 2 * asked["of"]}, "fail": refuse, "snapshot": lambda _: {}},
+        {"double": lambda asked: {"is": int(2 * asked["of"])}, "fail": refuse, "snapshot": lambda _: {}},
+        said.append,
     ):
         yield folder / "observer"
 
@@ -49,7 +56,17 @@ def test_a_request_is_answered_or_refused_in_words(kept: Path) -> None:
         ask(kept, {"request": "triple"})
 
 
-@pytest.mark.parametrize("line", [b"\n", b"\xff\n", b"[1]\n", b'{"request": []}\n', b"[" * 60_000 + b"\n"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"\n",
+        b"\xff\n",
+        b"[1]\n",
+        b'{"request": []}\n',
+        b"[" * 60_000 + b"\n",
+        b'{"request": "double", "of": 1e999}\n',
+    ],
+)
 def test_nonsense_is_refused_and_the_client_goes_on(client: socket.socket, line: bytes) -> None:
     with client.makefile("rb") as answers:
         client.sendall(line)
@@ -64,7 +81,7 @@ def test_a_line_without_end_is_hung_up_on(client: socket.socket) -> None:
 
 
 def test_clients_are_limited_and_silent_ones_are_in_nobodys_way(
-    kept: Path, client: socket.socket, monkeypatch: pytest.MonkeyPatch
+    kept: Path, client: socket.socket, said: list[str]
 ) -> None:
     others = [socket.socket(socket.AF_UNIX) for _ in range(MOST_CLIENTS)]
     for other in others:
@@ -73,25 +90,54 @@ def test_clients_are_limited_and_silent_ones_are_in_nobodys_way(
     assert others[-1].recv(1) == b""  # one too many
     with pytest.raises(RunError, match="does not answer"):
         ask(kept, {"request": "double", "of": 1})
+    assert [f"process {os.getpid()}" in each for each in said] == [True]
     for other in others:
         other.close()
     client.sendall(b'{"request": "double", "of": 1}\n')
     assert json.loads(client.recv(100)) == {"is": 2}
 
 
-_ASK = """import os, sys
+_NOBODY = """import os, socket, sys
 from pathlib import Path
 from observer_rt.daemon.control_socket import ask
 os.chdir(sys.argv[1]); os.setgroups([]); os.setgid(65534); os.setuid(65534)
-print(ask(Path("observer"), {"request": "snapshot"}), ask(Path("observer"), {"request": "double", "of": 1}))
+"""
+_ASK = f"""{_NOBODY}
+print(ask(Path("observer"), {{"request": "snapshot"}}), ask(Path("observer"), {{"request": "double", "of": 1}}))
+"""
+_HOLD = f"""{_NOBODY}
+held = [socket.socket(socket.AF_UNIX) for _ in range({2 * MOST_CLIENTS})]
+for each in held:
+    each.connect("observer.socket")
+print("held", flush=True)
+input()
 """
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only the administrator can be another user")
-def test_other_users_may_look_only(kept: Path) -> None:
+@pytest.fixture
+def open_to_others(kept: Path) -> None:
+    """Other users reach the socket."""
+    if os.geteuid() != 0:
+        pytest.skip("only the administrator can be another user")
     for folder in (kept.parent, *kept.parents):
         with suppress(PermissionError):
             folder.chmod(folder.stat().st_mode | 0o111)
+
+
+@pytest.mark.usefixtures("open_to_others")
+def test_other_users_that_hold_all_their_places_keep_nobody_else_out(kept: Path, said: list[str]) -> None:
+    words = [sys.executable, "-c", _HOLD, kept.parent]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"held\n"
+        for of in range(MOST_CLIENTS):
+            assert ask(kept, {"request": "double", "of": of}) == {"is": 2 * of}
+        other.communicate(b"\n")
+    assert ["user 65534" in each for each in said] == [True]
+
+
+@pytest.mark.usefixtures("open_to_others")
+def test_other_users_may_look_only(kept: Path) -> None:
     asked = subprocess.run([sys.executable, "-c", _ASK, kept.parent], capture_output=True, text=True, check=False)
     assert "its daemon refuses: user root and its group alone" in asked.stderr
 

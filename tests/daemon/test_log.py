@@ -186,9 +186,15 @@ def test_the_watchdog_is_fed_three_times_in_its_time_out(manager: socket.socket)
     assert 4 <= len(notifications(manager)) <= 6
 
 
-def test_a_watchdog_of_another_process_is_not_fed(manager: socket.socket) -> None:
-    Notifier(environment(manager, WATCHDOG_USEC="300000", WATCHDOG_PID="1")).alive()
-    assert notifications(manager) == []
+@pytest.mark.parametrize(
+    ("timeout", "process", "told"),
+    [("300000", "1", 0), ("", "", 0), ("soon", "", 0), ("300000", "", 1)],
+)
+def test_a_watchdog_of_another_process_or_of_none_is_not_fed(
+    manager: socket.socket, timeout: str, process: str, told: int
+) -> None:
+    Notifier(environment(manager, WATCHDOG_USEC=timeout, WATCHDOG_PID=process)).alive()
+    assert len(notifications(manager)) == told
 
 
 def test_an_abstract_socket() -> None:

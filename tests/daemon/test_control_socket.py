@@ -126,7 +126,7 @@ def open_to_others(kept: Path) -> None:
 
 @pytest.mark.usefixtures("open_to_others")
 def test_other_users_that_hold_all_their_places_keep_nobody_else_out(kept: Path, said: list[str]) -> None:
-    words = [sys.executable, "-c", _HOLD, kept.parent]
+    words = [sys.executable, "-c", _HOLD, str(kept.parent)]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == b"held\n"

@@ -23,7 +23,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.reading import Watching
-from observer_rt.desk.live_page.session import Session, pressed
+from observer_rt.desk.live_page.session import Saver, Session, pressed
 from observer_rt.foundation.console import say, stop_on_signals
 from observer_rt.foundation.errors import RunError
 
@@ -60,9 +60,9 @@ class _PageFiles(_GuardedHandler, StaticFileHandler):
 class _Channel(_GuardedHandler, WebSocketHandler):
     """Sends updates to a browser, which answers each message with its number once it is drawn."""
 
-    def initialize(self, watching: Watching, folder: Path) -> None:
+    def initialize(self, watching: Watching, saver: Saver) -> None:
         """As of `Session`."""
-        self._session = Session(watching, folder)
+        self._session = Session(watching, saver)
         self._looking = PeriodicCallback(self._draw, _LOOK_EVERY)
         self._alive_due = 0.0  # s
 
@@ -71,14 +71,15 @@ class _Channel(_GuardedHandler, WebSocketHandler):
         self.set_nodelay(True)  # else most drawings wait 40 ms for the receipt of the packet before
         self._looking.start()
 
-    def on_message(self, message: str | bytes) -> None:
-        """A button was pressed, or something drawn."""
+    async def on_message(self, message: str | bytes) -> None:
+        """A button was pressed, or something drawn. The next message waits until others had their turn."""
         said = pressed(message)
         if said is None:
             self.close(1008, "not of this page")
             return
         self._session.take(*said)
         self._draw()
+        await asyncio.sleep(0)
 
     def on_close(self) -> None:
         """The browser is gone."""
@@ -130,15 +131,16 @@ def serve_page(bench: Bench, address: str, port: int, folder: Path, console: Con
 
     port: 0: one that is free; folder: of `Save`. Raises `RunError` for a taken port.
     """
-    watching = Watching(bench)
+    watching, saver = Watching(bench), Saver(folder)
     handlers = [
-        ("/drawings", _Channel, {"watching": watching, "folder": folder}),
-        ("/(.*)", _PageFiles, {"path": _FILES, "default_filename": "page.html"}),
+        ("/drawings", _Channel, {"watching": watching, "saver": saver}),
+        (r"/([\w./-]*)", _PageFiles, {"path": _FILES, "default_filename": "page.html"}),
     ]
     try:
         asyncio.run(_serve(handlers, address, port, console))
     finally:
         watching.close()
+        saver.close()
 
 
 async def _serve(handlers: list[Any], address: str, port: int, console: Console) -> None:

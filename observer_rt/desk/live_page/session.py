@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from observer_rt.foundation.outputs import replacing, write_text
 _AHEAD = 2  # messages: one is on its way while the last one is drawn
 _STATUS_EVERY = 0.4  # s
 _WITH_CURVES = 8  # injections of a message, the newest: what a browser draws
+MOST_SAVED = 1000  # injections, for whoever reaches the page may ask for it
 _VALUES = (
     *("number", "valid", "verdict", "mass_mg", "mass_bound_mg", "rail_pressure_MPa"),
     *("nozzle_v_H", "nozzle_v_H_ci95_low", "nozzle_v_H_ci95_high"),
@@ -40,12 +42,12 @@ def pressed(message: str | bytes) -> tuple[str, int, int] | None:
 class Session:
     """Sends updates to one browser."""
 
-    def __init__(self, watching: Watching, folder: Path) -> None:
-        """folder: where injections are saved."""
+    def __init__(self, watching: Watching, saver: "Saver") -> None:
         self._watching = watching
-        self._folder = folder
+        self._saver = saver
+        self._saving: Future[str] | None = None
         self._answer: dict[str, Any] = {"names": [each.name for each in watching.readers]}
-        self._asked: list[tuple[int, ShownInjection]] = []  # by injector
+        self._asked: dict[tuple[int, int], ShownInjection] = {}  # by injector and count
         self._sent = [0] * len(watching.readers)  # injections
         self._number = self._drawn = 0  # of messages: the last one sent, the last one drawn
         self._due = 0.0  # s
@@ -60,14 +62,18 @@ class Session:
         reader = self._watching.readers[of]
         injection = next((each for each in reader.injections(count - 1) if each.count == count), None)
         self._due = 0.0  # who presses a button waits for nothing
-        if button == "save":
-            self._answer["said"] = self._save(injection, reader.name)
+        if button == "save" and injection is None:
+            self._answer["said"] = "there is no injection yet"
+        elif button == "save" and injection is not None:
+            self._saving = self._saving or self._saver.save(injection, reader.name)
         elif button == "curves" and injection is not None and count <= self._sent[of]:
-            self._asked.append((of, injection))
+            self._asked[of, count] = injection
 
     def message(self) -> bytes | None:
         """Changes since the last message; None: nothing, or the browser is not through with those before."""
         readers, now = self._watching.readers, time.monotonic()
+        if self._saving is not None and self._saving.done():
+            self._answer["said"], self._saving, self._due = self._saving.result(), None, 0.0
         has_news = any(reader.count > sent for reader, sent in zip(readers, self._sent, strict=True))
         if self._number - self._drawn >= _AHEAD or not (has_news or now >= self._due):
             return None
@@ -78,7 +84,7 @@ class Session:
         for number, reader in enumerate(readers):
             seen, news = reader.seen(), reader.injections(self._sent[number])
             self._sent[number] = news[-1].count if news else self._sent[number]
-            asked = [each for of, each in self._asked if of == number]
+            asked = [each for (of, _), each in self._asked.items() if of == number]
             without_curves = (replace(each, curves={}) for each in news[:-_WITH_CURVES])
             sent = [*asked, *without_curves, *news[-_WITH_CURVES:]]
             said.append({**asdict(seen), "news": [_shown(each) for each in sent]})
@@ -90,16 +96,8 @@ class Session:
             "injectors": said,
             **self._answer,
         }
-        self._answer, self._asked = {}, []
+        self._answer, self._asked = {}, {}
         return packed(content, curves)
-
-    def _save(self, injection: ShownInjection | None, name: str) -> str:
-        if injection is None:
-            return "there is no injection yet"
-        try:
-            return f"saved: {save_injection(injection, self._folder, name)}, .json"
-        except ObserverError as error:
-            return str(error)
 
 
 def _shown(injection: ShownInjection) -> dict[str, Any]:
@@ -112,6 +110,34 @@ def packed(said: dict[str, Any], curves: Sequence[bytes]) -> bytes:
     text = json.dumps(said, allow_nan=False).encode()
     text += b" " * (-len(text) % 4)  # values stand at multiples of their width
     return b"".join([len(text).to_bytes(4, "little"), text, *curves])
+
+
+class Saver:
+    """Saves injections in a folder for all browsers: one at a time, beside the page's loop, and each once."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._saved: dict[tuple[str, int], Path] = {}
+        self._thread = ThreadPoolExecutor(1, "saving")
+
+    def save(self, injection: ShownInjection, name: str) -> Future[str]:
+        """Save it, later; the result says where it is, or why it is not. name: of the injector."""
+        return self._thread.submit(self._save, injection, name)
+
+    def close(self) -> None:
+        """Save no more."""
+        self._thread.shutdown(cancel_futures=True)
+
+    def _save(self, injection: ShownInjection, name: str) -> str:
+        path = self._saved.get((name, injection.count))
+        if path is None or not path.exists():
+            if len(self._saved) >= MOST_SAVED:
+                return f"not saved: {MOST_SAVED} injections are already; start `observer-rt monitor` anew"
+            try:
+                path = self._saved[name, injection.count] = save_injection(injection, self._folder, name)
+            except ObserverError as error:
+                return str(error)
+        return f"saved: {path}, .json"
 
 
 def save_injection(shown: ShownInjection, folder: Path, name: str) -> Path:

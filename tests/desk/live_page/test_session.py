@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,10 @@ from hypothesis import strategies as st
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.snapshot import ShownInjection
 from observer_rt.desk.live_page.reading import Watching
-from observer_rt.desk.live_page.session import Session, pressed, save_injection
+from observer_rt.desk.live_page.session import Saver, Session, pressed, save_injection
+from tests.daemon.participants import bench_file, until
+from tests.desk.live_page.test_reading import said
+from tests.desk.live_page.test_reading import watching as watching_at
 
 SHOWN = ShownInjection(1, 5, {"number": 7, "mass_mg": None}, {"nominal": None})
 
@@ -41,7 +45,7 @@ _JSON = st.recursive(
 def test_whatever_is_said_is_a_button_or_nothing(watching: Watching, message: str | bytes) -> None:
     """And a button that there is not does no harm."""
     if (result := pressed(message)) is not None:
-        session = Session(watching, Path())
+        session = Session(watching, Saver(Path()))
         session.take(*result)
         assert session.message() is not None
 
@@ -60,7 +64,7 @@ def sent_until_behind(session: Session) -> list[bytes]:
 
 
 def test_a_browser_that_does_not_answer_or_claims_to_be_ahead_is_sent_no_more(watching: Watching) -> None:
-    session = Session(watching, Path())
+    session = Session(watching, Saver(Path()))
     session.take("drawn", 10**9, 0)
     for _ in range(3):
         sent = sent_until_behind(session)
@@ -83,3 +87,46 @@ def test_a_saved_injection_is_a_recording_by_a_name_that_is_free(tmp_path: Path)
     said = json.loads(path.with_suffix(".json").read_text())
     assert said == {"number": 7, "mass_mg": None, "nominal_mass_mg": None, "moment_ns": 5}
     assert (tmp_path / "injection_left_7.csv").read_text() == "mine"
+
+
+class SlowSaver(Saver):
+    """Has not saved anything yet."""
+
+    def __init__(self) -> None:
+        self.results: list[Future[str]] = []
+
+    def save(self, injection: ShownInjection, name: str) -> Future[str]:
+        self.results.append(Future())
+        return self.results[-1]
+
+
+def test_a_browser_saves_one_at_a_time_and_hears_of_it_once_it_is_done(tmp_path: Path) -> None:
+    saver = SlowSaver()
+    with watching_at(bench_file(tmp_path, "saved"), {"": said(SHOWN)}) as view:
+        until(lambda: view.readers[0].count > 0)
+        session = Session(view, saver)
+        for _ in range(1000):
+            session.take("save", 0, 1)
+        first = session.message()
+        assert first is not None
+        assert len(saver.results) == 1
+        saver.results[0].set_result("saved: there")
+        second = session.message()
+        assert second is not None
+        assert ("said" in text_of(first), text_of(second)["said"]) == (False, "saved: there")
+        session.take("save", 0, 1)
+        assert len(saver.results) == 2
+
+
+def test_an_injection_is_saved_once_and_no_more_of_them_than_a_disk_bears(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("observer_rt.desk.live_page.session.MOST_SAVED", 2)
+    saver = Saver(tmp_path)
+    said_of = [saver.save(ShownInjection(count, 5, {"number": 7}), "").result(20.0) for count in (1, 1, 2, 3, 1)]
+    saver.close()
+    first, second = (f"saved: {tmp_path / name}.csv, .json" for name in ("injection_7", "injection_7_2"))
+    assert said_of[:3] == [first, first, second]
+    assert said_of[3].startswith("not saved: 2 injections are already")
+    assert said_of[4] == first
+    assert len(list(tmp_path.iterdir())) == 4

@@ -6,6 +6,8 @@ import socket
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from ctypes.util import find_library
+from importlib.util import find_spec
 
 from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
 from observer_rt.bus.links.socketcan import SocketCanLink, StampReader
@@ -15,6 +17,15 @@ _OURS = ("socketcan", "descriptor")
 LISTENING = 0.5  # s; a windowed source pauses for about a tenth
 _TURN = 0.02  # s, of one bus among several
 RECONNECT_PERIOD = 0.1  # s between tries
+# What drivers of python-can need besides: a package, by what is imported; a library of the vendor; Windows.
+_PACKAGES = {
+    "udp_multicast": ("msgpack", "msgpack"),
+    **dict.fromkeys(("slcan", "serial", "robotell", "seeedstudio"), ("serial", "pyserial")),
+    **{"gs_usb": ("usb", "gs_usb"), "neovi": ("ics", "python-ics")},
+    **{name: (name, name) for name in ("canalystii", "cantact")},
+}
+_LIBRARIES = {"pcan": "pcanbasic", "kvaser": "canlib"}
+_FOR_WINDOWS = ("etas", "ixxat", "nican", "nixnet", "systec", "usb2can", "vector")
 
 
 class DescriptorLink(SocketCanLink):
@@ -82,6 +93,18 @@ def require_interface(location: str, name: str) -> None:
         )
 
 
+def missing_driver(interface: str) -> str:
+    """What this computer lacks of the driver of an interface, as a remedy; empty: nothing that is known here."""
+    module, package = _PACKAGES.get(interface, ("", ""))
+    if module and find_spec(module) is None:
+        return f"pip install {package}"
+    if (library := _LIBRARIES.get(interface)) and not find_library(library):
+        return f"install lib{library} of the vendor, or use socketcan if the kernel drives the device"
+    if interface in _FOR_WINDOWS:
+        return "python-can drives it on Windows only: use socketcan if the kernel drives the device"
+    return ""
+
+
 def open_link(
     interface: str,
     channel: str,
@@ -98,7 +121,7 @@ def open_link(
     so that stamps of several links can be compared.
 
     Raises:
-        UserError: no such interface.
+        UserError: no such interface, or its driver is not installed.
         RunError: the interface is there but cannot be used.
     """
     require_interface("link.interface", interface)
@@ -106,6 +129,8 @@ def open_link(
         return SocketCanLink(channel, fd, receive_ids, computer_time)
     if interface == "descriptor":
         return DescriptorLink(channel, fd, receive_ids, computer_time)
+    if remedy := missing_driver(interface):
+        raise UserError("link.interface", f"{interface!r} cannot be used on this computer", remedy)
     from observer_rt.bus.links.python_can import PythonCanLink  # only for those who use one of its drivers
 
     return PythonCanLink(interface, channel, fd, receive_ids, computer_time)

@@ -1,6 +1,8 @@
 """A link over any python-can interface: vendor hardware, or `virtual` within one process."""
 
 import contextlib
+import os
+import socket
 import threading
 import time
 from collections.abc import Sequence
@@ -17,10 +19,10 @@ from observer_rt.bus.links.link import (
     LinkDownError,
     StampSource,
 )
-from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.errors import RunError, UserError
 
 SEND_TIMEOUT_S = 0.5  # how long a driver may wait for a place in its queue
-
+_IP_MULTICAST_ALL, _IPV6_MULTICAST_ALL = 49, 29  # of linux/in.h and linux/in6.h, which Python does not name
 
 MOST_OWN = 4096  # frames sent, about a second of results, that may come back
 
@@ -45,6 +47,16 @@ class OwnFrames:
         if left > 0:
             self._sent[key] = left
         return left >= 0
+
+
+def _refuse_other_groups(bus: can.BusABC) -> None:
+    """Have a socket get frames of its own multicast group only, not of all that programs on this computer joined."""
+    with socket.socket(fileno=os.dup(bus.fileno())) as own:
+        own.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
+        if own.family == socket.AF_INET6:
+            own.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
+    while bus.recv(0.0) is not None:
+        pass  # came before
 
 
 class PythonCanLink(Link):
@@ -72,6 +84,12 @@ class PythonCanLink(Link):
     def _open(self) -> None:
         try:
             self._bus = can.Bus(interface=self._interface, channel=self._channel, fd=self._fd)
+            if self._interface == "udp_multicast":
+                _refuse_other_groups(self._bus)
+        except (can.CanInterfaceNotImplementedError, ImportError, NameError) as error:  # waiting does not mend it
+            remedy = "install its driver, or use another interface"
+            problem = f"{self._interface!r} cannot be used on this computer: {error}"
+            raise UserError("link.interface", problem, remedy) from error
         except (can.CanError, OSError, ValueError, TypeError) as error:
             raise LinkDownError(
                 f"{self._name} cannot be opened: {error}\n"
@@ -154,7 +172,10 @@ class PythonCanLink(Link):
     def reconnect(self) -> None:
         with self._sending:
             self.close()
-            self._open()
+            try:
+                self._open()
+            except UserError as error:  # it could be used before
+                raise LinkDownError(str(error)) from error
 
     @property
     def dropped(self) -> int:

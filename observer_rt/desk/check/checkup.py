@@ -6,6 +6,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.check.bench_rules import bench_findings
 from observer_rt.desk.check.findings import Finding
 from observer_rt.desk.check.machine import (
+    driver_findings,
     interface_findings,
     real_time_findings,
     socketcan_findings,
@@ -24,6 +25,8 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     if any(link.config.interface == "socketcan" for link in bench.config.buses):
         findings += socketcan_findings()
     for link in bench.config.buses:
-        if link.config.interface == "socketcan":
-            findings += interface_findings(link.config, location=link.location)
+        is_ours = link.config.interface == "socketcan"
+        findings += (
+            interface_findings(link.config, location=link.location) if is_ours else driver_findings(link.config)
+        )
     return findings

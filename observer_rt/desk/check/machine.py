@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
+from observer_rt.bus.links.opening import missing_driver
 from observer_rt.bus.links.socketcan import NO_SOCKETCAN
 from observer_rt.config.bench_file import LinkConfig, RealTimeConfig
 from observer_rt.daemon.rights import REMEDY, Processors, Rights, processors, rights
@@ -87,6 +88,18 @@ def interface_findings(link: LinkConfig, network: Path = NETWORK, location: str 
         yield carries_fd, f"{name}: mtu {mtu}, {'' if carries_fd else 'no '}CAN FD", _set_up_anew(link)
     longer = f"sudo ip link set {name} txqueuelen {10 * SHORTEST_QUEUE}"
     yield queue >= SHORTEST_QUEUE, f"{name}: queue of {queue} frames to send", longer
+
+
+@ruled("interface")
+def driver_findings(link: LinkConfig) -> Iterator[Said]:
+    """Whether python-can's driver of an interface is there, and who else is heard."""
+    if remedy := missing_driver(link.interface):
+        yield False, f"{link.interface} cannot be used on this computer", remedy
+    if link.interface == "udp_multicast":
+        yield (
+            f"{link.channel}: frames of other groups do not come in; programs of this computer may hear all groups, "
+            "and everybody in this network may send to this one"
+        )
 
 
 def _create(link: LinkConfig) -> str:

@@ -1,8 +1,10 @@
 """Links over python-can's virtual bus."""
 
+import socket
+import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from uuid import uuid4
 
 import can
@@ -25,6 +27,15 @@ def sender(channel: str) -> Iterator[Link]:
         yield link
 
 
+def failing(error: Exception) -> Callable[..., None]:
+    """A function that fails."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    return fail
+
+
 def receiver_of(channel: str, receive_ids: list[tuple[int, bool]] | None = None) -> Link:
     return open_link("virtual", channel, True, receive_ids)
 
@@ -40,12 +51,9 @@ def test_error_frames_are_counted_and_are_no_data(channel: str) -> None:
 def test_what_the_driver_refuses_may_be_tried_again(
     channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(*_: object) -> None:
-        raise can.CanOperationError("the transmit buffer is full")
-
     with receiver_of(channel) as receiver:
         with monkeypatch.context() as full:
-            full.setattr(VirtualBus, "send", refuse)
+            full.setattr(VirtualBus, "send", failing(can.CanOperationError("the transmit buffer is full")))
             assert not sender.try_send(0x100, b"", False, True)
         assert sender.try_send(0x100, b"", False, True)
         assert receiver.receive(0.0) is not None
@@ -74,9 +82,7 @@ def test_threads_that_send_take_turns(channel: str, sender: Link, monkeypatch: p
 def test_a_device_that_went_away_is_connected_anew(
     channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def unplugged(*_: object, **__: object) -> None:
-        raise can.CanInitializationError("no such device")
-
+    unplugged = failing(can.CanInitializationError("no such device"))
     with receiver_of(channel, [(0x100, False)]) as receiver:
         with monkeypatch.context() as without_device:
             without_device.setattr(VirtualBus, "_recv_internal", unplugged)
@@ -125,9 +131,69 @@ def test_an_unknown_interface_is_a_users_mistake() -> None:
         open_link("sokcetcan", "can0", True)
 
 
-def test_an_interface_that_cannot_be_opened_fails_at_run_time() -> None:
-    with pytest.raises(RunError, match=r"pcan channel NO_SUCH_CHANNEL cannot be opened.*\n.*driver"):
-        open_link("pcan", "NO_SUCH_CHANNEL", True)
+def test_an_interface_that_cannot_be_opened_fails_at_run_time(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(VirtualBus, "__init__", failing(can.CanInitializationError("no such device")))
+    with pytest.raises(LinkDownError, match=rf"virtual channel {channel} cannot be opened.*\n.*driver"):
+        receiver_of(channel)
+
+
+@pytest.mark.parametrize(
+    ("interface", "remedy"),
+    [("udp_multicast", "pip install msgpack"), ("pcan", "libpcanbasic of the vendor"), ("vector", "on Windows only")],
+)
+def test_what_is_missing_of_a_driver_is_not_waited_for(
+    interface: str, remedy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "msgpack", None)
+    monkeypatch.setattr("observer_rt.bus.links.opening.find_library", lambda _: None)
+    with pytest.raises(UserError, match=f"'{interface}' cannot be used on this computer\n.*{remedy}"):
+        open_link(interface, "0", True)
+
+
+@pytest.mark.parametrize("error", [can.CanInterfaceNotImplementedError("no API"), ImportError("no API")])
+def test_a_driver_that_says_so_itself_is_not_waited_for_at_first(
+    channel: str, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    with receiver_of(channel) as receiver:
+        monkeypatch.setattr(VirtualBus, "__init__", failing(error))
+        with pytest.raises(UserError, match="'virtual' cannot be used on this computer: no API"):
+            receiver_of(channel)
+        with pytest.raises(LinkDownError, match="no API"):
+            receiver.reconnect()
+
+
+class GroupBus:
+    """As a bus of python-can's multicast, over a socket that is in no group; frames of another one came before."""
+
+    def __init__(self, family: socket.AddressFamily, address: str) -> None:
+        self.socket = socket.socket(family, socket.SOCK_DGRAM)
+        self.socket.bind((address, 0))
+        self.fileno, self.shutdown = self.socket.fileno, self.socket.close
+        self._early = [can.Message(arbitration_id=0x100, is_extended_id=False)] * 2
+
+    def recv(self, _: float) -> can.Message | None:
+        return self._early.pop() if self._early else None
+
+
+@pytest.mark.parametrize(
+    ("address", "options"),
+    [
+        ((socket.AF_INET, "127.0.0.1"), [(socket.IPPROTO_IP, 49)]),
+        ((socket.AF_INET6, "::1"), [(socket.IPPROTO_IP, 49), (socket.IPPROTO_IPV6, 29)]),
+    ],
+    ids=["IPv4", "IPv6"],
+)
+def test_frames_of_other_multicast_groups_are_refused(
+    address: tuple[socket.AddressFamily, str], options: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By IP_MULTICAST_ALL and IPV6_MULTICAST_ALL: else a socket gets what any program on the computer has joined."""
+    bus = GroupBus(*address)
+    assert bus.socket.getsockopt(*options[-1]) == 1
+    monkeypatch.setattr("observer_rt.bus.links.opening.find_spec", lambda _: "there")
+    monkeypatch.setattr(can, "Bus", lambda **_: bus)
+    with open_link("udp_multicast", "239.74.163.2", True) as link:
+        assert [bus.socket.getsockopt(*option) for option in options] == [0] * len(options)
+        assert link.receive(0.0) is None
 
 
 def test_own_frames_that_come_back_are_no_other_senders(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 import errno
 import socket
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from observer_rt.daemon.rights import Processors, Rights
 from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.desk.check.machine import (
     Host,
+    driver_findings,
     interface_findings,
     real_time_findings,
     socketcan_findings,
@@ -122,3 +124,11 @@ def test_a_kernel_without_can_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "no SocketCAN" in finding.text
     assert "sudo modprobe can_raw" in finding.text
     assert 'interface = "udp_multicast"' in finding.text
+
+
+def test_a_driver_that_cannot_be_used_here_and_who_else_hears_a_group(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "msgpack", None)
+    missing, others = driver_findings(LinkConfig(interface="udp_multicast", channel="239.74.163.2"))
+    assert (missing.level, others.level) == (Level.WARNING, Level.OK)
+    assert missing.text == "udp_multicast cannot be used on this computer; pip install msgpack"
+    assert "may hear all groups" in others.text

@@ -15,7 +15,7 @@ from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.daemon.state_file import save_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from observer_rt.foundation.files import JOURNAL, LEARNED_STATE, is_at
 from observer_rt.foundation.outputs import check_folder, check_own_file
 
@@ -101,16 +101,20 @@ def _no_lock(lock: Path, error: OSError) -> UserError:
     )
 
 
+class UnsavedError(RunError):
+    """The last write failed: of what was learned, or of the journal."""
+
+
 class PersistentFile(Protocol):
     """Something on disk that follows the daemon. name: what it is, with its file."""
 
     name: str
 
     def write(self) -> None:
-        """Bring the file up to date. Raises `RunError`; what could not be written is written by a later call."""
+        """Bring the file up to date. Raises `ObserverError`; what could not be written is by a later call."""
 
     def finish(self) -> str:
-        """The last write, whatever was written before; what to say of it. Raises `RunError`."""
+        """The last write, whatever was written before; what to say of it. Raises `ObserverError`."""
 
 
 class RetryingWriter:
@@ -129,7 +133,7 @@ class RetryingWriter:
         """Write once."""
         try:
             self._file.write()
-        except RunError as error:
+        except ObserverError as error:
             self.failures += 1
             if str(error) != self._reported:
                 self._reported = str(error)
@@ -150,7 +154,7 @@ class RetryingWriter:
         failed = f" ({self.failures} attempts failed before)" if self.failures else ""
         try:
             self._tell(f"{self._file.finish()}{failed}")
-        except RunError as error:
+        except ObserverError as error:
             return f"{error}{failed}"
         return ""
 
@@ -179,7 +183,7 @@ class Keeper:
     def keeping(self, source: KnowledgeSource) -> Iterator[None]:
         """While it lasts, write new results within `save_within_s`; at the end, a last time.
 
-        Raises `RunError` when the last write fails.
+        Raises `UnsavedError` when the last write fails.
         """
         # what comes just after a write waits for the next one, and for its end
         interval = self._fitted.config.state.save_within_s / 2
@@ -197,7 +201,7 @@ class Keeper:
             thread.join()
             problems = [problem for writer in self._writers if (problem := writer.finish())]
             if problems:
-                raise RunError("\n".join(problems))
+                raise UnsavedError("\n".join(problems))
 
     def _write(self, interval: float, stop: threading.Event) -> None:
         """Write again and again, `interval` seconds from begin to begin, until stopped."""

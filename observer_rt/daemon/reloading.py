@@ -68,6 +68,8 @@ class Reloading:
         self._socket = stack.enter_context(ExitStack())
         self._places: tuple[Path, ...] = ()
         self._snapshot: Answer | None = None
+        self.unsaved = ""
+        """Problem of the last write before the bench that is served now, for the answer; empty: none."""
 
     def listen(self, bench: Bench, state: Path | None, snapshot: Answer) -> None:
         """Take requests where the bench file leads to. state: of the command line; snapshot: answers that request."""
@@ -151,8 +153,9 @@ class Reloading:
     def _settle(self, bench: Bench, model: str) -> None:
         """Answer whoever asked for the bench that is served now."""
         for wish in self._taken:
-            wish.answer.set_result({"model": model, "version": __version__, "bench": str(bench.path.absolute())})
-        self._taken = ()
+            said = {"model": model, "version": __version__, "bench": str(bench.path.absolute())}
+            wish.answer.set_result(said | {"unsaved": self.unsaved})
+        self._taken, self.unsaved = (), ""
 
     def _answer(self, request: Message) -> Iterator[bytes]:
         assert self._snapshot is not None

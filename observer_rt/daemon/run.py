@@ -15,7 +15,7 @@ from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.bus_connection import LinkOpening, StoppedError, buses_of
 from observer_rt.daemon.daemon import Daemon
-from observer_rt.daemon.keeper import Keeper, keeper_of, kept_files
+from observer_rt.daemon.keeper import Keeper, UnsavedError, keeper_of, kept_files
 from observer_rt.daemon.log import EventLogger, Notifier, ServiceLog
 from observer_rt.daemon.options import RunOptions
 from observer_rt.daemon.reloading import Reloading
@@ -35,7 +35,7 @@ from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.injector import bench_constants, doubt_about_fit
 from observer_rt.engine.words import Topic
 from observer_rt.foundation.console import StopRequest, stop_on_signals
-from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.files import SERVICE_LOG, file_errors
 from observer_rt.foundation.outputs import check_own_file
 from observer_rt.foundation.units import MICROSECOND
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from observer_rt.daemon.evidence import EvidenceKeeper
 
 _TURN = 0.2  # s between two looks at what signals ask for
+UNSAVED = "the reload goes on; what was learned with the model before is kept by this process only, for the way back"
 
 
 class InjectorService:
@@ -98,6 +99,11 @@ class InjectorService:
     def learned(self) -> Knowledge | None:
         """What was learned for its model."""
         return self._daemon.core.knowledge if self._daemon else self._knowledge
+
+    @property
+    def is_observing(self) -> bool:
+        """Whether it has got its links, and observes or did."""
+        return self._daemon is not None
 
     @property
     def is_between_events(self) -> bool:
@@ -243,9 +249,15 @@ class Serving:
     notifier: Notifier = field(default_factory=Notifier)
     learned: dict[str, Knowledge | None] = field(default_factory=dict)
     is_ready: bool = False
+    has_observed: bool = False
+    """Whether the last bench was in service when it ended."""
 
     def serve(self, bench: Bench) -> Bench | None:
-        """Serve a bench until asked to stop, or another is to take its place, which is returned."""
+        """Serve a bench until asked to stop, or another is to take its place, which is returned.
+
+        Raises `UserError` and `RunError`; where another takes its place, what could not be saved is only said.
+        """
+        self.has_observed = False
         with ExitStack() as stack:
             service = self._service(bench, stack)
             self.reloading.listen(bench, self.options.state, service.snapshots.answer)
@@ -255,7 +267,15 @@ class Serving:
                 self.log.say(Topic.STOP, "stopped while it was starting")
                 return None
             with self.reloading.watching(bench, service) as (ended, successor):
-                serve_beside(service, ended, service.drawing)
+                try:
+                    serve_beside(service, ended, service.drawing)
+                except UnsavedError as error:
+                    if self.stop.is_set() or successor() is None:
+                        raise
+                    self.reloading.unsaved = str(error)
+                    self.say(f"warning: {error}\n  remedy: {UNSAVED}")
+                finally:
+                    self.has_observed = service.is_observing
         self.learned[service.model] = service.learned
         return None if self.stop.is_set() else successor()
 
@@ -337,8 +357,8 @@ def serve(read: Callable[[], Bench], options: RunOptions, console: Console) -> N
         while now is not None:
             try:
                 before, now = now, serving.serve(now)
-            except UserError as error:
-                if before is None:
+            except ObserverError as error:
+                if before is None or serving.has_observed:
                     raise
                 serving.say(f"warning: {bench.path} cannot be served, the one before goes on: {error}")
                 reloading.refuse(error)

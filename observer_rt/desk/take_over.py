@@ -18,7 +18,7 @@ from rich.console import Console
 
 from observer_rt.config.bench import Bench, BenchInjector, load_bench, load_injector
 from observer_rt.config.signals import as_observed
-from observer_rt.daemon.control_socket import ask, socket_places
+from observer_rt.daemon.control_socket import Message, ask, socket_places
 from observer_rt.daemon.reloading import RELOAD
 from observer_rt.daemon.state_file import learned_beside, model_hash, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
@@ -37,11 +37,19 @@ _AMENDED = "_amended_"  # in the name of a copy, before its number
 
 @dataclass(frozen=True)
 class StepOutcome:
-    """A step that was taken, or undone: what it changed besides, and whether a daemon has it in force."""
+    """A step that was taken, or undone: what it changed besides, and what a daemon says that has it in force.
+
+    answer: None: there is no daemon; its `unsaved` is a problem of what was learned before, if that was not saved.
+    """
 
     step: TakeOver
     changes: tuple[str, ...]
-    has_daemon: bool
+    answer: Message | None
+
+    @property
+    def has_daemon(self) -> bool:
+        """Whether a daemon has it in force."""
+        return self.answer is not None
 
 
 def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = False) -> StepOutcome:
@@ -93,9 +101,9 @@ def undo(path: Path, injector: str = "") -> StepOutcome:
             raise UserError(f"{path}", problem, "name the injector file by hand: [model] file")
         last = own.pop()
         remaining = [step for step in done if step.injector != injector or step in own]
-        has_daemon = _in_force(path, injector, last.before, remaining)
+        answer = _in_force(path, injector, last.before, remaining)
         after = load_bench(path).of(injector or None).injector.parameters
-        return StepOutcome(last, parameter_changes(fitted.parameters, after), has_daemon)
+        return StepOutcome(last, parameter_changes(fitted.parameters, after), answer)
 
 
 @contextmanager
@@ -133,8 +141,8 @@ def _copied(bench: Bench, amended: Path, used: set[str]) -> Path:
             return copy
 
 
-def _in_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOver]) -> bool:
-    """Have the bench file name an injector file, and a daemon read it; whether there is one. All or nothing.
+def _in_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOver]) -> Message | None:
+    """Have the bench file name an injector file, and a daemon read it; its answer, if there is one. All or nothing.
 
     done: the history then. It is written first, for a step that never came to be is passed over.
     """
@@ -143,7 +151,7 @@ def _in_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOv
     try:
         note_steps(path, done)
         replace_text(path, after)
-        return _is_reloaded(load_bench(path).of(injector or None))
+        return _reload(load_bench(path).of(injector or None))
     except BaseException:
         if path.read_bytes() == after:  # by nobody else meanwhile
             replace_text(path, before)
@@ -151,8 +159,8 @@ def _in_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOv
         raise
 
 
-def _is_reloaded(bench: Bench) -> bool:
-    """Have the daemon that keeps the injector's evidence or state read the bench file; False: no daemon does.
+def _reload(bench: Bench) -> Message | None:
+    """Have the daemon that keeps the injector's evidence or state read the bench file; None: no daemon does.
 
     Raises `UserError` or `RunError` unless it has the model of the bench in force then.
     """
@@ -163,8 +171,8 @@ def _is_reloaded(bench: Bench) -> bool:
         if answer is not None:
             if answer.get("model") != model:
                 raise RunError(f"the daemon of {answer.get('bench')} has another model in force: see its log")
-            return True
-    return False
+            return answer
+    return None
 
 
 def learn_beforehand(bench: Bench, amended: Path) -> int:

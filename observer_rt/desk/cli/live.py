@@ -223,8 +223,9 @@ def take_over(options: TakeOverOptions) -> None:
     )
     for change in done.changes:
         say(results(), f"  {change}")
-    if done.has_daemon:
-        say(messages, "the daemon has it in force")
+    if done.answer is not None:
+        unsaved = done.answer.get("unsaved")
+        say(messages, "the daemon has it in force" + (f"\nwarning: {unsaved}" if unsaved else ""))
     else:
         say(
             messages,

@@ -7,15 +7,18 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, example_text, load_bench, load_injector
 from observer_rt.daemon import bus_connection
+from observer_rt.daemon.control_socket import Message, ask, socket_places
 from observer_rt.daemon.journal import read_journal
-from observer_rt.daemon.state_file import learned_beside, load_knowledge, save_knowledge
+from observer_rt.daemon.state_file import learned_beside, load_knowledge, model_hash, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.formats import read_recording
 from observer_rt.files.replay.framing import TimedFrame
@@ -138,7 +141,7 @@ def test_hang_up_takes_over_a_bench_file_that_was_changed(
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-        monkeypatch.setenv("WATCHDOG_USEC", "600000")
+        monkeypatch.setenv("WATCHDOG_USEC", "6000000")
         outcome, _ = run_and_stop(command, bench, worn, "--injector=", "--log", log, meanwhile=hang_up)
         manager.setblocking(False)
         notifications = []
@@ -152,6 +155,56 @@ def test_hang_up_takes_over_a_bench_file_that_was_changed(
     assert (notifications[0], notifications[-1]) == ("READY=1", "STOPPING=1")
     assert notifications.count("STOPPING=1") == 1
     assert "WATCHDOG=1" in notifications
+
+
+def test_a_reload_goes_on_where_what_was_learned_cannot_be_saved(
+    command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The log and the answer say so; it is saved again once there is room."""
+    log, state, fitted = tmp_path / "run.log", tmp_path / "learned.json", load_bench(bench).injector
+    is_full = threading.Event()
+
+    def save(path: Path, *knowledge: Any) -> None:
+        if is_full.is_set():
+            raise RunError(f"{path}: the learned state cannot be written: the disk is full")
+        save_knowledge(path, *knowledge)
+
+    monkeypatch.setattr("observer_rt.daemon.keeper.save_knowledge", save)
+    answers: list[Message] = []
+
+    def reload() -> bool:
+        is_full.set()
+        bench.write_text(bench.read_text().replace("bridge_ms = 0.5", "bridge_ms = 0.75"))
+        asked = {"request": "reload", "model": model_hash(fitted.parameters)}
+        answers.extend(filter(None, (ask(file, asked) for file in socket_places(fitted, state))))
+        until(lambda: log.read_text().count("start: ready") == 2)
+        is_full.clear()
+        return True
+
+    options = ("--log", log, "--state", state)
+    outcome, _ = run_and_stop(command, bench, worn, *options, meanwhile=reload)
+    assert outcome.code == 0
+    assert [f"{state}: the learned state cannot be written" in answer["unsaved"] for answer in answers] == [True]
+    assert "WARNING start: " in outcome.err
+    assert "the reload goes on; what was learned with the model before is kept by this process only" in outcome.err
+    assert "what was learned from 4 events goes on in force" in outcome.err
+    assert f"learned state saved in {state}" in outcome.err
+
+
+def test_a_bench_whose_interface_cannot_be_used_leaves_the_one_before_in_force(
+    command: Command, bench: Path, worn: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "run.log"
+
+    def reload() -> bool:
+        bench.write_text(bench.read_text().replace('interface = "virtual"', 'interface = "vector"'))
+        os.kill(os.getpid(), signal.SIGHUP)
+        until(lambda: log.read_text().count("start: ready") == 2)
+        return True
+
+    outcome, _ = run_and_stop(command, bench, worn, "--log", log, meanwhile=reload)
+    assert outcome.code == 0
+    assert "cannot be served, the one before goes on: link.interface: 'vector'" in outcome.err
 
 
 def test_an_amended_model_begins_with_what_was_learned_for_it_and_undo_with_what_was_before(

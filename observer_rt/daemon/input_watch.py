@@ -1,7 +1,8 @@
 """What the daemon says of its inputs, live or over a log: missing messages, lost frames, other senders, the state."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
+from functools import partial
 from typing import NamedTuple
 
 from observer_rt.bus.database.lookup import E2EState
@@ -142,10 +143,11 @@ class MessageWatch:
 class FrameWatch:
     """Watches the counters: the share of the frames that is useless and why, and samples that are lost at once."""
 
-    def __init__(self, arrivals: Arrivals, rate: float) -> None:
-        """rate: of samples [Hz]."""
+    def __init__(self, arrivals: Arrivals, rate: float, lengths: Callable[[], str] = lambda: "") -> None:
+        """rate: of samples [Hz]; lengths: which messages came with another length than theirs, in words."""
         self._arrivals = arrivals
         self._rate = rate
+        self._lengths = lengths
         self._begin: tuple[Counters, int] | None = None  # at the first of the looks judged together, with frames
         self._lost = 0
         self._looks = 0
@@ -174,7 +176,10 @@ class FrameWatch:
             count, words = getattr(since, name), COUNTERS[name]
             if frames and count >= share * frames and name not in self._reported:
                 self._reported.add(name)
-                text = f"{count} of {frames} input frames: {words.what}\n  remedy: {words.remedy}"
+                lengths = self._lengths() if name == "length_errors" else ""
+                # the counters are read after the frames were counted, of which more came meanwhile
+                shown = f"{min(count, frames)} of {frames} input frames: {words.what}"
+                text = f"{shown}{lengths and f': {lengths}'}\n  remedy: {words.remedy}"
                 yield Notice(Topic.INPUT, text)
             elif frames and not count and name in self._reported:
                 self._reported.discard(name)
@@ -209,7 +214,8 @@ class InputWatch:
         rate = fitted.config.sampling.rate_hz
         self._core = core
         self._messages = MessageWatch(bus, self.arrivals)
-        self._useless, self._senders = FrameWatch(self.arrivals, rate), SenderWatch(bus, self.arrivals)
+        self._useless = FrameWatch(self.arrivals, rate, partial(_odd_lengths, bus, core))
+        self._senders = SenderWatch(bus, self.arrivals)
         self._values = ValueWatch(bus, configured_noise(fitted), self.arrivals.sources)
         self._units, self._rate = UnitWatch(self.arrivals.sources), RateWatch(rate)
         self._lift = LiftWatch()
@@ -235,6 +241,16 @@ class InputWatch:
     def causes(self) -> tuple[str, ...]:
         """Lasting faults of the inputs, which may be why nothing is valid."""
         return (*self._units.reported.values(), *filter(None, [self._rate.reported]))
+
+
+def _odd_lengths(bus: BusMap, core: Core) -> str:
+    """Describes messages that came with another length than theirs, with the last one."""
+    came = dict(zip(bus.inputs.messages["key"].tolist(), core.odd_lengths, strict=False))
+    return ", ".join(
+        f"{message_text(bus, layout)} with {came[layout.key]} bytes for {layout.length}"
+        for layout in bus.received
+        if came.get(layout.key, -1) >= 0
+    )
 
 
 class StateWatch:

@@ -59,6 +59,13 @@ def test_useless_frames_are_reported_once_and_when_they_end(
     assert over == f"no more {words.what}"
 
 
+def test_no_more_frames_are_useless_than_there_are(arrivals: Arrivals, counters: Counters) -> None:
+    """Counters are read after the frames were counted."""
+    watch = FrameWatch(arrivals, RATE)
+    (message,) = messages_of_looks(arrivals, watch, counters, {"frames": 80, "length_errors": 83}, 2 * LOOKS)
+    assert message.startswith("800 of 800 input frames: ")
+
+
 def test_frames_whose_fault_another_watch_reported_are_not_reported_again(
     arrivals: Arrivals, counters: Counters
 ) -> None:

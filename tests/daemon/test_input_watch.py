@@ -131,6 +131,15 @@ def test_frames_that_cannot_be_used(watched: WatchedInputs) -> None:
     assert notice == f"{LIFT}: {Trouble.USELESS.begun}"
 
 
+def test_frames_of_another_length_are_named_with_both_lengths(watched: WatchedInputs) -> None:
+    short = [f._replace(payload=f.payload[:24]) if f.frame_id == LIFT_ID else f for f in watched.frames]
+    notices = watched.tells(short)
+    length = next(len(frame.payload) for frame in watched.frames if frame.frame_id == LIFT_ID)
+    named = f"NeedleLiftBlock 0x111 with 24 bytes for {length}\n  remedy: correct the database"
+    assert f"input frames: frames of another length than the database says: {named}" in notices[0]
+    assert notices[1] == f"{LIFT}: {Trouble.USELESS.begun}"
+
+
 @pytest.mark.parametrize(
     ("role", "name", "fault", "said"),
     [

@@ -101,6 +101,7 @@ cdef int64_t _received(Pipeline* pipeline, int64_t number, const uint8_t* payloa
     cdef int64_t status = E2E_OK
     if size != message.length and size != message.padded_length:
         receiver.length_errors += 1
+        receiver.odd_length[number] = size
         status = E2E_LENGTH_ERROR
     elif not check(payload, size, message.length, &message.protection):
         receiver.crc_errors += 1

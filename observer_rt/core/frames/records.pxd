@@ -261,6 +261,7 @@ cdef struct OptionalMemory:
 
 cdef struct Receiver:
     int64_t last_counter[MAX_INPUTS]  # of every message's last frame that was placed, -1: none yet
+    int64_t odd_length[MAX_INPUTS]  # of every message's last frame of another length than it has, -1: none came
     signed char interrupted[MAX_INPUTS]  # of every stream, 1: its last frame is not the message's
     double values[MAX_SIGNALS]
     double sample[MAX_INPUTS]  # SI

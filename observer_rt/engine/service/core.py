@@ -254,6 +254,12 @@ class Core:
         return newest
 
     @property
+    def odd_lengths(self) -> list[int]:
+        """Bytes of every input message's last frame of another length than it has; -1: none came."""
+        lengths: list[int] = self.compiled.pipeline.receiver["odd_length"][0].tolist()
+        return lengths
+
+    @property
     def protection(self) -> list[int]:
         """`E2EState` of every input message, those with samples first; NODATA of one that is not protected."""
         states: list[int] = self.compiled.pipeline.supervised["state"].tolist()

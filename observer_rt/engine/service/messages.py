@@ -39,7 +39,7 @@ _MEMORY = dtype_of(RECORDS["OptionalMemory"])
 def make_receiver() -> NDArray[np.void]:
     """Receiver that has seen no frame."""
     receiver = np.zeros(1, RECEIVER)
-    receiver["last_counter"] = -1
+    receiver["last_counter"] = receiver["odd_length"] = -1
     return receiver
 
 

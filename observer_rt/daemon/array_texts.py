@@ -1,6 +1,6 @@
-"""Arrays of a file as texts, equal ones once: vectors to the bit, matrices as float32, covariances by their roots.
+"""Arrays of a file as texts, equal ones once: covariances by their Cholesky factors as float32, others to the bit.
 
-Whatever rounding does to a Cholesky factor, its square is positive definite; to the covariance it may not be.
+Whatever rounding does to a factor, its square is positive definite; a rounded covariance may not be.
 """
 
 import zlib
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 FEWEST = 16  # numbers of an array that becomes a text; fewer are easier read as they are
 _MOST = 1 << 20  # bytes of an array, far more than any takes
-_EXACT, _ROUNDED, _ROOT = "exact", "rounded", "root"
+_EXACT, _ROOT = "exact", "root"
 
 
 class ArrayTexts:
@@ -22,7 +22,7 @@ class ArrayTexts:
 
     def __init__(self, texts: Iterable[str] = ()) -> None:
         self.texts = list(texts)
-        """Each `KIND SHAPE BASE85`, of numbers of 8 bytes, or 4 where they are rounded, little-endian, by zlib."""
+        """Each `KIND SHAPE BASE85`, of numbers of 8 bytes, of a root of 4, little-endian, by zlib."""
 
     def take_out(self, value: Any) -> Any:
         """The value with the number of its text for each array. Raises ValueError for one that is not finite."""
@@ -50,14 +50,10 @@ class ArrayTexts:
 
 
 def _text(array: NDArray[np.float64]) -> str:
-    kind, size = _EXACT, array.shape[-1]
-    values: NDArray[np.floating[Any]] = array
-    if array.ndim > 1:
-        kind = _ROUNDED
-        if array.shape[-2] == size and np.array_equal(array, array.swapaxes(-1, -2)):
-            with suppress(np.linalg.LinAlgError):  # not positive definite
-                kind, values = _ROOT, np.linalg.cholesky(array)[..., *np.tril_indices(size)]
-    data = values.astype("<f8" if kind == _EXACT else "<f4")
+    kind, data, size = _EXACT, array.astype("<f8"), array.shape[-1]
+    if array.ndim > 1 and array.shape[-2] == size and np.array_equal(array, array.swapaxes(-1, -2)):
+        with suppress(np.linalg.LinAlgError):  # not positive definite
+            kind, data = _ROOT, np.linalg.cholesky(array)[..., *np.tril_indices(size)].astype("<f4")
     if not np.isfinite(data).all():
         raise ValueError("an array is not finite")
     return f"{kind} {'x'.join(map(str, array.shape))} {b85encode(zlib.compress(data.tobytes())).decode()}"
@@ -70,7 +66,7 @@ def _array(text: str) -> NDArray[np.float64]:
         numbers = zlib.decompressobj().decompress(b85decode(data), _MOST)
     except zlib.error as error:
         raise ValueError(f"an array is damaged: {error}") from None
-    values = np.frombuffer(numbers, "<f8" if kind == _EXACT else "<f4").astype(np.float64)
+    values = np.frombuffer(numbers, "<f4" if kind == _ROOT else "<f8").astype(np.float64)
     if not np.isfinite(values).all():
         raise ValueError("an array is not finite")
     if kind != _ROOT:

@@ -206,9 +206,8 @@ class _Client(StreamRequestHandler):
 
 def _credentials(client: socket.socket) -> tuple[int, int, int]:
     """Process, user and group of a client."""
-    process, user, group = _CREDENTIALS.unpack(
-        client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    )
+    said = client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    process, user, group = _CREDENTIALS.unpack(said)
     return process, user, group
 
 

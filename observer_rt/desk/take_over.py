@@ -46,11 +46,6 @@ class StepOutcome:
     changes: tuple[str, ...]
     answer: Message | None
 
-    @property
-    def has_daemon(self) -> bool:
-        """Whether a daemon has it in force."""
-        return self.answer is not None
-
 
 def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = False) -> StepOutcome:
     """Learn for an amended injector file, and have a bench file name a copy of it, beside the file it named.

@@ -74,7 +74,7 @@ def test_each_step_is_undone_in_turn_to_the_letter(bench: Path, tmp_path: Path) 
     texts = [bench.read_text()]
     for v_h in (0.1, 0.2):
         done = take_over(bench, "", amended(tmp_path, v_h), accepts_changes=True)
-        assert not done.has_daemon
+        assert done.answer is None
         assert worn(bench) == v_h
         texts.append(bench.read_text())
     assert [step.after for step in steps(bench)] == [FIRST, "crin3_nominal_amended_2.toml"]
@@ -165,7 +165,7 @@ def test_a_process_whose_number_a_lock_holds_is_never_signalled(bench: Path, kep
 def test_a_stale_lock_is_of_no_daemon(bench: Path, kept: Path, tmp_path: Path) -> None:
     kept.with_name("observer.lock").write_text("1")
     kept.with_name("observer.socket").touch()
-    assert not take_over(bench, "", amended(tmp_path, 0.1)).has_daemon
+    assert take_over(bench, "", amended(tmp_path, 0.1)).answer is None
 
 
 def refused(_: Message) -> Message:

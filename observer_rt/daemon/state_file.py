@@ -248,9 +248,9 @@ def _usable(data: bytes, model: InjectorParameters) -> Knowledge:
 
 def _finite_parts(state: Mapping[str, Any], arrays: ArrayTexts) -> Iterator[tuple[str, Any]]:
     """Parts of the state without their arrays. Raises ValueError where one that a file must hold is not finite."""
-    for name, whole in state.items():
+    for name, value in state.items():
         try:
-            part = arrays.take_out(whole)
+            part = arrays.take_out(value)
             _json(part)
         except ValueError:
             if name in _WHOLE:

@@ -84,7 +84,7 @@ def write_evidence(path: Path, evidence: EventEvidence, time: str) -> None:
 def read_evidence(path: Path) -> KeptEvent:
     """Read an event that `write_evidence` wrote. Raises `UserError` for a damaged file, or another.
 
-    Whoever may write to the folder must not be able to hold up its reader: what is no event is not read.
+    Whoever may write to the folder must not be able to hold up its reader: only files as large as an event are read.
     """
     import pyarrow
     from pyarrow import parquet

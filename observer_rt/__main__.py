@@ -27,8 +27,24 @@ def calculate_in_one_thread() -> None:
         os.environ.setdefault(variable, "1")
 
 
+def open_closed_streams() -> None:
+    """Open what the starting process closed of standard streams, so that no file of ours takes their place.
+
+    A file name that the encoding of a stream lacks is written with escapes.
+    """
+    while os.open(os.devnull, os.O_RDWR) <= 2:
+        pass
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if (stream := getattr(sys, name)) is None:
+            setattr(sys, name, os.fdopen(number, "w" if number else "r"))
+        elif number and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
+
+
 def main() -> None:
     """Import the command line, which takes a while in which it may be interrupted, and run it."""
+    open_closed_streams()
+    os.environ["MPLBACKEND"] = "agg"  # figures are files; that of a notebook may not be installed here
     collect_seldom()
     calculate_in_one_thread()
     try:

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import signal
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -17,9 +18,14 @@ from observer_rt.foundation.errors import UserError
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 
+def visible(text: str) -> str:
+    """The text with control characters, such as a file name may hold for the terminal to obey, as escapes."""
+    return re.sub(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", lambda sign: ascii(sign[0])[1:-1], text)
+
+
 def say(console: Console, text: str) -> None:
     """A message as it is: no markup, no colours, wrapped on a terminal only."""
-    console.print(text, highlight=False, markup=False, emoji=False, soft_wrap=not console.is_terminal)
+    console.print(visible(text), highlight=False, markup=False, emoji=False, soft_wrap=not console.is_terminal)
 
 
 def results() -> Console:
@@ -44,7 +50,7 @@ def plain_table(
             Text(heading), justify=justify, no_wrap=is_fixed, overflow="ellipsis" if is_fixed else "fold"
         )
     for row in rows:
-        table.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in row))
+        table.add_row(*(cell if isinstance(cell, Text) else Text(visible(cell)) for cell in row))
     return table
 
 

@@ -5,11 +5,12 @@ from difflib import SequenceMatcher
 from importlib.util import find_spec
 
 REMEDY = "\n  remedy: "  # between a problem and what to do
-CUTOFF = 0.4  # likeness below which two names have nothing to do with each other
+CUTOFF = 0.6  # likeness below which two names have nothing to do with each other
 
 EXTRAS = {
     "asammdf": "desk",
     "jinja2": "desk",
+    "markupsafe": "desk",
     "matplotlib": "desk",
     "dask": "batch",
     "distributed": "batch",

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from observer_rt import __version__
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import RunError, UserError, require
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -47,6 +47,7 @@ def file_hash(path: Path) -> str:
 
 def templates_of(package: str) -> "Environment":
     """The templates in a package's folder `templates`; a name they are not given is an error, but for `version`."""
+    require("jinja2")
     from jinja2 import Environment, PackageLoader, StrictUndefined  # commands without a page start without it
 
     templates = Environment(

@@ -56,6 +56,11 @@ def demo(options: DemoOptions) -> None:
     from observer_rt.daemon.view import draw
     from observer_rt.desk.demonstration.worn import Demo, mass_table, write_figure
 
+    elsewhere = ("wear", "injections", "speed") if options.missing_effect else ("outside", "out")
+    for name in elsewhere:
+        if getattr(options, name) != getattr(DemoOptions, name):
+            which = "without" if options.missing_effect else "with"
+            raise UserError(f"--{name}", f"only counts {which} --missing-effect", "correct the command line")
     check_output("--figure", options.figure, options.force, suffixes=FIGURE_SUFFIXES)
     if options.missing_effect:
         _demo_of_loop(options)

@@ -13,7 +13,7 @@ from observer_rt.config.bench_file import of_links, refuse_shared_channels
 from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import RECORDED, Recording
-from observer_rt.foundation.console import say, stop_on_signals
+from observer_rt.foundation.console import results, say, stop_on_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.options import Argument, Injector, Option
 from observer_rt.foundation.progress import progress_bar
@@ -144,7 +144,7 @@ def convert(options: ConvertOptions) -> None:
 
     chosen = decoder_of(options.bench, options.injector)
     recording, target, channels = options.recording, options.target, options.from_channel
-    print(convert_file(recording, target, chosen, channels, options.force, messages))
+    say(results(), convert_file(recording, target, chosen, channels, options.force, messages))
 
 
 def _with_links(bench: Bench, options: ReplayOptions | RecordOptions) -> Bench:

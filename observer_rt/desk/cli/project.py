@@ -8,7 +8,7 @@ from typing import Annotated
 
 from observer_rt.desk.cli.command import messages
 from observer_rt.foundation.console import results, say
-from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.errors import UserError, require
 from observer_rt.foundation.options import Argument, Option
 
 
@@ -42,7 +42,6 @@ class ProjectOptions:
 def project(options: ProjectOptions) -> None:
     """Keep fit, evaluation, discovery and report of an injector in a folder; repeat steps whose files changed."""
     from observer_rt.desk.project.project import PROJECT, Project
-    from observer_rt.desk.project.steps import do
 
     if options.step is ProjectStep.NEW:
         made = Project.new(options.folder, options.model)
@@ -53,4 +52,7 @@ def project(options: ProjectOptions) -> None:
         return
     if options.model is not None:
         raise UserError("--model", "is for a new project", f"name it in {options.folder / PROJECT}")
+    require("jinja2", "matplotlib")
+    from observer_rt.desk.project.steps import do
+
     do(options.step, Project.read(options.folder), partial(say, messages))

@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 
 from observer_rt.desk.fitted_model import FittedModel
+from observer_rt.foundation.errors import require
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 
 
@@ -43,6 +44,7 @@ class FitResult:
 
     def plot(self) -> Any:
         """Draw line pressures before and after the fit, and residuals by phase: a matplotlib Figure."""
+        require("matplotlib")
         from observer_rt.identification.fit.report import fit_figure
 
         return fit_figure(self.fitted.done)

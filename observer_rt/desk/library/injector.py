@@ -18,7 +18,7 @@ from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_re
 from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run
 from observer_rt.desk.library.discovery import DiscoveryResult
 from observer_rt.desk.library.fit import FitResult
-from observer_rt.desk.library.notes import CallNotes, noted, screen
+from observer_rt.desk.library.notes import CallNotes, naming_parameters, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
 from observer_rt.desk.library.results import EvaluationResult
 from observer_rt.engine.service.injector import calibration_of
@@ -73,7 +73,8 @@ class Injector:
         """
         model = None if path is None else path_of("path", path)
         stated = EXAMPLE_BENCH if bench is None else path_of("bench", bench)
-        loaded = load_bench(stated, model, off_bus=True).of(injector)
+        with naming_parameters():
+            loaded = load_bench(stated, model, off_bus=True).of(injector)
         return cls(loaded, InjectorFile.read(loaded.injector.parameters_path))
 
     def __hash__(self) -> int:

@@ -1,5 +1,6 @@
 """Notes of a call: what the command line would print besides its result; its warnings become Python's."""
 
+import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -12,6 +13,8 @@ from observer_rt.foundation.errors import UserError
 screen = Console(stderr=True)
 """Shows progress, on a terminal or in a notebook."""
 _WARNING = "warning: "
+_OPTION = re.compile(r"`[^`]*`|--([a-z][a-z-]*)")
+NO_NAMES: Mapping[str, str] = {}
 _WIDE = 1 << 16  # no line is broken
 
 
@@ -37,19 +40,28 @@ class CallNotes(list[str]):
 
 
 @contextmanager
-def naming_parameters(names: Mapping[str, str]) -> Iterator[None]:
-    """Name the parameter of a call in errors raised within. names: parameters by options of the command line."""
+def naming_parameters(names: Mapping[str, str] = NO_NAMES) -> Iterator[None]:
+    """Name parameters of a call in errors raised within, in the place of options but those of whole commands.
+
+    names: parameters by options of another name.
+    """
     try:
         yield
     except UserError as error:
-        raise UserError(names.get(error.location, error.location), error.problem, error.remedy) from None
+        parts = names.get(error.location, error.location), error.problem, error.remedy
+        raise UserError(*(_OPTION.sub(_as_parameter, part) for part in parts)) from None
+
+
+def _as_parameter(option: re.Match[str]) -> str:
+    return f"{option[1].replace('-', '_')}=" if option[1] else option[0]
 
 
 @contextmanager
 def noted() -> Iterator[CallNotes]:
     """Collect the notes of the block; at its end, turn those marked as warnings into warnings."""
     notes = CallNotes()
-    yield notes
+    with naming_parameters():
+        yield notes
     notes.end()
     for note in notes:
         if note.startswith(_WARNING):

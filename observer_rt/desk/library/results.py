@@ -19,6 +19,7 @@ from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
 from observer_rt.engine.stream.state import State
+from observer_rt.foundation.errors import require
 from observer_rt.foundation.files import LEARNED_STATE
 from observer_rt.foundation.outputs import IN_A_CALL, check_output
 from observer_rt.foundation.units import MILLIGRAM
@@ -151,6 +152,7 @@ class EvaluationResult(KnowledgeHolder):
         UserError
             For a number that no injection has.
         """
+        require("matplotlib")
         from observer_rt.desk.evaluation.figures import injections_figure, pictures_of
 
         return injections_figure(pictures_of(self.evaluations, injections), "measured")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.foundation import files
-from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.errors import UserError, require
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import check_own_file, write_text
 from observer_rt.identification.discovery.amend import (
@@ -21,7 +21,6 @@ from observer_rt.identification.discovery.findings import (
     Findings,
     ModelSource,
 )
-from observer_rt.identification.discovery.report.page import report
 
 REPORT = "report.html"
 ANSWER = (REPORT, FINDINGS, AMENDED)
@@ -63,6 +62,9 @@ def write_findings(folder: Path, task: DiscoveryTask, findings: Findings, inject
         *(effect.id for effect in task.parameters.effects),
         *(f"{term.equation}: {term.law}" for term in task.parameters.terms),
     )
+    require("jinja2", "matplotlib")
+    from observer_rt.identification.discovery.report.page import report
+
     model = ModelSource(injector.name, injector.sha256, in_force)
     written = replace(findings, model=model, made=datetime.now(), folder=str(folder))
     text = json.dumps(written.as_json(), indent=2)

@@ -67,6 +67,32 @@ def test_reader_that_goes_away() -> None:
         assert process.wait() == 1
 
 
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_streams_that_are_closed(resting: Path, tmp_path: Path, closed: str) -> None:
+    line = f'"$0" -m observer_rt convert {resting} copy.csv {closed}'
+    done = subprocess.run(["bash", "-c", line, sys.executable], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
+    copied = (tmp_path / "copy.csv").read_text()
+    assert (copied.splitlines()[0], copied.count("\n")) == (resting.read_text().splitlines()[0], 2001)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8:strict", "ascii:strict", "utf-8:surrogateescape"])
+def test_a_file_name_that_a_terminal_would_obey_or_cannot_show(resting: Path, tmp_path: Path, encoding: str) -> None:
+    name = tmp_path / "a\x1b[31mü\udcfc.csv"
+    name.write_bytes(resting.read_bytes())
+    for command in (["convert", name, f"{name}.csv"], ["evaluate", name], ["evaluate", f"{name}.txt"]):
+        words = [sys.executable, "-m", "observer_rt", *command]
+        done = subprocess.run(words, capture_output=True, env=os.environ | {"PYTHONIOENCODING": encoding})
+        said = done.stdout + done.stderr
+        assert (b"Traceback" in said, rb"a\x1b[31m" in said, b"\x1b" in said) == (False, True, False), said
+
+
+def test_a_figure_does_not_need_what_a_notebook_draws_with(worn: Path, tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "observer_rt", "evaluate", worn, "--plot", tmp_path / "worn.svg"]
+    done = subprocess.run(words, capture_output=True, text=True, env=os.environ | {"MPLBACKEND": "module://absent"})
+    assert done.returncode == 0, done.stderr
+
+
 # Python imports a module of this name, if there is one, before anything else.
 HOOK = """
 import sys

@@ -7,6 +7,11 @@ import pytest
 from tests.desk.cli.conftest import Command
 
 
+@pytest.mark.parametrize("option", ["--out demo", "--outside", "--missing-effect --wear 0.2"])
+def test_an_option_of_the_other_demonstration_is_refused(command: Command, option: str) -> None:
+    assert "--missing-effect" in command.refused("demo", *option.split())
+
+
 def test_command_prints_the_table_and_writes_the_figure(command: Command, tmp_path: Path) -> None:
     figure = tmp_path / "demo.png"
     done = command.done("demo", "--injections", 4, "--speed", 0.5, "--figure", figure)

@@ -71,6 +71,7 @@ def build_in_place() -> None:
 
 def build(kind: Kind) -> dict[str, Path]:
     """The file that was built for each path in the core; errors as of `build_in_place`."""
+    print("observer-rt: compiling the core; half a minute on two idle cores", file=sys.stderr, flush=True)
     names = _module_names()
     folder = BUILD / kind.folder
     _configure(folder, kind)

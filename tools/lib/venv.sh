@@ -192,8 +192,9 @@ ensure_browser() { # for the tests of the live page, which fail without one and 
     for name in chromium chromium-browser google-chrome google-chrome-stable; do
         if "$name" --version >/dev/null 2>&1; then return; fi # Ubuntu's chromium-browser only asks for a snap
     done
+    say "no Chromium on this machine, which the tests of the live page drive"
     if may_install && install_packages chromium; then return; fi
-    say "no Chromium among this system's packages: fetching one for the tests of the live page"
+    say "none among this system's packages: fetching one"
     "$venv/bin/playwright" install chromium-headless-shell >&2 ||
         say "the tests of the live page will fail without a browser; this would mend it: $obtain_browser"
 }

@@ -94,7 +94,7 @@ def twin_bench(folder: Path) -> Path:
 
 def bench_with(**keys: Mapping[str, float]) -> Bench:
     """The example bench with further keys of its signals, such as delays and lags, by role."""
-    bench = load_bench()
+    bench = load_bench().exact
     signals = bench.injector.config.signals
     changed = {role: getattr(signals, role).model_copy(update=update) for role, update in keys.items()}
     return bench.with_sections(signals=signals.model_copy(update=changed))

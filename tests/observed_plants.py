@@ -63,7 +63,7 @@ def recording_of(outcome: Outcome) -> Recording:
 
 def bench_at(sample_rate: float, model: Path | None = None, accuracy_percent: float = 0.0) -> Bench:
     """The example bench at a sample rate [Hz], with another injector file, and pressure sensors, than its own."""
-    bench = load_bench(model=model)
+    bench = load_bench(model=model).exact
     signals = bench.injector.config.signals
     sensors = {
         name: getattr(signals, name).model_copy(update={"accuracy_percent": accuracy_percent})

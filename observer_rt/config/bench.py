@@ -24,11 +24,11 @@ from observer_rt.config.bench_file import (
     require_link,
 )
 from observer_rt.config.injector import InjectorConfig
-from observer_rt.config.signals import SignalConfig
+from observer_rt.config.signals import with_exact_sensors
 from observer_rt.config.toml_file import Section, place_in, read_toml, validated
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.foundation.files import file_hash
-from observer_rt.model.accuracy import Accuracy
+from observer_rt.model.accuracy import EXACTLY_KNOWN
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.wave_line import with_cells
 
@@ -103,6 +103,13 @@ class Bench:
         return self.injectors[0]
 
     @property
+    def exact(self) -> "Bench":
+        """The bench as one of a simulation: sensors and geometry of its one injector are known exactly."""
+        parameters = self.injector.parameters.model_copy(update={"accuracy": EXACTLY_KNOWN})
+        signals = with_exact_sensors(self.injector.config.signals)
+        return self.with_sections(signals=signals).with_parameters(parameters)
+
+    @property
     def per_injector(self) -> "tuple[Bench, ...]":
         """The bench once for every injector, as if that were alone on its buses."""
         return tuple(replace(self, injectors=(injector,)) for injector in self.injectors)
@@ -147,14 +154,9 @@ def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     return parameters
 
 
-def example_text(path: Path) -> str:
-    """A file of the package as one to begin with on a real bench: sensors and geometry as nothing stated means."""
-    text = path.read_text(encoding="utf-8")
-    for section in (SignalConfig, Accuracy):
-        for name, field in section.model_fields.items():
-            if name.endswith("_percent") and field.default is not None:
-                text = re.sub(rf"(?m)^{name} = 0\.0", f"{name} = {field.default}", text)
-    return text
+def exact_text(path: Path) -> str:
+    """A bench or injector file as one of a simulation, whose sensors and geometry are known exactly."""
+    return re.sub(r"(?m)^(\w+_percent) = [\d.]+", r"\1 = 0.0", path.read_text(encoding="utf-8"))
 
 
 def describes_files_only(path: Path) -> bool:

@@ -239,6 +239,11 @@ def as_observed(signals: SignalsConfig) -> SignalsConfig:
     return _changed(signals, lambda role: {} if role is Role.LINE_PRESSURE else mended)
 
 
+def with_exact_sensors(signals: SignalsConfig) -> SignalsConfig:
+    """Signals of pressure sensors without an error of the gain, as those of a simulation."""
+    return _changed(signals, lambda _: {"accuracy_percent": 0.0})
+
+
 def _changed(signals: SignalsConfig, change: Callable[[Role], dict[str, float]]) -> SignalsConfig:
     return signals.model_copy(update={role.value: signals.of(role).model_copy(update=change(role)) for role in Role})
 

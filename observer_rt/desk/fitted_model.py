@@ -16,7 +16,7 @@ from observer_rt.identification.fit.calibrate import (
 from observer_rt.identification.fit.cross_validation import sensor_gain, without_gain
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.model.accuracy import EXACT, StatedAccuracy
+from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.parameters import InjectorParameters
 
@@ -39,7 +39,7 @@ def fitted_model(
     weighed: Mapping[int, MeanMass],
     digests: dict[str, str],
     progress: Callable[[float], None],
-    calibration: StatedAccuracy = EXACT,
+    calibration: StatedAccuracy,
 ) -> FittedModel:
     """Fit a model; weighed: measured masses by the number of the recording; digests: SHA-256 of recordings by name.
 

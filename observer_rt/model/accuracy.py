@@ -42,6 +42,10 @@ class Accuracy(BaseModel):
         return self
 
 
+EXACTLY_KNOWN = Accuracy(**{name: 0.0 for name in Accuracy.model_fields if name != "mass_percent"})
+"""Of a simulation."""
+
+
 @dataclass(frozen=True)
 class StatedAccuracy:
     """Shares, one sigma: of the pressure sensors' gains, and what the injector file states."""

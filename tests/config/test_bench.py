@@ -12,14 +12,12 @@ from observer_rt.config.bench import (
     EXAMPLE_BENCH,
     NOMINAL_INJECTOR,
     PACKAGE_DATA,
-    Bench,
     changes,
     content_of,
     load_bench,
     load_injector,
 )
 from observer_rt.config.bench_file import BenchConfig, DatabaseConfig
-from observer_rt.config.injector import InjectorConfig
 from observer_rt.config.signals import OPTIONAL_SIGNALS, OptionalRole, Role, SignalConfig, SignalsConfig
 from observer_rt.foundation.errors import UserError
 
@@ -63,17 +61,9 @@ def injector_refusal(folder: Path, old: str, new: str) -> UserError:
     return refused.value
 
 
-def with_real_sensors(bench: Bench) -> InjectorConfig:
-    """Of the example, whose sensors are a simulation's."""
-    stated = bench.injector.config.signals
-    pressures = ("rail_pressure", "line_pressure")
-    real = {name: getattr(stated, name).model_copy(update={"accuracy_percent": 0.7}) for name in pressures}
-    return bench.injector.config.model_copy(update={"signals": stated.model_copy(update=real)})
-
-
 def test_smallest_bench_file_has_the_defaults(tmp_path: Path) -> None:
     bench = load_bench(bench_file(tmp_path, BENCH))
-    assert (bench.config, bench.injector.config) == (load_bench().config, with_real_sensors(load_bench()))
+    assert (bench.config, bench.injector.config) == (load_bench().config, load_bench().injector.config)
     assert bench.injector.parameters == load_injector()
     assert bench.databases == (PACKAGE_DATA / "observer_fd.dbc",)
 

@@ -16,7 +16,7 @@ from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.links.link import Frame
-from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, PACKAGE_DATA, exact_text, load_bench
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.stream.state import samples_ahead
 
@@ -30,15 +30,17 @@ END_TIMEOUT = 60.0  # s, in which it must work off what the bus still holds
 
 def write_bench(folder: Path, interface: str, channel: str, rate_hz: float) -> Path:
     """The example bench on another channel and rate, learning in lockstep."""
-    text = EXAMPLE_BENCH.read_text()
+    text = exact_text(EXAMPLE_BENCH)
     for old, new in (
         ('interface = "socketcan"', f'interface = "{interface}"'),
         ('channel = "can0"', f'channel = "{channel}"'),
         ("rate_hz = 100e3", f"rate_hz = {rate_hz}"),
         ("lockstep = false", "lockstep = true"),
+        ('# file = "injector.toml"  #', 'file = "exact.toml"  #'),
     ):
         assert old in text
         text = text.replace(old, new)
+    (folder / "exact.toml").write_text(exact_text(NOMINAL_INJECTOR))
     path = folder / "bench.toml"
     path.write_text(text)
     return path

@@ -5,8 +5,9 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from observer_rt.config.bench import load_injector
-from observer_rt.model.accuracy import EXACT, Accuracy, StatedAccuracy
+from observer_rt.config.bench import load_bench
+from observer_rt.engine.service.injector import calibration_of
+from observer_rt.model.accuracy import EXACT, EXACTLY_KNOWN, Accuracy, StatedAccuracy
 
 BENCH = StatedAccuracy(0.007, 0.007, 0.01, 0.005, 0.005, 0.0)
 
@@ -43,6 +44,7 @@ def test_a_measured_mass_takes_the_place_of_geometry_and_gains() -> None:
 
 
 def test_a_simulation_is_exact() -> None:
-    assert StatedAccuracy.of(0.0, 0.0, load_injector().accuracy) == EXACT
+    exact = load_bench().exact.injector
+    assert (calibration_of(exact), exact.parameters.accuracy) == (EXACT, EXACTLY_KNOWN)
     assert (EXACT.mass, EXACT.wear, EXACT.as_text(), EXACT.is_calibrated) == (0.0, 0.0, "", True)
     assert StatedAccuracy.of(0.7, 0.7, Accuracy()).wear > 0.02

@@ -82,7 +82,7 @@ def test_masses_are_right_with_a_law_of_the_flow_that_bends() -> None:
     injector = load_injector().model_copy(update={"terms": (law,)})
     schedule = make_schedule((60e6, 100e6, 140e6), 18, 0.05, (0.9e-3, 1.9e-3))
     made = simulate(injector, schedule, 100e3, (), SimulatedNoise(), seed=5)
-    history = evaluate(load_bench().with_parameters(injector), [made.recording])
+    history = evaluate(load_bench().exact.with_parameters(injector), [made.recording])
     density = effective_model(injector).coefficients.density
     errors = []
     for report in history.evaluations[0].reports[-12:]:

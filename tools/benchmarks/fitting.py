@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from observer_rt.config.bench import NOMINAL_INJECTOR
+from observer_rt.config.bench import NOMINAL_INJECTOR, exact_text
 from observer_rt.files.formats import write_recording
 from observer_rt.foundation.errors import RunError
 from tests.observed_plants import recording_of
@@ -40,7 +40,7 @@ def fitted_model(folder: Path, recorded: Callable[[Path], Sequence[Path]], more:
 
 def maker_file() -> str:
     """The injector file `fit` starts from: the nominal one with the sac of this part."""
-    lines = NOMINAL_INJECTOR.read_text().splitlines()
+    lines = exact_text(NOMINAL_INJECTOR).splitlines()
     sac = f"sac_volume = {new_part().sac_volume:g}  # V_S, m3"
     return "\n".join(sac if line.partition("=")[0].strip() == "sac_volume" else line for line in lines) + "\n"
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, exact_text, load_bench, load_injector
 from observer_rt.config.injector import SamplingConfig
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.simulation.schedule import Schedule
@@ -233,7 +233,7 @@ def estimate_of(
 
 def bench_for_case(case: Case, model: Path | None = None) -> Bench:
     """The example bench as a case is recorded, with another injector file than its own."""
-    return load_bench(model=model).with_sections(sampling=SamplingConfig(rate_hz=case.bench.sample_rate))
+    return load_bench(model=model).exact.with_sections(sampling=SamplingConfig(rate_hz=case.bench.sample_rate))
 
 
 def with_signals(bench: Bench, changed: Mapping[str, Mapping[str, Any]]) -> Bench:
@@ -245,7 +245,7 @@ def with_signals(bench: Bench, changed: Mapping[str, Mapping[str, Any]]) -> Benc
 
 def bench_text(*changes: tuple[str, str]) -> str:
     """The example bench file with texts in the place of others."""
-    text = EXAMPLE_BENCH.read_text("utf-8")
+    text = exact_text(EXAMPLE_BENCH)
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)

@@ -13,7 +13,6 @@ from observer_rt.config.bench import (
     NOMINAL_INJECTOR,
     Bench,
     describes_files_only,
-    example_text,
     load_bench,
 )
 from observer_rt.daemon.options import RunOptions
@@ -93,7 +92,7 @@ def run(options: RunOptions) -> None:
     """Run the daemon of an injector: frames in, injection rate out, until SIGINT or SIGTERM."""
     if options.print_example_bench or options.print_example_injector:
         example = EXAMPLE_BENCH if options.print_example_bench else NOMINAL_INJECTOR
-        print(example_text(example), end="")
+        print(example.read_text(encoding="utf-8"), end="")
         return
     if (bench := options.bench) is None:
         raise UserError(

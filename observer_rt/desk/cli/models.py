@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from observer_rt.config.bench import Bench, load_injector
+from observer_rt.config.bench import Bench, load_bench, load_injector
 from observer_rt.config.effects import effect_named, effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk import options as shared
@@ -62,7 +62,6 @@ def fit(options: FitOptions) -> None:
     from observer_rt.identification.fit.report import draw_fit, print_fit
     from observer_rt.identification.likelihood import reading
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
-    from observer_rt.model.accuracy import EXACT
 
     model, output, plot = options.model, options.output, options.plot
     decoder = options.decoder(model)
@@ -85,7 +84,7 @@ def fit(options: FitOptions) -> None:
         say(messages, line)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
-            sensors = EXACT if decoder is None else calibration_of(decoder.injector)
+            sensors = calibration_of((decoder or load_bench(model=model)).injector)
             fitted = fitted_model(start, recordings, weighed, reading.hashes(paths), progress, sensors)
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None

@@ -131,7 +131,7 @@ def reproduce(options: ReproduceOptions) -> None:
         check_output("--out", path, options.force, suffixes=FIGURE_SUFFIXES)
     check_output("--out", table, options.force, REPRODUCED)
     with progress_bar(messages, "reproducing", 1.0) as progress:
-        study = run_study(load_bench(), progress)
+        study = run_study(load_bench().exact, progress)
     draw_figure_3(figures[0], study)
     draw_figure_4(figures[1], study.case(NOZZLE_WEAR))
     draw_figure_5(figures[2], study)

@@ -21,7 +21,7 @@ from rich.table import Table
 from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, exact_text, load_bench
 from observer_rt.daemon.journal import read_journal
 from observer_rt.daemon.options import RunOptions
 from observer_rt.daemon.run import serve
@@ -134,13 +134,13 @@ class EffectDemo:
 
     def _bench(self) -> Bench:
         """Write the bench file: the example's, with evidence, on vcan0 where there is one."""
-        document: Any = tomlkit.parse(EXAMPLE_BENCH.read_text(encoding="utf-8"))
+        document: Any = tomlkit.parse(exact_text(EXAMPLE_BENCH))
         link = demo_link()
         document["link"]["interface"], document["link"]["channel"] = link.interface, link.channel
         document["learning"]["lockstep"] = True  # so that every demonstration is the same
         document["evidence"]["folder"] = "evidence"
         document["model"]["file"] = "injector.toml"
-        write_text(self.folder / "injector.toml", NOMINAL_INJECTOR.read_text(encoding="utf-8"))
+        write_text(self.folder / "injector.toml", exact_text(NOMINAL_INJECTOR))
         write_text(self.folder / "bench.toml", tomlkit.dumps(document))
         return self._read()
 

@@ -89,7 +89,7 @@ class Demo:
     def __init__(self, wear: float, injections: int, seed: int) -> None:
         """wear: v_H of (27)."""
         self.link = demo_link()
-        self.bench = _on_link(load_bench(), self.link)
+        self.bench = _on_link(load_bench().exact, self.link)
         operation = BenchOperation(RAIL_PRESSURES, [ENERGIZING_TIME], injections, PERIOD)
         worn = Departure(nozzle=1.0 + wear)
         self._truth = record(operation, worn, self.bench.injector.config.sampling.rate_hz, seed)

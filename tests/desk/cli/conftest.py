@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from observer_rt.config.bench import EXAMPLE_BENCH
+from observer_rt.config.bench import EXAMPLE_BENCH, exact_text
 from observer_rt.desk.cli.app import main
 from observer_rt.files.formats import write_recording
 from tests.device import simulated
@@ -106,7 +106,7 @@ def resting(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def bench(tmp_path: Path) -> Path:
     """Bench file on the virtual bus of this process, for 50 kHz."""
-    text = EXAMPLE_BENCH.read_text()
+    text = exact_text(EXAMPLE_BENCH)
     text = text.replace('"socketcan"', '"virtual"').replace("rate_hz = 100e3", "rate_hz = 50e3")
     path = tmp_path / "bench.toml"
     path.write_text(text)

@@ -81,7 +81,7 @@ def test_a_file_name_that_a_terminal_would_obey_or_cannot_show(resting: Path, tm
     name = tmp_path / "a\x1b[31mü\udcfc.csv"
     name.write_bytes(resting.read_bytes())
     for command in (["convert", name, f"{name}.csv"], ["evaluate", name], ["evaluate", f"{name}.txt"]):
-        words = [sys.executable, "-m", "observer_rt", *command]
+        words = [sys.executable, "-m", "observer_rt", *map(str, command)]
         done = subprocess.run(words, capture_output=True, env=os.environ | {"PYTHONIOENCODING": encoding})
         said = done.stdout + done.stderr
         assert (b"Traceback" in said, rb"a\x1b[31m" in said, b"\x1b" in said) == (False, True, False), said

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, example_text
+from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.daemon.keeper import sole_writer
 from observer_rt.files.formats import read_recording
 from tests.desk.cli.conftest import Command, document
@@ -39,7 +39,7 @@ def test_json_document(command: Command, worn: Path) -> None:
     assert recording.keys() == RECORDING_KEYS
     summary = {"valid_share", "adoptions", "rejected_adoptions", "level_ci95_pct", "calibrated"}
     assert recording["summary"].keys() == summary
-    assert recording["summary"]["calibrated"] is True  # of a simulation nothing is unknown
+    assert recording["summary"]["calibrated"] is False  # for nothing is stated
     assert recording["file"] == str(worn)
     assert recording["sample_rate_hz"] == 50e3
     assert recording["lost_samples"] == 0
@@ -67,11 +67,13 @@ def test_json_document(command: Command, worn: Path) -> None:
     assert over_drop["change"][-1] == pytest.approx(0.3, abs=over_drop["ci95_halfwidth"][-1])
 
 
-def test_a_level_that_nobody_measured_is_said(command: Command, worn: Path, tmp_path: Path) -> None:
-    bench, injector = tmp_path / "bench.toml", tmp_path / "injector.toml"
-    bench.write_text(example_text(EXAMPLE_BENCH).replace("rate_hz = 100e3", "rate_hz = 50e3"))
-    injector.write_text(example_text(NOMINAL_INJECTOR))
-    real = ("evaluate", worn, "--bench", bench, "--model", injector)
+WHOLE = EXAMPLE_BENCH.read_text().replace("rate_hz = 100e3", "rate_hz = 50e3")
+
+
+@pytest.mark.parametrize("bench", ["", "[recording]\nrate_hz = 50e3\n", WHOLE])
+def test_a_level_that_nobody_measured_is_said(command: Command, worn: Path, tmp_path: Path, bench: str) -> None:
+    (tmp_path / "bench.toml").write_text(bench)
+    real = ("evaluate", worn, *(("--bench", tmp_path / "bench.toml") if bench else ()))
     assert "level ±4.2 %, not calibrated" in command.done(*real).out.splitlines()
     (recording,) = json.loads(command.done(*real, "--json").out)["recordings"]
     assert not recording["summary"]["calibrated"]

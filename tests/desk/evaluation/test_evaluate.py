@@ -17,7 +17,7 @@ from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from tests.desk.evaluation.documents import recording_json
 
-BENCH = load_bench()
+BENCH = load_bench().exact
 NOMINAL = load_injector()
 C = coefficients(NOMINAL)
 
@@ -167,7 +167,7 @@ NOMINAL_ERRORS = {0.3: -0.21, -0.3: 0.38, 0.0: 0.0}  # of the model that knows n
 def test_mass_and_rate(v_h: float) -> None:
     schedule = make_schedule([100e6], 10, 0.06, [1.9e-3])
     made = simulate(load_injector(), schedule, 50e3, (sized("orifice_area", v_H=v_h),), SimulatedNoise(), seed=7)
-    (evaluation,) = evaluate(load_bench(), [made.recording]).evaluations
+    (evaluation,) = evaluate(load_bench().exact, [made.recording]).evaluations
     density = load_injector().fluid.density_nozzle
     results = evaluation.injections
     assert len(results) == 10

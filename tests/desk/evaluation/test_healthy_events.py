@@ -89,7 +89,7 @@ def test_what_a_model_leaves_of_the_healthy_injector_is_not_held_against_it(
     stated = baseline()
     if is_known:
         stated = stated.model_copy(update={"observer": observer_remainder(NOMINAL, stated, rung)})
-    bench = load_bench().with_parameters(NOMINAL.model_copy(update={"baseline": stated}))
+    bench = load_bench().exact.with_parameters(NOMINAL.model_copy(update={"baseline": stated}))
     history = evaluate(bench, rung)
     results = [one for each in history.evaluations for one in each.injections][4:]
     assert np.mean([one.report.valid for one in results]) == pytest.approx(1.0 if is_known else 0.0, abs=0.1)

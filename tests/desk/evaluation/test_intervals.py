@@ -1,6 +1,6 @@
 """The intervals of mass and rate against the truth of simulated worn injectors."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -13,11 +13,14 @@ from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import Shot, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
+from observer_rt.model.terms.in_force import TermCoefficient, TermInForce
+from observer_rt.model.terms.term import TermEquation
 from tests.desk.evaluation.documents import recording_json
 
-BENCH, NOMINAL = load_bench(), load_injector()
+BENCH, NOMINAL = load_bench().exact, load_injector()
 C = coefficients(NOMINAL)
 SAMPLE_RATE = 50e3
 SHOTS = [Shot(0.4e-3, -1.5e-3), Shot(1.1e-3, 0.0)]
@@ -60,6 +63,40 @@ def run(seed: int, v_h: float, v_s: float = 0.0, twice: bool = False, learning: 
     made = simulate(NOMINAL, schedule, SAMPLE_RATE, effects, noise, seed=seed)
     (evaluation,) = evaluate(bench, [made.recording], learning=learning).evaluations
     return Run(evaluation, made.truth)
+
+
+LEAK = TermInForce(
+    equation=TermEquation.LINE_PRESSURE,
+    law="c * sqrt(line_pressure - chamber_pressure) * open",
+    coefficient=TermCoefficient(value=0.3, unit="mm3/ms/MPa^0.5"),
+)
+
+
+@pytest.mark.parametrize(
+    ("rail_gain", "line_gain", "terms", "parallel_flow"),
+    [
+        (-0.012, 0.0, (), 0.2),
+        (0.0, 0.012, (), 0.2),
+        (0.0, 0.0, (LEAK,), 2.5),  # of which 1.96 times are the 4.6 to 5.2 % that leave the line beside the nozzle
+    ],
+)
+def test_what_is_stated_or_left_out_holds_the_mass(
+    rail_gain: float, line_gain: float, terms: tuple[TermInForce, ...], parallel_flow: float
+) -> None:
+    """A bench file that states no accuracy; an injector file that states what flows beside the nozzle."""
+    schedule = make_schedule([60e6, 100e6, 140e6], 12, 0.06, [0.6e-3, 1.9e-3])
+    plant = NOMINAL.model_copy(update={"terms": terms})
+    effects = sized("orifice_area", v_H=0.0 if terms else 0.2), sized("rail_pressure_sensor_gain", g=rail_gain)
+    made = simulate(plant, schedule, SAMPLE_RATE, effects, SimulatedNoise(), seed=7)
+    recording = replace(made.recording, line_pressure=made.recording.line_pressure * (1.0 + line_gain))
+    stated = NOMINAL.model_copy(update={"accuracy": Accuracy(parallel_flow_percent=parallel_flow)})
+    seen = Run(evaluate(load_bench().with_parameters(stated), [recording]).evaluations[0], made.truth)
+    valid = [report for report in seen.evaluation.reports if report.valid]
+    assert len(valid) >= 8
+    for report in valid:
+        low, high, true = seen.masses(report)
+        assert low < true < high
+        assert report.validity == "valid, not calibrated"
 
 
 @cache

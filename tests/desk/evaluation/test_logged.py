@@ -22,7 +22,7 @@ from tests.daemon.time_scenarios import LIFT_ALONE
 from tests.device import frames_of, later, simulated, worn_recording
 from tests.files.canlog.log_cases import sent_log, write_log
 
-BENCH = load_bench()
+BENCH = load_bench().exact
 RATE = 100e3
 START = 1_700_000_000_123_456_000  # ns since 1970
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
+from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.config.injector import SamplingConfig
 from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.evaluate import evaluate
@@ -20,7 +20,7 @@ from tests.device import simulated
 
 
 def reasons_of(recording: Recording) -> list[Reason]:
-    (evaluation,) = evaluate(load_bench(EXAMPLE_BENCH), [recording]).evaluations
+    (evaluation,) = evaluate(load_bench().exact, [recording]).evaluations
     return [report.reason for report in evaluation.reports]
 
 
@@ -47,7 +47,7 @@ def test_a_computed_recording_without_noise_keeps_its_rail_pressure() -> None:
     assert reasons_of(recording)[2:] == [Reason.NONE] * 2
 
 
-BENCH = load_bench().with_sections(sampling=SamplingConfig(rate_hz=SAMPLE_RATE))
+BENCH = load_bench().exact.with_sections(sampling=SamplingConfig(rate_hz=SAMPLE_RATE))
 BEGIN, END = 0.3503, 1.12  # s, from an opening on
 
 

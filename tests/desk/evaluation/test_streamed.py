@@ -23,7 +23,7 @@ from tests.desk.evaluation.documents import recording_json
 from tests.device import frames_of, later, simulated
 from tests.files.canlog.log_cases import sent_log, write_log
 
-BENCH = load_bench()
+BENCH = load_bench().exact
 C = effective_model(BENCH.injector.parameters).coefficients
 
 

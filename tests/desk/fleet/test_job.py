@@ -23,7 +23,7 @@ def worn() -> Recording:
 
 
 def result_of(path: Path) -> pa.Table | FailedFile:
-    return evaluated(Task(load_bench(), path.parent, learning=False), Path(path.name), "hash")
+    return evaluated(Task(load_bench().exact, path.parent, learning=False), Path(path.name), "hash")
 
 
 def test_rows_are_those_of_evaluate(tmp_path: Path) -> None:

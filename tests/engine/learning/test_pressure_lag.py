@@ -35,7 +35,7 @@ def reasons(*effects: SizedEffect, noise: SimulatedNoise = NOISE) -> tuple[Reaso
     """Why each of twelve injections at three pressures and two durations is not valid."""
     schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
     recording = simulate(NOMINAL, schedule, 100e3, effects, noise, seed=5).recording
-    reports = evaluate(load_bench(), [recording]).evaluations[0].reports
+    reports = evaluate(load_bench().exact, [recording]).evaluations[0].reports
     return tuple(report.reason for report in reports)
 
 

@@ -20,7 +20,7 @@ LAW = TermInForce(
 
 
 def test_an_event_beyond_the_seen_range_of_a_law_is_no_mass_to_rely_on() -> None:
-    bench = load_bench().with_parameters(load_injector().model_copy(update={"terms": (LAW,)}))
+    bench = load_bench().exact.with_parameters(load_injector().model_copy(update={"terms": (LAW,)}))
     for pressure, is_beyond in ((60e6, False), (140e6, True)):
         shots = make_schedule([pressure], 5, 0.06, [1.9e-3])
         recording = simulate(load_injector(), shots, 100e3, (), SimulatedNoise(), seed=3).recording

@@ -1,6 +1,7 @@
 """An injection that what was learned does not reach: its line says how far it does, and what would help."""
 
 import math
+from typing import Any
 
 import pytest
 
@@ -22,7 +23,7 @@ from tests.daemon.samples import some_report
 )
 def test_how_far_it_is(rails: tuple[float, float], said: str) -> None:
     budget = VolumeBudget(parameters=50e-9 * 0.05 / 1.96, inputs=1e-9, model=0.0, calibration=1e-9, parting=0.0)
-    reach = {"rail_pressure": 120e6, "known_rails": rails, "budget": budget}
+    reach: dict[str, Any] = {"rail_pressure": 120e6, "known_rails": rails, "budget": budget}
     report = some_report(**reach, valid=False, reason=Reason.OUTSIDE_LEARNED_RANGE)
     assert said in line(report)
     assert said not in line(some_report(**reach))

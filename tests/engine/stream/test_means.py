@@ -60,7 +60,7 @@ def recorded(worn: bool) -> Recording:
 @cache
 def evaluated(worn: bool, meaning: Meaning, stated: bool = True) -> Evaluation:
     """stated: by the bench; else by the recording."""
-    bench = load_bench().with_sections(sampling=SamplingConfig(rate_hz=RATE, meaning=meaning))
+    bench = load_bench().exact.with_sections(sampling=SamplingConfig(rate_hz=RATE, meaning=meaning))
     recording = recorded(worn)
     if not stated:
         bench = load_bench()

@@ -148,7 +148,7 @@ def test_what_leaves_something_is_accepted_in_part(
 
 def _mass_halves(task: DiscoveryTask, parameters: InjectorParameters) -> float:
     """Half width, as a share, of the 95 % interval that the observer gives the last mass of the first recording."""
-    history = evaluate(load_bench().with_parameters(parameters), [task.measured[0].recording])
+    history = evaluate(load_bench().exact.with_parameters(parameters), [task.measured[0].recording])
     last = history.evaluations[0].reports[-1]
     assert last.mass_ci95 is not None
     low, high = last.mass_ci95

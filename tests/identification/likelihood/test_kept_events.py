@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.config.bench import load_bench
 from observer_rt.config.injector import EvidenceConfig
 from observer_rt.foundation.files import file_hash
 from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
@@ -17,7 +17,7 @@ def test_events_that_a_daemon_drops_meanwhile_are_counted_and_left_out(
 ) -> None:
     """Before they are read, and once they are read but not asked yet."""
     folder, console = tmp_path / "kept", Console()
-    keep(load_bench(EXAMPLE_BENCH).with_sections(evidence=EvidenceConfig(folder=str(folder))), injections=10)
+    keep(load_bench().exact.with_sections(evidence=EvidenceConfig(folder=str(folder))), injections=10)
     first, *_ = folder.glob("*.parquet")
     for digit in "123":  # a name that is listed, behind which there is nothing
         (folder / f"refused_100MPa_900us_ab_{digit}.parquet").symlink_to(tmp_path / "dropped")
@@ -31,7 +31,7 @@ def test_events_that_a_daemon_drops_meanwhile_are_counted_and_left_out(
 
 
 def test_a_stated_lag_of_the_line_pressure_is_known_of_its_evidence(tmp_path: Path) -> None:
-    bench = load_bench(EXAMPLE_BENCH).with_sections(evidence=EvidenceConfig(folder=str(tmp_path / "kept")))
+    bench = load_bench().exact.with_sections(evidence=EvidenceConfig(folder=str(tmp_path / "kept")))
     signals = bench.injector.config.signals
     lagging = signals.line_pressure.model_copy(update={"lag_us": 5.0})
     bench = bench.with_sections(signals=signals.model_copy(update={"line_pressure": lagging}))

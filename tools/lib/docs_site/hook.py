@@ -11,7 +11,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 from nbconvert import MarkdownExporter
 
-from observer_rt.config.bench import EXAMPLE_BENCH, example_text
+from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.desk.cli.app import app_of
 
 HERE = Path(__file__).parent
@@ -66,7 +66,7 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
 
 def bench_file() -> str:
     """The page of the bench file: the example, whose comments explain every section and key."""
-    return BENCH_FILE.format(example_text(EXAMPLE_BENCH))
+    return BENCH_FILE.format(EXAMPLE_BENCH.read_text(encoding="utf-8"))
 
 
 def command_help() -> str:

@@ -68,9 +68,13 @@ def test_json_document(command: Command, worn: Path) -> None:
 
 
 WHOLE = EXAMPLE_BENCH.read_text().replace("rate_hz = 100e3", "rate_hz = 50e3")
+LAYOUT = "[sampling]\nrate_hz = 50e3\n" + "".join(
+    f'[recording.{role}]\ncolumn = "{role}_{unit}"\nunit = "{unit}"\n'
+    for role, unit in {"time": "s", "rail_pressure": "MPa", "needle_lift": "mm", "line_pressure": "MPa"}.items()
+)
 
 
-@pytest.mark.parametrize("bench", ["", "[recording]\nrate_hz = 50e3\n", WHOLE])
+@pytest.mark.parametrize("bench", ["", LAYOUT, WHOLE], ids=["none", "layout", "whole"])
 def test_a_level_that_nobody_measured_is_said(command: Command, worn: Path, tmp_path: Path, bench: str) -> None:
     (tmp_path / "bench.toml").write_text(bench)
     real = ("evaluate", worn, *(("--bench", tmp_path / "bench.toml") if bench else ()))

@@ -72,11 +72,7 @@ OPTIONAL_SIGNALS: Mapping[OptionalRole, OptionalSignal] = {
         "learning stops while it is 0", (0.0, 0.0), "which it cannot be", True, lambda _: 1.0, always=False
     ),
     OptionalRole.MEASURED_MASS: OptionalSignal(
-        "compared with the estimate",
-        (math.ulp(0.0), math.inf),
-        "never positive",
-        units=MASS_UNITS,
-        shown="mg",
+        "compared with the estimate", (math.ulp(0.0), math.inf), "never positive", units=MASS_UNITS, shown="mg"
     ),
     OptionalRole.FUEL_TEMPERATURE: OptionalSignal(
         "",

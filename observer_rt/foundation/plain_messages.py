@@ -47,15 +47,7 @@ def read_message(stream: BufferedReader, most_bytes: int) -> Any:
         if length > LONGEST_TEXT:
             raise MessageError(f"announces {length} bytes of text")
         return _unpacked(json.loads(stream.read(length)), stream, most_bytes)
-    except (
-        struct.error,
-        ValueError,
-        TypeError,
-        LookupError,
-        RecursionError,
-        OverflowError,
-        MemoryError,
-    ) as error:
+    except (struct.error, ValueError, TypeError, LookupError, RecursionError, OverflowError, MemoryError) as error:
         raise MessageError(str(error)) from None
 
 

@@ -215,10 +215,7 @@ def _work(request: _Request, answers: int) -> NoReturn:
 def _limit(request: _Request) -> None:
     """Bound the time and the memory of this process by the size of the file it reads."""
     size = _size(Path(request.path))
-    limits = [
-        (resource.RLIMIT_CPU, request.cpu_seconds + round(size * SECONDS_PER_BYTE)),
-        (resource.RLIMIT_CORE, 0),
-    ]
+    limits = [(resource.RLIMIT_CPU, request.cpu_seconds + round(size * SECONDS_PER_BYTE)), (resource.RLIMIT_CORE, 0)]
     if "libasan" not in os.environ.get("LD_PRELOAD", ""):  # which takes terabytes of addresses for itself
         limits.append((resource.RLIMIT_DATA, MEMORY + size * MEMORY_PER_BYTE))
     for kind, limit in limits:

@@ -82,10 +82,7 @@ def main() -> None:
     except RuntimeError as error:
         if "start new thread" not in str(error):  # as Python says it
             raise
-        _fail(
-            "this process may start no more threads\n  remedy: raise its limits, `ulimit -v` and `ulimit -u`",
-            1,
-        )
+        _fail("this process may start no more threads\n  remedy: raise its limits, `ulimit -v` and `ulimit -u`", 1)
     except OSError as error:
         _abandon(sys.stdout)
         _fail(f"{error.filename or 'output'}: {error.strerror or error}", 1)

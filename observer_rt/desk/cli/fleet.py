@@ -19,12 +19,10 @@ class BatchOptions:
     """Options of the command."""
 
     sources: Annotated[
-        tuple[str, ...],
-        Argument("Files, folders (all below them) or patterns such as 'run_*/**/*.mf4'.", "SOURCE"),
+        tuple[str, ...], Argument("Files, folders (all below them) or patterns such as 'run_*/**/*.mf4'.", "SOURCE")
     ]
     out: Annotated[
-        Path,
-        Option("Folder for the tables (Parquet); recordings that are in them are not evaluated again.", "DIR"),
+        Path, Option("Folder for the tables (Parquet); recordings that are in them are not evaluated again.", "DIR")
     ]
     bench: shared.BenchFile = EXAMPLE_BENCH
     model: shared.Model = None
@@ -73,10 +71,7 @@ class TrendOptions:
     results_of: Annotated[Path, Argument("Folder that `batch` filled.", "DIR")]
     limit: Annotated[
         tuple[str, ...],
-        Option(
-            "Change of flow whose date is asked, such as nozzle=30% or seat=-20%; repeatable.",
-            "QUANTITY=SIZE",
-        ),
+        Option("Change of flow whose date is asked, such as nozzle=30% or seat=-20%; repeatable.", "QUANTITY=SIZE"),
     ] = ()
     time_from: Annotated[
         str | None,

@@ -8,13 +8,7 @@ from typing import Annotated
 
 import typer
 
-from observer_rt.config.bench import (
-    EXAMPLE_BENCH,
-    NOMINAL_INJECTOR,
-    Bench,
-    describes_files_only,
-    load_bench,
-)
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, describes_files_only, load_bench
 from observer_rt.daemon.options import RunOptions
 from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import messages
@@ -44,8 +38,7 @@ class DemoOptions:
     ] = False
     outside: Annotated[bool, Option("With --missing-effect: one that is in no vocabulary, but a law.")] = False
     out: Annotated[
-        Path,
-        Option("With --missing-effect: folder of bench, evidence and report, new or empty.", "DIR"),
+        Path, Option("With --missing-effect: folder of bench, evidence and report, new or empty.", "DIR")
     ] = Path("observer_rt_demo")
     force: shared.Force = False
 
@@ -171,10 +164,7 @@ class MonitorOptions:
     address: Annotated[
         str, Option("Address to serve the page at. The default can be reached from this computer only.")
     ] = "127.0.0.1"
-    out: Annotated[
-        Path,
-        Option("Folder that `Save` writes injections into.", "DIR"),
-    ] = Path("injections")
+    out: Annotated[Path, Option("Folder that `Save` writes injections into.", "DIR")] = Path("injections")
 
 
 def monitor(options: MonitorOptions) -> None:
@@ -190,14 +180,10 @@ class TakeOverOptions:
     """Options of the command."""
 
     amended: Annotated[Path | None, Argument("Amended injector file that `discover` wrote.", "AMENDED")] = None
-    bench: Annotated[
-        Path | None,
-        Option("Bench file that is to name it."),
-    ] = None
+    bench: Annotated[Path | None, Option("Bench file that is to name it.")] = None
     undo: Annotated[bool, Option("Instead: have the bench file name what it named before the last step.")] = False
     accept_changes: Annotated[
-        bool,
-        Option("Take it over although it also changes parameters that the file in force states otherwise."),
+        bool, Option("Take it over although it also changes parameters that the file in force states otherwise.")
     ] = False
     injector: Injector = None
 
@@ -221,17 +207,11 @@ def take_over(options: TakeOverOptions) -> None:
         else taking.take_over(bench, injector, options.amended, options.accept_changes)
     )
     before, words = done.step.before or "the nominal injector", done.step.as_text
-    say(
-        results(),
-        f"{bench}: " + (f"{done.step.after} -> {before}" if options.undo else f"{before} -> {words}"),
-    )
+    say(results(), f"{bench}: " + (f"{done.step.after} -> {before}" if options.undo else f"{before} -> {words}"))
     for change in done.changes:
         say(results(), f"  {change}")
     if done.answer is not None:
         unsaved = done.answer.get("unsaved")
         say(messages, "the daemon has it in force" + (f"\nwarning: {unsaved}" if unsaved else ""))
     else:
-        say(
-            messages,
-            "no daemon is found by this bench file: one that serves it all the same reads it at SIGUSR1",
-        )
+        say(messages, "no daemon is found by this bench file: one that serves it all the same reads it at SIGUSR1")

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 Channel = Annotated[
     tuple[str, ...],
     Option(
-        "CAN channel, instead of the bench file's; LINK=CHANNEL for one bus of [links]; repeatable.",
-        "[LINK=]CHANNEL",
+        "CAN channel, instead of the bench file's; LINK=CHANNEL for one bus of [links]; repeatable.", "[LINK=]CHANNEL"
     ),
 ]
 Interface = Annotated[
@@ -128,10 +127,7 @@ class ConvertOptions:
     """Options of the command."""
 
     recording: Recording
-    target: Annotated[
-        Path,
-        Argument("File to write, in the format of its suffix.", "OUT"),
-    ]
+    target: Annotated[Path, Argument("File to write, in the format of its suffix.", "OUT")]
     bench: shared.Decoder = None
     from_channel: shared.FromChannel = ()
     injector: Injector = None

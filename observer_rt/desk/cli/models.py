@@ -43,8 +43,7 @@ class FitOptions(ModelOptions):
     model: Annotated[Path, Option("Injector file to start from: geometry right, the rest within a factor of two.")]
     output: Annotated[Path, Option("Fitted injector file to write.")]
     mass: Annotated[
-        Path | None,
-        Option("Measured mean masses (CSV: recording,mass_mg[,sigma_mg]), which fix the absolute level."),
+        Path | None, Option("Measured mean masses (CSV: recording,mass_mg[,sigma_mg]), which fix the absolute level.")
     ] = None
     plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase.")] = None
     force: shared.Force = False
@@ -103,10 +102,7 @@ def fit(options: FitOptions) -> None:
 class DiscoverOptions(ModelOptions):
     """Options of the command."""
 
-    out: Annotated[
-        Path,
-        Option("Folder for findings, amended model and report.", "DIR"),
-    ]
+    out: Annotated[Path, Option("Folder for findings, amended model and report.", "DIR")]
     recordings: Recordings = ()
     from_evidence: Annotated[
         Path | None,
@@ -117,14 +113,12 @@ class DiscoverOptions(ModelOptions):
         Option("Injector file (default: the bench file's, that of the evidence, else the nominal injector)."),
     ] = None
     healthy: Annotated[
-        tuple[Path, ...],
-        Option("Recording of a healthy injector to judge the model by; repeatable.", "RECORDING"),
+        tuple[Path, ...], Option("Recording of a healthy injector to judge the model by; repeatable.", "RECORDING")
     ] = ()
     choose: Annotated[
         str,
         Option(
-            "Effect for the amended model, where several explain the recordings equally well; ID+ID for two.",
-            "ID",
+            "Effect for the amended model, where several explain the recordings equally well; ID+ID for two.", "ID"
         ),
     ] = ""
     accept_term: Annotated[

@@ -23,10 +23,7 @@ MAX_SAMPLES = 20_000_000  # of a simulation, that a machine of 4 GiB can hold wi
 class SimulateOptions:
     """Options of the command."""
 
-    output: Annotated[
-        Path,
-        Option(f"Recording to write ({SIGNALS})."),
-    ]
+    output: Annotated[Path, Option(f"Recording to write ({SIGNALS}).")]
     rail_pressure: Annotated[str, Option("Rail pressures [MPa], separated by commas; events take them in turn.")] = (
         "100"
     )
@@ -110,10 +107,7 @@ def evaluate(options: EvaluateOptions) -> None:
 class ReproduceOptions:
     """Options of the command."""
 
-    out: Annotated[
-        Path,
-        Option("Folder for figures and table.", "DIR"),
-    ]
+    out: Annotated[Path, Option("Folder for figures and table.", "DIR")]
     force: shared.Force = False
 
 

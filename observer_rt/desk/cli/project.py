@@ -30,10 +30,7 @@ class ProjectOptions:
         ProjectStep,
         Argument("new, or a step; the steps it needs are done first.", "new|fit|evaluate|discover|report"),
     ]
-    folder: Annotated[
-        Path,
-        Argument("Folder of the project.", "DIR"),
-    ]
+    folder: Annotated[Path, Argument("Folder of the project.", "DIR")]
     model: Annotated[
         Path | None, Option("With new: injector file to begin with (default: the nominal injector).")
     ] = None

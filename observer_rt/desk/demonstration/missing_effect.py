@@ -234,21 +234,14 @@ def write_loop_figure(result: LoopResult, path: Path) -> None:
     figure, (masses, gap) = plt.subplots(1, 2, figsize=(11, 4), width_ratios=(3, 1), layout="constrained")
     injections = result.injections
     before = int((~injections.amended).sum())
-    for valid, label, colour, fill in (
-        (False, "not valid", "0.6", "none"),
-        (True, "valid", ESTIMATED, ESTIMATED),
-    ):
+    for valid, label, colour, fill in ((False, "not valid", "0.6", "none"), (True, "valid", ESTIMATED, ESTIMATED)):
         rows = injections[injections.valid == valid]
         if len(rows):
             masses.plot(rows.index + 1, rows.error, "o", color=colour, mfc=fill, label=label)
     masses.axhline(0, color=REFERENCE, lw=0.8)
     masses.axvline(before + 0.5, color=NOMINAL, ls="--")
     masses.annotate(
-        "taken over",
-        (before + 0.5, 1),
-        (4, -12),
-        xycoords=("data", "axes fraction"),
-        textcoords="offset points",
+        "taken over", (before + 0.5, 1), (4, -12), xycoords=("data", "axes fraction"), textcoords="offset points"
     )
     masses.set(xlabel="injection", ylabel="error of the injected mass [%]", title=f"hidden: {result.hidden.words}")
     masses.legend(loc="upper right")

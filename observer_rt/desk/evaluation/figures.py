@@ -26,10 +26,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3
 ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
 RECORDINGS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2")
 ANNOTATED = 24  # injections whose masses are bars with numbers; more are lines
-WEAR = {
-    NOZZLE: ("nozzle flow, v_H", FLOWS[NOZZLE][1], "-"),
-    SEAT: ("seat flow, v_S", FLOWS[SEAT][1], ":"),
-}
+WEAR = {NOZZLE: ("nozzle flow, v_H", FLOWS[NOZZLE][1], "-"), SEAT: ("seat flow, v_S", FLOWS[SEAT][1], ":")}
 """Learned quantities of an injector: name, colour and line where one recording is drawn."""
 PERCENT = 100.0
 DPI = 130
@@ -245,12 +242,7 @@ def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture],
         longest = max(len(one.title) for one in recordings) + _HANDLE
         ncols = int(np.clip(_LETTERS * figure.get_figwidth() // longest, 1, COLUMNS))
         figure.legend(
-            handles=handles,
-            loc="outside upper left",
-            ncols=ncols,
-            title=title,
-            alignment="left",
-            frameon=False,
+            handles=handles, loc="outside upper left", ncols=ncols, title=title, alignment="left", frameon=False
         )
         return
     figure.legend(handles=handles, loc="outside upper right", ncols=4, frameon=False)

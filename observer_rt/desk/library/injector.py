@@ -147,11 +147,7 @@ class Injector:
         return replace(made, calibration=FitResult(fitted, (*notes, *said), tuple(doubted)))
 
     def evaluate(
-        self,
-        recordings: Recordings,
-        state: Pathlike | None = None,
-        chain: bool = False,
-        learn: bool = True,
+        self, recordings: Recordings, state: Pathlike | None = None, chain: bool = False, learn: bool = True
     ) -> EvaluationResult:
         """Run recordings through the observer.
 
@@ -187,11 +183,7 @@ class Injector:
         return EvaluationResult(self.bench.injector, tuple(evaluations), knowledge, tuple(notes))
 
     def discover(
-        self,
-        recordings: Recordings,
-        healthy: Recordings | None = None,
-        choose: str = "",
-        accept_term: int = 0,
+        self, recordings: Recordings, healthy: Recordings | None = None, choose: str = "", accept_term: int = 0
     ) -> DiscoveryResult:
         """Find the physical effect that the model is missing, its size and how sure that is.
 

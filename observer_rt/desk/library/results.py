@@ -31,16 +31,7 @@ RECORDING = "recording"
 _BOUND = SHOWN["mass_bound_mg"]
 _SHOWN_ROWS = 12
 _OF_POINTS = ["value", "change", "ci95_halfwidth"]
-_IN_SHORT = (
-    RECORDING,
-    "number",
-    "start_s",
-    "rail_pressure_MPa",
-    "mass_mg",
-    "mass_bound_mg",
-    "valid",
-    "reasons",
-)
+_IN_SHORT = (RECORDING, "number", "start_s", "rail_pressure_MPa", "mass_mg", "mass_bound_mg", "valid", "reasons")
 
 
 class KnowledgeHolder:
@@ -87,11 +78,7 @@ class EvaluationResult(KnowledgeHolder):
         """Injections, a row each: masses, wear, validity; units end the names."""
         c = self._coefficients
         rows = [
-            {
-                RECORDING: _name(one),
-                **row_of(RESULT_FIELDS, Output.PARQUET, each, c),
-                _BOUND.name: _BOUND.of(each, c),
-            }
+            {RECORDING: _name(one), **row_of(RESULT_FIELDS, Output.PARQUET, each, c), _BOUND.name: _BOUND.of(each, c)}
             for one in self.evaluations
             for each in one.injections
         ]

@@ -69,9 +69,7 @@ class Project:
         path = folder / PROJECT
         if not path.exists():
             raise UserError(
-                str(path),
-                "is not there",
-                f"make a project by `observer-rt project new {folder}`, or name its folder",
+                str(path), "is not there", f"make a project by `observer-rt project new {folder}`, or name its folder"
             )
         return cls(folder, validated(ProjectConfig, read_toml(path), place_in(path), "project"))
 

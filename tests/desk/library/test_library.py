@@ -169,10 +169,7 @@ def test_observer_refuses_a_sample_rate_by_its_parameter() -> None:
 
 
 def test_results_are_pickled_whole(
-    worn: tuple[Recording, pd.DataFrame],
-    result: ort.EvaluationResult,
-    discovery: ort.Discovery,
-    tmp_path: Path,
+    worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult, discovery: ort.Discovery, tmp_path: Path
 ) -> None:
     def copied(outcome: Any) -> Any:
         return pickle.loads(pickle.dumps(outcome))
@@ -267,11 +264,7 @@ COLUMNS = ("time_s", "rail_pressure_MPa", "needle_lift_mm", "line_pressure_MPa")
         ([], ort.UserError, "there is none"),
         ("missing.csv", ort.UserError, "missing.csv"),
         (pd.DataFrame({"time_s": [0.0, 1.0]}), ort.UserError, r"1: its headings do not say(?s:.*)by bench=:"),
-        (
-            pd.DataFrame(dict.fromkeys(COLUMNS, [0.0, 2e-5, 1e-5] * 99)),
-            ort.UserError,
-            "order of time: it steps back",
-        ),
+        (pd.DataFrame(dict.fromkeys(COLUMNS, [0.0, 2e-5, 1e-5] * 99)), ort.UserError, "order of time: it steps back"),
     ],
 )
 def test_wrong_call_says_what_to_give(argument: object, error: type[Exception], words: str) -> None:

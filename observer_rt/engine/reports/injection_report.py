@@ -134,8 +134,9 @@ def beyond_learned(report: InjectionReport) -> str:
     """Describes how far an injection is from what was learned, and which recording would help."""
     rail_pressure, (lowest, highest) = report.rail_pressure, report.known_rails
     if lowest <= rail_pressure <= highest:
-        certainty = "" if report.budget is None else f", its mass to {196 * report.budget.learning / report.volume:.1f} %"
-        return f"its rail pressure is known{certainty}, its duration or lift is not; record some as short or as long"
+        budget = report.budget
+        bound = "" if budget is None else f", its mass to {196 * budget.learning / report.volume:.1f} %"
+        return f"its rail pressure is known{bound}, its duration or lift is not; record some as short or as long"
     reaches = [f"from {lowest / MEGAPASCAL:.0f}"] if math.isfinite(lowest) else []
     reaches += [f"up to {highest / MEGAPASCAL:.0f}"] if math.isfinite(highest) else []
     learned = f"what was learned reaches {' '.join(reaches)} MPa" if reaches else "nothing learned reaches it"

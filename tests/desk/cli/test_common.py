@@ -88,7 +88,7 @@ def test_a_file_name_that_a_terminal_would_obey_or_cannot_show(resting: Path, tm
 
 
 def test_a_figure_does_not_need_what_a_notebook_draws_with(worn: Path, tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "observer_rt", "evaluate", worn, "--plot", tmp_path / "worn.svg"]
+    words = [sys.executable, "-m", "observer_rt", "evaluate", str(worn), "--plot", str(tmp_path / "worn.svg")]
     done = subprocess.run(words, capture_output=True, text=True, env=os.environ | {"MPLBACKEND": "module://absent"})
     assert done.returncode == 0, done.stderr
 

@@ -17,7 +17,6 @@ from observer_rt.engine.learning.account import (
     Overdispersion,
     Scatter,
     UnexplainedPressure,
-    Wander,
 )
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import (
@@ -33,7 +32,6 @@ from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.knowledge import Knowledge, LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint
-from observer_rt.engine.learning.lift_lag import LiftLagSearch
 from observer_rt.engine.learning.pressure_lag import no_doubt
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift
@@ -78,7 +76,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
             ),
             settled=(learned,),
             unobjected=4,
-            doubt=MassDoubt(Wander(point=learned.learned_at[0]), UnexplainedPressure(1e-5, 3.0), Scatter(6.0, 7.0)),
+            doubt=MassDoubt(UnexplainedPressure(1e-5, 3.0), Scatter(6.0, 7.0)),
         ),
         noise=noise,
         lag_doubt=no_doubt(PARAMETERS),
@@ -90,7 +88,6 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         range_ends=EndsOfRange(((0.7,), (1.3, 1.4))),
         overdispersion=Overdispersion(12.0, 11.0),
         held_rail=HeldRail(0.95, 1),
-        lift_lag=LiftLagSearch(3, True, 2.0, 1e3),
         energizing=Energizing(
             EdgeSearch(np.ones(4), np.ones(4), np.ones((2, 4))),
             CoilCurrent(np.ones(3), np.ones(3), CoilPulse(0.002, 30, 20), np.eye(PARAMETERS)),

@@ -49,7 +49,6 @@ AGREED = 0.95  # of the posterior; I
 OWN_SHARE = 0.005  # of a mass, within which hypotheses agree whatever their interval; M
 WRONG, SURELY = 0.03, 3.0  # of a mass, which the published one is not off by at so many standard deviations; P, I
 FAR_FLOW = 0.02  # change of a flow, beyond which a volume is not followed along its slope; P
-OTHER_INJECTOR = 0.03  # of a volume, beyond which a hypothesis is the verdict's business, not the interval's; M
 LEAST_OF_MIXED = 0.25  # of the lead's own variance, that hypotheses between them leave at least; M
 LEAST_PART = 0.005  # weight, below which a hypothesis is no part of an interval; I
 
@@ -57,9 +56,6 @@ LEAST_PART = 0.005  # weight, below which a hypothesis is no part of an interval
 UNEXPLAINED_KEPT, UNEXPLAINED_COUNTS = 0.85, 2.0  # weight of the events before; once in the event, once in theta; M
 SCATTER_KEPT, SCATTER_PRIOR = 0.9, 5.0  # weight of the events before; events of the usual score at first; M
 LARGEST_SCORE = 5.0  # of an event as believed, whose mean is 1; M
-WANDER_LEAST, WANDER_STEPS = 0.0025, 9  # grid of its standard deviation: half an octave a step; M
-WANDER_PRIOR, WANDER_KEPT = 0.1, 0.99  # that there is any; weight of what was believed an event before; M
-REALLY_CHANGED, CHANGE_SIZE = 0.01, 0.1  # probability that a mass has really changed, and by how much; M
 
 AHEAD = 2.0  # events by which what is carried is ahead of what was learned: it is carried during the second; P
 # fmt: on

@@ -24,8 +24,19 @@ OF_MODEL = frozenset(
     }
 )
 """Reasons that say that the measurement contradicts the model, or what was learned."""
-_OF_LIVE_RATE = OF_MODEL | {Reason.NONE, Reason.NOT_JUDGED, *_NOT_KNOWN_YET}
-"""Reasons against a rate while it flows, by what was learned before; the injection's own pressures overrule them."""
+_OF_LIVE_RATE = frozenset(
+    {
+        Reason.NONE,
+        Reason.NOT_JUDGED,
+        Reason.CONTRADICTED,
+        Reason.SUDDEN_CHANGE,
+        Reason.PRESSURE_OFFSET,
+        *_NOT_KNOWN_YET,
+    }
+)
+"""Reasons against a rate while it flows that the injection's own pressures overrule: it was not what was believed.
+
+A model or a time base that is wrong is not among them: an event that looks right by chance does not clear them."""
 
 
 @dataclass(frozen=True)

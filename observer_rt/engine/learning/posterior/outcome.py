@@ -21,7 +21,6 @@ from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.hypotheses import (
     BELIEVED,
     FLOWS,
-    QUICK,
     SENSOR_CHANGED,
     SETTLED,
     STAYS,
@@ -67,17 +66,12 @@ class EventMass:
         """The same, open loop where flows are others by much."""
         if np.max(np.abs(theta - self.theta)[list(FLOWS)]) <= c.FAR_FLOW:
             return self.moved(theta)
-        return self.ratio(theta) - 1.0
-
-    def ratio(self, theta: Theta) -> float:
-        """Volume with another theta (m,), open loop, over this one."""
-        if np.array_equal(theta, self.theta):
-            return 1.0
-        learned, window = learned_of(theta, self.setting.coefficients), self.window.until(self.flows_until)
+        learned, interval = learned_of(theta, self.setting.coefficients), self.setting.interval
+        window = self.window.with_lift_earlier(learned.lift_delay / interval).until(self.flows_until)
         rate, errors = np.empty((2, window.output.size))
         follow(window, self.setting, learned, window.opening, errors, rate, None, NO_SLOPES)
-        volume = float(np.trapezoid(rate[_part(window)])) * self.setting.interval
-        return level_of(theta, self.setting) * volume / max(self.volume, LEAST)
+        volume = float(np.trapezoid(rate[_part(window)])) * interval
+        return level_of(theta, self.setting) * volume / max(self.volume, LEAST) - 1.0
 
     @property
     def controlled(self) -> float:
@@ -141,7 +135,7 @@ def shares_of(mass: EventMass, account: Account, explained: ExplainedEvent, syst
     total = by_stated + (factor - 1.0) * by_belief + account.doubt.unexplained.variance
     moved, mixed = _between(mass, by_belief, factor, explained)
     total = max(total + mixed, c.LEAST_OF_MIXED * total)
-    return Shares(math.sqrt(by_stated), account.doubt.wander.widened(total), moved)
+    return Shares(math.sqrt(by_stated), math.sqrt(total), moved)
 
 
 def _between(mass: EventMass, by_belief: float, factor: float, explained: ExplainedEvent) -> tuple[float, float]:
@@ -269,22 +263,15 @@ def _compared(account: Account, explained: ExplainedEvent, mass: EventMass, read
 
     One that is as when settled is compared with nothing: the doubt of what came after is forgotten, too.
     """
-    (explanation, _), carried, point = explained.carried[0], account.lead, explained.point
+    explanation, _ = explained.carried[0]
     doubt = account.settled_doubt if explanation.kind is SETTLED else account.doubt
-    unexplained = doubt.unexplained.after(explained.window, mass.setting, mass.theta, reader.burn_in)
-    wander, scatter = doubt.wander.at(point), doubt.scatter
-    if explanation.kind in BELIEVED and explanation.kind is not SETTLED and not carried.learned.is_prior:
-        theta = carried.learned.theta.copy()
-        if carried.velocity is not None:
-            theta[list(FLOWS)] += carried.velocity.mean
-        belief = carried.learned.gated.belief.drifted(reader.drift)
-        if explanation.kind is QUICK:
-            belief = belief.widened(reader.widths(QUICK))
-        variance = mass.variance(replace(carried.learned.gated, belief=belief).covariance)
-        wander = doubt.wander.after(1.0 / mass.ratio(theta) - 1.0, variance, point)
+    unexplained, scatter = (
+        doubt.unexplained.after(explained.window, mass.setting, mass.theta, reader.burn_in),
+        doubt.scatter,
+    )
     if explanation.score_as_believed is not None:
         scatter = scatter.after(explanation.score_as_believed)
-    return replace(account, doubt=MassDoubt(wander, unexplained, scatter))
+    return replace(account, doubt=MassDoubt(unexplained, scatter))
 
 
 def _apart(explained: ExplainedEvent, mass: EventMass, within: float) -> NDArray[np.float64]:

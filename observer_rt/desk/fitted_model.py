@@ -1,7 +1,7 @@
 """A model fitted to healthy recordings, with what the observer leaves of them: for the command and the library."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
@@ -13,9 +13,9 @@ from observer_rt.identification.fit.calibrate import (
     rounded,
     write_fitted,
 )
-from observer_rt.identification.fit.cross_validation import sensor_gain, without_gain
+from observer_rt.identification.fit.cross_validation import sensor_gain
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.measurement import Measurement, without_gain
 from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.parameters import InjectorParameters
@@ -53,6 +53,10 @@ def fitted_model(
         weighed = {number: one.by(level) for number, one in weighed.items()}
     done = calibrate(start, measurements, weighed, progress)
     baseline = baseline_of(done, digests)
-    observer = observer_remainder(done.injector, baseline, [one.recording for one in measurements])
+    try:
+        observer = observer_remainder(done.injector, baseline, [one.recording for one in measurements])
+    except (ArithmeticError, ValueError) as error:  # a model so far off that the observer's numbers fail
+        done = replace(done, not_observed=str(error))
+        observer, baseline = None, baseline.model_copy(update={"adequate": False})
     left = {"observer": observer, "line_pressure_sensor_gain": rounded(gain)}
     return FittedModel(done, baseline.model_copy(update=left))

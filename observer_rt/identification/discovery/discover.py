@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
+from functools import partial
 
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, is_same_rate
 from observer_rt.engine.learning.learned_curves import LearnedCurve
@@ -37,7 +38,7 @@ from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
-from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.measurement import Measurement, without_gain
 from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.identification.likelihood.reading import chosen_words, refuse_rates_missing
 from observer_rt.model.baseline import Baseline, HealthyRemainder, Remainder
@@ -96,22 +97,26 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
     """
     nominal = effective_model(task.parameters)
+    fitted = task.parameters.baseline
+    if fitted is not None and fitted.line_pressure_sensor_gain:
+        by_rail = partial(without_gain, gain=fitted.line_pressure_sensor_gain)
+        task = replace(task, measured=by_rail(task.measured), healthy=by_rail(task.healthy))
     healthy, warning = _remembered(nominal, [*task.measured, *task.healthy])
     points = by_operating_point([with_healthy_offset(one, healthy) for one in task.measured])
     measured = [point.measurement for point in points]
     workers = len(os.sched_getaffinity(0))
     baseline = healthy
     if task.healthy:
-        baseline, warning = _judged_by_healthy(nominal, task.healthy, workers, healthy)
+        baseline, warning = _judged_by_healthy(
+            nominal, task.healthy, workers, healthy, lambda done: progress(_HEALTHY * done)
+        )
     begin = _HEALTHY if task.healthy else 0.0
     progress(begin)
-
-    def named(share: float) -> None:
-        progress(begin + (_NAMED - begin) * share)
-
     recordings = [one.recording for one in task.measured]
     learned = task.learned(task.parameters, recordings) if task.learned else ()
-    options = SearchOptions(workers, named, baseline, task.chosen, first_guess(learned))
+    options = SearchOptions(
+        workers, lambda done: progress(begin + (_NAMED - begin) * done), baseline, task.chosen, first_guess(learned)
+    )
     discovery = name_effects(nominal, measured, options)
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
     accepted_term = task.accepted if task.accepted <= len(discovery.proposals) else 0
@@ -209,7 +214,11 @@ def _remembered(nominal: EffectiveModel, recordings: Sequence[Measurement]) -> t
 
 
 def _judged_by_healthy(
-    nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int, remembered: Healthy
+    nominal: EffectiveModel,
+    healthy: Sequence[Measurement],
+    workers: int,
+    remembered: Healthy,
+    progress: Callable[[float], None],
 ) -> tuple[Healthy, str]:
     """Judges a model by healthy recordings; also returns what they say against it, if anything.
 
@@ -217,7 +226,7 @@ def _judged_by_healthy(
     """
     found_with = [with_healthy_offset(one, remembered) for one in healthy]
     points = [point.measurement for point in by_operating_point(found_with)]
-    baseline, discovery = healthy_baseline(nominal, points, workers, remembered)
+    baseline, discovery = healthy_baseline(nominal, points, workers, remembered, progress)
     if discovery.verdict is Verdict.NONE:
         return baseline, ""
     return baseline, (

@@ -5,7 +5,7 @@ Chosen is the simplest of those that explain recordings they were not fitted to 
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from enum import StrEnum
 from pathlib import Path
@@ -30,7 +30,7 @@ from observer_rt.identification.fit.problem import (
     values_of,
     with_values,
 )
-from observer_rt.identification.fit.residuals import Comparison, UnexplainedSignal, compared, pooled
+from observer_rt.identification.fit.residuals import Comparison, UnexplainedSignal, compared, pooled, rate_misfit
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
     ROUGH_EVENTS,
@@ -58,6 +58,7 @@ GATE = 2.5  # chi2 of a phase, above which a model is not adequate
 TOLERATED = 0.005  # of the swing of the line pressure: a smaller residual moves no mass that matters
 # Of a mass: impedance of the cells at the closed end, corners of the lift and the like.
 LEAST_MASS_SHARE = 1.2e-3
+RATE_MISFIT = 0.02  # of a measured rate, from which on its meter, and not the injector, has its shape
 ORIGIN = "observer-rt fit"
 BASELINE = "baseline"
 _DIGITS = 7
@@ -148,7 +149,9 @@ class CalibrationResult:
     """Result of a fit.
 
     file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
-    parameters the recordings do not tell, as in the file; comparison: before and after.
+    parameters the recordings do not tell, as in the file; comparison: before and after; rate_misfit: of the shape of
+    a measured rate beside the model that explains the pressures and its integrals, as a share; not_observed: why the
+    observer could not learn with the fitted model, empty where it could.
     """
 
     file: InjectorParameters
@@ -158,6 +161,8 @@ class CalibrationResult:
     kept: tuple[FreeParameter, ...]
     level: FlowLevel
     comparison: Comparison
+    rate_misfit: float
+    not_observed: str = ""
 
     @property
     def injector(self) -> InjectorParameters:
@@ -255,11 +260,13 @@ def calibrate(
             f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, FailedStructure)
         )
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
-    best, kept = settled(choice.best, file, [thinned(fold, FINE_EVENTS) for fold in folds])
+    misfit = rate_misfit(choice.best.calibration, choice.best.judged)
+    fine = [replace(thinned(fold, FINE_EVENTS), rate_shape=misfit <= RATE_MISFIT) for fold in folds]
+    best, kept = settled(choice.best, file, fine)
     progress((len(structures) + 1) / steps)
     offsets = best.minimum.at.theta[len(best.calibration.free) :]
     comparison = compared(file, best.injector, offsets, best.calibration.folds)
-    return CalibrationResult(file, recordings, choice, best, kept, level, comparison)
+    return CalibrationResult(file, recordings, choice, best, kept, level, comparison, misfit)
 
 
 def _tried(

@@ -32,14 +32,15 @@ class Fold:
     """Data that are left out to judge a fit by: a recording, or some events of the only one.
 
     measurement: its events shortened; recording: number of its recording; weights: how
-    many injections of the recording each event stands for (events,); weighed: mean mass, None: not
-    measured.
+    many injections of the recording each event stands for (events,); weighed: mean mass, None: not measured;
+    rate_shape: whether a measured rate counts sample by sample, and not by its integrals alone.
     """
 
     measurement: Measurement
     recording: int
     weights: NDArray[np.float64]
     weighed: MeanMass | None = None
+    rate_shape: bool = False
 
     def mass_residuals(self, masses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean of modelled masses (events,) [kg] beside the measured one, in standard deviations (1,), or (0,)."""
@@ -186,17 +187,3 @@ def sensor_gain(recordings: Sequence[Measurement], calibration: StatedAccuracy) 
     by = np.column_stack((np.ones_like(pressures), pressures))
     information = by.T @ by / DRIFT**2 + np.diag([OFFSET**-2, calibration.gain**-2])
     return float(np.linalg.solve(information, by.T @ offsets / DRIFT**2)[1])
-
-
-def without_gain(recordings: Sequence[Measurement], gain: float, level: float) -> list[Measurement]:
-    """Recordings in the rail sensor's units; level: factor from flows in these to measured ones."""
-    result = []
-    for measurement in recordings:
-        recording, rate = measurement.recording, measurement.recording.injection_rate
-        changed = replace(
-            recording,
-            line_pressure=recording.line_pressure / (1.0 + gain),
-            injection_rate=None if rate is None else rate / level,
-        )
-        result.append(replace(measurement, recording=changed))
-    return result

@@ -1,47 +1,30 @@
 """The document of a fit, which `--json` writes and the screen shows: figures in printed units, and its words."""
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, PlainSerializer
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Document, DocumentPart, Number
+from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.fit.calibrate import (
     GATE,
+    RATE_MISFIT,
     TOLERATED,
     CalibrationResult,
     FittedNumber,
     FlowLevel,
     judged_by,
 )
-from observer_rt.identification.fit.cross_validation import WORTH_A_WORD, share_between_samples
 from observer_rt.identification.fit.residuals import RecordingMass, Residual
 from observer_rt.identification.fit.search import FailedStructure, FittedStructure
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.plausibility import ImplausibleNumber, implausible
 
 Whole = Annotated[Baseline, PlainSerializer(lambda one: one.model_dump(mode="json"))]
-_SEAT = "check the lift's calibration and the seat's geometry, and run `discover` on these recordings"
-_TRY = {
-    Phase.STANDSTILL: "with the needle shut there is more than white noise: give the line pressure as "
-    "it was sampled, not smoothed, interpolated or resampled; else look for an offset that drifts",
-    Phase.OPENING: _SEAT,
-    Phase.OPEN: "check the chamber pressure, and run `discover` on these recordings: cavitation, or a coefficient "
-    "of the seat that depends on the lift, shows here",
-    Phase.CLOSING: _SEAT,
-    Phase.AFTER: "the line rings otherwise than any structure tried (friction that depends on frequency is in none): "
-    "check line.length, and where along the line the pressure is measured",
-}
-_FOREIGN = 500.0  # chi2 that no wrong number of the file leaves
-_OF_FOREIGN = (
-    "most probably the signals do not belong together: a lift that is later or earlier than the pressures (another "
-    "clock, a delay of its channel; 0.1 ms does this), or a line pressure of another place, or of the wrong sign; "
-    "compare them in --plot. Lengths and diameters wrong by less than a factor of two are not the cause: the fit "
-    "makes up for them. Or the injector of these recordings has changed, its nozzle or seat: fit to those of when it "
-    "was healthy, then `observer-rt discover` names what changed"
-)
-_OF_INSTANTS = "; if samples are means over the sample period, state it (warning above)"
 _FITTED = "; line.diameter stands for A_L/(rho_L L_L) and was fitted with it"
 
 
@@ -81,7 +64,7 @@ def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[
     structure, comparison = done.fitted.structure, done.comparison
     return FitDocument(
         schema=1,
-        verdict="inadequate" if done.inadequate else "adequate",
+        verdict="adequate" if baseline.adequate else "inadequate",
         verdict_words=verdict_words(done),
         inadequate_phases=tuple(map(phase_name, done.inadequate)),
         structure={
@@ -136,13 +119,23 @@ def level_words(done: CalibrationResult) -> str:
 
 
 def verdict_words(done: CalibrationResult) -> str:
-    """Adequate or not, where, and what to try; with which numbers no injector has."""
-    odd = ", ".join(one.name for one in _beyond_physics(done))
-    return _fit_words(done) + (f". IMPLAUSIBLE: {odd}; correct the file and fit again" if odd else "")
+    """Adequate or not, and where; of an adequate one, which numbers no injector has."""
+    odd = "" if done.inadequate else ", ".join(one.name for one in _beyond_physics(done))
+    rate = (
+        f". The measured rate contradicts the pressures: its shape is {done.rate_misfit:.1%} off (limit "
+        f"{RATE_MISFIT:.0%}), and only its integrals were fitted"
+    )
+    return (
+        _fit_words(done)
+        + rate * (done.rate_misfit > RATE_MISFIT)
+        + (f". IMPLAUSIBLE: {odd}; correct the file and fit again" if odd else "")
+    )
 
 
 def _fit_words(done: CalibrationResult) -> str:
     left = done.left
+    if not done.inadequate and done.not_observed:
+        return f"INADEQUATE: the observer cannot learn with this model ({done.not_observed})"
     if not done.inadequate:
         words = f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({phase_name(left.worst)}; limit {GATE:g})"
         if done.above_gate:
@@ -153,18 +146,26 @@ def _fit_words(done: CalibrationResult) -> str:
             )
         return words
     where = ", ".join(f"{phase_name(phase)} {left.chi2[phase]:.3g}" for phase in done.inadequate)
-    return f"INADEQUATE: chi2 above {GATE:g} in {where}. To try: {_to_try(done)}"
+    return (
+        f"INADEQUATE: chi2 above {GATE:g} in {where}. {_disagreement(done)}. No cause was tried: "
+        "`observer-rt discover` searches these recordings, the fitted file given as --model; --plot shows them"
+    )
 
 
-def _to_try(done: CalibrationResult) -> str:
-    """By the most probable cause."""
-    worst = done.inadequate[0]
-    if done.left.chi2[worst] > _FOREIGN:
-        return _OF_FOREIGN
-    if Phase.STANDSTILL in done.inadequate:
-        return _TRY[Phase.STANDSTILL]
-    slow = max(map(share_between_samples, done.measurements)) > WORTH_A_WORD
-    return _TRY[worst] + (_OF_INSTANTS if slow else "")
+def _disagreement(done: CalibrationResult) -> str:
+    """Where most is left of the line pressure: phase and rail pressure, how much, and its sign."""
+    after = done.comparison.after
+    left = [
+        (float(np.mean(z**2)), float(np.mean(z)), phase, fold.measurement.rail_pressure / MEGAPASCAL)
+        for fold, recorded, judged in zip(after.folds, done.fitted.calibration.recordings, after.judged, strict=True)
+        for phase in done.inadequate
+        if (z := judged.z[recorded.phases == phase]).size
+    ]
+    square, mean, phase, pressure = max(left)
+    noise = after.innovation / MEGAPASCAL
+    size = f"{noise * math.sqrt(square):.3g} MPa one sample ahead (noise alone {noise:.3g})"
+    sign = "above" if mean > 0.0 else "below"
+    return f"Most is left in {phase_name(phase)} at {pressure:.0f} MPa: {size}, measured more often {sign} the model"
 
 
 def oddities(done: CalibrationResult) -> list[str]:
@@ -172,7 +173,8 @@ def oddities(done: CalibrationResult) -> list[str]:
     of the range tried."""
     free = done.fitted.calibration.free
     odd = _beyond_physics(done)
-    result = [f"implausible: {one.words}; check {one.made_up_for or one.name}" for one in odd]
+    check = "" if done.inadequate else "; check {}"  # a model that lacks something makes numbers up for it
+    result = [f"implausible: {one.words}{check.format(one.made_up_for or one.name)}" for one in odd]
     for parameter in free:
         value = parameter.of(done.injector)
         if value < 1.01 * parameter.lowest or value > 0.99 * parameter.highest:

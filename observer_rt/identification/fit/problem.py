@@ -23,7 +23,7 @@ CALM = 0.93  # of what a step may be, so that a fit can still move
 _DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
 OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
 _DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
-_MOST_KEPT = 64  # residuals cached of a fold: those of a linearisation
+_MOST_KEPT = 24  # residuals cached of a fold: those of a linearisation
 UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
 LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
 
@@ -279,7 +279,7 @@ class Calibration:
         pressure = np.asarray(blocks.sum(axis=1) / math.sqrt(samples), np.float64)
         return [
             (pressure, judged_model.log_sigma),
-            (judged_model.rate_z, 0.0),
+            (judged_model.rate_z if fold.rate_shape else judged_model.volume_z, 0.0),
             (fold.mass_residuals(judged_model.masses), 0.0),
         ]
 

@@ -28,6 +28,7 @@ from observer_rt.identification.likelihood.likelihood import (
     Signal,
     pool_of,
 )
+from observer_rt.identification.likelihood.windows import Rows
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import InjectorParameters
 
@@ -83,6 +84,17 @@ class UnexplainedSignal:
 def pooled(recordings: Sequence[RecordingLikelihood], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
     """Pools the line pressure of folds."""
     return UnexplainedSignal(pool_of(recordings, judged)[Signal.LINE_PRESSURE])
+
+
+def rate_misfit(calibration: Calibration, judged: Sequence[JudgedModel]) -> float:
+    """Root mean square of a measured rate minus the modelled one, beyond noise, over that of the rate; 0 without."""
+    beyond, total = 0.0, 0.0
+    for fold, model in zip(calibration.folds, judged, strict=True):
+        rate, z = fold.measurement.recording.injection_rate, model.rate_z[:-1]
+        if rate is not None:
+            beyond += fold.measurement.rate_noise**2 * max(float(z @ z) - z.size, 0.0)
+            total += float(np.sum(rate[Rows(fold.measurement).rate_samples] ** 2))
+    return math.sqrt(beyond / total) if total else 0.0
 
 
 @dataclass(frozen=True)

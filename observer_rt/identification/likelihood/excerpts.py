@@ -32,7 +32,7 @@ from observer_rt.identification.likelihood.measurement import (
     refuse_slow,
 )
 from observer_rt.identification.likelihood.operating_points import operating_point
-from observer_rt.identification.likelihood.white_noise import white_noise
+from observer_rt.identification.likelihood.white_noise import noise_level
 
 MOST_SAMPLES = 1 << 19  # stored of a recording: 5 s at 100 kHz, some 100 injections of a longer one
 BLOCK = 1 << 18  # samples looked at together
@@ -138,7 +138,7 @@ def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
 def _ends(block: Chunk) -> tuple[int, int]:
     """End of a block and begin of the next one: round the longest standstill of its second half."""
     half, rate = block.samples // 2, block.sample_rate
-    noise = white_noise(block.needle_lift, np.ones(block.samples, np.bool_))
+    noise = noise_level(block.needle_lift, np.ones(block.samples, np.bool_), rate)
     opens, _ = dead_band(noise if np.isfinite(noise) else 0.0)
     edges = np.flatnonzero(np.diff(~(block.needle_lift[half:] > opens), prepend=False, append=False))
     if not edges.size:

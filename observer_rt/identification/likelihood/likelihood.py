@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -36,19 +37,21 @@ from observer_rt.model.hydraulics import Seat
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
+VOLUME_ERROR = 0.002  # and of what it makes of an event, beyond noise
 _MOST_GAINS = 4096  # cached: those round a few candidates
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedModel:
     """A model on one recording: normalised innovations (n,) where counted, log of their standard deviation, and
-    normalised residuals of the measured rate (m,), the gain error taken out and appended; (0,) without a rate.
-    rate_log_sigma: of their standard deviation, beyond that without a lag of the lift; masses: injected in every
-    event by x~ (events,) [kg]."""
+    normalised residuals of the measured rate (m,), and of its integral over every event (events,), the gain error
+    taken out and appended; (0,) without a rate. rate_log_sigma: of the standard deviation of the former, beyond that
+    without a lag of the lift; masses: injected in every event by x~ (events,) [kg]."""
 
     z: NDArray[np.float64]
     log_sigma: float
     rate_z: NDArray[np.float64]
+    volume_z: NDArray[np.float64]
     rate_log_sigma: float
     masses: NDArray[np.float64]
 
@@ -72,7 +75,6 @@ class RecordingLikelihood:
         self._gains: dict[tuple[Any, float, float], GainSchedule] = {}
         self._nominal = nominal
         self._nominal_rail = rail_on_time(measurement, nominal.inputs)
-        self._lift_noise = LiftNoise(measurement, self._with_lift_lag)
         self._nominal_key = _input_key(nominal)
         self._nominal_inputs = self._inputs(nominal)
         c = measurement.coefficients_of(nominal)
@@ -89,6 +91,11 @@ class RecordingLikelihood:
             self._rate = measurement.recording.injection_rate[self._rows.rate_samples]
             self._rate_by_lift = self._rate_noise_by_lift(nominal)
             self._rate_sigma = self._rate_sigma_at(0.0)
+
+    @cached_property
+    def _lift_noise(self) -> LiftNoise:
+        """Made when a lag asks for it: it refers back, and a circle stays in memory for long."""
+        return LiftNoise(self.measurement, self._with_lift_lag)
 
     def judge(self, model: EffectiveModel) -> JudgedModel | None:
         """Compare with a model; None where its solution is not finite or cannot be had."""
@@ -113,8 +120,9 @@ class RecordingLikelihood:
             z /= np.sqrt(variance)
             log_sigma += 0.5 * float(np.mean(np.log(variance)))
         rate_z, rate_log_sigma = self._judged_rate(rate[self._rows.rate_rows + late], model.inputs.lift_lag)
-        masses = model.coefficients.density * self._rows.volumes(rate)
-        return JudgedModel(z, log_sigma, rate_z, rate_log_sigma, masses)
+        volumes = self._rows.volumes(rate)
+        volume_z = self._judged_volumes(volumes)
+        return JudgedModel(z, log_sigma, rate_z, volume_z, rate_log_sigma, model.coefficients.density * volumes)
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -173,6 +181,7 @@ class RecordingLikelihood:
             rate = self.measurement.recording.sample_rate
             smoothing = smoothing_of(self.measurement.interval)
             schedule = gain_schedule(c, self.measurement.noise, rate, sensor.lag, share, rail_smoothing=smoothing)
+            schedule = replace(schedule, gains=schedule.gains[-1:].copy())  # hundreds of rows else, of each model
             self._gains[key] = schedule
         return schedule
 
@@ -216,10 +225,26 @@ class RecordingLikelihood:
         if self._rate is None:
             return np.zeros(0), 0.0
         sigma = self._rate_sigma_at(lift_lag) if lift_lag > 0.0 else self._rate_sigma
-        residual, scale = (self._rate - rate) / sigma, rate / sigma
-        gain = float(scale @ residual) / (float(scale @ scale) + GAIN_ERROR**-2)
         larger = float(np.mean(np.log(sigma / self._rate_sigma)))
-        return np.append(residual - gain * scale, gain / GAIN_ERROR), larger
+        return _without_gain_error(self._rate, rate, sigma), larger
+
+    def _judged_volumes(self, volumes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Residuals of the measured rate's integrals, which a meter's own dynamics leave as they are."""
+        measured = self.measurement.recording.injection_rate
+        if measured is None:
+            return np.zeros(0)
+        noise, samples = self.measurement.rate_noise, self._rows.volumes(np.ones(self._rows.samples.size))
+        sigma = np.hypot(noise * np.sqrt(samples * self.measurement.interval), VOLUME_ERROR * volumes)
+        return _without_gain_error(self._rows.volumes(measured[self._rows.samples]), volumes, sigma)
+
+
+def _without_gain_error(
+    measured: NDArray[np.float64], modelled: NDArray[np.float64], sigma: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Normalised residuals of what was measured with a gain error, and that over its own standard deviation."""
+    residual, scale = (measured - modelled) / sigma, modelled / sigma
+    gain = float(scale @ residual) / (float(scale @ scale) + GAIN_ERROR**-2)
+    return np.append(residual - gain * scale, gain / GAIN_ERROR)
 
 
 def joint_likelihood(

@@ -1,7 +1,7 @@
 """Recordings as discovery sees them: noise, gaps, openings, and the stretches of samples that are judged."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.injector import Meaning
+from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.observer import SETTLE, Durations
 from observer_rt.files.signals.recording import Recording
@@ -16,7 +17,7 @@ from observer_rt.files.signals.stream import Sampled
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.identification.likelihood.openings import Opening, find_openings, ramp_samples
-from observer_rt.identification.likelihood.white_noise import white_noise
+from observer_rt.identification.likelihood.white_noise import noise_level, white_noise
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import NO_CLOCK, Clock, Coefficients, EffectiveModel, averaged
 
@@ -159,6 +160,7 @@ def measurement_of(
 ) -> Measurement:
     """A recording with its events, of all openings in it, and its noise. Errors as of `measurements`."""
     if not events:
+        refuse_unshut(recording)
         lacks = sorted({str(event.lack) for event in injections.left_out})
         raise UserError(
             _name(recording),
@@ -175,6 +177,22 @@ def measurement_of(
         float(np.mean([open_time(event, recording) for event in events])),
         injections,
     )
+
+
+def refuse_unshut(recording: Recording) -> None:
+    """Raise `UserError` for a lift that the dead band takes for open where the needle is shut."""
+    lift = recording.needle_lift[np.isfinite(recording.needle_lift)] / MICROMETRE
+    opens, shuts = (level / MICROMETRE for level in dead_band(_lift_noise(recording)))
+    if not lift.size:
+        return
+    low, zero, high = np.percentile(lift[lift <= np.min(lift) + 0.1 * np.ptp(lift)], (16, 50, 84))
+    if high > shuts:
+        raise UserError(
+            f"{_name(recording)}, needle_lift",
+            f"the lift of the shut needle is {zero:.2g} ± {0.5 * (high - low):.2g} um, which crosses the dead band: "
+            f"the needle counts as open above {opens:.2g} um and as shut below {shuts:.2g} um",
+            f"subtract the zero (offset = {-zero:.2g} in [recording.needle_lift], in um), or lower the noise",
+        )
 
 
 def _name(recording: Sampled) -> str:
@@ -200,13 +218,14 @@ def missing_samples(recording: Recording) -> NDArray[np.bool_]:
 
 def openings_of(recording: Recording) -> list[Opening]:
     """Openings of the needle, found with the lift's own noise."""
-    lift = recording.needle_lift
-    everywhere = np.ones(lift.size, np.bool_)
-    noise = white_noise(lift, everywhere)
-    noise = max(noise if np.isfinite(noise) else _GUESSED_LIFT_NOISE, FLOOR.needle_lift)
-    shortest = SHORTEST_OPENING * recording.sample_rate
-    ramp = ramp_samples(recording.sample_rate)
-    return [o for o in find_openings(lift, noise, ramp) if o.last - o.first >= shortest]
+    shortest, ramp = SHORTEST_OPENING * recording.sample_rate, ramp_samples(recording.sample_rate)
+    openings = find_openings(recording.needle_lift, _lift_noise(recording), ramp)
+    return [o for o in openings if o.last - o.first >= shortest]
+
+
+def _lift_noise(recording: Recording) -> float:
+    noise = noise_level(recording.needle_lift, np.ones(recording.samples, np.bool_), recording.sample_rate)
+    return max(noise if np.isfinite(noise) else _GUESSED_LIFT_NOISE, FLOOR.needle_lift)
 
 
 def events_of(
@@ -253,16 +272,17 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
     is_open = np.zeros(recording.samples, np.bool_)
     for opening in openings:
         is_open[opening.first : opening.last + 1] = True
-    rail, line = (white_noise(v, shut) for v in (recording.rail_pressure, recording.line_pressure))
+    rail, line = (
+        noise_level(v, shut, recording.sample_rate) for v in (recording.rail_pressure, recording.line_pressure)
+    )
     if not np.isfinite(rail + line):
         raise UserError(
             _name(recording),
             "too little standstill to measure the noise",
             "record some ms more of shut needle",
         )
-    lift = white_noise(recording.needle_lift, is_open)
-    if not np.isfinite(lift):
-        lift = white_noise(recording.needle_lift, shut)
+    # clipped at 0 it has half its noise there; open it is too short for its colour
+    lift = float(np.fmax(white_noise(recording.needle_lift, is_open), _lift_noise(recording)))
     levels = NoiseLevels(
         rail_pressure=max(rail, FLOOR.rail_pressure),
         line_pressure=max(line, FLOOR.line_pressure),
@@ -270,7 +290,21 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
     )
     if recording.injection_rate is None:
         return levels, float("nan")
-    return levels, max(white_noise(recording.injection_rate, shut), RATE_FLOOR)
+    return levels, max(noise_level(recording.injection_rate, shut, recording.sample_rate), RATE_FLOOR)
+
+
+def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 1.0) -> tuple[Measurement, ...]:
+    """Recordings in the rail sensor's units; level: factor from flows in these to measured ones."""
+    result = []
+    for measurement in recordings:
+        recording, rate = measurement.recording, measurement.recording.injection_rate
+        changed = replace(
+            recording,
+            line_pressure=recording.line_pressure / (1.0 + gain),
+            injection_rate=None if rate is None else rate / level,
+        )
+        result.append(replace(measurement, recording=changed))
+    return tuple(result)
 
 
 def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: float, **of: Any) -> Recording:

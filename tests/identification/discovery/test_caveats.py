@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.findings import (
     Caveat,
@@ -106,6 +107,21 @@ def test_flow_and_stiffness_that_changed_together_look_like_another_inertance(
 ) -> None:
     amended = effective_model(NOMINAL, (sized("orifice_area", v_H=v_h), sized("bulk_modulus", r=r)))
     assert is_like_inertance(effective_model(NOMINAL), amended) is alike
+
+
+def test_a_model_that_leaves_many_times_the_noise_explains_nothing(worn: Worn) -> None:
+    """Whatever the healthy injector left, too: in the innovations, or with nothing corrected."""
+    nothing = replace(worn.findings, verdict=Verdict.NONE, effects=())
+    quiet = tuple(replace(cell, variance=1.0) for cell in nothing.before)
+    gaps = {name: replace(gap, before=gap.noise_floor) for name, gap in nothing.gaps.by_name.items()}
+    explained = replace(nothing, before=quiet, gaps=replace(nothing.gaps, by_name=gaps))
+    assert as_text(explained).startswith("none: the model explains the recordings")
+    far = {name: replace(gap, before=5.0 * gap.noise_floor) for name, gap in gaps.items()}
+    loud = (replace(quiet[0], phase=Phase.OPEN, rail_pressure=140e6, variance=25.0), *quiet[1:])
+    for findings in (replace(explained, before=loud), replace(explained, gaps=replace(nothing.gaps, by_name=far))):
+        headline = as_text(findings).splitlines()[0]
+        assert "does not explain the recordings: it leaves 5.0 times the noise, most in the line pressure" in headline
+    assert "while the needle is open at 140 MPa" in as_text(replace(explained, before=loud))
 
 
 def test_what_is_of_the_bench_is_told_and_never_amended() -> None:

@@ -1,12 +1,18 @@
 """Recordings compared with the healthy injector: its own effects are not missing, and only new ones are named."""
 
+from dataclasses import replace
+
 import pytest
 
+from observer_rt.engine.learning.healthy import KNOTS
+from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
+from tests.baselines import WHITE, baseline
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
 MODEL = effective_model(NOMINAL)
@@ -92,6 +98,17 @@ def test_what_shows_where_it_was_fitted_only_is_not_named() -> None:
     mixed = [worn[0], new[1], new[2], worn[3]]  # like the squares of a chessboard
     discovery = name_effects(MODEL, measurements(mixed), SearchOptions(workers=2))
     assert "orifice_area" not in [one.id for one in discovery.effects]
+
+
+def test_gain_and_offset_of_the_sensor_at_the_fit_are_both_undone() -> None:
+    made = recordings((sized("orifice_area", v_H=0.05),))
+    changed = [replace(one, line_pressure=1.006 * (one.line_pressure + 0.3e6)) for one in made]
+    shape = dict.fromkeys(HealthyShape.model_fields, (0.0,) * KNOTS.size)
+    left = {"variance": WHITE, "colour": WHITE, "shape": shape, "line_pressure_offset_MPa": 0.3}
+    fitted = NOMINAL.model_copy(update={"baseline": baseline(healthy=left, line_pressure_sensor_gain=0.006)})
+    findings = answer(DiscoveryTask(fitted, measurements(changed), (), {"a": "0", "b": "1"}), lambda _: None)
+    assert [one.id for one in findings.effects] == ["orifice_area"]
+    assert all(one.passed for one in findings.checks if one.id == "rail_line_offset")
 
 
 def test_recordings_of_one_point_hold_nothing_out() -> None:

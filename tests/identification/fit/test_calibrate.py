@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 
 from observer_rt.desk.simulation.simulate import Simulation
+from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.fit.calibrate import CalibrationResult, FlowLevel, calibrate
 from observer_rt.identification.fit.cross_validation import folds_of
@@ -20,7 +22,7 @@ from observer_rt.identification.fit.problem import (
     certainty,
     with_values,
 )
-from observer_rt.identification.likelihood.bounded_fit import linearise
+from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import mass, simulated
 from observer_rt.model.effects import effective_model
@@ -129,21 +131,32 @@ def test_flows_coefficients_and_sac_scale_with_the_inertance(by_pressures: Calib
     assert _mass_error(moved) == pytest.approx(share - 1.0, abs=0.003)
 
 
-def test_without_a_rate_the_inertance_is_seen_not_to_be_told() -> None:
-    structure = LUMPS[0]
-    folds = folds_of(_measured(simulations()[:2]), {})
-    free: tuple[FreeParameter, ...] = (*structure.free, INERTANCE)
-    calibration = Calibration(NOMINAL, free, folds)
+def _linearised(*further: FreeParameter) -> tuple[Calibration, Quadratic]:
+    """Two recordings at the true numbers, with further parameters free."""
+    calibration = Calibration(NOMINAL, (*LUMPS[0].free, *further), folds_of(_measured(simulations()[:2]), {}))
     here = calibration.residuals(calibration.centre)
     assert here is not None
-    sure = certainty(calibration, linearise(calibration.residuals, calibration.centre, here, calibration.ranges), 1.0)
-    assert sure.undetermined is not None
+    return calibration, linearise(calibration.residuals, calibration.centre, here, calibration.ranges)
+
+
+def test_without_a_rate_the_inertance_is_seen_not_to_be_told() -> None:
+    assert certainty(*_linearised(INERTANCE), 1.0).undetermined is not None
+
+
+def test_offsets_that_are_not_known_make_parameters_less_sure() -> None:
+    """As the inverse of the whole information says; with the offsets known, xi would be surer."""
+    calibration, at = _linearised()
+    data, p = at.information - np.diag(calibration.prior_sigmas**-2), len(calibration.free)
+    sigmas = certainty(calibration, at, 1.0).sigmas
+    np.testing.assert_allclose(sigmas, np.sqrt(np.diag(np.linalg.inv(data)))[:p], rtol=1e-3)
+    assert np.any(sigmas > 1.03 * np.sqrt(np.diag(np.linalg.inv(data[:p, :p]))))
+    np.testing.assert_allclose(certainty(calibration, at, 4.0).sigmas, 2.0 * sigmas)
 
 
 def test_what_is_faster_than_the_cells_carry_is_averaged() -> None:
     """Every five innovations of 10 us are one, normalised again; a measured rate stays as it is."""
     (fold,) = folds_of(_measured(simulations([POINTS[0]], measured_rate=True, injections=1)), {})
-    calibration = Calibration(NOMINAL, LUMPS[0].free, [fold])
+    calibration = Calibration(NOMINAL, LUMPS[0].free, [replace(fold, rate_shape=True)])
     here, judged = calibration.residuals(calibration.centre), calibration.judge(calibration.centre, 0)
     assert here is not None
     assert judged is not None
@@ -161,8 +174,32 @@ def _wrong_inertance() -> InjectorParameters:
 def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
     done = _fit(_measured(simulations(measured_rate=True)), _wrong_inertance())
     assert done.level is FlowLevel.RATE
+    assert done.fitted.calibration.folds[0].rate_shape
+    assert "contradicts" not in verdict_words(done)
     assert abs(_mass_error(done.injector)) < 0.005  # the rate's gain errors are 0.5 % a recording
     assert abs(_deviations(done, NOMINAL)["d_L"]) < 3.0
+
+
+def _by_a_meter(recording: Recording) -> Recording:
+    """Its rate by a meter that overshoots by 12 % and creeps: the last tenth comes within .2 ms."""
+    assert recording.injection_rate is not None
+    damping, frequency, creep = 0.56, 2.0 * np.pi * 3e3, 0.2e-3
+    quick = lsim(
+        ([frequency**2], [1.0, 2.0 * damping * frequency, frequency**2]), recording.injection_rate, recording.time
+    )
+    late = lsim(([1.0], [creep, 1.0]), quick[1], recording.time)
+    return replace(recording, injection_rate=0.9 * quick[1] + 0.1 * late[1])
+
+
+def test_a_rate_of_a_meter_with_dynamics_gives_the_level_by_its_integral() -> None:
+    """Its shape would make sac and seat others; that it contradicts the pressures is said of the rate."""
+    made = [_by_a_meter(one.recording) for one in simulations(measured_rate=True)]
+    done = _fit(measurements(made), _wrong_inertance())
+    assert done.inadequate == ()
+    assert abs(_mass_error(done.injector)) < 0.01
+    deviations = _deviations(done, NOMINAL)
+    assert max(map(abs, deviations.values())) < 4.0
+    assert "The measured rate contradicts the pressures" in verdict_words(done)
 
 
 @pytest.mark.slow
@@ -188,7 +225,7 @@ def test_a_line_that_no_structure_has_is_inadequate_and_said_where() -> None:
     part = Injector(line_cells=12, line_damping=1.0)
     done = _fit(measurements(of_independent_plant(part, POINTS[::5])), NOMINAL)
     assert done.inadequate
-    assert "To try" in verdict_words(done)
+    assert "Most is left in" in verdict_words(done)
 
 
 def test_an_effect_in_force_is_part_of_the_model_that_is_fitted() -> None:

@@ -27,11 +27,10 @@ from observer_rt.identification.fit.cross_validation import (
     standstill,
     thinned,
     warnings,
-    without_gain,
 )
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import STRUCTURES
-from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from tests.identification.fit.healthy import NOMINAL, POINTS, simulations
 

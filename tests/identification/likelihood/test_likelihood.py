@@ -1,5 +1,8 @@
 """-2 log L of effective models on recordings of a simulated injector; for every effect a result, no exception."""
 
+import gc
+import tracemalloc
+import weakref
 from dataclasses import replace
 from functools import cache
 
@@ -10,7 +13,12 @@ from hypothesis import strategies as st
 
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, JointLikelihood, joint_likelihood
+from observer_rt.identification.likelihood.likelihood import (
+    GAIN_ERROR,
+    JointLikelihood,
+    RecordingLikelihood,
+    joint_likelihood,
+)
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.identification.likelihood.open_loop import simulated
 from observer_rt.model.effect import SizedEffect
@@ -40,6 +48,22 @@ def test_innovations_and_rate_residuals_of_the_true_model_are_white() -> None:
     assert np.mean(z**2) == pytest.approx(1.0, abs=0.06)
     assert np.mean(z[1:] * z[:-1]) == pytest.approx(0.0, abs=0.04)
     assert np.mean(rate**2) == pytest.approx(1.0, abs=0.15)
+
+
+def test_many_models_take_little_memory() -> None:
+    """Of each a row of gains is kept, and a likelihood that nobody needs any more is gone at once."""
+    likelihood = RecordingLikelihood(measurements(recordings())[0], NOMINAL_MODEL)
+    tracemalloc.start()
+    for stiffness in np.linspace(0.9, 1.1, 50):
+        likelihood.judge(effective_model(NOMINAL, (sized("bulk_modulus", r=float(stiffness) - 1.0),)))
+    kept, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert kept < 0.4e6
+    here = weakref.ref(likelihood)
+    gc.disable()
+    del likelihood
+    gc.enable()
+    assert here() is None
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Recordings whose samples are means, as `fit` and `discover` compare them with models."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -101,12 +100,3 @@ def test_a_mass_is_that_at_100_khz() -> None:
         density = C.density
         for first, second in zip(simulated(fine, MODEL), simulated(slow, MODEL), strict=True):
             assert mass(slow, second, density) == pytest.approx(mass(fine, first, density), rel=5e-3)
-
-
-def test_noise_is_added_to_what_keeps_its_meaning() -> None:
-    (measured_recordings, *_) = measured(Meaning.MEAN)
-    assert measured_recordings.means
-    assert replace(
-        measured_recordings,
-        recording=replace(measured_recordings.recording, rail_pressure=measured_recordings.recording.rail_pressure),
-    ).means

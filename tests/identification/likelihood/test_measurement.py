@@ -30,6 +30,25 @@ def test_noise_events_and_operating_point_are_found() -> None:
         assert event.end - opening.last == round(RING_DOWN * 100e3)
 
 
+def test_a_lift_whose_zero_crosses_the_dead_band_is_named() -> None:
+    (recording,) = recordings(points=POINT)
+    raised = replace(recording, needle_lift=recording.needle_lift + 2.4e-6)
+    words = r"shut needle is 2\.4 ± 0\.4 um, .* open above 2 um and as shut below 1 um"
+    with pytest.raises(UserError, match=words) as refused:
+        measurements([raised])
+    assert "offset = -2.4" in refused.value.remedy
+
+
+def test_lift_noise_behind_a_filter_widens_the_dead_band() -> None:
+    """Of a shut needle .8 ± .8 um: neither its zero nor its noise keeps it open."""
+    (recording,) = recordings(points=POINT)
+    noise = 1.6e-6 * np.random.default_rng(1).normal(size=recording.samples)
+    blurred = np.convolve(noise, [0.25, 0.5, 0.25], "same") + 0.8e-6
+    (measurement,) = measurements([replace(recording, needle_lift=recording.needle_lift + blurred)])
+    assert len(measurement.events) == 2
+    assert measurement.noise.needle_lift == pytest.approx(1.0e-6, rel=0.2)
+
+
 def test_pilot_and_main_are_one_event() -> None:
     (recording,) = recordings(points=POINT)
     lift = recording.needle_lift.copy()

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import butter, lfilter
 
-from observer_rt.identification.likelihood.white_noise import FEWEST_DIFFERENCES, white_noise
+from observer_rt.identification.likelihood.white_noise import FEWEST_DIFFERENCES, noise_level, white_noise
 
 RATE = 100e3
 EVERYWHERE = np.ones(20_000, np.bool_)
@@ -22,6 +23,21 @@ def test_ringing_ramps_and_spikes_do_not_count_as_noise() -> None:
     signal = 30.0 * np.sin(2 * math.pi * 1280.0 * time) + 5000.0 * time
     spikes = np.where(np.arange(time.size) % 1000 == 0, 40.0, 0.0)
     assert white_noise(signal + spikes + _noise(), EVERYWHERE) == pytest.approx(1.0, rel=0.03)
+    assert noise_level(signal + spikes + _noise(), EVERYWHERE, RATE) == pytest.approx(1.0, rel=0.03)
+
+
+def test_the_ringing_of_a_line_sampled_slowly_is_no_noise() -> None:
+    ringing = 10.0 * np.sin(2 * math.pi * 1280.0 * np.arange(EVERYWHERE.size) / 10e3)
+    assert noise_level(ringing + _noise(), EVERYWHERE, 10e3) == pytest.approx(1.0, rel=0.1)
+
+
+def test_noise_behind_an_anti_alias_filter_is_as_strong_as_where_the_line_rings() -> None:
+    """Two poles at .28 of the sample rate take two thirds of what neighbours differ by, and nothing of a mean."""
+    time = np.arange(EVERYWHERE.size) / RATE
+    fine = np.random.default_rng(1).normal(size=8 * EVERYWHERE.size) * math.sqrt(8.0)
+    filtered = lfilter(*butter(2, 28e3, fs=8 * RATE), fine)[::8] + 30.0 * np.sin(2 * math.pi * 1280.0 * time)
+    assert white_noise(filtered, EVERYWHERE) < 0.5
+    assert noise_level(filtered, EVERYWHERE, RATE) == pytest.approx(0.85, abs=0.1)
 
 
 def test_only_whole_runs_of_chosen_samples_count() -> None:

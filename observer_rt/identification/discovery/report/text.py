@@ -1,5 +1,7 @@
 """The answer in words, for the screen and the report."""
 
+import math
+
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.findings import Findings
@@ -10,6 +12,7 @@ from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.results import Discovery, SmallestVisible, Verdict
 from observer_rt.model.effects import VOCABULARY
 
+MANY = 3.0  # times the noise: what a model leaves that does not explain recordings
 PHASE_WORDS = {
     Phase.STANDSTILL: "while the needle is shut",
     Phase.OPENING: "while the needle opens",
@@ -66,6 +69,14 @@ def _verdict_words(discovery: Discovery) -> str:
     unexplained = discovery.unexplained
     laws = [one.sentence for one in discovery.proposals]
     if discovery.verdict is Verdict.NONE:
+        most = max(discovery.before, key=lambda cell: cell.variance)
+        gaps = discovery.gaps.by_name.values() if isinstance(discovery, Findings) else ()
+        open_loop = max((gap.before / gap.noise_floor for gap in gaps if gap.measured), default=0.0)
+        times = max(math.sqrt(most.variance), open_loop)
+        if times > MANY:
+            where = f"{most.signal.words} {PHASE_WORDS[most.phase]} at {most.point}"
+            left = f"it leaves {times:.1f} times the noise, most in the {where}"
+            return f"no effect stands out, yet the model does not explain the recordings: {left}"
         return "the model explains the recordings; no effect is missing"
     if discovery.verdict is Verdict.UNKNOWN:
         words = "something is missing that no known effect explains"

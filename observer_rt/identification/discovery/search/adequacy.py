@@ -1,7 +1,7 @@
 """Tests residuals for adequacy, by signal, phase and operating point."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,12 +61,16 @@ def cells_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel], model: 
 
 
 def healthy_of_fit(baseline: Baseline, comparable: bool) -> Healthy:
-    """Reads what a fitted injector file remembers; nothing is named by a model whose fit was not adequate.
+    """Reads what a fitted injector file remembers of the healthy injector.
 
-    comparable: whether the recordings have the sample rate of the fit's, so that innovations mean the same.
+    What a model leaves whose fit was not adequate is searched, not taken for the injector's. comparable: whether the
+    recordings have the sample rate of the fit's, so that innovations mean the same; the sensor has any one's offset.
     """
-    healthy = baseline.healthy if comparable else None
-    return healthy_for_naming(healthy or baseline, baseline.adequate and healthy is not None)
+    healthy, offset = baseline.healthy, baseline.healthy.line_pressure_offset_MPa if baseline.healthy else 0.0
+    if not baseline.adequate:
+        return Healthy(adequate=False, line_pressure_offset_MPa=offset)
+    result = healthy_for_naming(healthy if healthy and comparable else baseline, comparable and healthy is not None)
+    return replace(result, line_pressure_offset_MPa=offset)
 
 
 def healthy_level(healthy: Healthy, signal: Signal, phase: Phase) -> tuple[float, float]:

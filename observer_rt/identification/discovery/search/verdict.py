@@ -52,7 +52,6 @@ MASS_APART = 0.3 * MILLIGRAM  # kg of an injection, from which on laws that expl
 MODEL_SHARE = 0.01
 """Standard deviation of a size, as a share: a fitted model answers to an effect no more exactly than to an injection.
 Found on seven plants of other equations than the model's, each with a discrepancy of its own."""
-_EXPECTED_MORE = 10  # fits of a usual search after the first of every effect, for the progress shown
 Progress = Callable[[float], None]
 """Called with the share done, 0 to 1."""
 METHOD = (
@@ -140,7 +139,7 @@ def name_effects(
         nonlocal done
         done += 1
         if options.progress is not None:
-            options.progress(min(1.0, done / (len(effects) + _EXPECTED_MORE)))
+            options.progress(done / (done + len(effects)))  # how many there will be nobody knows
 
     if likelihood.judge(nominal) is None:
         raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
@@ -175,6 +174,7 @@ def healthy_baseline(
     recordings: Sequence[Measurement],
     workers: int = 1,
     remembered: Healthy = NOT_FITTED,
+    progress: Progress | None = None,
 ) -> tuple[Healthy, Discovery]:
     """Measures what healthy recordings leave unexplained; discovery finds `none` in them for an adequate model.
 
@@ -184,7 +184,7 @@ def healthy_baseline(
     judged = likelihood.judge(nominal)
     if judged is None:
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
-    discovery = name_effects(nominal, recordings, SearchOptions(workers, baseline=remembered))
+    discovery = name_effects(nominal, recordings, SearchOptions(workers, progress, remembered))
     remainder = healthy_remainder(likelihood, nominal, representatives(), remembered)
     rate = pool_of(likelihood.recordings, judged).get(Signal.INJECTION_RATE)
     return healthy_for_naming(remainder, discovery.verdict is Verdict.NONE, rate), discovery

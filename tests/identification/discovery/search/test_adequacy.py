@@ -71,16 +71,25 @@ def test_no_baseline_is_trusted_and_knows_nothing() -> None:
     assert not NOT_FITTED.appears
 
 
-@pytest.mark.parametrize("adequate", [True, False])
 @pytest.mark.parametrize("comparable", [True, False])
-def test_a_fitted_file_is_a_baseline(adequate: bool, comparable: bool) -> None:
+def test_a_fitted_file_is_a_baseline(comparable: bool) -> None:
     left = WHITE | {"after": 1.96}
-    of_file = fitted(adequate=adequate, variance=left, colour=left, healthy=_remainder(1.96))
+    of_file = fitted(variance=left, colour=left, healthy=_remainder(1.96))
     baseline = healthy_of_fit(of_file, comparable)
     explained, other = (Phase.OPEN, Phase.AFTER) if comparable else (Phase.AFTER, Phase.OPEN)
-    assert baseline.adequate is (adequate and comparable)
+    assert baseline.adequate is comparable
     assert worst(_pool(scale=1.4, phase=explained), baseline).ratio <= 1.0
     assert worst(_pool(scale=1.4, phase=other), baseline).ratio > 1.0
+
+
+def test_what_an_inadequate_fit_leaves_is_searched() -> None:
+    """The healthy injector's remainder would explain it; the sensor's offset is no error."""
+    left = _remainder(1.96).model_copy(update={"line_pressure_offset_MPa": -0.3})
+    baseline = healthy_of_fit(fitted(adequate=False, variance=WHITE | {"open": 1.96}, healthy=left), True)
+    assert not baseline.adequate
+    assert worst(_pool(scale=1.4, phase=Phase.OPEN), baseline).ratio > 1.0
+    assert baseline.line_pressure_offset_MPa == -0.3
+    assert healthy_of_fit(fitted(healthy=left), comparable=False).line_pressure_offset_MPa == -0.3
 
 
 def test_a_file_fitted_before_the_healthy_injector_was_kept_is_not_trusted() -> None:

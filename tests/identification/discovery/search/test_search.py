@@ -83,8 +83,8 @@ def test_no_law_filters_the_noise_of_a_rail_at_rest() -> None:
     changes = {effect.id for effect in moving} - {effect.id for effect in at_rest}
     assert changes
     assert all("lagged((rail_pressure" in one or "rail_pressure_rate" in one for one in changes)
-    likelihood = joint_likelihood(measurements(recordings()), MODEL)
-    assert not span_of(likelihood).rail_moves
+    span = span_of(joint_likelihood(measurements(recordings()), MODEL))
+    assert (span.first, span.injections, span.rail_moves) == (1, 2, False)
 
 
 def test_what_is_twelve_behind_has_odds_of_one_to_twenty() -> None:

@@ -51,7 +51,7 @@ def load_database(path: Path, lenient: bool = False) -> Database:
     """Load a bus database, a DBC file.
 
     Signals that overlap or do not fit their message, and what decoding does not need, are refused unless `lenient`:
-    see `overlooked`.
+    see `overlooked`; that takes values outside the declared ranges, too.
 
     Raises `UserError`: no such file, not readable, not a bus database, or not correct.
     """
@@ -88,7 +88,10 @@ def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Data
     """Load a database, cached by the state of its file: to read one takes as long as seconds of a recording."""
     text = _BIT_TIMING.sub(r"\1", _text_of(path))
     text, complaints = repaired_dbc(text) if lenient else (text, ())
-    return cantools.database.load_string(text, "dbc", strict=not lenient), complaints
+    database = cantools.database.load_string(text, "dbc", strict=not lenient)
+    for signal in (signal for message in database.messages if lenient for signal in message.signals):
+        signal.minimum = signal.maximum = None
+    return database, complaints
 
 
 def _text_of(path: Path) -> str:

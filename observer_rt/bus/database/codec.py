@@ -132,6 +132,14 @@ def _set_limits(signal: Signal, row: np.void, is_j1939: bool) -> None:
     row["lowest"], row["highest"] = lowest, highest
 
 
+def without_ranges(table: NDArray[np.void]) -> NDArray[np.void]:
+    """A table that excludes no value for a declared range, only codes that are none."""
+    result = table.copy()
+    is_declared = table["most"] > table["highest"]
+    result["least"], result["most"][is_declared] = -math.inf, math.inf
+    return result
+
+
 def _largest_value(signal: Signal, is_j1939: bool) -> int | None:
     """The largest code that is a value by J1939 and by the names of the value table; None where they exclude none.
 

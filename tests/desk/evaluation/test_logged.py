@@ -1,5 +1,6 @@
 """CAN logs through the observer: the frames of a log give what the recording gives, bit for bit."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -95,6 +96,50 @@ def test_classic_frames_give_what_the_recording_gives(write: Write, classic_benc
     reference = evaluate(classic_bench, [recording])
     assert len(reference.evaluations[0].reports) == 2
     assert evaluate(classic_bench, [logged]).frames == reference.frames
+
+
+@pytest.mark.parametrize(
+    ("role", "most", "said"),
+    [
+        ("rail_pressure", 90, "; line_pressure goes as far, so that range is wrong"),
+        ("line_pressure", 124, ""),  # beyond it only rings
+    ],
+)
+def test_values_outside_the_declared_range_are_counted_and_taken_leniently(
+    write: Write, classic_bench: Bench, role: str, most: int, said: str
+) -> None:
+    recording = simulated(2, 0.0, (60e6, 120e6), 20e3, seed=4)
+    path = write(log_of(recording, all_samples(recording), classic_bench), ".blf")
+    database, bench = (classic_bench.path.with_name(name) for name in ("user.dbc", "bench.toml"))
+    code = f"16@1+ (0.005,-10) [0|{most}]"
+    database.write_text(
+        re.sub(rf"({role}_\d : \d+\|)16@1\+ \(0.005,-10\) \[0\|0\]", rf"\g<1>{code}", database.read_text())
+    )
+    logged = LoggedSignals(load_bench(bench), path)
+    signal = getattr(recording, role)
+    beyond = int(np.count_nonzero(signal > 1.01 * most * 1e6))
+    assert 0 < beyond == np.count_nonzero(np.isnan(getattr(logged.collected(), role)[: recording.samples]))
+    (note,) = logged.notes
+    assert f"{role}: {beyond} values outside [0|{most}] of {role}_frame in user.dbc taken as missing" in note
+    reached = re.search(r"to ([\d.]+)", note)
+    assert reached is not None
+    assert float(reached[1]) == pytest.approx(signal.max() / 1e6, abs=0.006)
+    assert f"{said}\n  remedy: correct the range" in note
+    bench.write_text(bench.read_text().replace('"user.dbc"', '"user.dbc"\nlenient = true'))
+    lenient = LoggedSignals(load_bench(bench), path)
+    assert lenient.notes == ()
+    np.testing.assert_allclose(getattr(lenient.collected(), role)[: recording.samples], signal, atol=2.6e3)
+
+
+def test_a_range_without_any_value_sent_is_the_cause(write: Write, classic_bench: Bench) -> None:
+    recording = simulated(1, 0.0, (60e6,), 20e3, seed=4)
+    path = write(log_of(recording, all_samples(recording), classic_bench), ".blf")
+    database = classic_bench.path.with_name("user.dbc")
+    database.write_text(database.read_text().replace("(0.005,-10) [0|0]", "(0.005,-10) [0|20]"))
+    with pytest.raises(UserError, match=r"rail_pressure: \d+ values outside \[0\|20\]") as refused:
+        LoggedSignals(load_bench(classic_bench.path), path)
+    assert "a second" not in refused.value.problem
+    assert "lenient = true" in refused.value.remedy
 
 
 def test_delays_stay_in_what_was_sent(write: Write) -> None:

@@ -18,6 +18,7 @@ from observer_rt.core.frames.frames import frames_of_message
 from observer_rt.engine.signal_survey import Survey
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
+from observer_rt.files.signals.time_axis import refuse_wrong_clock
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE, MILLISECOND
 
@@ -37,8 +38,8 @@ _SHOWN_UNIT = {
 def bench_for(bench: Bench, recording: Sampled) -> Bench:
     """The bench at the recording's sample rate, for samples of the recording's meaning.
 
-    The example bench takes any rate; a user's own must state the recording's, `[recording] rate_hz` before that of
-    `[sampling]`. Raises `UserError` otherwise.
+    The example bench takes any rate unless it is nearly the model's, a user's own must state the recording's,
+    `[recording] rate_hz` before that of `[sampling]`. Raises `UserError` otherwise.
     """
     rate = recording.sample_rate
     if not LOWEST_RATE <= rate <= HIGHEST_RATE:
@@ -61,6 +62,9 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
             f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz",
             "set rate_hz to the recording's rate, or leave out --bench",
         )
+    baseline = bench.injector.parameters.baseline
+    if bench.path == EXAMPLE_BENCH and baseline is not None:
+        refuse_wrong_clock(recording.path, rate, baseline.sample_rate_Hz, "the model was fitted at")
     return bench.with_sections(sampling=sampling.model_copy(update={"rate_hz": rate}))
 
 

@@ -14,7 +14,7 @@ from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, Stretch
 from observer_rt.files.signals.table import TIME, Table, TablePart, Values
 from observer_rt.files.signals.table_signals import TableSignals
-from observer_rt.files.signals.time_axis import AxisSurvey, RowRun, rate_of
+from observer_rt.files.signals.time_axis import AxisSurvey, RowRun, rate_of, refuse_wrong_clock
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
 
@@ -24,6 +24,7 @@ MOST_RESTARTS = 0.01  # of the rows, where the time may begin anew
 SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a file may be
 SAME_RATE = 0.01  # relative, of a file and the grid
 MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
+FEWEST_FOR_RATE = 1000  # stamps, whose jitter is then no difference of rates
 _SHOWN = 5  # places where a file is split
 
 
@@ -68,6 +69,9 @@ class MappedSignals(TableSignals):
         self.rate = table.config.rate_hz or rate or self._own_rate()
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
         self._main = min(range(len(self._axes)), key=lambda raster: self._axes[raster].period)
+        stamps = next(self._parts(self._main)).time
+        if stamps.size >= FEWEST_FOR_RATE and (own := rate_of(stamps)) is not None:
+            refuse_wrong_clock(self.path, own, self.rate, "the bench file")
         self._runs = self._usable_runs()
         self.stretches = tuple(Stretch(run.begin, self._samples(run)) for run in self._runs)
         self.notes = (*self.notes, *self._notes())

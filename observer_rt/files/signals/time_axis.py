@@ -1,9 +1,11 @@
 """The time of a file: stamps of a calendar as seconds, their rate, gaps and restarts, places on a grid."""
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,11 @@ _UNSEEN = 0.2  # samples, by which stamps of a grid may lie beside it at the end
 _BACK, _GAPS = 0.01, 0.1  # of the steps, that may not rise, and be gaps
 SNAPPED = 0.4  # samples off an even grid up to which a stamp is taken for the grid's
 LOST = 1.5  # periods from stamp to stamp, beyond which samples are missing
+_CLOCK, _NEAR = (
+    2e-3,
+    0.1,
+)  # relative: no clock is so wrong; so near another rate, no recorder is set but to a usual one
+_USUAL = 3.2e3  # Hz: converters of sound and vibration take multiples, 48, 51.2, 96 or 102.4 kHz
 
 
 @dataclass(frozen=True)
@@ -77,6 +84,22 @@ def rate_of(stamps: Values) -> float | None:
     if together.size < (1.0 - _GAPS) * step.size:
         return None
     return roundest(1.0 / float(together.mean()), _UNSEEN / together.size)
+
+
+def refuse_wrong_clock(path: Path | None, rate: float, expected: float, of: str) -> None:
+    """Raise `UserError` for a rate of stamps [Hz] that is likely `expected` [Hz], by a clock that is wrong.
+
+    of: whose rate is expected. A time base that is 2 % slow makes masses 4 % wrong.
+    """
+    off, is_usual = rate / expected - 1.0, abs(math.remainder(rate, _USUAL)) <= _CLOCK
+    if _CLOCK < abs(off) < _NEAR and not is_usual:
+        raise UserError(
+            f"{path or 'recording'}: time",
+            f"its stamps say {rate:g} Hz, {of} {expected:g} Hz: likely a clock is off by {abs(off):.1%}, "
+            "and masses by twice that",
+            f"correct the stamps, or state rate_hz = {expected:g} without [recording.time]; if they are right, state "
+            f"rate_hz = {rate:.9g} in [recording] or [sampling] of a bench file, and fit the model at it",
+        )
 
 
 @dataclass

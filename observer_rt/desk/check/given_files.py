@@ -24,6 +24,7 @@ _UNITS = {
     "needle_lift": ("um", MICROMETRE),
     "line_pressure": ("MPa", MEGAPASCAL),
     "injection_rate": ("mm3/ms", MM3_PER_MS),
+    "energizing": ("", 1.0),
 }
 
 
@@ -57,11 +58,8 @@ def _ranges(stream: SignalStream) -> Iterator[Said]:
         if not survey.count:
             yield Finding("recording", Level.ERROR, f"{name}: no value at all")
             continue
-        text = (
-            f"{name}: {survey.lowest / factor:.4g} to {survey.highest / factor:.4g} {unit}, "
-            f"mean {survey.mean / factor:.4g} {unit}"
-        )
-        yield text
+        lowest, highest, mean = (f"{value / factor:.4g}" for value in (survey.lowest, survey.highest, survey.mean))
+        yield f"{name}: {lowest} to {highest} {unit}, mean {mean} {unit}".replace(" ,", ",").rstrip()
 
 
 @ruled("log")

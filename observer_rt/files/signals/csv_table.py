@@ -15,7 +15,7 @@ from observer_rt.config.injector import RecordingConfig
 from observer_rt.files.signals.csv_dialect import COMMENT, MISSING, dialect_of, split_line
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values
-from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since
+from observer_rt.files.signals.time_axis import NO_MOMENT
 from observer_rt.foundation.errors import UserError
 
 ENOUGH = 60  # cells with three digits behind the sign, none of which ends so by chance
@@ -49,7 +49,7 @@ class CsvTable(FileTable):
             stamps = (row[dialect.places[TIME]] for row in rows if len(row) > dialect.places[TIME])
             first = next((stamp for stamp in stamps if stamp.strip().lower() not in MISSING), "")
             self._origin = max(int(self._calendar.nanoseconds([first])[0]), 0)
-            self.origin = self._origin / 1e9
+            self.origin = self._origin / 1e9 if self._calendar.has_date else 0.0
             self.units[TIME] = "s"
             self.layout += f"; {self._calendar.as_text(self._origin)}"
         if self._is_cut:
@@ -192,7 +192,7 @@ class CsvTable(FileTable):
                     f"{self.label(TIME)}: '{cell}' is no stamp of the calendar as {self._calendar.form}",
                     "mend the line, or say how stamps are written: [recording.time] format in the bench file",
                 )
-        return seconds_since(self._origin, moments)
+        return self._calendar.seconds_since(self._origin, moments)
 
     def _refuse_thousands(self, before: int, lines: list[str], columns: Mapping[str, Values]) -> None:
         """Raise `UserError` for whole numbers with a separator of thousands, which reads as a decimal sign.

@@ -1,5 +1,6 @@
 """MDF4: channels by their names; their time is that of their groups, in seconds."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -60,12 +61,14 @@ class Mdf4Table(FileTable):
 
     @staticmethod
     def headings(path: Path) -> Sequence[Heading]:
-        """Channels, with their group where several have one name."""
+        """Channels, with their group where several have one name; without the device that INCA puts behind it."""
         channels = _channels(path)
-        names = [each.name for each in channels]
-        return [
-            Heading(each.name, each.unit, each.group if names.count(each.name) > 1 else None) for each in channels
-        ]
+        names = Counter(each.name for each in channels)
+        by_place: dict[tuple[int, int], list[Channel]] = {}
+        for each in channels:
+            by_place.setdefault((each.group, each.number), []).append(each)
+        chosen = [min(same, key=lambda each: (names[each.name], len(each.name))) for same in by_place.values()]
+        return [Heading(each.name, each.unit, each.group if names[each.name] > 1 else None) for each in chosen]
 
     def parts(self, raster: int) -> Iterator[TablePart]:
         """Parts of a group."""

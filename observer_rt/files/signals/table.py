@@ -121,6 +121,8 @@ def present(
     """The columns wanted that a file has. Raises `UserError` where one is missing that it must have."""
     columns = {}
     for name, column in wanted.items():
+        if (count := list(names).count(column.column)) > 1:
+            raise UserError(str(path), f"{word} '{column.column}' appears {count} times", "keep one")
         if column.column in names:
             columns[name] = column
         elif not (is_own and name in OPTIONAL):

@@ -19,6 +19,8 @@ from observer_rt.foundation.errors import UserError
 ISO_8601 = "ISO8601"  # as pandas calls it
 _ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 NO_MOMENT = np.iinfo(np.int64).min  # as NumPy and pandas have it
+_DATE = re.compile(r"ISO8601|%[aAbBcdDFGjmsuUVWxyY]")  # in the format of stamps
+_DAY, _HOUR = 86_400_000_000_000, 3_600_000_000_000  # ns
 _UNSEEN = 0.2  # samples, by which stamps of a grid may lie beside it at the end
 _BACK, _GAPS = 0.01, 0.1  # of the steps, that may not rise, and be gaps
 SNAPPED = 0.4  # samples off an even grid up to which a stamp is taken for the grid's
@@ -36,8 +38,13 @@ class Calendar:
 
     form: str
 
+    @property
+    def has_date(self) -> bool:
+        """Whether the stamps are more than a time of day."""
+        return _DATE.search(self.form) is not None
+
     def nanoseconds(self, cells: Any) -> NDArray[np.int64]:
-        """Nanoseconds since 1970 of stamps (n,); `NO_MOMENT` for invalid ones."""
+        """Nanoseconds since 1970, or since midnight, of stamps (n,); `NO_MOMENT` for invalid ones."""
         import pandas  # slow to import
 
         try:
@@ -49,12 +56,20 @@ class Calendar:
                 "write it as '%d.%m.%Y %H:%M:%S.%f', with the letters of strptime",
             ) from None
         moments: NDArray[np.int64] = stamps.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
-        return moments
+        return moments if self.has_date else np.where(moments == NO_MOMENT, NO_MOMENT, moments % _DAY)
+
+    def seconds_since(self, origin: int, moments: NDArray[np.int64]) -> NDArray[np.float64]:
+        """`seconds_since`, where a time of day may pass midnight once."""
+        if not self.has_date:
+            after = (moments - origin + _HOUR) % _DAY - _HOUR  # a clock that was set back steps back by less
+            moments = np.where(moments == NO_MOMENT, NO_MOMENT, origin + after)
+        return seconds_since(origin, moments)
 
     def as_text(self, origin: int) -> str:
         """Description of how the stamps are read."""
         form = "ISO 8601" if self.form == ISO_8601 else f"'{self.form}'"
-        return f"calendar stamps as {form}, counted from {np.datetime64(origin, 'ns')}"
+        begin = str(np.datetime64(origin, "ns"))
+        return f"calendar stamps as {form}, counted from {begin if self.has_date else begin.partition('T')[2]}"
 
 
 def calendar_of(time: TimeConfig | None, cells: Iterable[str]) -> Calendar | None:

@@ -1,4 +1,4 @@
-"""What `check --log` says of a log."""
+"""What `check` says of a log or a recording."""
 
 import re
 from dataclasses import replace
@@ -9,8 +9,9 @@ import numpy as np
 from observer_rt.bus.links.link import Frame as BusFrame
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.check.findings import Finding, Level
-from observer_rt.desk.check.given_files import log_findings
+from observer_rt.desk.check.given_files import log_findings, recording_findings
 from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.formats import write_recording
 from observer_rt.files.replay.framing import all_samples
 from tests.daemon.time_frames import END, StampedFrame, jitter, merged, send, write_time_bench
 from tests.daemon.time_scenarios import GRID, ONE_BASE, OTHER, RATE, TWO_BASES
@@ -45,6 +46,14 @@ def test_a_good_log(tmp_path: Path) -> None:
     assert regularity.text.startswith("SampleBlock: ")
     assert abs(number(r"line pressure ([\d.]+) \(0.15\) MPa", noise) - 0.15) < 0.01
     assert abs(number(r"needle lift ([\d.]+) \(0.4\) um", noise) - 0.4) < 0.03
+
+
+def test_a_recording_with_every_signal(tmp_path: Path) -> None:
+    level = (worn().needle_lift > 1e-5).astype(float)
+    write_recording(tmp_path / "a.csv", replace(worn(), injection_rate=1e-4 * level, energizing=level))
+    texts = [finding.text for finding in recording_findings(BENCH, tmp_path / "a.csv")]
+    assert f"energizing: 0 to 1, mean {level.mean():.4g}" in texts
+    assert f"injection_rate: 0 to 100 mm3/ms, mean {100.0 * level.mean():.4g} mm3/ms" in texts
 
 
 def test_hum_is_told(tmp_path: Path) -> None:

@@ -18,10 +18,12 @@ reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixtu
 NAMES = ("t", "p_Rail", "lift", "p_Line")
 START = datetime(2026, 3, 1, 23, 59, 59, 999_900, UTC)  # midnight is among the samples
 ISO = ""  # no `format`
+OF_DAY = 'format = "%H:%M:%S.%f"'
 FORMATS = {
     ISO: "%Y-%m-%dT%H:%M:%S.%fZ",
     'format = "%d.%m.%Y %H:%M:%S,%f"': "%d.%m.%Y %H:%M:%S,%f",
     'format = "%Y/%m/%d %H:%M:%S.%f"': "%Y/%m/%d %H:%M:%S.%f",
+    OF_DAY: "%H:%M:%S.%f",
 }
 
 
@@ -221,10 +223,13 @@ def test_a_row_of_types_is_no_row_of_units(tmp_path: Path) -> None:
     assert read(write(tmp_path, "\n".join(rows)), bench(tmp_path, rail="")).rail_pressure[0] == 1000e3
 
 
-def test_the_calendar_is_told_and_loses_no_digit(tmp_path: Path) -> None:
-    path = write(tmp_path, named(*stamped()))
-    stream = open_recording(path, bench(tmp_path, time="").injector)
-    assert "calendar stamps as ISO 8601, counted from 2026-03-01T23:59:59.999900000" in stream.details[0]
+@pytest.mark.parametrize(
+    ("form", "said"), [(ISO, "ISO 8601, counted from 2026-03-01T"), (OF_DAY, "'%H:%M:%S.%f', counted from ")]
+)
+def test_the_calendar_is_told_and_loses_no_digit(tmp_path: Path, form: str, said: str) -> None:
+    path = write(tmp_path, named(*lines(decimal=".", form=form)))
+    stream = open_recording(path, bench(tmp_path, time=form).injector)
+    assert f"calendar stamps as {said}23:59:59.999900000" in stream.details[0]
     assert stream.notes == ()  # seconds since 1970 would lie 0.02 samples off the grid
     assert stream.collected().time[-1] == pytest.approx(39 / RATE, abs=1e-12)
 

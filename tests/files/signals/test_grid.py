@@ -196,6 +196,17 @@ def test_parquet_with_units_in_its_metadata(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.needle_lift, result["lift"] * 1e-6)
 
 
+def test_two_columns_of_one_name_in_parquet(tmp_path: Path) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    columns = [pyarrow.array(values) for values in signals(300).values()]
+    names = ["t", "p_Rail", "lift", "p_Rail"]
+    pyarrow.parquet.write_table(pyarrow.Table.from_arrays(columns, names), tmp_path / "x.parquet")
+    with pytest.raises(UserError, match="column 'p_Rail' appears 2 times"):
+        opened(tmp_path / "x.parquet", tmp_path)
+
+
 @pytest.mark.parametrize("digits", [4, 5])
 def test_stamps_rounded_to_more_than_a_sample_are_to_blame(tmp_path: Path, digits: int) -> None:
     """Every second row would be left out, and the rest read at half the rate."""

@@ -124,7 +124,9 @@ def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalS
         else:
             rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
             layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time)
-            stream = MappedSignals(kind.table(path, layout), rate)
+            table = kind.table(path, layout)
+            table.mapped_by = table.mapped_by if mapping else "by its heading"
+            stream = MappedSignals(table, rate)
             stream.notes = (*(() if mapping else (f"{path}: {in_words(layout)}",)), *stream.notes)
     if injector is not None:
         stated = mapping.meaning if mapping is not None else None

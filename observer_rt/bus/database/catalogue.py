@@ -34,6 +34,7 @@ _OF_SIGNAL = re.compile(r"unused \w+ entries in DBC: (\w+ \d+ \w+)")
 _CONVERT = "make a DBC of it: `canconvert {} {}.dbc`, of canmatrix, reads ARXML, DBF, KCD, SYM, XLS and some FIBEX"
 
 _EXTENDED = 1 << 31  # of an identifier in a DBC file
+_UNSENT = "3221225472"  # of VECTOR__INDEPENDENT_SIG_MSG, signals in no message, which cantools leaves out
 _TEXT = r'"(?:\\.|[^"\\])*+"'
 _MESSAGE_LINES = re.compile(
     r"^[ \t]*BO_[ \t]+(\d+)[ \t]+(\w+)[ \t]*:.*\n?((?:[ \t]*(?:SG_[ \t].*)?\n)*)", re.MULTILINE
@@ -41,6 +42,8 @@ _MESSAGE_LINES = re.compile(
 _BIT_TIMING = re.compile(r"^([ \t]*BS_[ \t]*:)[ \t]*\d+[ \t]*:[ \t]*\d+[ \t]*,[ \t]*\d+;?", re.MULTILINE)
 _BARE_DEFAULT = re.compile(rf"^([ \t]*BA_DEF_DEF_[ \t]+{_TEXT}[ \t]+)([A-Za-z_]\w*)([ \t]*;)", re.MULTILINE)
 _SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
+_SIZE = re.compile(r"^[ \t]*(?:BO_[ \t]+\d+|SG_)[ \t]+(\w+)[^:\n]*:[ \t]*(\d+)(?:[ \t]*\|[ \t]*(\d+))?", re.MULTILINE)
+_LARGEST = 1 << 15  # bytes of a message, and bits of it: far beyond any bus, but cantools makes an object of each
 _SIGNAL_VALUES = re.compile(
     rf"^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;", re.MULTILINE
 )
@@ -87,6 +90,11 @@ def _loaded(path: Path, lenient: bool) -> tuple[Database, tuple[str, ...]]:
 def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Database, tuple[str, ...]]:
     """Load a database, cached by the state of its file: to read one takes as long as seconds of a recording."""
     text = _BIT_TIMING.sub(r"\1", _text_of(path))
+    text = _SIGNAL_VALUES.sub(lambda use: "\n" * use[0].count("\n") if use[2] == _UNSENT else use[0], text)
+    for size in _SIZE.finditer(text):
+        if max(map(int, filter(None, size.groups()[1:]))) > _LARGEST:
+            line, stated = 1 + text.count("\n", 0, size.start(1)), size[0].partition(":")[2].strip()
+            raise ValueError(f"{size[1]} at line {line} is larger than any frame: {stated}")
     text, complaints = repaired_dbc(text) if lenient else (text, ())
     database = cantools.database.load_string(text, "dbc", strict=not lenient)
     for signal in (signal for message in database.messages if lenient for signal in message.signals):
@@ -120,7 +128,7 @@ def _reason(error: Exception) -> str:
     missing = re.fullmatch(r"'([^']*)'", text)
     if missing:
         return f"uses {missing.group(1)}, which it does not define"
-    if not isinstance(error, cantools.Error | ValueError) or _OF_PYTHON.search(text):
+    if not text or not isinstance(error, cantools.Error | ValueError) or _OF_PYTHON.search(text):
         return (
             "is incomplete, or not of the kind its name says, or has what is not known here: what reads it fails "
             f"({text})"

@@ -13,6 +13,7 @@ from observer_rt.engine.signal_survey import implausible
 from observer_rt.files.formats import is_log, open_recording
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.signals.doubts import doubts
+from observer_rt.files.signals.naming import BY_HEADINGS
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
@@ -43,7 +44,8 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
     yield f"{stream.samples} samples at {stream.sample_rate:g} Hz: {', '.join(parts[:_SHOWN])}{more}"
     for note in stream.notes:
-        yield False, note, ""
+        if BY_HEADINGS not in note:  # which the details say
+            yield False, note, ""
     yield from _ranges(stream)
     for finding in implausible(stream.survey):
         yield failed("recording", finding.error(path, stream.names.get(finding.signal, "")))

@@ -23,6 +23,7 @@ _COMMANDED = r"\bset|soll|target|demand|desired|\bcmd|consigne"
 _GAUGE = re.compile(r"[ _]?(?:\((?:abs|a|g|rel)\)|abs|rel)\.?$", re.IGNORECASE)
 _NAME_AND_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
 _SHOWN = 20  # columns
+BY_HEADINGS = "by its headings"
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ def in_words(layout: RecordingConfig) -> str:
     """What headings say, in one line."""
     columns = ([(TIME, layout.time)] if layout.time is not None else []) + list(layout.signals)
     parts = (f"{name} is '{column.column}'{f' in {column.unit}' if column.unit else ''}" for name, column in columns)
-    return f"by its headings {', '.join(parts)}"
+    return f"{BY_HEADINGS} {', '.join(parts)}"
 
 
 def name_and_unit(cell: str) -> tuple[str, str]:

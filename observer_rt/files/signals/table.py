@@ -51,6 +51,7 @@ class Table(ABC):
         self.path = path
         self.config = config
         self.is_own = is_own
+        self.mapped_by = "as the bench file says"
         self.is_text = False
         """Whether numbers are decimal, to be converted to the value of their printed digits."""
         self.layout = ""

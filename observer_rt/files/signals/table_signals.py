@@ -91,7 +91,7 @@ class TableSignals(SignalStream):
     def _unit(self, name: str, column: ColumnConfig) -> tuple[str, str]:
         """Unit of a column, and its source in words. Raises `UserError` for none and for an unknown one."""
         stated = (self._table.units.get(name, ""), "as the file says")
-        unit, said = stated if column.unit is None else (column.unit, "as the bench file says")
+        unit, said = stated if column.unit is None else (column.unit, self._table.mapped_by)
         if name not in UNITS:  # a level
             return unit, said
         spelling = spelled(unit, UNITS[name])

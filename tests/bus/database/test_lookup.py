@@ -113,6 +113,15 @@ def test_wrong_signal_names(ours: Database, wanted: str | list[str], said: str) 
         signal_names(find_message(ours, "RailPressureBlock"), wanted)
 
 
+def test_signals_in_no_message_are_no_fault(tmp_path: Path) -> None:
+    """CANdb++ writes such."""
+    message = (
+        'BO_ 3221225472 VECTOR__INDEPENDENT_SIG_MSG: 0 Vector__XXX\n SG_ Spare : 0|2@1+ (1,0) [0|3] "" Vector__XXX\n'
+    )
+    text = USER_DBC.replace("BA_DEF_ ", f"\n{message}\nBA_DEF_ ", 1) + 'VAL_ 3221225472 Spare 1 "On"\n 0 "Off" ;\n'
+    assert [message.name for message in load_text(tmp_path, text).messages] == ["Pressures"]
+
+
 def test_a_pattern_with_a_gap_is_refused(tmp_path: Path) -> None:
     users = find_message(load_text(tmp_path, USER_DBC), "Pressures")
     with pytest.raises(UserError, match="leaves out Line2, though Line3 exists"):
@@ -138,6 +147,8 @@ def test_wrong_message_name(ours: Database) -> None:
             "Rail9",
             True,
         ),
+        (("Rail2 : 23|16@0+", "Rail2 : 23|99999999@0+"), 5, r"larger than any frame: 23\|99999999", False),
+        (("Pressures: 8", "Pressures: 4000000000"), 3, "larger than any frame: 4000000000", False),
         (('BA_DEF_ BO_ "GenMsgCycleTime"', 'BA_DEF_ BO_ "Other"'), 16, "uses GenMsgCycleTime", False),
     ],
 )

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from observer_rt.bus.can_frame import EXTENDED_FLAG, STANDARD_MASK
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench_file import NamedLink, of_links
@@ -89,7 +90,7 @@ class InputFrames:
                 break
         received = {bus for bus, _ in channel_of}
         for bus in sorted({layout.bus for layout in self._bus.input_layouts} - received):
-            self._refuse_empty(bus, list(channels), [identifier for identifier, _ in others])
+            self._refuse_empty(bus, list(channels), sorted(others))
 
     def notes(self) -> list[str]:
         """Notes of the reader of the log after the last reading."""
@@ -104,19 +105,39 @@ class InputFrames:
         """Share of the log that was read, 0 to 1."""
         return self._log.share_read
 
-    def _refuse_empty(self, bus: int, channels: list[str], others: list[int]) -> None:
+    def _refuse_empty(self, bus: int, channels: list[str], others: list[tuple[int, bool]]) -> None:
         if not channels:
             notes = "; ".join(["holds no data frame", *self.notes()])
             raise UserError(str(self.path), notes, "record it while frames are on the bus")
         channel = self._channels[bus]
         if channel is not None and channel not in channels:
             raise UserError(OPTION, f"{self.path} has no channel {channel}", f"it has {', '.join(channels)}")
-        wanted = ", ".join(
-            f"{layout.name} (0x{layout.frame_id:X})" for layout in self._bus.received if layout.bus == bus
-        )
-        present = ", ".join(f"0x{identifier:X}" for identifier in sorted(set(others))[:8])
+        layouts = [layout for layout in self._bus.received if layout.bus == bus]
+        wanted = ", ".join(f"{each.name} ({_as_text(each.frame_id, each.is_extended)})" for each in layouts)
+        present = ", ".join(_as_text(*identifier) for identifier in others[:8])
         where, remedy = "", "give --bench with the file the log was recorded by"
+        groups = {_parameter_group(identifier): identifier for identifier, is_extended in others if is_extended}
+        for layout in layouts:
+            same = groups.get(_parameter_group(layout.frame_id)) if layout.is_extended else None
+            if same is not None:
+                remedy += (
+                    f"; or, if this is J1939, 0x{same:X} is its parameter group of another source address or "
+                    f"priority: set the identifier of {layout.name} in the database to {same | EXTENDED_FLAG}"
+                )
+            elif (layout.frame_id, not layout.is_extended) in others:
+                remedy += f"; or correct the size of the identifier of {layout.name}, 11 or 29 bits, in the database"
         if len(self._channels) > 1:
             where = f" on channel {channel}, which is taken for {self._bus.labels[bus]}"
             remedy += f", or say which channel is which bus by {OPTION}"
         raise UserError(str(self.path), f"holds no frame of {wanted}{where}; it has {present}", remedy)
+
+
+def _as_text(identifier: int, is_extended: bool) -> str:
+    """An identifier, with its size where its number does not tell."""
+    return f"0x{identifier:X}" + (" of 29 bits" if is_extended and identifier <= STANDARD_MASK else "")
+
+
+def _parameter_group(identifier: int) -> int:
+    """Number of the parameter group by J1939-21, whose low byte is an address below 0xF000."""
+    group = identifier >> 8 & 0x3FFFF
+    return group if group & 0xFF00 >= 0xF000 else group & ~0xFF

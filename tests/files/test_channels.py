@@ -1,5 +1,6 @@
 """Which channel of a log is which bus: by name, by number, or as said; else a clear question."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -82,9 +83,26 @@ def input_frames(folder: Path, *identifiers: int) -> InputFrames:
     return InputFrames(folder / "bus.blf", map_bus(bench), {0: None})
 
 
-def test_a_log_without_frames_of_a_bench_says_what_it_has(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"holds no frame of Daq \(0x18FEF1FE\); it has 0x18FEF100"):
-        list(input_frames(tmp_path, 0x18FEF100))
+@pytest.mark.parametrize(
+    ("identifier", "remedy"),
+    [
+        (0x18FEF100, f"; or, if this is J1939, 0x18FEF100 .* set the identifier of Daq .* {0x18FEF100 | 1 << 31}$"),
+        (0x0CFEF1FE, "; or, if this is J1939, 0xCFEF1FE"),
+        (0x18FEF0FE, "recorded by$"),
+    ],
+)
+def test_a_log_without_frames_of_a_bench_says_what_it_has(tmp_path: Path, identifier: int, remedy: str) -> None:
+    with pytest.raises(UserError, match=rf"holds no frame of Daq \(0x18FEF1FE\); it has 0x{identifier:X}") as refused:
+        list(input_frames(tmp_path, identifier))
+    assert re.search(remedy, refused.value.remedy)
+
+
+def test_an_identifier_of_the_other_size_is_named(tmp_path: Path) -> None:
+    frames = [LogFrame(Frame(0x100, bytes(64), START + n * 1000, True, True), "1") for n in range(3)]
+    write_log(tmp_path / "bus.blf", frames)
+    with pytest.raises(UserError, match=r"SampleBlock \(0x100\); it has 0x100 of 29 bits") as refused:
+        list(InputFrames(tmp_path / "bus.blf", map_bus(load_bench()), {0: None}))
+    assert "correct the size of the identifier of SampleBlock" in refused.value.remedy
 
 
 def test_frames_that_come_too_seldom_give_the_cause(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ class LogReader(ABC):
         self.remote_frames = self.error_frames = self.other_entries = self.lost_frames = 0
         self.remarks: list[str] = []
         self._steps_back: list[str] = []
-        self._reordered = self._size = self._position = 0
+        self._reordered = self._most_reordered = self._size = self._position = 0
 
     @property
     def share_read(self) -> float:
@@ -99,7 +99,8 @@ class LogReader(ABC):
         if self.lost_frames:
             notes.append(f"{self.lost_frames} frames were lost while it was recorded")
         if self._reordered:
-            notes.append(f"{self._reordered} frames stand up to {REORDERED // 1000} us before an earlier one")
+            count = "1 frame stands" if self._reordered == 1 else f"{self._reordered} frames stand up to"
+            notes.append(f"{count} {self._most_reordered / 1000:g} us before an earlier one")
         if self._steps_back:
             times = f"{self._steps_back[0]} (in all {len(self._steps_back)} times)"
             notes.append(f"{times}: split there, the next part follows after 1 s")
@@ -139,7 +140,7 @@ class LogReader(ABC):
                 step = max(latest.values()) + PAUSE - stamp
                 shift, stamp = shift + step, stamp + step
             elif back > 0:
-                self._reordered += 1
+                self._reordered, self._most_reordered = self._reordered + 1, max(self._most_reordered, back)
             latest[channel] = max(stamp, latest.get(channel, 0))
             yield entry._replace(frame=frame._replace(stamp_ns=stamp)) if shift else entry
 

@@ -4,6 +4,7 @@ It passes over every line it does not know. So a format says what python-can is 
 give no frame.
 """
 
+import logging
 import re
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from observer_rt.bus.links.link import Frame
 from observer_rt.files.canlog.can_log import LogFormat, LogFrame, text_nanoseconds
 from observer_rt.files.canlog.text_log import EARLIEST_DATE, FROM_START, TextLogReader, other_kind
 
+logging.getLogger("can.io").addHandler(logging.NullHandler())  # what it warns of is refused in words, with the line
 MICROSECOND = 1000  # ns
 _CSV_HEADING = "timestamp,arbitration_id,extended,remote,error,dlc,data"
 _TRC_PLACES: dict[str, tuple[int | None, int]] = {  # of the kind and of the data, in a line

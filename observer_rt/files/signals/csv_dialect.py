@@ -5,7 +5,6 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
@@ -26,6 +25,7 @@ _LIKE_A_NUMBER = re.compile(  # separators of thousands match, too: the reader r
 _WORDS = {";": "';'", "\t": "tabulators", ",": "','", "|": "'|'", " ": "blanks"}
 _HEAD = 1 << 16  # bytes by which the encoding is detected
 _LOOKED_AT = 200  # lines: names and numbers must begin within them
+LONGEST_LINE = 1 << 18  # characters: some 20,000 columns
 _FEWEST = 3  # columns of numbers that a recording has
 
 
@@ -93,7 +93,13 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
     with path.open("rb") as binary:
         encoding = encoding_of(binary.read(_HEAD))
     with path.open(encoding=encoding, errors="replace") as file:
-        lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
+        lines: list[str] = []
+        while len(lines) < _LOOKED_AT and sum(map(len, lines)) < 4 * LONGEST_LINE:
+            if not (line := file.readline(LONGEST_LINE + 1)):
+                break
+            lines.append(line)
+    refuse_long(path, lines, 0)
+    lines = [line.rstrip("\r\n") for line in lines]
     remedy = "give a file with the names of its columns in a line above the numbers"
     if not any(line.strip() for line in lines):
         raise UserError(str(path), "is empty", remedy)
@@ -111,7 +117,8 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
         missing = "names above its numbers" if rows else f"{_FEWEST} numbers in a line"
         raise UserError(str(path), f"has no {missing} in its first {len(lines)} lines", remedy)
     bare, behind = zip(*map(name_and_unit, best.above[heading]), strict=True)
-    names = [name if bare.count(name) == 1 else cell for name, cell in zip(bare, best.above[heading], strict=True)]
+    counts = Counter(bare)
+    names = [name if counts[name] == 1 else cell for name, cell in zip(bare, best.above[heading], strict=True)]
     places: dict[str, int] = {}
     for signal, column in wanted.items():
         if (at := _column_number(column, best.above[heading], f"{path}, line {heading + 1}")) is not None:
@@ -134,6 +141,14 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
         heading + 1 if is_own else first,  # nothing stands between in our own layout
         rows,
     )
+
+
+def refuse_long(path: Path, lines: Sequence[str], before: int) -> None:
+    """Raise `UserError` for a line that is no row of a table; before: lines before these."""
+    for number, line in enumerate(lines, before + 1):
+        if len(line) > LONGEST_LINE:
+            problem = f"has more than {LONGEST_LINE} characters: no measurement has a row so long"
+            raise UserError(f"{path}, line {number}", problem, "export it anew, one row a line, only what is needed")
 
 
 def split_line(line: str, separator: str) -> list[str]:

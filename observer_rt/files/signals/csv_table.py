@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from observer_rt.config.injector import RecordingConfig
-from observer_rt.files.signals.csv_dialect import COMMENT, MISSING, dialect_of, split_line
+from observer_rt.files.signals.csv_dialect import COMMENT, MISSING, dialect_of, refuse_long, split_line
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values
 from observer_rt.files.signals.time_axis import NO_MOMENT
@@ -86,6 +86,7 @@ class CsvTable(FileTable):
         with self.path.open(encoding=self._dialect.encoding, errors="replace") as file:
             deque(islice(file, before), 0)
             while lines := list(islice(file, SAMPLES_AT_ONCE)):
+                refuse_long(self.path, lines, before)
                 if self._is_cut and not lines[-1].endswith("\n"):
                     lines.pop()
                 yield before, lines

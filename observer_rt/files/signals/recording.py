@@ -243,6 +243,6 @@ def refuse_infinite(signals: Arrays, place_of_row: Callable[[int], str]) -> None
         if infinite.size:
             raise UserError(
                 place_of_row(int(infinite[0])),
-                f"{signal} is infinite",
+                f"{signal} is infinite, or larger than any measurement",
                 "write NaN, or leave the cell empty, where a value is not available",
             )

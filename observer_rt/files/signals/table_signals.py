@@ -52,9 +52,10 @@ class _Scale(NamedTuple):
     is_decimal: bool
 
     def to_si(self, values: Values) -> Values:
-        if self.is_decimal:
-            return np.rint(values * STEPS_PER_UNIT) / float(round(STEPS_PER_UNIT / self.factor))
-        return values * self.factor + self.offset if self.offset else values * self.factor
+        with np.errstate(over="ignore"):  # what becomes infinite is refused
+            if self.is_decimal:
+                return np.rint(values * STEPS_PER_UNIT) / float(round(STEPS_PER_UNIT / self.factor))
+            return values * self.factor + self.offset if self.offset else values * self.factor
 
 
 class TableSignals(SignalStream):

@@ -153,7 +153,7 @@ def test_time_that_steps_back_begins_a_part_and_a_swap_is_told(tmp_path: Path, s
     write_log(path, frames)
     log = open_log(path)
     assert len(list(log)) == 3
-    assert suffix == ".mf4" or "1 frames stand up to 1000 us before" in log.notes()[0]
+    assert suffix == ".mf4" or "1 frame stands 500 us before an earlier one" in log.notes()[0]
     write_log(path, [*frames, frames[0], frames[1]])
     log = open_log(path)
     result = [entry.frame.stamp_ns for entry in log]

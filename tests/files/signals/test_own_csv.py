@@ -98,6 +98,9 @@ def with_row(number: int, row: str) -> str:
             for bad in ("abc", "1.2.3", "1_0", "0x10", "10\x1c", "1\0", "True")
         ),
         (with_row(3, "0.00003,inf,0,99"), "line 5: rail_pressure is infinite"),
+        (with_row(3, "0.00003,1e308,0,99"), "line 5: rail_pressure is infinite, or larger than any measurement"),
+        ("1," * 200_000, "line 1: has more than 262144 characters"),
+        ("\n".join([HEADER, *rows(300), "1" * 300_000]), "line 302: has more than 262144 characters"),
         (with_row(11, "0.00011,100,0.01"), "line 13: 3 cells, but there are 4"),
         (with_row(11, "0.00011,100,0.01,99,1"), "line 13: 5 cells, but there are 4"),
         (with_row(11, "0.00009,100,0,99"), "line 13: time steps back"),

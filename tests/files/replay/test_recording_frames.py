@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import load_bench
+from observer_rt.config.signals import Role
 from observer_rt.files.replay.framing import TimedFrame
-from observer_rt.files.replay.recording_frames import recording_frames
+from observer_rt.files.replay.recording_frames import Device, recording_frames
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.errors import UserError
-from tests.files.replay.decoded import decoded
+from tests.benches import THREE_MESSAGES, sample_bench
+from tests.files.replay.decoded import DATABASE, decoded
 from tests.files.signals.generated import RepeatedRecording
 
 RATE = 100e3
@@ -80,6 +82,26 @@ def test_windows_hold_whole_frames_round_the_injections(bus: BusMap) -> None:
         assert 100 + 600 <= len(near) <= 100 + 600 + 9
     assert max(values) == 19_999
     assert [frame.payload[2] for frame in frames] == [n & 0xFF for n in range(len(frames))]
+
+
+def test_a_device_stamps_frames_later_than_their_last_sample_by_the_delay(tmp_path: Path) -> None:
+    """Each message by its own, from its last sample on, as `delay_us` of a bench says."""
+    bench, delays = load_bench(sample_bench(tmp_path, THREE_MESSAGES, rate=RATE)), (0.0, 150.0, 40.0)
+    signals = bench.injector.config.signals
+    changed = {
+        role.value: signals.of(role).model_copy(update={"delay_us": delay, "time_base": role.value})
+        for role, delay in zip(Role, delays, strict=True)
+    }
+    device = Device(map_bus(bench.with_sections(signals=signals.model_copy(update=changed))))
+    for _ in range(2):
+        device.begin(RATE)
+        (chunk,) = device.chunks(HeldSignals(recording_of(28 * 20)).chunks())
+        frames = [frame for _, frame in device.frames(chunk)]
+        assert len(frames) == 60
+        for frame in frames:
+            values = DATABASE.decode_message(frame.frame_id, frame.payload, decode_choices=False)
+            delay = delays[(0x110, 0x111, 0x112).index(frame.frame_id)]
+            assert frame.stamp_ns == pytest.approx((values["SampleIndex"] + 27) / RATE * 1e9 + 1e3 * delay, abs=1)
 
 
 @given(gap=st.integers(590, 640))

@@ -1,0 +1,25 @@
+"""How many gaps a recording may have before what bridges them would be judged."""
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.signal_survey import Survey
+from observer_rt.files.signals.doubts import refuse_perforated
+from observer_rt.foundation.errors import UserError
+
+
+@pytest.mark.parametrize(
+    ("gaps", "length", "is_refused"), [(1, 3, False), (10, 1, False), (11, 1, True), (10, 90, False), (0, 0, False)]
+)
+def test_more_than_one_gap_in_a_hundred_samples_is_refused_however_short(
+    gaps: int, length: int, is_refused: bool
+) -> None:
+    values = np.ones(1000)
+    for gap in range(gaps):
+        values[gap * 91 : gap * 91 + length] = np.nan
+    survey = Survey()
+    survey.take("line_pressure", values)
+    with pytest.raises(UserError, match=f"in {gaps} gaps") if is_refused else nullcontext():
+        refuse_perforated(None, survey)

@@ -70,6 +70,11 @@ def _signals(
 ) -> str:
     """Signals of whatever holds them; every stretch of a file that was split becomes a file of its own."""
     stream = open_source(source, bench, from_channels, console)
+    if isinstance(stream, LoggedSignals) and (lost := stream.counters.lost_samples):
+        say(
+            console,
+            f"{source}: {lost} samples are missing, and have empty cells: frames were lost, or without a value",
+        )
     targets = _numbered(target, len(stream.stretches), force)
     with progress_bar(console, f"converting {source.name}", stream.samples) as progress:
         done = 0

@@ -293,7 +293,8 @@ class Counters:
         """Describes spikes and bridged values; empty: there were none."""
         if not self.spikes and not self.bridged_samples:
             return ""
-        return f"{self.spikes} spikes replaced, {self.bridged_samples} values of frozen or missing inputs bridged"
+        spikes = f"{self.spikes} spike{'s' * (self.spikes != 1)} replaced"
+        return f"{spikes}, {self.bridged_samples} values of frozen or missing inputs bridged"
 
     def since(self, earlier: "Counters") -> "Counters":
         """Counts since an earlier look."""

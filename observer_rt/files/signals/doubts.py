@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from observer_rt.config.signals import Role
 from observer_rt.engine.signal_survey import OPEN, SWAPPED, Implausible, Survey, swapped
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE
 from observer_rt.model.baseline import Baseline
 
 if TYPE_CHECKING:
@@ -69,6 +69,11 @@ def doubts(
     lift = survey.signals.get("needle_lift")
     # Not computed without noise.
     is_measured = lift is not None and lift.highest > OPEN and lift.lowest != 0.0
+    if lift is not None and lift.swing > OPEN < lift.lowest:
+        yield SignalDoubt(
+            f"needle_lift is never below {lift.lowest / MICROMETRE:.4g} um, as if the needle never shut",
+            "check its zero, and scale and offset of its column or signal: of the right bus database?",
+        )
     for name in ("rail_pressure", "line_pressure"):
         signal = survey.signals.get(name)
         if signal is not None and is_measured and signal.count and signal.swing == 0.0:

@@ -29,7 +29,7 @@ _ROWS = 1024  # of every block of so many rows only the two farthest from the gr
 TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording, for what no sensor measures
 EQUIDISTANT = (
     "a recording must be equidistant: cut it at the gap, resample it on an even grid, or describe it in [recording] "
-    "of a bench file, which bridges and splits"
+    "of a bench file, which bridges and splits; of rounded stamps state rate_hz there, without [recording.time]"
 )
 
 OPTIONAL = ("injection_rate", "energizing")  # which a recording may have or not

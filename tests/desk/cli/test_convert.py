@@ -52,3 +52,7 @@ def test_a_log_becomes_a_recording_by_a_bench_file(command: Command, tmp_path: P
         result = read_recording(tmp_path / target)
         error = np.abs(result.rail_pressure[: recording.samples] - recording.rail_pressure)
         assert error.max() <= 0.0026e6
+        assert "are missing" not in outcome.err
+    write_log(tmp_path / "bus.blf", frames[:100] + frames[102:])
+    outcome = command.done("convert", tmp_path / "bus.blf", tmp_path / "lost.csv", "--bench", bench)
+    assert f"{2 * 9} samples are missing, and have empty cells" in outcome.err

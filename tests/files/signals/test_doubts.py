@@ -1,4 +1,4 @@
-"""How many gaps a recording may have before what bridges them would be judged."""
+"""How many gaps a recording may have before what bridges them would be judged; a lift without a zero."""
 
 from contextlib import nullcontext
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.engine.signal_survey import Survey
-from observer_rt.files.signals.doubts import refuse_perforated
+from observer_rt.files.signals.doubts import doubts, refuse_perforated
 from observer_rt.foundation.errors import UserError
 
 
@@ -23,3 +23,13 @@ def test_more_than_one_gap_in_a_hundred_samples_is_refused_however_short(
     survey.take("line_pressure", values)
     with pytest.raises(UserError, match=f"in {gaps} gaps") if is_refused else nullcontext():
         refuse_perforated(None, survey)
+
+
+@pytest.mark.parametrize(("offset", "is_odd"), [(50e-6, True), (10e-6, False), (-30e-6, False)])
+def test_a_lift_that_never_shuts_is_named(offset: float, is_odd: bool) -> None:
+    """As of a database whose scale is half of what is sent."""
+    survey = Survey()
+    survey.take("needle_lift", np.repeat([0.0, 150e-6, 0.0], 100) + offset)
+    assert [doubt.problem.startswith("needle_lift is never below 50 um") for doubt in doubts(survey)] == [
+        True
+    ] * is_odd

@@ -118,8 +118,7 @@ class InputFrames:
         where, remedy = "", "give --bench with the file the log was recorded by"
         groups = {_parameter_group(identifier): identifier for identifier, is_extended in others if is_extended}
         for layout in layouts:
-            same = groups.get(_parameter_group(layout.frame_id)) if layout.is_extended else None
-            if same is not None:
+            if layout.is_extended and (same := groups.get(_parameter_group(layout.frame_id))):
                 remedy += (
                     f"; or, if this is J1939, 0x{same:X} is its parameter group of another source address or "
                     f"priority: set the identifier of {layout.name} in the database to {same | EXTENDED_FLAG}"

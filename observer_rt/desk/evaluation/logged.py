@@ -152,7 +152,7 @@ class LoggedSignals(SignalStream):
         return self._rows(Core(self._bench.with_sections(sampling=sampling).injector, bus, learning=False), _Stamps())
 
     def _excluded(self) -> Iterator[str]:
-        """Signals of which values are missing because they lie outside the declared range, in words."""
+        """Signals with values that are missing because they lie outside the declared range, in words."""
         signals = without_ranges(self._bus.inputs.signals)
         if np.array_equal(signals, self._bus.inputs.signals):
             return

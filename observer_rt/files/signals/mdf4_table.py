@@ -65,8 +65,8 @@ class Mdf4Table(FileTable):
         channels = _channels(path)
         names = Counter(each.name for each in channels)
         by_place: dict[tuple[int, int], list[Channel]] = {}
-        for each in channels:
-            by_place.setdefault((each.group, each.number), []).append(each)
+        for channel in channels:
+            by_place.setdefault((channel.group, channel.number), []).append(channel)
         chosen = [min(same, key=lambda each: (names[each.name], len(each.name))) for same in by_place.values()]
         return [Heading(each.name, each.unit, each.group if names[each.name] > 1 else None) for each in chosen]
 

@@ -102,15 +102,12 @@ def rate_of(stamps: Values) -> float | None:
 
 
 def refuse_wrong_clock(path: Path | None, rate: float, expected: float, of: str) -> None:
-    """Raise `UserError` for a rate of stamps [Hz] that is likely `expected` [Hz], by a clock that is wrong.
-
-    of: whose rate is expected. A time base that is 2 % slow makes masses 4 % wrong.
-    """
-    off, is_usual = rate / expected - 1.0, abs(math.remainder(rate, _USUAL)) <= _CLOCK
-    if _CLOCK < abs(off) < _NEAR and not is_usual:
+    """Raise `UserError` for a rate of stamps [Hz] that is likely `expected` [Hz] by a wrong clock; of: its source."""
+    off = abs(rate / expected - 1.0)
+    if _CLOCK < off < _NEAR and abs(math.remainder(rate, _USUAL)) > _CLOCK:
         raise UserError(
             f"{path or 'recording'}: time",
-            f"its stamps say {rate:g} Hz, {of} {expected:g} Hz: likely a clock is off by {abs(off):.1%}, "
+            f"its stamps say {rate:g} Hz, {of} {expected:g} Hz: likely a clock is off by {off:.1%}, "
             "and masses by twice that",
             f"correct the stamps, or state rate_hz = {expected:g} without [recording.time]; if they are right, state "
             f"rate_hz = {rate:.9g} in [recording] or [sampling] of a bench file, and fit the model at it",

@@ -27,7 +27,7 @@ def test_more_than_one_gap_in_a_hundred_samples_is_refused_however_short(
 
 @pytest.mark.parametrize(("offset", "is_odd"), [(50e-6, True), (10e-6, False), (-30e-6, False)])
 def test_a_lift_that_never_shuts_is_named(offset: float, is_odd: bool) -> None:
-    """As of a database whose scale is half of what is sent."""
+    """A database whose scale is half of the sender's shows it so."""
     survey = Survey()
     survey.take("needle_lift", np.repeat([0.0, 150e-6, 0.0], 100) + offset)
     assert [doubt.problem.startswith("needle_lift is never below 50 um") for doubt in doubts(survey)] == [

@@ -19,6 +19,8 @@ WAX_WIDTH = 0.15  # of the reference pressure
 STOP_FROM = 0.75  # of the largest lift
 MIDDLE, MIDDLE_WIDTH = 0.5, 0.15  # of the largest lift
 SMALL_LIFT = 50e-6  # m
+WAVES_OF_LIFT = 3  # up to the largest
+ROOT_TIME = 1e-3  # s
 VALVE_MOVES = 50e-6  # s, in which the pilot valve opens, or shuts
 HOLE_CLOSES = 0.6e-3  # s after an opening
 SHUT_DROP, SHUT_WIDTH = 90e6, 5e6  # Pa
@@ -73,8 +75,19 @@ class Laws(NamedTuple):
     control_flow: float = 0.0  # m3/s at 100 MPa, that a pilot valve takes out of the line while it is open
     control_lead: float = 0.28e-3  # s, from when it opens to the needle's lifting
     control_trail: float = 0.17e-3  # s, from when it shuts to the needle's beginning to fall
+    root_coking: float = 0.0  # share of the nozzle's coefficient lost 1 ms after an opening, by the root of time
+    seat_choking: float = 0.0  # share of p_L, beyond which a larger drop over the seat passes no more; 0: none
+    seat_waves: float = 0.0  # share of the seat's coefficient, in waves over the lift
+    nozzle_product: float = 0.0  # share of the nozzle's coefficient, by two quantities at once
+    seat_product: float = 0.0  # the same of the seat's
+    first_factor: int = 0  # the one quantity of both products
+    second_factor: int = 1  # the other
 
 
+BY_RAIL, BY_TIME, BY_LIFT, BY_DROP, BY_FLOW, BY_SPEED = range(6)
+"""Quantities of a product: rail pressure, time since opening, lift, drop over the nozzle, line's flow, needle's speed."""
+MIDDLES = (100e6, 0.8e-3, 0.15e-3, 60e6, 25e-6, 0.0)  # SI: a product is of the tanh of both, from here, in WIDTHS
+WIDTHS = (30e6, 0.4e-3, 0.06e-3, 25e6, 15e-6, 0.4)
 NO_LAWS = Laws()
 NINE_LAWS = {  # of nozzle and seat, that no model has
     "area grows with the rail pressure": (Laws(rail_growth=0.3), Faults()),
@@ -187,6 +200,12 @@ def _seat_share(part: Injector, laws: Laws, now: Moment) -> float:
     share *= 1.0 - laws.middle_loss * math.exp(-(((lift - MIDDLE) / MIDDLE_WIDTH) ** 2))
     if now.speed < 0.0:
         share *= 1.0 + laws.seat_hysteresis * math.exp(-now.lift / SMALL_LIFT)
+    share *= 1.0 + laws.seat_waves * math.sin(2.0 * math.pi * WAVES_OF_LIFT * lift)
+    if laws.seat_choking > 0.0:
+        drop = max(now.line_pressure - now.sac_pressure, LEAST_DROP)
+        share *= math.sqrt(min(laws.seat_choking * now.line_pressure / drop, 1.0))
+    if laws.seat_product != 0.0:
+        share *= 1.0 + laws.seat_product * _product(part, laws, now)
     return max(share, LEAST_SHARE)
 
 
@@ -206,6 +225,9 @@ def _nozzle_share(part: Injector, laws: Laws, now: Moment) -> float:
         raised = laws.chamber_ringing * swing * math.exp(-now.since / RINGING_DECAY)
         raised += laws.filling * now.since if now.lift > 0.0 else 0.0
         share *= 1.0 - laws.coking * (1.0 - math.exp(-now.since / COKING_TIME))
+        share *= 1.0 - laws.root_coking * math.sqrt(now.since / ROOT_TIME)
+    if laws.nozzle_product != 0.0:
+        share *= 1.0 + laws.nozzle_product * _product(part, laws, now)
     drop = max(drop, LEAST_DROP)
     share *= math.sqrt(max(drop - raised, 0.0) / drop)
     if laws.flow_back_pressure > 0.0:
@@ -214,6 +236,16 @@ def _nozzle_share(part: Injector, laws: Laws, now: Moment) -> float:
         flow = 0.5 * (math.sqrt(held * held + 4.0 * free * free * drop) - held)
         share *= flow / (free * math.sqrt(drop))
     return min(max(share, LEAST_SHARE), LARGEST_SHARE)
+
+
+@njit(cache=True, nogil=True)
+def _product(part: Injector, laws: Laws, now: Moment) -> float:
+    """Of the two quantities of the laws, each from -1 to 1."""
+    drop = now.sac_pressure - part.chamber_pressure
+    quantities = (now.rail_pressure, now.since, now.lift, drop, now.flow, now.speed)
+    first, second = laws.first_factor, laws.second_factor
+    product: float = math.tanh((quantities[first] - MIDDLES[first]) / WIDTHS[first])
+    return product * math.tanh((quantities[second] - MIDDLES[second]) / WIDTHS[second])
 
 
 @njit(cache=True, nogil=True)

@@ -11,9 +11,8 @@ from tests.plants.plant import record
 from tests.plants.windows import windows_of
 from tools.benchmarks import command_line as cli
 from tools.benchmarks import worn_lines
-from tools.benchmarks.campaign import CHANCE, Bar, How, Row, chance_of_95, conclude, run_cases, table
+from tools.benchmarks.campaign import CHANCE, Bar, How, Row, chance_of_95, conclude, run_cases, table, tally
 from tools.benchmarks.cases import CLASSES, Group, make_case
-from tools.benchmarks.discovery.answers import tally
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.joint_ukf import ukf_rate
 from tools.benchmarks.scoring import bench_for_case, estimate_of, score_outcome

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 import typer
 from rich.console import Console
-from scipy.stats import binom
+from scipy.special import bdtr, bdtrc
 
 import observer_rt
 from observer_rt.__main__ import LIBRARY_THREADS
@@ -139,10 +139,15 @@ def summed_up(values: pd.Series, how: How) -> Any:
     return values.agg(how) if len(values) or how in ("sum", "count") else math.nan
 
 
+def tally(values: pd.Series) -> str:
+    """Values with how often they are there, the most frequent first."""
+    return ", ".join(f"{value} {count}" for value, count in values.value_counts().items())
+
+
 def chance_of_95(flags: pd.Series) -> float:
     """How likely intervals of 95 % hold as seldom, or as often, as these; least bar: CHANCE."""
     held, count = int(flags.sum()), len(flags)
-    return min(1.0, 2.0 * float(min(binom.cdf(held, count, 0.95), binom.sf(held - 1, count, 0.95))))
+    return min(1.0, 2.0 * float(min(bdtr(held, count, 0.95), bdtrc(held - 1, count, 0.95))))
 
 
 def judged(frame: pd.DataFrame, bars: Sequence[Bar]) -> pd.DataFrame:

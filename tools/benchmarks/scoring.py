@@ -66,6 +66,7 @@ class Injection:
     event: int
     openings: tuple[int, ...]
     valid: bool
+    report: InjectionReport | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +213,7 @@ def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Sco
         windows.of_event,
         true_masses(outcome, case.bench) / MILLIGRAM,
         np.array([windows.union(e).size for e in range(len(windows.of_event))]),
-        _injections(evaluation, windows),
+        injections_of(evaluation, windows),
         valid,
         reasons,
         intervals,
@@ -280,7 +281,7 @@ def _covered_samples(error: Array, sigma: Array, windows: Windows) -> tuple[NDAr
     return available_of, covered_of
 
 
-def _injections(evaluation: Scored, windows: Windows) -> tuple[Injection, ...]:
+def injections_of(evaluation: Scored, windows: Windows) -> tuple[Injection, ...]:
     """The openings of every event by the report that covers them; one without a report stands alone, not valid."""
     injections = []
     for event, openings in enumerate(windows.of_event):
@@ -291,7 +292,8 @@ def _injections(evaluation: Scored, windows: Windows) -> tuple[Injection, ...]:
             report = reports[together[0]]
             rates = [evaluation.trace.injection_rate[windows.ranges[i]] for i in together]
             missing = bool(np.isnan(np.concatenate(rates)).any())
-            injections.append(Injection(event, together, report is not None and report.valid and not missing))
+            is_valid = report is not None and report.valid and not missing
+            injections.append(Injection(event, together, is_valid, report))
     return tuple(injections)
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from observer_rt.desk.evaluation.evaluate import evaluate
 from tests.observed_plants import bench_at, recording_of
-from tests.plants.parameters import Faults
-from tests.plants.plant import SAMPLE_RATE, Bench, Event, Shot, Surroundings, event_start, record
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, record
 from tests.plants.windows import windows_of
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.cases import Case
@@ -30,23 +30,32 @@ WEIGHED_SIGMA = 0.003  # of a mean mass
 
 def worn_case(discrepancy: Discrepancy, seed: int, number: int) -> Case:
     """A case with constant wear; odd numbers have another operating point at each event, even ones a single point."""
-    plant = plant_of(discrepancy, seed)
     rng = np.random.default_rng([seed, discrepancy.number, number, zlib.crc32(b"worn")])
     faults = Faults(orifice_area=rng.uniform(-NOZZLE, NOZZLE), seat_area=rng.uniform(-SEAT, SEAT))
     points = [(rng.uniform(*RAIL_PRESSURES), rng.uniform(*DURATIONS)) for _ in range(EVENTS)]
     if number % 2 == 0:
         points = [points[0]] * EVENTS
     events = tuple(Event(p, (Shot(rng.uniform(0.0, 1e-5), d),), faults) for p, d in points)
+    noise = int(rng.integers(2**62))
+    return Case(
+        discrepancy, seed, number, on_line(Bench(Injector(), Needle(), events, seed=noise), discrepancy, seed)
+    )
+
+
+def on_line(bench: Bench, discrepancy: Discrepancy, seed: int) -> Bench:
+    """The bench on a line with waves, with injector, needle and moving rail of that."""
+    plant = plant_of(discrepancy, seed)
     still, quiet = replace(plant.rail, dip=0.0, ripple=0.0), replace(plant.rail, pump=0.0)
     moved = (
-        quiet.supply([(event_start(i) + e.shots[0].start, e.shots[0].duration)], e.rail_pressure, 0.0)
-        for i, e in enumerate(events)
+        quiet.supply([(start + shot.start, shot.duration) for shot in event.shots], event.rail_pressure, 0.0)
+        for start, event in zip(bench.starts, bench.events, strict=False)
     )
-    supply = (still.supply([], events[0].rail_pressure, rng.random()), *moved)
-    around = Surroundings(supply=supply, before_noise=plant.mounting)
-    needle, noise = needle_of(Rig(discrepancy, False, seed)), int(rng.integers(2**62))
-    bench = Bench(plant.part, needle, events, seed=noise, line=plant.line, around=around)
-    return Case(discrepancy, seed, number, bench)
+    phase = np.random.default_rng(bench.seed).random()
+    supply = (still.supply([], bench.events[0].rail_pressure, phase), *moved)
+    mounted = (*bench.around.before_noise, *plant.mounting)
+    around = replace(bench.around, supply=supply, before_noise=mounted)
+    needle = needle_of(Rig(discrepancy, False, seed))
+    return replace(bench, injector=plant.part, needle=needle, line=plant.line, around=around)
 
 
 def worn_model(discrepancy: Discrepancy, seed: int, out: Path) -> Path:

@@ -39,11 +39,6 @@ def _counted(grade: Grade) -> Callable[[pd.Series], int]:
     return lambda grades: int((grades == grade).sum())
 
 
-def tally(values: pd.Series) -> str:
-    """What there is, with how often, the most frequent first."""
-    return ", ".join(f"{value} {count}" for value, count in values.value_counts().items())
-
-
 def calibration(confidences: pd.Series) -> pd.DataFrame:
     """What confidences, positive where right, let expect, and how often they are right, by bins."""
     stated = confidences.abs().astype(float)

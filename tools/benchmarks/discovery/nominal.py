@@ -8,7 +8,7 @@ import pandas as pd
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.effects import VOCABULARY
-from tools.benchmarks.campaign import CHANCE, Bar, How, Row, chance_of_95
+from tools.benchmarks.campaign import CHANCE, Bar, How, Row, chance_of_95, tally
 from tools.benchmarks.discovery.answers import (
     AMBIGUOUS,
     GRADES,
@@ -18,7 +18,6 @@ from tools.benchmarks.discovery.answers import (
     Grade,
     ask,
     calibration_error,
-    tally,
 )
 from tools.benchmarks.discovery.cases import HiddenCase, nominal_benches
 from tools.benchmarks.discovery.kinds import same_effect

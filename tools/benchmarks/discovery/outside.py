@@ -8,9 +8,9 @@ from tempfile import TemporaryDirectory
 import pandas as pd
 
 from observer_rt.foundation.errors import RunError
-from tools.benchmarks.campaign import Bar, How, Row
+from tools.benchmarks.campaign import Bar, How, Row, tally
 from tools.benchmarks.discovery import kinds, outside_answers
-from tools.benchmarks.discovery.answers import CONFIDENT, NAMED, UNKNOWN, calibration_error, tally
+from tools.benchmarks.discovery.answers import CONFIDENT, NAMED, UNKNOWN, calibration_error
 from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_benches, taken_away
 from tools.benchmarks.discovery.laws import VOCABULARY_KINDS, kind_named
 from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, write_all

@@ -8,7 +8,7 @@ import pandas as pd
 
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import RunError
-from tools.benchmarks.campaign import Bar, How, Row
+from tools.benchmarks.campaign import Bar, How, Row, tally
 from tools.benchmarks.discovery import scoring
 from tools.benchmarks.discovery.answers import (
     AMBIGUOUS,
@@ -21,7 +21,6 @@ from tools.benchmarks.discovery.answers import (
     Grade,
     ask,
     calibration_error,
-    tally,
 )
 from tools.benchmarks.discovery.cases import HiddenCase, Query, real_benches
 from tools.benchmarks.discovery.kinds import near_tie, same_effect

@@ -85,7 +85,7 @@ class Laws(NamedTuple):
 
 
 BY_RAIL, BY_TIME, BY_LIFT, BY_DROP, BY_FLOW, BY_SPEED = range(6)
-"""Quantities of a product: rail pressure, time since opening, lift, drop over the nozzle, line's flow, needle's speed."""
+"""Quantities of a product: rail pressure, time since opening, lift, drop over the nozzle, line flow, needle speed."""
 MIDDLES = (100e6, 0.8e-3, 0.15e-3, 60e6, 25e-6, 0.0)  # SI: a product is of the tanh of both, from here, in WIDTHS
 WIDTHS = (30e6, 0.4e-3, 0.06e-3, 25e6, 15e-6, 0.4)
 NO_LAWS = Laws()

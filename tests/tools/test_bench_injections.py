@@ -9,7 +9,7 @@ from tests.plants.laws import BY_DROP, BY_FLOW, BY_TIME, Laws
 from tests.plants.parameters import Faults
 from tests.plants.plant import record
 from tests.plants.windows import true_masses
-from tools.benchmarks.histories import Kind, first_injections, recorded
+from tools.benchmarks.histories import Kind, bench_of, first_injections
 from tools.benchmarks.injections import score_history
 
 POINT = (100e6, 0.9e-3)
@@ -18,7 +18,7 @@ POINT = (100e6, 0.9e-3)
 def mass_share(kind: Kind, point: tuple[float, float] = POINT) -> float:
     """Mass of an injection of a kind, over that of a healthy injector."""
     kinds = (kind, Kind())
-    benches = [recorded(each, [point], np.random.default_rng(1)) for each in kinds]
+    benches = [bench_of(each, [point], 1) for each in kinds]
     changed, healthy = (float(true_masses(record(bench), bench)[0]) for bench in benches)
     return changed / healthy
 
@@ -50,8 +50,8 @@ def test_a_product_goes_by_both_quantities(pressure: float, sign: int) -> None:
 
 
 def test_a_late_lift_is_recorded_late() -> None:
-    bench = recorded(Kind(), [POINT], np.random.default_rng(1))
-    late = recorded(Kind(late=60e-6), [POINT], np.random.default_rng(1))
+    bench = bench_of(Kind(), [POINT], 1)
+    late = bench_of(Kind(late=60e-6), [POINT], 1)
     on_time, measured = (record(replace(each, noise=0.0)).measured.needle_lift for each in (bench, late))
     np.testing.assert_allclose(measured[6:], on_time[:-6], atol=2e-8)
 

@@ -1,48 +1,49 @@
-"""The benchmark's peer: a joint filter equal to filterpy's."""
+"""The benchmark's peer: a filter equal to filterpy's."""
 
 import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
 
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.joint_ukf import (
-    UNSCENTED_SHAPE,
+from tests.plants.plant import LINE_NOISE, Bench, Event, Needle, Shot, record
+from tools.benchmarks.unscented import (
+    MEASURED_NOISE,
+    PRESSURE_SCALE,
+    PRIORS,
+    SHAPE,
+    STATES,
     Stream,
     advance,
+    filtered,
     lump_model,
+    noise_of,
     set_at_rest,
-    start_of,
     stream_of,
-    unscented,
 )
 
-
-def recorded(faults: Faults, events: int) -> Outcome:
-    rails = (60e6, 130e6, 90e6)
-    planned = tuple(Event(rails[i % 3], (Shot(0.0, 1.5e-3),), faults) for i in range(events))
-    return record(Bench(Injector(), Needle(), planned, seed=3))
+INTERVAL = 1e-5
 
 
-def test_joint_ukf_is_filterpys() -> None:
+def test_the_unscented_filter_is_filterpys() -> None:
     """From shortly before an injection to shortly after the sac is at rest again."""
     cut, model = slice(14_900, 15_700), lump_model(Injector())
-    inputs, output, resting, interval, substeps = stream_of(
-        recorded(Faults(orifice_area=0.3), 1).measured, Injector()
-    )
-    stream = Stream(inputs[cut], output[cut], resting[cut], interval, substeps)
+    worn = Event(60e6, (Shot(0.0, 1.5e-3),), Faults(orifice_area=0.3))
+    measured = record(Bench(Injector(), Needle(), (worn,), seed=3)).measured
+    stream = Stream(*(each[cut] for each in stream_of(measured, Injector())))
     assert stream.resting[-1]
     assert not stream.resting.all()
     sample = 0
 
     def transition(x: NDArray[np.float64], _: float) -> NDArray[np.float64]:
-        return np.array([*advance(x[0], x[1], x[2], sample, stream, x[3], model), x[3]])
+        after = x.copy()
+        advance(after, stream.inputs[sample], stream.inputs[sample + 1], INTERVAL, model)
+        return after
 
-    points = MerweScaledSigmaPoints(4, *UNSCENTED_SHAPE)
-    ukf = UnscentedKalmanFilter(4, 1, stream.interval, lambda x: x[:1], transition, points)
-    start = start_of(stream, model)
-    ukf.x, ukf.P, ukf.Q, measurement = (np.array(each) for each in start)
-    ukf.R = np.eye(1) * measurement
+    points = MerweScaledSigmaPoints(STATES, *SHAPE)
+    ukf = UnscentedKalmanFilter(STATES, 1, INTERVAL, lambda x: x[:1] + x[6:], transition, points)
+    start = np.append(stream.output[0], np.zeros(STATES - 1))
+    ukf.x, ukf.P, ukf.Q = start.copy(), np.diag(PRIORS**2), noise_of(model, INTERVAL)
+    ukf.R = np.eye(1) * (MEASURED_NOISE * LINE_NOISE / PRESSURE_SCALE) ** 2
     expected = [ukf.x.copy()]
     for sample in range(stream.output.size - 1):
         ukf.predict()
@@ -50,7 +51,6 @@ def test_joint_ukf_is_filterpys() -> None:
         if stream.resting[sample + 1]:
             set_at_rest(ukf.x, ukf.P)
         expected.append(ukf.x.copy())
-    states = np.full((stream.output.size, 4), np.nan)
-    assert unscented(stream, model, start, UNSCENTED_SHAPE, states)
+    states = filtered(stream, model, INTERVAL, start, np.diag(PRIORS**2), noise_of(model, INTERVAL))
     assert np.ptp(states[:, 3]) > 0.1
-    np.testing.assert_allclose(states, np.array(expected), rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(states, np.array(expected), rtol=0.0, atol=1e-8)

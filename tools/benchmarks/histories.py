@@ -3,16 +3,18 @@
 Imports nothing of `observer_rt`.
 """
 
+import itertools
 import zlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
 
-from tests.plants.laws import NO_LAWS, Laws
+from tests.plants.laws import BY_DROP, BY_FLOW, BY_LIFT, BY_SPEED, BY_TIME, NINE_LAWS, NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import LIFT, Bench, Event, Shot, Surroundings, drawn_needle, seen_as
-from tools.benchmarks.discovery.rigs import GIVEN
+from tests.plants.plant import LEAD, LIFT, Bench, Event, Shot, Surroundings, drawn_needle, event_start, seen_as
+from tools.benchmarks.discovery.rigs import GIVEN, MM3_PER_MS
 
 MICROSECOND = 1e-6  # s
 HEALTHY = Faults()
@@ -20,20 +22,29 @@ HEALTHY = Faults()
 
 @dataclass(frozen=True)
 class Kind:
-    """How an injector differs from its model; late: by how much its lift is recorded late [s]."""
+    """How an injector differs from its model; late: by how much its lift is recorded late [s].
+
+    before: events that are healthy, and whose lift is not late, but for the laws.
+    """
 
     faults: Faults = HEALTHY
     laws: Laws = NO_LAWS
     late: float = 0.0
+    before: int = 0
 
 
 @dataclass(frozen=True)
 class History:
-    """Events of an injector of some kind, at a point or several, as they are recorded on the nominal line."""
+    """Events of an injector of some kind, at a point or several, as they are recorded on the nominal line.
+
+    count_from: event, from 0, from which on they count; fitted: laws of the one tier B's model is fitted to.
+    """
 
     kind: str
     point: str
     bench: Bench
+    count_from: int = 0
+    fitted: Laws = NO_LAWS
 
     @property
     def name(self) -> str:
@@ -73,23 +84,143 @@ FIRST = {
 """Kinds of which the first injection must be right."""
 
 
+PRODUCTS = {
+    **{f"nozzle by rail and time, {a:g}": Laws(nozzle_product=a) for a in (0.03, 0.05, 0.1)},
+    "nozzle by rail and lift": Laws(nozzle_product=0.2, second_factor=BY_LIFT),
+    "seat by rail and lift": Laws(seat_product=0.2, second_factor=BY_LIFT),
+    "seat by rail and time": Laws(seat_product=0.2),
+    "nozzle by rail and time, -.1": Laws(nozzle_product=-0.1),
+    "nozzle by time and lift": Laws(nozzle_product=0.2, first_factor=BY_TIME, second_factor=BY_LIFT),
+    "nozzle by drop and time": Laws(nozzle_product=0.1, first_factor=BY_DROP),
+    "nozzle by drop and lift": Laws(nozzle_product=-0.15, first_factor=BY_DROP, second_factor=BY_LIFT),
+    "nozzle by rail and flow": Laws(nozzle_product=0.1, second_factor=BY_FLOW),
+    "nozzle by rail and speed": Laws(nozzle_product=0.3, second_factor=BY_SPEED),
+    "seat by rail and speed": Laws(seat_product=0.3, second_factor=BY_SPEED),
+    "seat by time and lift": Laws(seat_product=0.3, first_factor=BY_TIME, second_factor=BY_LIFT),
+    "seat by drop and time": Laws(seat_product=-0.3, first_factor=BY_DROP),
+    "nozzle and seat by rail and time": Laws(nozzle_product=0.07, seat_product=-0.2),
+}
+"""Laws of two quantities, which no sum of functions of one of them holds; the first six are of a review."""
+TAUGHT, NEW = ((60e6, 0.6e-3), (140e6, 1.9e-3)), ((60e6, 1.9e-3), (140e6, 0.6e-3))
+"""Points at which each pressure and each duration is taught, and those that combine them otherwise."""
+WEAR = (Faults(orifice_area=0.2), Faults(orifice_area=-0.15, seat_area=0.1))
+GAPS = (0.1e-3, 0.2e-3, 0.3e-3, 0.45e-3, 0.6e-3)  # s, between shots
+
+
 def first_injections(seed: int) -> list[History]:
     """One injection of every kind at every point, a recording each."""
     return [
-        History(name, f"at {pressure / 1e6:g} MPa {1e3 * duration:g} ms", recorded(kind, [(pressure, duration)], rng))
+        History(name, at(*point), bench_of(kind, [point], seed, name, *point))
         for name, kind in FIRST.items()
-        for pressure, duration in GIVEN
-        for rng in [np.random.default_rng([seed, zlib.crc32(f"{name} {pressure} {duration}".encode())])]
+        for point in GIVEN
     ]
 
 
-SETS = {"first": first_injections}
-"""Histories by the name of what they ask, for a seed."""
+def products(seed: int) -> list[History]:
+    """Laws of two quantities, and those of one: four times over all points."""
+    laws = {name: Kind(laws=each) for name, each in PRODUCTS.items()}
+    return _chained(laws, seed)
 
 
-def recorded(kind: Kind, points: list[tuple[float, float]], rng: Generator) -> Bench:
-    """A bench of a kind with an injection at each of the points: rail pressure [Pa], needle open [s]."""
-    events = tuple(Event(p, (Shot(rng.uniform(0.0, 1e-5), duration),), kind.faults) for p, duration in points)
-    late = seen_as(LIFT, lambda time, lift: np.interp(time - kind.late, time, lift))
+def laws_of_one_quantity(seed: int) -> list[History]:
+    """The nine laws of nozzle and seat that no model has: four times over all points."""
+    return _chained({name: Kind(faults, laws) for name, (laws, faults) in NINE_LAWS.items()}, seed)
+
+
+def combinations(seed: int) -> list[History]:
+    """Taught at two points, whose pressures and durations are then combined otherwise, three times."""
+    points = [*TAUGHT * 8, *NEW * 3]
+    kinds = {name: Kind(laws=laws) for name, laws in PRODUCTS.items()} | {"nozzle +20 %": Kind(WEAR[0])}
+    return [History(name, "", bench_of(kind, points, seed, name), 16) for name, kind in kinds.items()]
+
+
+def jumps(seed: int) -> list[History]:
+    """After two healthy passes over the points wear comes at once."""
+    sizes = [sign * size for size in (0.03, 0.05, 0.08, 0.13, 0.2, 0.3, 0.43) for sign in (1, -1)]
+    kinds = {f"nozzle {100 * size:+.0f} %": Kind(Faults(orifice_area=size), before=12) for size in sizes}
+    kinds |= {f"seat {100 * size:+.0f} %": Kind(Faults(seat_area=size), before=12) for size in (0.25, -0.25)}
+    return _chained(kinds, seed, 12)
+
+
+def late_lifts(seed: int) -> list[History]:
+    """After two healthy, or worn, passes over the points the lift is recorded late."""
+    kinds = {f"late {late} us": Kind(late=late * MICROSECOND, before=12) for late in (20, 40, 60, -20)}
+    return _chained(kinds, seed, 12)
+
+
+def low_pressures(seed: int) -> list[History]:
+    """Steady wear at one point of a low rail pressure, 16 injectors."""
+    rng = np.random.default_rng([seed, 56])
+    histories = []
+    for number in range(16):
+        point = (rng.uniform(56e6, 66e6), rng.uniform(0.7e-3, 2.2e-3))
+        kind = Kind(Faults(orifice_area=rng.uniform(-0.4, 0.4), seat_area=rng.uniform(-0.25, 0.25)))
+        histories.append(History("wear", f"{number} {at(*point)}", bench_of(kind, [point] * 16, seed, number)))
+    return histories
+
+
+def pilot_valves(seed: int) -> list[History]:
+    """A pilot valve's flow beside wear; tier B's model is fitted to an injector without it, or with 4 mm3/ms."""
+    histories = []
+    for fitted, flows in ((0.0, (0.0, 2.0, 4.0, 6.0, 8.0)), (4.0, (2.0, 4.0, 6.0, 8.0))):
+        for flow, faults in itertools.product(flows, WEAR):
+            kind, wear = (
+                Kind(faults, Laws(control_flow=flow * MM3_PER_MS)),
+                f"nozzle {100 * faults.orifice_area:+.0f} %",
+            )
+            bench = bench_of(kind, [*GIVEN * 4], seed, fitted, flow, wear)
+            name = f"{flow:g} mm3/ms, fitted with {fitted:g}"
+            histories.append(History(name, wear, bench, fitted=Laws(control_flow=fitted * MM3_PER_MS)))
+    return histories
+
+
+def close_shots(seed: int) -> list[History]:
+    """Pilot, main and post injection of worn injectors, closer and closer."""
+    histories = []
+    for gap, (number, faults) in itertools.product(GAPS, enumerate(WEAR)):
+        rng, begins = _rng(seed, gap, number), (0.0, 0.4e-3 + gap, 1.4e-3 + 2.0 * gap)
+        shots = tuple(Shot(begin, duration) for begin, duration in zip(begins, (0.4e-3, 1e-3, 0.4e-3), strict=True))
+        events = tuple(Event(pressure, shots, faults) for pressure in (60e6, 100e6, 140e6) * 4)
+        bench = Bench(Injector(), drawn_needle(rng), events, seed=int(rng.integers(2**62)))
+        histories.append(History(f"gaps of {1e3 * gap:g} ms", str(number), bench))
+    return histories
+
+
+SETS: dict[str, Callable[[int], list[History]]] = {
+    "first": first_injections,
+    "laws": laws_of_one_quantity,
+    "products": products,
+    "combinations": combinations,
+    "jumps": jumps,
+    "late": late_lifts,
+    "low": low_pressures,
+    "pilot": pilot_valves,
+    "shots": close_shots,
+}
+"""Histories by a name, for a seed."""
+
+
+def at(pressure: float, duration: float) -> str:
+    """Name of a point: rail pressure [Pa], needle open [s]."""
+    return f"at {pressure / 1e6:.3g} MPa {1e3 * duration:.2g} ms"
+
+
+def _chained(kinds: Mapping[str, Kind], seed: int, count_from: int = 0) -> list[History]:
+    return [History(name, "", bench_of(kind, [*GIVEN * 4], seed, name), count_from) for name, kind in kinds.items()]
+
+
+def _rng(seed: int, *names: object) -> Generator:
+    return np.random.default_rng([seed, zlib.crc32(" ".join(map(str, names)).encode())])
+
+
+def bench_of(kind: Kind, points: Sequence[tuple[float, float]], seed: int, *names: object) -> Bench:
+    """A bench of a kind with an injection at each of the points; seed and names determine all that is drawn."""
+    rng = _rng(seed, *names)
+    events = tuple(
+        Event(pressure, (Shot(rng.uniform(0.0, 1e-5), duration),), kind.faults if i >= kind.before else HEALTHY)
+        for i, (pressure, duration) in enumerate(points)
+    )
+    begins = event_start(kind.before) - LEAD
+    late = seen_as(LIFT, lambda time, lift: np.interp(time - np.where(time > begins, kind.late, 0.0), time, lift))
     around = Surroundings(before_noise=(late,) if kind.late else ())
     return Bench(Injector(), drawn_needle(rng), events, seed=int(rng.integers(2**62)), around=around, laws=kind.laws)

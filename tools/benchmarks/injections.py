@@ -17,7 +17,7 @@ from tools.benchmarks import worn_lines
 from tools.benchmarks.campaign import Bar, How, Row, conclude, run_cases, table, tally
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.histories import SETS
-from tools.benchmarks.scoring import NO_REPORT, WRONG_MASS, injections_of
+from tools.benchmarks.scoring import NO_REPORT, WRONG_MASS, WRONG_RATE, injections_of
 
 LEAST_RATE = 0.5  # share of an opening's largest rate from which on a sample's own error counts: not at the flanks
 
@@ -27,31 +27,49 @@ def magnitude(percentile: float) -> How:
     return lambda values: float(np.percentile(np.abs(values.astype(float)), percentile))
 
 
+def _bars(most: float = 3.0, valid: float | None = None, inside: float = 0.93, by: str = "") -> tuple[Bar, ...]:
+    valid_share = () if valid is None else (Bar("valid_share", "valid", "mean", least=valid, by=by),)
+    return (
+        Bar("mass_error_max_pct", "error_pct", magnitude(100), most=most),
+        Bar("wrong_valid", "wrong", "sum", most=0),
+        Bar("wrong_samples", "samples_wrong", "sum", most=0),
+        Bar("inside_share", "inside", "mean", inside, 0.98),
+        *valid_share,
+    )
+
+
 BARS = {
     "first": (
+        *_bars(valid=0.9),
         Bar("mass_error_median_pct", "error_pct", magnitude(50), most=0.3),
         Bar("mass_error_p95_pct", "error_pct", magnitude(95), most=1.2),
-        Bar("mass_error_max_pct", "error_pct", magnitude(100), most=3.0),
-        Bar("valid_share", "valid", "mean", least=0.9),
-        Bar("inside_share", "inside", "mean", 0.93, 0.98),
         Bar("rate_rmse_median_mm3_per_ms", "rmse", "median", most=0.8),
         Bar("live_mass_error_median_pct", "live_error_pct", magnitude(50), most=1.0),
         Bar("live_mass_error_p95_pct", "live_error_pct", magnitude(95), most=3.0),
         Bar("live_rate_rmse_median_mm3_per_ms", "live_rmse", "median", most=1.5),
     ),
+    "laws": _bars(valid=68 / 72),
+    "products": _bars(valid=0.92),
+    "combinations": _bars(),
+    "jumps": _bars(most=2.0, valid=1.0),
+    "late": _bars(inside=0.0),
+    "low": (*_bars(valid=1.0), Bar("called_late", "refused", lambda r: float(sum(r == "LIFT_SENSOR_LAG")), most=0)),
+    "pilot": _bars(valid=0.9, by="kind"),
+    "shots": (*_bars(most=2.0), Bar("sum_error_max_pct", "sum_error_pct", magnitude(100), most=0.5)),
 }
 COLUMNS: dict[str, tuple[str, How]] = {
     "valid": ("valid", "of"),
     "mass error %, valid: median / p95 / max": ("error_pct", "spread"),
-    "of all": ("all_error_pct", "spread"),
+    "all": ("all_error_pct", "spread"),
     "inside": ("inside", "of"),
-    "of all ": ("all_inside", "of"),
+    "all ": ("all_inside", "of"),
     "1.96 sigma %": ("half_width_pct", "median"),
-    "live %, of all": ("live_error_pct", "spread"),
+    "live %, all": ("live_error_pct", "spread"),
     "RMSE mm3/ms": ("rmse", "median"),
     "live": ("live_rmse", "median"),
     "samples valid": ("samples", "sum"),
     "wrong": ("samples_wrong", "sum"),
+    "sums of events %": ("sum_error_pct", "spread"),
     "refused": ("refused", tally),
 }
 
@@ -63,18 +81,22 @@ def score_history(asked: str, name: str, seed: int, line: Discrepancy | None, mo
     outcome = record(bench)
     evaluation = evaluate(bench_at(bench.sample_rate, model), [recording_of(outcome)]).evaluations[0]
     windows, trace, rate = windows_of(outcome, bench.sample_rate), evaluation.trace, outcome.truth.injection_rate
-    masses, off = true_masses(outcome, bench), trace.injection_rate - rate
-    corrected = getattr(trace, "corrected_rate", trace.injection_rate)
-    row: Row = {"kind": history.kind, **{column: [] for column, _ in COLUMNS.values()}}
+    masses, published = true_masses(outcome, bench), trace.injection_rate
+    rates = (published, getattr(trace, "corrected_rate", published))
+    live, corrected = (np.where(np.isnan(each), trace.nominal_rate, each) for each in rates)
+    row: Row = {"kind": history.kind, "wrong": 0, **{column: [] for column, _ in COLUMNS.values()}}
+    sums: dict[int, list[float]] = {}
     for injection in injections_of(evaluation, windows):
+        if injection.event < history.count_from:
+            continue
         report, true = injection.report, sum(masses[i] for i in injection.openings)
-        samples = np.unique(np.concatenate([np.r_[windows.ranges[i]] for i in injection.openings]))
-        flowing = samples[trace.valid[samples] & (rate[samples] > LEAST_RATE * rate[samples].max())]
+        window = np.unique(np.concatenate([np.r_[windows.ranges[i]] for i in injection.openings]))
+        flowing = window[trace.valid[window] & (rate[window] > LEAST_RATE * rate[window].max())]
         facts: Row = {"valid": injection.valid, "samples": flowing.size}
-        facts["samples_wrong"] = int(np.sum(np.abs(off[flowing]) > WRONG_MASS / 100.0 * rate[flowing]))
+        off = np.abs(published[flowing] / rate[flowing] - 1.0)
+        facts["samples_wrong"] = int(np.sum(100.0 * off > WRONG_MASS))
         facts["live_rmse"], facts["rmse"] = (
-            float(np.sqrt(np.mean(np.nan_to_num(each - rate, nan=rate.max())[samples] ** 2))) / MM3_PER_MS
-            for each in (trace.injection_rate, corrected)
+            float(np.sqrt(np.mean((each - rate)[window] ** 2))) / MM3_PER_MS for each in (live, corrected)
         )
         if report is not None:
             facts["all_error_pct"] = 100.0 * (report.mass / true - 1.0)
@@ -82,13 +104,16 @@ def score_history(asked: str, name: str, seed: int, line: Discrepancy | None, mo
             if report.mass_ci95 is not None:
                 low, high = report.mass_ci95
                 facts |= {"all_inside": bool(low <= true <= high), "half_width_pct": 50.0 * (high - low) / true}
+            estimated, injected = sums.get(injection.event, (0.0, 0.0))
+            sums[injection.event] = [estimated + report.mass, injected + true]
         if injection.valid:
             facts |= {"error_pct": facts["all_error_pct"], "inside": facts.get("all_inside")}
+            row["wrong"] += int(abs(facts["error_pct"]) > WRONG_MASS or facts["rmse"] > WRONG_RATE)
         else:
             facts["refused"] = NO_REPORT if report is None else report.reason.name
         for column, value in facts.items():
             row[column].append(value)
-    return row
+    return row | {"sum_error_pct": [100.0 * (estimated / true - 1.0) for estimated, true in sums.values()]}
 
 
 @cli.app.command(
@@ -96,7 +121,7 @@ def score_history(asked: str, name: str, seed: int, line: Discrepancy | None, mo
     "tools/bench injections first --kinds nozzle,lift --points '100 MPa' --tier B --lines plain"
 )
 def injections(
-    asked: Annotated[str, typer.Argument(metavar="SET", help=f"Histories: {', '.join(SETS)}.")],
+    asked: Annotated[str, typer.Argument(metavar="SET", help=f"{', '.join(SETS)}; low and pilot are of tier B.")],
     kinds: Annotated[str, typer.Option(help="Parts of names of kinds, by commas (default: all).")] = "",
     points: Annotated[str, typer.Option(help="The same of operating points.")] = "",
     lines: Annotated[str, typer.Option(help="Tier B: lines, by commas, which take turns (default: all).")] = "",
@@ -113,23 +138,17 @@ def injections(
     """
     cli.chosen_names(asked, "SET", SETS, ())
     out = out or Path(f"build/injections-{asked}-{tier}")
-    histories = [
-        each for each in SETS[asked](seed) if _is_chosen(each.kind, kinds) and _is_chosen(each.point, points)
-    ]
+    all_of_set = SETS[asked](seed)
+    histories = [each for each in all_of_set if _is_chosen(each.kind, kinds) and _is_chosen(each.point, points)]
     if not histories:
-        known = dict.fromkeys(f"{each.kind} ({each.point})" for each in SETS[asked](seed))
-        raise UserError("--kinds, --points", "no history has both in its name", f"known: {', '.join(known)}")
-    on: list[tuple[Discrepancy | None, Path | None]] = [(None, None)]
-    if tier is cli.Tier.B:
-        on = [
-            (Discrepancy(name), worn_lines.worn_model(Discrepancy(name), seed, out))
-            for name in cli.chosen_names(lines, "--lines", [*Discrepancy], [*Discrepancy])
-        ]
-    todo = {
-        f"{asked} {line or ''} {history.name} {seed}": (asked, history.name, seed, line, model)
-        for number, history in enumerate(histories)
-        for line, model in [on[number % len(on)]]
-    }
+        names = ", ".join(dict.fromkeys(each.name for each in all_of_set))
+        raise UserError("--kinds, --points", "no history has both in its name", f"there are: {names}")
+    chosen = cli.chosen_names(lines, "--lines", [*Discrepancy], [*Discrepancy]) if tier is cli.Tier.B else ()
+    todo = {}
+    for number, history in enumerate(histories):
+        line = Discrepancy(chosen[number % len(chosen)]) if chosen else None
+        model = worn_lines.worn_model(line, seed, out, history.fitted) if line else None
+        todo[f"{asked} {line or ''} {history.name} {seed}"] = (asked, history.name, seed, line, model)
     frame = run_cases("injections", score_history, todo, jobs, out)
     conclude(frame, BARS[asked], {f"injections: {asked}": table(frame, "kind", COLUMNS)}, out, as_json)
 

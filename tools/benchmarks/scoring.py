@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,7 @@ WORN_FROM_THE_START = (
     "growing_wear",
     "missing_injections",
 )
-OBSERVER, NOMINAL = "observer", "nominal"
+OBSERVER, LIVE, NOMINAL = "observer", "live", "nominal"  # as published, while it ran, with phi = 0
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason
 
@@ -202,10 +202,12 @@ def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Sco
     nominal_x3 = x3_of_rate(trace.nominal_rate, bench)
     x3 = np.where(np.isnan(trace.x[:, 2]), nominal_x3, trace.x[:, 2])
     true_x3 = (truth.sac_pressure - case.bench.injector.chamber_pressure) / PRESSURE_SCALE
+    injections, live = injections_of(evaluation, windows), estimate_of(rate, outcome, windows, density, x3 - true_x3)
     judged, covered = _covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
     valid, reasons, intervals = _judged(evaluation, windows)
     estimates = {
-        OBSERVER: estimate_of(rate, outcome, windows, density, x3 - true_x3),
+        OBSERVER: replace(live, masses=_published_masses(live.masses, injections)),
+        LIVE: live,
         NOMINAL: estimate_of(trace.nominal_rate, outcome, windows, density, nominal_x3 - true_x3),
     }
     return Score(
@@ -213,7 +215,7 @@ def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Sco
         windows.of_event,
         true_masses(outcome, case.bench) / MILLIGRAM,
         np.array([windows.union(e).size for e in range(len(windows.of_event))]),
-        injections_of(evaluation, windows),
+        injections,
         valid,
         reasons,
         intervals,
@@ -221,6 +223,16 @@ def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Sco
         covered,
         estimates,
     )
+
+
+def _published_masses(live: Array, injections: Sequence[Injection]) -> Array:
+    """Masses of the openings [mg], together those that are reported; live: in proportion to which they share them."""
+    masses = live.copy()
+    for injection in injections:
+        if injection.report is not None and math.isfinite(injection.report.mass):
+            openings = [*injection.openings]
+            masses[openings] *= injection.report.mass / MILLIGRAM / live[openings].sum()
+    return masses
 
 
 def estimate_of(

@@ -11,6 +11,7 @@ import numpy as np
 
 from observer_rt.desk.evaluation.evaluate import evaluate
 from tests.observed_plants import bench_at, recording_of
+from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, record
 from tests.plants.windows import windows_of
@@ -58,15 +59,15 @@ def on_line(bench: Bench, discrepancy: Discrepancy, seed: int) -> Bench:
     return replace(bench, injector=plant.part, needle=needle, line=plant.line, around=around)
 
 
-def worn_model(discrepancy: Discrepancy, seed: int, out: Path) -> Path:
+def worn_model(discrepancy: Discrepancy, seed: int, out: Path, laws: Laws = NO_LAWS) -> Path:
     """The injector file that `fit` makes of healthy recordings of a plant. Raises RunError where it fails."""
-    folder = out / f"{discrepancy}-{seed}"
+    folder = out / f"{discrepancy}-{seed}{'' if laws == NO_LAWS else f'-{zlib.crc32(str(laws).encode())}'}"
     weighed = folder / "masses.txt"
     is_weighed = discrepancy is Discrepancy.LENGTH
 
     def recorded(folder: Path) -> list[Path]:
         benches = healthy_benches(Rig(discrepancy, False, seed))
-        outcomes = {f"healthy_{number}": record(bench) for number, bench in enumerate(benches)}
+        outcomes = {f"healthy_{number}": record(replace(bench, laws=laws)) for number, bench in enumerate(benches)}
         if is_weighed:
             rng = np.random.default_rng([seed, zlib.crc32(b"weighed")])
             density = plant_of(discrepancy, seed).part.density

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.plants.histories import Kind, bench_of, first_injections
 from tests.plants.laws import BY_DROP, BY_FLOW, BY_TIME, Laws
 from tests.plants.parameters import Faults
 from tests.plants.plant import record
 from tests.plants.windows import true_masses
-from tools.benchmarks.histories import Kind, bench_of, first_injections
 from tools.benchmarks.injections import score_history
 
 POINT = (100e6, 0.9e-3)

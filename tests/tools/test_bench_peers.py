@@ -10,14 +10,13 @@ from tools.benchmarks.unscented import (
     MEASURED_NOISE,
     PRESSURE_SCALE,
     PRIORS,
+    RESTING,
     SHAPE,
     STATES,
-    Stream,
     advance,
+    coefficients,
     filtered,
-    lump_model,
     noise_of,
-    set_at_rest,
     stream_of,
 )
 
@@ -26,30 +25,31 @@ INTERVAL = 1e-5
 
 def test_the_unscented_filter_is_filterpys() -> None:
     """From shortly before an injection to shortly after the sac is at rest again."""
-    cut, model = slice(14_900, 15_700), lump_model(Injector())
+    cut, model = slice(14_900, 15_700), coefficients(Injector())
     worn = Event(60e6, (Shot(0.0, 1.5e-3),), Faults(orifice_area=0.3))
     measured = record(Bench(Injector(), Needle(), (worn,), seed=3)).measured
-    stream = Stream(*(each[cut] for each in stream_of(measured, Injector())))
-    assert stream.resting[-1]
-    assert not stream.resting.all()
+    stream = inputs, output, resting = tuple(each[cut] for each in stream_of(measured, Injector()))
+    assert resting[-1]
+    assert not resting.all()
     sample = 0
 
     def transition(x: NDArray[np.float64], _: float) -> NDArray[np.float64]:
         after = x.copy()
-        advance(after, stream.inputs[sample], stream.inputs[sample + 1], INTERVAL, model)
+        advance(after, inputs[sample], inputs[sample + 1], INTERVAL, model)
         return after
 
     points = MerweScaledSigmaPoints(STATES, *SHAPE)
     ukf = UnscentedKalmanFilter(STATES, 1, INTERVAL, lambda x: x[:1] + x[6:], transition, points)
-    start = np.append(stream.output[0], np.zeros(STATES - 1))
+    start = np.append(output[0], np.zeros(STATES - 1))
     ukf.x, ukf.P, ukf.Q = start.copy(), np.diag(PRIORS**2), noise_of(model, INTERVAL)
     ukf.R = np.eye(1) * (MEASURED_NOISE * LINE_NOISE / PRESSURE_SCALE) ** 2
     expected = [ukf.x.copy()]
-    for sample in range(stream.output.size - 1):
+    for sample in range(output.size - 1):
         ukf.predict()
-        ukf.update(stream.output[sample + 1 : sample + 2])
-        if stream.resting[sample + 1]:
-            set_at_rest(ukf.x, ukf.P)
+        ukf.update(output[sample + 1 : sample + 2])
+        if resting[sample + 1]:
+            ukf.x[2] = ukf.P[2, :] = ukf.P[:, 2] = 0.0
+            ukf.P[2, 2] = RESTING
         expected.append(ukf.x.copy())
     states = filtered(stream, model, INTERVAL, start, np.diag(PRIORS**2), noise_of(model, INTERVAL))
     assert np.ptp(states[:, 3]) > 0.1

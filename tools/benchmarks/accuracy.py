@@ -9,20 +9,9 @@ import typer
 from observer_rt.config.bench import load_injector
 from tests.plants.plant import record
 from tests.plants.windows import windows_of
+from tools.benchmarks import campaign, worn_lines
 from tools.benchmarks import command_line as cli
-from tools.benchmarks import worn_lines
-from tools.benchmarks.campaign import (
-    CHANCE,
-    Bar,
-    How,
-    Row,
-    chance_of_95,
-    conclude,
-    run_cases,
-    table,
-    tally,
-    values_of,
-)
+from tools.benchmarks.campaign import Bar, How, Row, chance_of_95, conclude, run_cases, table, tally, values_of
 from tools.benchmarks.cases import CLASSES, Group, make_case
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.scoring import LIVE, OBSERVER, bench_for_case, estimate_of, score_outcome
@@ -30,13 +19,7 @@ from tools.benchmarks.unscented import unscented_rate
 
 CASES = 60  # per class
 PEER = "peer"
-PEER_KINDS = (
-    "orifice_area",
-    "seat_area",
-    "orifice_and_seat_area",
-    "line_friction",
-    "healthy",
-)  # its states hold them
+PEER_KINDS = ("orifice_area", "seat_area", "orifice_and_seat_area", "line_friction", "healthy")  # of its states
 ERRORS, NOMINAL_ERRORS, RMSE = "observer_errors_pct", "nominal_errors_pct", "observer_rmse"
 _MAIN, _WELL = "group == 'main'", "group in ['main', 'operation']"
 _WORN = "class_name == 'orifice_area' and abs(nozzle_wear) >= 0.1"  # where the ratio of x3 counts
@@ -62,7 +45,7 @@ BARS = (
     Bar("recovered_after_three_share", "in_time", "mean", least=1.0, of="changes"),
     Bar("worse_than_nominal_share", "much_worse", "mean", most=0.002, of="group == 'stability'", by=_EACH),
     Bar("coverage_95_share", "covered", "mean", 0.93, 0.97, of=_MAIN, from_values=300),
-    Bar("coverage_95_chance_min", "covered", chance_of_95, least=CHANCE, of=_MAIN, by=_EACH),
+    Bar("coverage_95_chance_min", "covered", chance_of_95, least=campaign.CHANCE, of=_MAIN, by=_EACH),
     Bar("rate_coverage_min", "rate_coverage", "mean", least=0.90, of=_MAIN, by=_EACH),
     Bar("rate_coverage_max", "rate_coverage", "mean", most=0.98, of=_MAIN, by=_EACH),
     Bar("mass_error_over_peer", "mass_over_peer", "median", most=1.0, by=_EACH),

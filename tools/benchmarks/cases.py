@@ -10,7 +10,6 @@ from numpy.random import Generator
 
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Shot, drawn_needle, wave_injector
-from tests.plants.wave import LINES, Variant, real_part
 
 EVENTS = 20
 RAIL_PRESSURES = (40e6, 160e6)  # Pa
@@ -206,11 +205,6 @@ def _faults_at(event: int, faults: Faults, change_event: int | None, grows: floa
         size = 1.0 - grows * (1.0 - (event + 1) / EVENTS)
         return Faults(*(new + size * (old - new) for new, old in zip(Faults(), faults, strict=True)))
     return faults
-
-
-def on_real_line(bench: Bench, master_seed: int, variant: Variant = Variant.PLAIN) -> Bench:
-    """The bench with tier B's plant: a master seed has one injector."""
-    return replace(bench, injector=real_part(master_seed), line=LINES[variant])
 
 
 def worn_events(rng: Generator, wear: float) -> tuple[Event, ...]:

@@ -10,13 +10,13 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MM3_PER_MS
 from tests.observed_plants import bench_at, recording_of
+from tests.plants.histories import SETS
 from tests.plants.plant import record
 from tests.plants.windows import true_masses, windows_of
 from tools.benchmarks import command_line as cli
 from tools.benchmarks import worn_lines
 from tools.benchmarks.campaign import Bar, How, Row, conclude, run_cases, table, tally
 from tools.benchmarks.discovery.discrepancies import Discrepancy
-from tools.benchmarks.histories import SETS
 from tools.benchmarks.scoring import NO_REPORT, WRONG_MASS, WRONG_RATE, injections_of
 
 LEAST_RATE = 0.5  # share of an opening's largest rate from which on a sample's own error counts: not at the flanks
@@ -27,35 +27,25 @@ def magnitude(percentile: float) -> How:
     return lambda values: float(np.percentile(np.abs(values.astype(float)), percentile))
 
 
-def _bars(most: float = 3.0, valid: float | None = None, inside: float = 0.93, by: str = "") -> tuple[Bar, ...]:
-    valid_share = () if valid is None else (Bar("valid_share", "valid", "mean", least=valid, by=by),)
-    return (
-        Bar("mass_error_max_pct", "error_pct", magnitude(100), most=most),
-        Bar("wrong_valid", "wrong", "sum", most=0),
-        Bar("wrong_samples", "samples_wrong", "sum", most=0),
-        Bar("inside_share", "inside", "mean", inside, 0.98),
-        *valid_share,
-    )
-
-
-BARS = {
+_LIMITS: dict[str, tuple[float, float, float]] = {  # largest error [%], share valid, share inside, of every set
+    "first": (3.0, 0.9, 0.93),
+    "laws": (3.0, 68 / 72, 0.93),
+    "products": (3.0, 0.92, 0.93),
+    "jumps": (2.0, 1.0, 0.93),
+    "late": (3.0, 0.0, 0.0),
+    "low": (3.0, 1.0, 0.93),
+    "pilot": (3.0, 0.9, 0.93),
+    "shots": (2.0, 0.0, 0.93),
+}
+_FIRST = (("error_pct", 50, 0.3), ("error_pct", 95, 1.2), ("live_error_pct", 50, 1.0), ("live_error_pct", 95, 3.0))
+_FURTHER = {
     "first": (
-        *_bars(valid=0.9),
-        Bar("mass_error_median_pct", "error_pct", magnitude(50), most=0.3),
-        Bar("mass_error_p95_pct", "error_pct", magnitude(95), most=1.2),
+        *(Bar(f"mass_{column}_p{p}", column, magnitude(p), most=most) for column, p, most in _FIRST),
         Bar("rate_rmse_median_mm3_per_ms", "rmse", "median", most=0.8),
-        Bar("live_mass_error_median_pct", "live_error_pct", magnitude(50), most=1.0),
-        Bar("live_mass_error_p95_pct", "live_error_pct", magnitude(95), most=3.0),
         Bar("live_rate_rmse_median_mm3_per_ms", "live_rmse", "median", most=1.5),
     ),
-    "laws": _bars(valid=68 / 72),
-    "products": _bars(valid=0.92),
-    "combinations": _bars(),
-    "jumps": _bars(most=2.0, valid=1.0),
-    "late": _bars(inside=0.0),
-    "low": (*_bars(valid=1.0), Bar("called_late", "refused", lambda r: float(sum(r == "LIFT_SENSOR_LAG")), most=0)),
-    "pilot": _bars(valid=0.9, by="kind"),
-    "shots": (*_bars(most=2.0), Bar("sum_error_max_pct", "sum_error_pct", magnitude(100), most=0.5)),
+    "low": (Bar("called_late", "refused", lambda reasons: float(sum(reasons == "LIFT_SENSOR_LAG")), most=0),),
+    "shots": (Bar("sum_error_max_pct", "sum_error_pct", magnitude(100), most=0.5),),
 }
 COLUMNS: dict[str, tuple[str, How]] = {
     "valid": ("valid", "of"),
@@ -85,7 +75,7 @@ def score_history(asked: str, name: str, seed: int, line: Discrepancy | None, mo
     rates = (published, getattr(trace, "corrected_rate", published))
     live, corrected = (np.where(np.isnan(each), trace.nominal_rate, each) for each in rates)
     row: Row = {"kind": history.kind, "wrong": 0, **{column: [] for column, _ in COLUMNS.values()}}
-    sums: dict[int, list[float]] = {}
+    sums: dict[int, tuple[float, float]] = {}
     for injection in injections_of(evaluation, windows):
         if injection.event < history.count_from:
             continue
@@ -105,7 +95,7 @@ def score_history(asked: str, name: str, seed: int, line: Discrepancy | None, mo
                 low, high = report.mass_ci95
                 facts |= {"all_inside": bool(low <= true <= high), "half_width_pct": 50.0 * (high - low) / true}
             estimated, injected = sums.get(injection.event, (0.0, 0.0))
-            sums[injection.event] = [estimated + report.mass, injected + true]
+            sums[injection.event] = (estimated + report.mass, injected + true)
         if injection.valid:
             facts |= {"error_pct": facts["all_error_pct"], "inside": facts.get("all_inside")}
             row["wrong"] += int(abs(facts["error_pct"]) > WRONG_MASS or facts["rmse"] > WRONG_RATE)
@@ -150,7 +140,16 @@ def injections(
         model = worn_lines.worn_model(line, seed, out, history.fitted) if line else None
         todo[f"{asked} {line or ''} {history.name} {seed}"] = (asked, history.name, seed, line, model)
     frame = run_cases("injections", score_history, todo, jobs, out)
-    conclude(frame, BARS[asked], {f"injections: {asked}": table(frame, "kind", COLUMNS)}, out, as_json)
+    most, valid, inside = _LIMITS.get(asked, (3.0, 0.0, 0.93))
+    bars = (
+        Bar("mass_error_max_pct", "error_pct", magnitude(100), most=most),
+        Bar("wrong_valid", "wrong", "sum", most=0),
+        Bar("wrong_samples", "samples_wrong", "sum", most=0),
+        Bar("inside_share", "inside", "mean", inside, 0.98),
+        Bar("valid_share", "valid", "mean", least=valid, by="kind" if asked == "pilot" else ""),
+        *_FURTHER.get(asked, ()),
+    )
+    conclude(frame, bars, {f"injections: {asked}": table(frame, "kind", COLUMNS)}, out, as_json)
 
 
 def _is_chosen(name: str, parts: str) -> bool:

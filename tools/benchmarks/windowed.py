@@ -42,10 +42,5 @@ def evaluate_windowed(bench: Bench, recording: Recording) -> WindowedEvaluation:
 
 def part_of(recording: Recording, span: Span) -> Recording:
     """Samples of a span, as a recording of their own."""
-    part = slice(span.start, span.end)
-    return Recording(
-        np.arange(span.end - span.start) / recording.sample_rate,
-        recording.rail_pressure[part],
-        recording.needle_lift[part],
-        recording.line_pressure[part],
-    )
+    parts = {name: values[span.start : span.end] for name, values in recording.signals.items()}
+    return recording.with_arrays({"time": np.arange(span.end - span.start) / recording.sample_rate, **parts})

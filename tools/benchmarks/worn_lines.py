@@ -37,10 +37,8 @@ def worn_case(discrepancy: Discrepancy, seed: int, number: int) -> Case:
     if number % 2 == 0:
         points = [points[0]] * EVENTS
     events = tuple(Event(p, (Shot(rng.uniform(0.0, 1e-5), d),), faults) for p, d in points)
-    noise = int(rng.integers(2**62))
-    return Case(
-        discrepancy, seed, number, on_line(Bench(Injector(), Needle(), events, seed=noise), discrepancy, seed)
-    )
+    bench = on_line(Bench(Injector(), Needle(), events, seed=int(rng.integers(2**62))), discrepancy, seed)
+    return Case(discrepancy, seed, number, bench)
 
 
 def on_line(bench: Bench, discrepancy: Discrepancy, seed: int) -> Bench:
@@ -51,10 +49,8 @@ def on_line(bench: Bench, discrepancy: Discrepancy, seed: int) -> Bench:
         quiet.supply([(start + shot.start, shot.duration) for shot in event.shots], event.rail_pressure, 0.0)
         for start, event in zip(bench.starts, bench.events, strict=False)
     )
-    phase = np.random.default_rng(bench.seed).random()
-    supply = (still.supply([], bench.events[0].rail_pressure, phase), *moved)
-    mounted = (*bench.around.before_noise, *plant.mounting)
-    around = replace(bench.around, supply=supply, before_noise=mounted)
+    supply = (still.supply([], bench.events[0].rail_pressure, np.random.default_rng(bench.seed).random()), *moved)
+    around = replace(bench.around, supply=supply, before_noise=(*bench.around.before_noise, *plant.mounting))
     needle = needle_of(Rig(discrepancy, False, seed))
     return replace(bench, injector=plant.part, needle=needle, line=plant.line, around=around)
 

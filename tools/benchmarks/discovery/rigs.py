@@ -10,15 +10,16 @@ import numpy as np
 from numpy.random import Generator
 
 from tests.plants.arrays import Array
+from tests.plants.histories import MM3_PER_MS, POINTS
 from tests.plants.parameters import Faults
 from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, Surroundings, record
 from tools.benchmarks.discovery.discrepancies import Discrepancy, plant_of
 
-GIVEN = tuple(itertools.product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))
-"""Operating points `discover` is given: rail pressure [Pa], needle open [s]."""
+GIVEN = POINTS
+"""Operating points `discover` is given."""
 FURTHER = tuple(itertools.product((80e6, 120e6), (0.9e-3, 1.5e-3)))
 """Operating points it never sees: there the gap is measured."""
-MEGAPASCAL, MILLIMETRE, MM3_PER_MS = 1e6, 1e-3, 1e-6
+MEGAPASCAL, MILLIMETRE = 1e6, 1e-3
 HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
 RATE_NOISE = 0.5e-6  # m3/s per sample of a measured rate at 100 kHz
 RATE_GAIN = 0.005  # one sigma of a recording's gain

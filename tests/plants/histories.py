@@ -14,10 +14,15 @@ from numpy.random import Generator
 from tests.plants.laws import BY_DROP, BY_FLOW, BY_LIFT, BY_SPEED, BY_TIME, NINE_LAWS, NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import LEAD, LIFT, Bench, Event, Shot, Surroundings, drawn_needle, event_start, seen_as
-from tools.benchmarks.discovery.rigs import GIVEN, MM3_PER_MS
 
-MICROSECOND = 1e-6  # s
+MICROSECOND, MM3_PER_MS = 1e-6, 1e-6  # s, m3/s
+POINTS = tuple(itertools.product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))
+"""Operating points: rail pressure [Pa], needle open [s]."""
+TAUGHT, NEW = (POINTS[0], POINTS[5]), (POINTS[1], POINTS[4])
+"""Points at which each pressure and each duration is taught, and those that combine them otherwise."""
 HEALTHY = Faults()
+WEAR = (Faults(orifice_area=0.2), Faults(orifice_area=-0.15, seat_area=0.1))
+GAPS = (0.1e-3, 0.2e-3, 0.3e-3, 0.45e-3, 0.6e-3)  # s, between shots
 
 
 @dataclass(frozen=True)
@@ -85,11 +90,10 @@ FIRST = {
 
 
 PRODUCTS = {
-    **{f"nozzle by rail and time, {a:g}": Laws(nozzle_product=a) for a in (0.03, 0.05, 0.1)},
+    **{f"nozzle by rail and time, {a:g}": Laws(nozzle_product=a) for a in (0.03, 0.05, 0.1, -0.1)},
     "nozzle by rail and lift": Laws(nozzle_product=0.2, second_factor=BY_LIFT),
     "seat by rail and lift": Laws(seat_product=0.2, second_factor=BY_LIFT),
     "seat by rail and time": Laws(seat_product=0.2),
-    "nozzle by rail and time, -.1": Laws(nozzle_product=-0.1),
     "nozzle by time and lift": Laws(nozzle_product=0.2, first_factor=BY_TIME, second_factor=BY_LIFT),
     "nozzle by drop and time": Laws(nozzle_product=0.1, first_factor=BY_DROP),
     "nozzle by drop and lift": Laws(nozzle_product=-0.15, first_factor=BY_DROP, second_factor=BY_LIFT),
@@ -100,11 +104,7 @@ PRODUCTS = {
     "seat by drop and time": Laws(seat_product=-0.3, first_factor=BY_DROP),
     "nozzle and seat by rail and time": Laws(nozzle_product=0.07, seat_product=-0.2),
 }
-"""Laws of two quantities, which no sum of functions of one of them holds; the first six are of a review."""
-TAUGHT, NEW = ((60e6, 0.6e-3), (140e6, 1.9e-3)), ((60e6, 1.9e-3), (140e6, 0.6e-3))
-"""Points at which each pressure and each duration is taught, and those that combine them otherwise."""
-WEAR = (Faults(orifice_area=0.2), Faults(orifice_area=-0.15, seat_area=0.1))
-GAPS = (0.1e-3, 0.2e-3, 0.3e-3, 0.45e-3, 0.6e-3)  # s, between shots
+"""Laws of two quantities, which no sum of functions of one of them holds."""
 
 
 def first_injections(seed: int) -> list[History]:
@@ -112,19 +112,8 @@ def first_injections(seed: int) -> list[History]:
     return [
         History(name, at(*point), bench_of(kind, [point], seed, name, *point))
         for name, kind in FIRST.items()
-        for point in GIVEN
+        for point in POINTS
     ]
-
-
-def products(seed: int) -> list[History]:
-    """Laws of two quantities, and those of one: four times over all points."""
-    laws = {name: Kind(laws=each) for name, each in PRODUCTS.items()}
-    return _chained(laws, seed)
-
-
-def laws_of_one_quantity(seed: int) -> list[History]:
-    """The nine laws of nozzle and seat that no model has: four times over all points."""
-    return _chained({name: Kind(faults, laws) for name, (laws, faults) in NINE_LAWS.items()}, seed)
 
 
 def combinations(seed: int) -> list[History]:
@@ -168,7 +157,7 @@ def pilot_valves(seed: int) -> list[History]:
                 Kind(faults, Laws(control_flow=flow * MM3_PER_MS)),
                 f"nozzle {100 * faults.orifice_area:+.0f} %",
             )
-            bench = bench_of(kind, [*GIVEN * 4], seed, fitted, flow, wear)
+            bench = bench_of(kind, [*POINTS * 4], seed, fitted, flow, wear)
             name = f"{flow:g} mm3/ms, fitted with {fitted:g}"
             histories.append(History(name, wear, bench, fitted=Laws(control_flow=fitted * MM3_PER_MS)))
     return histories
@@ -188,8 +177,8 @@ def close_shots(seed: int) -> list[History]:
 
 SETS: dict[str, Callable[[int], list[History]]] = {
     "first": first_injections,
-    "laws": laws_of_one_quantity,
-    "products": products,
+    "laws": lambda seed: _chained({name: Kind(faults, laws) for name, (laws, faults) in NINE_LAWS.items()}, seed),
+    "products": lambda seed: _chained({name: Kind(laws=laws) for name, laws in PRODUCTS.items()}, seed),
     "combinations": combinations,
     "jumps": jumps,
     "late": late_lifts,
@@ -197,7 +186,7 @@ SETS: dict[str, Callable[[int], list[History]]] = {
     "pilot": pilot_valves,
     "shots": close_shots,
 }
-"""Histories by a name, for a seed."""
+"""Histories by a name, for a seed; where nothing else is said, four times over all points."""
 
 
 def at(pressure: float, duration: float) -> str:
@@ -206,7 +195,7 @@ def at(pressure: float, duration: float) -> str:
 
 
 def _chained(kinds: Mapping[str, Kind], seed: int, count_from: int = 0) -> list[History]:
-    return [History(name, "", bench_of(kind, [*GIVEN * 4], seed, name), count_from) for name, kind in kinds.items()]
+    return [History(name, "", bench_of(kind, [*POINTS * 4], seed, name), count_from) for name, kind in kinds.items()]
 
 
 def _rng(seed: int, *names: object) -> Generator:

@@ -23,6 +23,7 @@ from tests.intervals import Interval
 SAMPLE_RATE = 100e3
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
 RAIL = 0.95
+SMOOTH = np.delete(np.arange(PARAMETERS), Parameter.LIFT_DELAY)  # the lift has corners: its slope is a difference
 
 
 def changes_of_flows(x: tuple[float, ...], u: tuple[float, ...], network: Network) -> tuple[float, float]:
@@ -90,7 +91,7 @@ def make_case(injector: InjectorParameters) -> Case:
 
 
 def worn_theta(seed: int = 1) -> NDArray[np.float64]:
-    """A parameter vector (PARAMETERS,) with every entry away from 0: offset 0.4 MPa, lag 25 us."""
+    """A parameter vector (PARAMETERS,), no entry 0 but the lift's delay: offset 0.4 MPa, lag 25 us."""
     random = np.random.default_rng(seed)
     theta = np.zeros(PARAMETERS)
     theta[Parameter.NOZZLE_BIAS] = 0.25
@@ -112,6 +113,15 @@ def event_inputs(rail: float = RAIL, samples: int = 600) -> NDArray[np.float64]:
     time = np.arange(samples) / SAMPLE_RATE
     area = np.interp(time, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
     return np.column_stack([np.full(samples, rail), area])
+
+
+def recorded_late(window: Window, samples: float) -> Window:
+    """The window with its lift recorded so many samples late."""
+    areas = window.inputs[:, 1]
+    late = np.interp(np.arange(areas.size) - samples, np.arange(areas.size), areas)
+    opening = int(np.argmax(late > 0.0))
+    resting = np.arange(window.output.size) < opening
+    return window._replace(inputs=np.column_stack((window.inputs[:, 0], late)), opening=opening, resting=resting)
 
 
 def with_time(inputs: NDArray[np.float64], interval: float) -> list[list[float]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter
-from observer_rt.engine.learning.learned_injector import SMALL, shrink
+from observer_rt.engine.learning.learned_injector import LEAST_SCALE, NONE, SMALL, shrink
 from observer_rt.model.network import OF_NOZZLE
 
 PRIOR = SCALARS.prior(1.0)
@@ -43,11 +43,11 @@ def likelihood(variances: NDArray[np.float64], rows: NDArray[np.float64], seen: 
     return -0.5 * float(np.linalg.slogdet(spread)[1] + seen @ np.linalg.solve(spread, seen))
 
 
-@pytest.mark.parametrize(("nozzle", "seat"), [(0.05, 0.05), (1.0, 0.05), (0.05, 1.0), (2.0, 1.5)])
+@pytest.mark.parametrize(("nozzle", "seat"), [(0.0, 0.0), (0.05, 0.05), (1.0, 0.05), (0.05, 1.0), (2.0, 1.5)])
 def test_the_scale_of_each_flow_is_what_its_marginal_likelihood_says(nozzle: float, seat: float) -> None:
     """Against the likelihood of the measurements themselves, and a prior that has that scale from the start."""
     rows, seen = measured(nozzle, seat)
-    scales = list(itertools.product((SMALL**2, 1.0), repeat=2))
+    scales = list(itertools.product((NONE**2, SMALL**2, 1.0), repeat=2))
     logs = np.array([likelihood(scaled(each), rows, seen) for each in scales])
     weights = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
     of_nozzle, of_seat = weights @ np.array(scales)
@@ -66,12 +66,13 @@ def test_the_scale_of_each_flow_is_what_its_marginal_likelihood_says(nozzle: flo
 def test_it_is_as_if_weights_were_measured_to_be_0(seed: int, nozzle: float, seat: float) -> None:
     """With as much noise as makes a smaller prior of the whole one, whose scales are as likely as that is."""
     belief = learned(PRIOR**2, *measured(nozzle, seat, seed)).drifted(0.1 * PRIOR)  # whose error is another
-    squares = np.array([*itertools.product((SMALL**2, 0.999), repeat=2)])[:, FLOWS]
+    squares = np.array([*itertools.product((NONE**2, SMALL**2, 0.999), repeat=2)])[:, FLOWS]
     rows, prior, covariance = np.eye(PRIOR.size)[WEIGHTS], PRIOR[WEIGHTS] ** 2, belief.covariance
     spreads = [rows @ covariance @ rows.T + np.diag(prior * each / (1.0 - each)) for each in squares]
     seen = rows @ belief.mean
     logs = [-0.5 * (np.linalg.slogdet(each)[1] + seen @ np.linalg.solve(each, seen)) for each in spreads]
     weights = np.exp(logs - 0.5 * np.log1p(-squares).sum(axis=1) - np.max(logs))
+    weights[weights < LEAST_SCALE * weights.sum()] = 0.0
     mixed = weights @ squares / weights.sum()
     noise = np.diag(prior * mixed / (1.0 - mixed))
     gain = covariance @ rows.T @ np.linalg.inv(rows @ covariance @ rows.T + noise)

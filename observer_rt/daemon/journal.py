@@ -104,9 +104,9 @@ class JournalWriter:
         """Keep what belongs into the journal, without arrays, for which nobody asks here."""
         match news:
             case InjectionReport():
-                entry: InjectionReport | MeasuredMass = replace(news, rate_sigma=None)
+                entry: InjectionReport | MeasuredMass = news.without_courses()
             case MeasuredMass():
-                entry = replace(news, report=replace(news.report, rate_sigma=None))
+                entry = replace(news, report=news.report.without_courses())
             case _:
                 return
         if len(self._waiting) < MOST_WAITING:

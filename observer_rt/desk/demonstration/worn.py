@@ -169,6 +169,7 @@ class Demo:
                     self._published[report.number],
                     nominal.rate,
                     true.rate,
+                    corrected=report.corrected_rate,
                 )
         return DemoResult(curves, tuple(masses), f"{self.link.interface} {self.link.channel}")
 

@@ -34,8 +34,8 @@ class PressureCurves:
 class RateCurves:
     """Rates of one injection [m3/s] over time [s].
 
-    reference: what it is compared with, if anything; sigma: standard deviation of the estimated rate, where known;
-    line: its line pressure, where there is one.
+    reference: what it is compared with, if anything; sigma: standard deviation of the estimated rate, corrected: rate
+    by the injection's own pressures, where known; line: its line pressure, where there is one.
     """
 
     title: str
@@ -44,6 +44,7 @@ class RateCurves:
     nominal: Signal
     reference: Signal | None
     sigma: Signal | None = None
+    corrected: Signal | None = None
     line: PressureCurves | None = None
 
 
@@ -71,6 +72,7 @@ def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficie
         trace.nominal_rate,
         trace.measured_rate if has_rate else None,
         trace.injection_rate_sigma,
+        trace.corrected_rate,
         PressureCurves(line_pressure, modelled),
     )
 

@@ -93,12 +93,12 @@ class Evaluation:
 
     @property
     def reports(self) -> tuple[InjectionReport, ...]:
-        """Reports of all injections, without the course of their sigma."""
+        """Reports of all injections, without courses of rates."""
         return tuple(injection.report for injection in self.injections)
 
     def take_report(self, report: InjectionReport, samples: InjectionSamples) -> None:
         """Take the report of an injection with its samples."""
-        kept = replace(report, rate_sigma=None)
+        kept = report.without_courses()
         self.injections.append(injection_result(kept, samples, self.sample_rate, self.has_rate))
         if self._curves_of is not None:
             self.curves[report.number] = rate_curves(report, samples, self._curves_of, self.has_rate)

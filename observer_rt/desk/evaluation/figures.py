@@ -280,14 +280,18 @@ def _draw_injection(
 def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | None) -> None:
     """colour: of one recording among several; None: it is the only one, its curves differ by colour."""
     time = curve.time / MILLISECOND
-    wide, alpha, thin = (2.4, 1.0, 1.4) if colour is None else (3.0, 0.3, 0.9)
+    wide, alpha, thin = (2.4, 1.0, 0.9) if colour is None else (3.0, 0.3, 0.9)
     if curve.reference is not None:
         reference_rate = curve.reference / MM3_PER_MS
         axes.plot(time, reference_rate, color=colour or REFERENCE, lw=wide, alpha=alpha, label=reference)
     if curve.sigma is not None and colour is None:
         low, high = ((curve.estimated + side * Z_95 * curve.sigma) / MM3_PER_MS for side in (-1, 1))
         axes.fill_between(time, low, high, color=ESTIMATED, alpha=0.2, lw=0, label="its 95 % interval")
-    axes.plot(time, curve.estimated / MM3_PER_MS, color=colour or ESTIMATED, lw=1.4, label="observer")
+    estimates = [(curve.estimated, 1.4, "observer")]
+    if curve.corrected is not None and np.isfinite(curve.corrected).any():
+        estimates = [(curve.estimated, thin, "observer, live"), (curve.corrected, 2.0, "by its own pressures")]
+    for rate, width, label in estimates:
+        axes.plot(time, rate / MM3_PER_MS, color=colour or ESTIMATED, lw=width, label=label)
     nominal = curve.nominal / MM3_PER_MS
     axes.plot(time, nominal, color=colour or NOMINAL, ls="--", lw=thin, label="nominal model")
     # An interval that tells nothing is not to flatten the curves.

@@ -136,12 +136,13 @@ class HistorySamples:
         return before[-1] if before else positions[0][1]
 
     def injection(self, run: Run, report: InjectionReport) -> InjectionSamples:
-        """The window of an injection; notes the standard deviation of its rate."""
+        """The window of an injection; notes the standard deviation of its rate, and the corrected rate."""
         first, last = (run.number + index - run.first_index for index in (report.start_index, report.end_index))
         held = self.held
         window = trace_of(held[slice(*np.searchsorted(held.number, [first, last + 1]))])
-        if report.rate_sigma is not None:
-            window.injection_rate_sigma = report.rate_sigma[window.number - first]
+        for name, course in (("injection_rate_sigma", report.rate_sigma), ("corrected_rate", report.corrected_rate)):
+            if course is not None:
+                window[name] = course[window.number - first]
         start, end = (self._time(run, number) for number in (first, last))
         is_whole = bool(window.size) and int(window.number[0]) == first == int(window.number[-1]) + 1 - window.size
         return InjectionSamples(window, start, end, is_whole)

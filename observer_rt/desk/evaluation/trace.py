@@ -20,6 +20,7 @@ _COLUMNS = (
     WrittenColumn("time_s", "time", "s", NUMBER),
     WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", NUMBER),
     WrittenColumn("injection_rate_sigma_mm3_per_ms", "injection_rate_sigma", "mm3/ms", NUMBER),
+    WrittenColumn("corrected_rate_mm3_per_ms", "corrected_rate", "mm3/ms", NUMBER),
     WrittenColumn("nominal_rate_mm3_per_ms", "nominal_rate", "mm3/ms", NUMBER),
     WrittenColumn("valid", "valid", "", "%d"),
     WrittenColumn("state", "state", "", "%s", tuple(state.name for state in State)),
@@ -36,6 +37,7 @@ SAMPLE = np.dtype(
         ("measured_rate", np.float64),  # m3/s
         ("injection_rate", np.float64),  # m3/s
         ("injection_rate_sigma", np.float64),  # m3/s, over windows of injections that were learned from
+        ("corrected_rate", np.float64),  # m3/s, by the injection's own pressures; there, too
         ("nominal_rate", np.float64),  # m3/s, by the model with phi = 0 on the same frames
         ("valid", np.bool_),  # whether the rate is to be used
         ("state", np.int8),  # `State`
@@ -47,7 +49,7 @@ SAMPLE = np.dtype(
 """The observer at a sample of a recording; nan where not available."""
 Trace: TypeAlias = np.recarray[Any, np.dtype[np.void]]
 """Samples (n,) of dtype `SAMPLE`, whose fields are attributes."""
-UNKNOWN = np.array([(0, *[math.nan] * 6, False, int(State.STARTING), [math.nan] * 3, [math.nan] * 3)], SAMPLE)
+UNKNOWN = np.array([(0, *[math.nan] * 7, False, int(State.STARTING), [math.nan] * 3, [math.nan] * 3)], SAMPLE)
 """A sample (1,) of which nothing is known yet."""
 
 
@@ -79,6 +81,6 @@ def open_trace(path: Path) -> TableWriter:
 
 def trace_arrays(rows: Trace) -> Sequence[NDArray[Any]]:
     """Columns of a written trace, in the order of the table, in memory of their own."""
-    rates = (rows[name] / MM3_PER_MS for name in ("injection_rate", "injection_rate_sigma", "nominal_rate"))
+    rates = (rows[column.channel] / MM3_PER_MS for column in _COLUMNS if column.unit == "mm3/ms")
     states = (rows[name][:, i] for name in ("x", "phi") for i in range(3))
     return [values.copy() for values in (rows.time, *rates, rows.valid, rows.state, *states)]

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Flag, auto
 from functools import cached_property
 from itertools import chain
@@ -121,8 +121,12 @@ class InjectionReport:
     @property
     def remainder(self) -> float:
         """Share by which the flow is larger than the live rate said; nan where either is not known."""
-        is_known = self.corrected_rate is not None and self.live_mass > 0.0
+        is_known = self.mass_ci95 is not None and self.live_mass > 0.0
         return self.mass / self.live_mass - 1.0 if is_known else math.nan
+
+    def without_courses(self) -> "InjectionReport":
+        """This report without the courses of rates over its window, which take most of its memory."""
+        return replace(self, rate_sigma=None, corrected_rate=None)
 
     @property
     def reasons(self) -> tuple[Reason, ...]:

@@ -93,6 +93,20 @@ def test_an_interval_that_tells_nothing_does_not_flatten_the_curves() -> None:
     assert 60.0 < high < 70.0
 
 
+@pytest.mark.parametrize("is_known", [True, False])
+def test_the_corrected_rate_is_thicker_than_the_live_one(is_known: bool) -> None:
+    drawn = picture("one")
+    corrected = np.where(is_known, 1.02 * RATE, np.nan)
+    shown = replace(drawn, curves={1: replace(drawn.curves[1], corrected=corrected)})
+    lines = {line.get_label(): line for line in injections_figure([shown], "measured").axes[0].lines}
+    assert ("by its own pressures" in lines) is is_known
+    assert ("observer, live" in lines) is is_known
+    if is_known:
+        thick, thin = lines["by its own pressures"], lines["observer, live"]
+        assert thick.get_linewidth() > 1.5 * thin.get_linewidth()
+        np.testing.assert_allclose(thick.get_ydata(), 1.02 * RATE / MM3_PER_MS)
+
+
 @pytest.mark.parametrize("count", [2, 6, 8])
 def test_the_legend_of_several_recordings_lies_on_nothing(count: int) -> None:
     names = [f"measured_on_the_other_bench/recording_number_{number}.csv" for number in range(count)]

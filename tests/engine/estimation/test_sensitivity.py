@@ -119,7 +119,7 @@ def test_true_parameters_leave_no_innovation(case: Case) -> None:
 
 @pytest.mark.parametrize("delay", [-30e-6, 4e-6, 17e-6])
 def test_the_true_delay_of_the_lift_leaves_least(case: Case, delay: float) -> None:
-    """What is left is that of the corners between samples."""
+    """The corners between samples leave the rest."""
     theta, window = worn_theta(), simulated_event(case, worn_theta(), event_inputs())
     late = recorded_late(window, delay / case.setting.interval)
     tried = delay + np.array([-10e-6, -2e-6, 0.0, 2e-6, 10e-6])

@@ -54,9 +54,9 @@ def test_lift_is_that_of_the_straight_lines_at_another_time(window: Window, samp
 
 @given(windows(), st.integers(-8, 8))
 def test_whole_samples_move_and_come_back(window: Window, samples: int) -> None:
-    there = window.with_lift_earlier(float(samples))
-    np.testing.assert_array_equal(there.inputs[:, 1], np.roll(window.inputs[:, 1], -samples))
-    np.testing.assert_array_equal(np.flatnonzero(there.resting), np.arange(SHUT - samples))
-    back = there.with_lift_earlier(float(-samples))
+    moved = window.with_lift_earlier(float(samples))
+    np.testing.assert_array_equal(moved.inputs[:, 1], np.roll(window.inputs[:, 1], -samples))
+    np.testing.assert_array_equal(np.flatnonzero(moved.resting), np.arange(SHUT - samples))
+    back = moved.with_lift_earlier(float(-samples))
     np.testing.assert_array_equal(back.inputs, window.inputs)
     np.testing.assert_allclose(back.knots, window.knots, atol=1e-12)

@@ -183,8 +183,6 @@ class Weighing:
             offered = likely - scale_densities(held.prior.mean, held.prior.covariance)
             explanations[kind] = _FoundExplanation(prior, held, offered, reading.first)
             explanations[kind].weigh(self._reader.limits)
-        if LIFT_LATE in explanations:
-            self._start_late(reading, explanations[LIFT_LATE], hypothesis.learned.is_prior)
         before = explanations.get(BEFORE) or explanations[SETTLED]
 
         def log_of(kind: Kind) -> float:
@@ -192,6 +190,8 @@ class Weighing:
 
         promised = max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
         for kind, explanation in explanations.items():
+            if kind is LIFT_LATE:  # after those that it looks like: they begin where it is far behind them
+                self._start_late(reading, explanation, hypothesis.learned.is_prior)
             self._fit(hypothesis, reading, before, explanation, log_of(kind) - promised)
             promised = max(promised, log_of(kind))
         self._best = max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
@@ -228,8 +228,9 @@ class Weighing:
             )
 
     def fit_of(self, hypothesis: Possibility) -> EventFit | None:
-        """The fit of the event as expected by a hypothesis; None without one."""
-        return next((each.fit for each in self._all if each.hypothesis is hypothesis and each.kind is BEFORE), None)
+        """The likeliest fit of the event by a hypothesis; None without one."""
+        fitted = [each for each in self._all if each.hypothesis is hypothesis and each.fit is not None]
+        return max(fitted, key=lambda each: each.log_weight).fit if fitted else None
 
     def explanations(self) -> list[Explanation]:
         """Explanations of sufficient weight, the likeliest first. Raises numpy.linalg.LinAlgError without any."""
@@ -292,10 +293,10 @@ class Weighing:
         falls = first.value - first.expected(explanation.theta)
         if not (far > c.NEAR or falls > c.FALLS or is_new):
             return
-        if behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0) and not is_new:
+        own = explanation.cost is not reading.first
+        if not (is_new or own) and behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0):
             return
-        own = explanation.cost is not reading.first or before.fit is None
-        start = first if own else before.fit.linearisation
+        start = first if own or before.fit is None else before.fit.linearisation
         steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
         fitter = fitter_of(hypothesis, reading, self._reader)
         explanation.fitted(fitter, start, steps, self._reader.limits)

@@ -34,6 +34,7 @@ LEFT_ALIKE = 1.0  # nats of the cost, within which two fits leave the same innov
 FALL_COUNTS = 0.42  # of the fall, by which the closed form may be wrong: .41 at a nozzle that jumped by 43 %; M
 BEYOND = 2.0  # nats that may lie beyond limits and the reach of a linearisation; I
 LIVE = 5e-3  # weight from which on a hypothesis is carried on; M
+SCALE_FITS = 3  # of an explanation, each at the scale of the weights that the one before makes the likeliest; M
 FIRST_STEPS, STEPS = 8, 2  # Gauss-Newton iterations: of a fit from far, and of one from near
 
 # Two beliefs.

@@ -118,14 +118,18 @@ class _FoundExplanation:
         self.theta = mean_at_scale(whole.theta, covariance, NOISE[self.scale])
 
     def fitted(self, fitter: EventFitter, start: Linearisation, steps: int, limits: Limits) -> None:
-        """Fit it at its likeliest scale; again, where from there another one is the likeliest."""
-        for _ in range(2):
+        """Fit it at its likeliest scale; again, where from there another one is the likeliest.
+
+        What that promises and no fit has kept counts for no more than `BEYOND`.
+        """
+        for _ in range(c.SCALE_FITS):
             scale = self.scale
             self.fit = fitter.fit(start, self.likeliest, steps)
             self.cost = start = self.fit.linearisation
             self.weigh(limits)
             if self.scale == scale:
                 break
+        self.log -= max(self.cost.value - self.cost.expected(self.theta) - c.BEYOND, 0.0)
         self.theta = self.cost.theta
 
 

@@ -25,6 +25,7 @@ VALVE_MOVES = 50e-6  # s, in which the pilot valve opens, or shuts
 HOLE_CLOSES = 0.6e-3  # s after an opening
 SHUT_DROP, SHUT_WIDTH = 90e6, 5e6  # Pa
 COKING_TIME = 0.5e-3  # s after an opening
+TURNING, TURNING_WIDTH, RAIL_WIDTH = 0.8e-3, 0.4e-3, 30e6  # s after an opening, s, Pa
 VISCOUS_DROP = 4e6  # Pa, below which the flow coefficient of the nozzle falls no further
 RINGING_FREQUENCY, RINGING_DECAY = 1.5e3, 0.6e-3  # Hz, s
 LEAST_DROP = 0.1e6  # Pa
@@ -62,6 +63,7 @@ class Laws(NamedTuple):
     shut_by_drop: float = 0.0  # share of the nozzle's area that is gone from a drop of 90 MPa on
     coking: float = 0.0  # share of the nozzle's coefficient that is lost as an opening lasts
     filling: float = 0.0  # Pa/s, by which the chamber's pressure grows while the needle is open
+    rail_and_time: float = 0.0  # share of the nozzle's coefficient that comes and goes with both, by no sum of two laws
     viscous_loss: float = 0.0  # share of the nozzle's coefficient at a drop of 100 MPa, as one over its root
     opening_loss: float = 0.0  # share of the nozzle's coefficient at an opening
     opening_time: float = 1.0  # s, in which that goes
@@ -220,6 +222,8 @@ def _nozzle_share(part: Injector, laws: Laws, now: Moment) -> float:
     if now.since >= HOLE_CLOSES:
         share *= 1.0 - laws.hole_closing
     if now.since >= 0.0:
+        late = math.tanh((now.since - TURNING) / TURNING_WIDTH)
+        share *= 1.0 + laws.rail_and_time * math.tanh((now.rail_pressure - REFERENCE) / RAIL_WIDTH) * late
         share *= 1.0 - laws.opening_loss * math.exp(-now.since / laws.opening_time)
         swing = math.sin(2.0 * math.pi * RINGING_FREQUENCY * now.since)
         raised = laws.chamber_ringing * swing * math.exp(-now.since / RINGING_DECAY)

@@ -29,25 +29,19 @@ cdef double RAIL_BIN = 0.08  # p_0
 
 
 cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows) noexcept nogil:
-    """Whether the flow, if there is any, is known at the rail pressure of a sample: when either may have changed."""
+    """For how long the flow, if there is any, is known at the rail pressure of a sample: when either may have changed."""
     cdef int64_t place = <int64_t> (observer.ring[position & MASK].rail_pressure / RAIL_BIN)
-    point, rails = &observer.memory.operating_point, observer.memory.in_force.rails
+    point = &observer.memory.operating_point
     place = min(max(place, <int64_t> 0), <int64_t> RAIL_BINS - 1)
-    point.in_learned_range = not flows or rails[place] != 0
-    point.sac_flow = point.line_flow = 0.0
+    point.known_until = observer.memory.in_force.known_until[place]
+    point.in_learned_range = not flows or point.known_until > 0.0
 
 
-cdef void follow_filling(Observer* observer, int64_t position) noexcept nogil:
-    """Whether what has passed the open needle came from a sac no fuller than known, on the average."""
+cdef void leave_learned_range(Observer* observer, int64_t position) noexcept nogil:
+    """Whether the needle has been open for no longer than the flow is known at its rail pressure."""
     memory = observer.memory
     point = &memory.operating_point
-    if not memory.needle.is_open:
-        return
-    x_hat = observer.x_hat + (position & MASK) * observer.states
-    rate = max(observer.ring[position & MASK].injection_rate, 0.0)
-    point.sac_flow += rate * x_hat[2]
-    point.line_flow += rate * x_hat[0]
-    if point.sac_flow > memory.in_force.filled_to * point.line_flow:
+    if memory.needle.is_open and observer.ring[position & MASK].opened_since > point.known_until:
         point.in_learned_range = False
 
 

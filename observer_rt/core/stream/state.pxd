@@ -209,11 +209,10 @@ cdef struct Carried:
     double line[MOST_COEFFICIENTS]  # its coefficients with what was learned of it
     Valve valve
     int64_t watch_later  # samples by which innovations are watched later, 0 without control flow
-    # where the flow is known well enough: rail pressures, and p_S / p_L
+    # where the flow is known well enough: rail pressures, and for each bin of them the time since the needle opened [s]
     double rail_from
     double rail_to
-    int64_t rails[RAIL_BINS]  # and bins of them, wherever something was learned
-    double filled_to
+    double known_until[RAIL_BINS]
 
 # judgement.pxi: what innovations are to be like
 cdef struct InnovationNoise:
@@ -223,8 +222,7 @@ cdef struct InnovationNoise:
 # judgement.pxi: whether what was learned tells the flow of the injection under way
 cdef struct OperatingPoint:
     unsigned char in_learned_range  # the flow is known well enough for an injection as the last one
-    double sac_flow  # sums since it opened: of Q_H times p_S,
-    double line_flow  # and times p_L
+    double known_until  # s since it opened, for its rail pressure
 
 # judgement.pxi
 cdef struct Judgement:

@@ -273,7 +273,7 @@ cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
     synchronisation, monitor, judgement = &memory.synchronisation, &memory.monitor, &memory.judgement
     under_way = &memory.event
     row = &observer.ring[position & MASK]
-    follow_filling(observer, position)
+    leave_learned_range(observer, position)
     facts = SampleFacts(
         synchronisation.unsynchronised_by,
         synchronisation.synchronised,

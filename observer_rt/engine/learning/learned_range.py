@@ -1,7 +1,7 @@
 """Operating points at which a model was learned: error away from them, and flows known well enough."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,13 +27,13 @@ FLOW_KNOWN, FURTHER, FLOW_LEARNED = 0.012, 1.3, 0.03
 _RAILS = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)  # p_0, middles of the bins of the rail pressure
 FULL = 0.95  # p_S over p_L of a sac that is full
 _LONG = 0.8  # the same, mean of a long injection
-_LIKE = 0.03  # by which a sac may be fuller than the event's
+NEAR = 0.5 * REACH[0]  # p_0 of rail pressure, within which an event shows the flow
+_LONGER = 1.1  # times as long as it was open
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
-_HALVINGS = 8
 
 
 class EventPoint(NamedTuple):
-    """Operating point: rail pressure [p_0] at the opening, logarithm of the time [s] open, widest normalised area."""
+    """Operating point: rail pressure [p_0] at the first opening, logarithm of the time [s] of the longest one, widest area."""
 
     rail_pressure: float
     open_time: float
@@ -43,8 +43,9 @@ class EventPoint(NamedTuple):
 def operating_point(window: Window, interval: float) -> EventPoint:
     """Operating point of an event; interval of its samples [s]."""
     area = window.inputs[:, 1]
-    samples = max(int(np.count_nonzero(area > 0.0)), 1)
-    return EventPoint(float(window.inputs[window.opening, 0]), math.log(samples * interval), float(np.max(area)))
+    shut = np.flatnonzero(np.concatenate(([True], area <= 0.0, [True])))
+    longest = max(int(np.diff(shut).max()) - 1, 1)
+    return EventPoint(float(window.inputs[window.opening, 0]), math.log(longest * interval), float(np.max(area)))
 
 
 def extrapolation_sigma(point: EventPoint, learned_at: Sequence[EventPoint]) -> float:
@@ -70,28 +71,30 @@ def remembered(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[Eve
 class KnownFlow(NamedTuple):
     """Range in which the flow is known well enough.
 
-    rail_from, rail_to: of rail pressure [p_0], around the event's; filled_to: up to which mean p_S / p_L; rails
-    (RAIL_BINS,): bins of rail pressures, wherever something was learned.
+    rail_from, rail_to: of rail pressure [p_0], around the event's; until (RAIL_BINS,): for each bin of rail pressures,
+    the time since the opening [s] up to which it is known there, 0 where it is not.
     """
 
     rail_from: float
     rail_to: float
-    filled_to: float
-    rails: tuple[bool, ...]
+    until: tuple[float, ...]
 
 
-EVERYWHERE = KnownFlow(-math.inf, math.inf, math.inf, (True,) * RAIL_BINS)
-NOWHERE = KnownFlow(math.inf, -math.inf, 0.0, (False,) * RAIL_BINS)
+EVERYWHERE = KnownFlow(-math.inf, math.inf, (math.inf,) * RAIL_BINS)
+NOWHERE = KnownFlow(math.inf, -math.inf, (0.0,) * RAIL_BINS)
 
 
 def known_flow(
-    event: Resimulation, theta: NDArray[np.float64], covariance: NDArray[np.float64], point: EventPoint
+    event: Resimulation, theta: NDArray[np.float64], covariance: NDArray[np.float64], learned_at: Sequence[EventPoint]
 ) -> KnownFlow:
-    """Range of the flow known by the state carried after an event, theta (m,) with the error covariance (m, m).
+    """Range of the flow known by the state carried after events, theta (m,) with the error covariance (m, m).
 
-    Of what was injected it is known how it changes with theta. The fuller the sac, the more of that is the nozzle's
-    doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is another.
+    Of what the last of them injected it is known how it changes with theta. The fuller the sac, the more of that is
+    the nozzle's doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is
+    another. And it is known together at a rail pressure and a time where an event showed it, for what phi cannot hold,
+    as a product of both, is seen nowhere else.
     """
+    point = learned_at[-1]
     pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.open_time)
     states = np.array([pressures, np.zeros_like(pressures), FULL * pressures])
     change, slopes = nozzle_change(theta, states, (pressures, point.area), middle)
@@ -113,27 +116,16 @@ def known_flow(
 
     if sigma(filled) > FLOW_LEARNED:
         return NOWHERE
-    filled_to = _last(lambda fullness: bool(sigma(fullness) <= enough(filled)), filled, 1.0)
-    passed = np.maximum(np.cumsum(event.run.rate), np.finfo(float).tiny)
-    own = float(np.max(np.cumsum(event.run.rate * event.run.fullness) / passed))
-    filled_to = max(filled_to, own + _LIKE)  # with one as the last, whatever the flow is far from steady
-    fullness = filled if math.isfinite(filled_to) else max(filled, _LONG)
-    is_known = sigma(fullness, by_nozzle[:-1] - full) <= enough(fullness)
+    fullness = max(filled, _LONG) if sigma(1.0) <= enough(filled) else filled
+    is_near = np.array([np.abs(_RAILS - each.rail_pressure) <= NEAR for each in learned_at])
+    shown = _LONGER * np.exp([each.open_time for each in learned_at])
+    until = np.where(is_near, shown[:, None], 0.0).max(axis=0)
     own_bin = min(int(point.rail_pressure / RAIL_BIN), RAIL_BINS - 1)
+    until[own_bin] = max(until[own_bin], shown[-1])
+    is_known = sigma(fullness, by_nozzle[:-1] - full) <= enough(fullness)
     is_known[own_bin] = True
-    unknown = np.flatnonzero(~is_known)
+    unknown = np.flatnonzero(~is_known | (until == 0.0))
     below, above = unknown[unknown < own_bin], unknown[unknown > own_bin]
     rail_from = RAIL_BIN * (int(below[-1]) + 1) if below.size else -math.inf
     rail_to = RAIL_BIN * int(above[0]) if above.size else math.inf
-    return KnownFlow(rail_from, rail_to, filled_to, tuple(is_known.tolist()))
-
-
-def _last(holds: Callable[[float], bool], first: float, limit: float) -> float:
-    """The last number from `first`, where it holds, towards a limit, to some percent; infinite if it holds there."""
-    if holds(limit):
-        return math.copysign(math.inf, limit - first)
-    beyond = limit
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (first + beyond)
-        first, beyond = (middle, beyond) if holds(middle) else (first, middle)
-    return first
+    return KnownFlow(rail_from, rail_to, tuple(np.where(is_known, until, 0.0).tolist()))

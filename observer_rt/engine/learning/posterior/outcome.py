@@ -252,7 +252,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         resimulated=again,
         outliers=int(explained.window.masked.sum()) - int(explained.unmasked.masked.sum()),
         loudest=state.jitter.loudest(explained.window, explanation.reading.follows.sigmas.innovation),
-        known_flow=known_flow(again, theta, covariance, explained.point),
+        known_flow=known_flow(again, theta, covariance, (*learned.learned_at, explained.point)),
         change=verdict.change,
         posterior=posterior_of(explained.explanations),
     )

@@ -23,6 +23,7 @@ cdef void begin_injection(Observer* observer, int64_t position) noexcept nogil:
         under_way.opening_position = position
         under_way.learnable = memory.synchronisation.synchronised
         under_way.fault = 0
+        under_way.differs = False
     if counts.injections_begun - counts.injections_reported == INJECTIONS:
         counts.injections_reported += 1
     injection = &observer.injections[counts.injections_begun % INJECTIONS]
@@ -130,7 +131,7 @@ cdef void close_event(Observer* observer, int64_t position) noexcept nogil:
         and long_enough
         and position - event.start_position < MAX_EVENT
     )
-    event.fault = under_way.fault
+    event.fault, event.differs = under_way.fault, under_way.differs
     event.closed_index = observer.ring[position & MASK].index
     event.judged_before = memory.judgement.events_judged
     event.injections = counts.injections_begun

@@ -13,19 +13,25 @@ cdef bint judged(Observer* observer) noexcept nogil:
         event.taken = TAKEN_LEARNED
         _put_learned_into_force(observer, number % SLOTS, verdict.learned.is_coloured)
         _note(observer, event, &verdict.learned)
+        memory.judgement.flow_differs = event.differs and verdict.is_of_flow and verdict.learned.reason == REASON_NONE
     elif verdict.examined.number == number + 1:
         event.taken = TAKEN_EXAMINED
         if verdict.earlier == number + 1:
             _put_learned_into_force(observer, SLOTS + number % SLOTS, verdict.examined.is_coloured)
         _note(observer, event, &verdict.examined)
+        memory.judgement.flow_differs = False
     else:
         return False
+    memory.judgement.differed = event.differs
     _count(observer)
     look_at_learned_range(observer, memory.positions.processed, memory.needle.is_open)
     return True
 
 
 cdef double RAIL_BIN = 0.08  # p_0
+cdef double SHARP = 0.01  # of the mean rate since the opening: standard deviation up to which a rate is known
+cdef double SHARP_AFTER = 0.2e-3  # s of flow
+cdef double BELIEVED = 0.5  # weight of the filter by which the injector is as believed
 
 
 cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows) noexcept nogil:
@@ -35,14 +41,34 @@ cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows
     place = min(max(place, <int64_t> 0), <int64_t> RAIL_BINS - 1)
     point.known_until = observer.memory.in_force.known_until[place]
     point.in_learned_range = not flows or point.known_until > 0.0
+    point.flow, point.flowing = 0.0, 0
 
 
-cdef void leave_learned_range(Observer* observer, int64_t position) noexcept nogil:
-    """Whether the needle has been open for no longer than the flow is known at its rail pressure."""
+cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
+    """Whether the flow, if there is any, is known well enough at a sample.
+
+    It is as believed where events showed it. Filters that follow must agree, and know it sharply; they cannot yet at
+    the opening, where the last event must have been as believed, too. If they say that it is not, a fault of the line
+    or of a sensor looks alike while it runs: then the last event's own fit must have said that it was the flow.
+    """
+    cdef bint is_as_believed, is_early
     memory = observer.memory
-    point = &memory.operating_point
-    if memory.needle.is_open and observer.ring[position & MASK].opened_since > point.known_until:
-        point.in_learned_range = False
+    point, row = &memory.operating_point, &observer.ring[position & MASK]
+    if memory.needle.is_open:
+        if row.opened_since > point.known_until:
+            point.in_learned_range = False
+        point.flow += row.injection_rate
+        point.flowing += 1
+    if isnan(row.rate_sigma):
+        return point.in_learned_range
+    is_as_believed = row.as_believed > BELIEVED
+    if not is_as_believed and memory.event.in_event:
+        memory.event.differs = True
+    is_early = point.flowing * observer.constants.interval < SHARP_AFTER
+    is_as_believed = is_as_believed and point.in_learned_range
+    if is_early:
+        return is_as_believed and not memory.judgement.differed
+    return (is_as_believed or memory.judgement.flow_differs) and row.rate_sigma * point.flowing <= SHARP * point.flow
 
 
 cdef bint given_up(Observer* observer) noexcept nogil:

@@ -86,7 +86,10 @@ cdef struct Sample:
     double innovation  # e~ of x~, in units of p_0; 0 where the line pressure is not known
     double indicated  # line pressure as the lagging sensor of x~ shows it, without offset
     double phi[3]  # 1/s
-    double injection_rate  # m3/s, NaN while not synchronised
+    double injection_rate  # m3/s, by the filters of live.pxi where they follow; NaN while not synchronised
+    double open_loop_rate  # m3/s, that of x^
+    double rate_sigma  # m3/s, of the injection rate by the filters; NaN where they do not follow
+    double as_believed  # weight of the filter by which the injector is as believed
     unsigned char valid
     signed char state  # State
     signed char reason  # Reason
@@ -123,6 +126,7 @@ cdef struct Event:
     int64_t judged_before  # events, when it closed
     int64_t injections  # begun, when it closed
     signed char taken  # verdict.VerdictKind, once it was judged
+    unsigned char differs  # from what was believed while it ran, by the filters of live.pxi
     # as they were at the event's end
     Standstill standstill
     RestingLift resting_lift
@@ -223,6 +227,8 @@ cdef struct InnovationNoise:
 cdef struct OperatingPoint:
     unsigned char in_learned_range  # the flow is known well enough for an injection as the last one
     double known_until  # s since it opened, for its rail pressure
+    double flow  # sum of the rates of its samples with an open needle
+    int64_t flowing  # how many they are
 
 # judgement.pxi
 cdef struct Judgement:
@@ -234,6 +240,8 @@ cdef struct Judgement:
     unsigned char waiting  # the head of `events` is due and must be judged before going on: step.pxi
     int64_t halted_in  # event in which a needle stopped too low (step.pxi, lift_zero.pxi), 0 once one has passed
     int64_t phi_version
+    unsigned char differed  # the last event, from what was believed while it ran
+    unsigned char flow_differs  # .. and by its flow, as its own fit says
     unsigned char offset_moves  # slow innovations at rest are the offset's, not the colour of the noise
 
 # pair.pxi: the pair x~, x^ is in the ring; what else it needs
@@ -273,6 +281,7 @@ cdef struct EventUnderWay:
     int64_t opening_position  # of its first opening
     unsigned char learnable  # not after what step.pxi and lift_zero.pxi find
     signed char fault  # Reason its samples are not to be trusted (step.pxi, lift_zero.pxi), 0 when they are
+    unsigned char differs  # from what was believed, by the filters (judgement.pxi)
 
 # events.pxi
 cdef struct Counts:
@@ -386,6 +395,7 @@ cdef struct Verdict:
     int64_t earlier  # the event's number, if what was learned from one before is to take force with it
     # what was learned
     unsigned char is_adopted
+    unsigned char is_of_flow  # what the event showed, if it showed a change
     double innovation_sigma
     double noise[3]  # of the channels
     Carried carried

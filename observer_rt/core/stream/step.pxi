@@ -273,7 +273,6 @@ cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
     synchronisation, monitor, judgement = &memory.synchronisation, &memory.monitor, &memory.judgement
     under_way = &memory.event
     row = &observer.ring[position & MASK]
-    leave_learned_range(observer, position)
     facts = SampleFacts(
         synchronisation.unsynchronised_by,
         synchronisation.synchronised,
@@ -283,7 +282,7 @@ cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
         monitor.falls >= INJECTIONS_UNSEEN,
         judgement.events_judged - judgement.doubtful_events,
         observer.constants.events_required,
-        memory.operating_point.in_learned_range,
+        is_flow_known(observer, position),
         judgement.reason,
         monitor.contradicted or judgement.halted_in > 0,
         judgement.phi_version > 0,
@@ -292,7 +291,7 @@ cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
     row.valid = row.reason == REASON_NONE
     row.state = state_of_sample(&facts, row.reason)
     if not synchronisation.synchronised:
-        row.injection_rate = NAN
+        row.injection_rate = row.open_loop_rate = NAN
         return
     is_faulty = row.doubt == DOUBT_NONE and memory.input_fault != REASON_NONE
     if is_faulty or (row.doubt != DOUBT_NONE and not _is_only_rest_held(observer, position)):

@@ -3,10 +3,52 @@
 from libc.stdint cimport int64_t
 
 from observer_rt.core.model.model cimport Terms
-from observer_rt.core.model.records cimport Coefficients, Forced, Forcing, Network
+from observer_rt.core.model.records cimport Coefficients, Forced, Forcing, Gradient, Network
+from observer_rt.core.model.sensor cimport SENSOR_NUMBERS
 from observer_rt.core.model.valve cimport Stroke, Strokes
-from observer_rt.core.stream.state cimport Observer
+from observer_rt.core.stream.state cimport MOST_COEFFICIENTS, Observer
 from observer_rt.core.stream.stream cimport PairStepper, Stream
+
+
+cdef enum:
+    FILTERS = 3
+    LIVE_STATES = 6  # p_L, Q_L, p_S, and
+    OF_NOZZLE = 3  # .. what the nozzle passes more, as a share,
+    OF_SEAT = 4  # .. the seat,
+    SHOWN = 5  # .. the indicated pressure
+    LIVE_COLUMNS = 8
+
+
+cdef struct Filter:
+    double[LIVE_STATES] mean
+    double[LIVE_STATES][LIVE_STATES] covariance
+    double log_weight
+    double weight
+
+
+# live.pxi: the filters, and their scratch.
+cdef struct Live:
+    bint follows
+    double variance  # of a sample of the line pressure [p_0^2], as the innovation monitor expects it
+    Filter[FILTERS] filters
+    double[LIVE_STATES] mean  # of them all
+    double[LIVE_STATES] moved_mean  # the same, predicted
+    double[LIVE_STATES][LIVE_STATES] change  # of a state by that a sample before
+    double[2] bias  # b of the network with what is passed more
+    Network network
+    Gradient gradient
+    unsigned char parts
+    double[4 * LIVE_COLUMNS] by
+    double[4 * LIVE_COLUMNS] moved
+    double[4 * 4 * 4] by_state
+    double[4 * 4 * LIVE_COLUMNS] by_number
+    double[4 * 4 * 2] by_flow
+    double[4 * 2 * LIVE_COLUMNS] of_flows
+    double[4 * MOST_COEFFICIENTS] by_coefficient
+    double[SENSOR_NUMBERS * LIVE_COLUMNS] no_numbers  # zeros
+    double[LIVE_COLUMNS] before
+    double[LIVE_COLUMNS] indicated
+    double[LIVE_COLUMNS] error
 
 
 cdef struct Stepping:
@@ -24,6 +66,8 @@ cdef struct Stepping:
     Observer* observer
     Forcing* of_tilde
     Forcing* of_hat
+    Forcing* of_live
+    Live live
 
 
 cdef class Stepper(PairStepper):
@@ -31,3 +75,4 @@ cdef class Stepper(PairStepper):
     cdef Stream stream
     cdef Terms terms_of_tilde
     cdef Terms terms_of_hat
+    cdef Terms terms_of_live

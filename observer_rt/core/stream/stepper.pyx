@@ -1,19 +1,22 @@
 """Stepper of the pair x~ and x^ from sample to sample: the only part of the stream that knows line and phi."""
 
-from libc.math cimport NAN, isfinite, pow
+from libc.math cimport NAN, exp, isfinite, log, pow, sqrt
 from libc.stdint cimport int32_t, int64_t
-from libc.string cimport memcpy
+from libc.string cimport memcpy, memset
 
 from observer_rt.core.model.model cimport (
-    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, fault_and_rate, follow_lift, is_shut_under_terms,
+    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, fault_and_rate, flow_slopes, follow_lift,
+    is_shut_under_terms,
     needle_speed, predict, rest_line, shown_under_terms, trusted_under_terms, under_terms, valve_at
 )
 from observer_rt.core.model.records cimport (
-    SAC, Coefficients, Forced, Forcing, Inputs, Interval, Knot, Network, inputs_of, opened_since
+    BY_NOZZLE, BY_SEAT, SAC, Coefficients, FlowSlopes, Forced, Forcing, Inputs, Interval, Knot, Network, inputs_of,
+    opened_since
 )
-from observer_rt.core.model.valve cimport Stroke, valve_edge
+from observer_rt.core.model.network cimport CURVES
+from observer_rt.core.model.valve cimport VALVE_NUMBERS, Stroke, valve_edge
 from observer_rt.core.stream.state cimport (
-    COMMANDS, MASK, STEPPING_CORRECT, STEPPING_PREDICT, Sample
+    COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT
 )
 from observer_rt.core.stream.stream cimport Stream
 
@@ -32,7 +35,7 @@ cdef class Stepper(PairStepper):
         if model.coefficients.states != stream.observer.states:
             raise ValueError(f"a model of {model.coefficients.states} states for {stream.observer.states} of the observer")
         self.stream = stream
-        self.terms_of_tilde, self.terms_of_hat = Terms(program), Terms(program)
+        self.terms_of_tilde, self.terms_of_hat, self.terms_of_live = Terms(program), Terms(program), Terms(program)
         s.coefficients = s.forced.coefficients = model.coefficients
         s.network.curves, s.network.bias = &memory.in_force.curves[0][0], memory.in_force.bias
         s.network.nozzle = memory.in_force.nozzle
@@ -42,6 +45,8 @@ cdef class Stepper(PairStepper):
         s.command = s.command_before = s.strokes.last
         s.observer = &stream.observer
         s.of_tilde, s.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
+        s.of_live = &self.terms_of_live.forcing
+        _prepare_live(s)
         self.step, self.stepper = step, s
 
     def go_on_from(self, Stepper before) -> None:
@@ -49,10 +54,13 @@ cdef class Stepper(PairStepper):
         if before.terms_of_tilde.forcing.rows != self.terms_of_tilde.forcing.rows:
             raise ValueError("other terms than before")
         self.terms_of_tilde, self.terms_of_hat = before.terms_of_tilde, before.terms_of_hat
+        self.terms_of_live = before.terms_of_live
         s = &self.stepping
         s.strokes, s.started, s.commands = before.stepping.strokes, before.stepping.started, before.stepping.commands
         s.command, s.command_before = before.stepping.command, before.stepping.command_before
-        self.stepping.of_tilde, self.stepping.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
+        s.of_tilde, s.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
+        s.of_live, s.live = &self.terms_of_live.forcing, before.stepping.live
+        _prepare_live(s)
 
 
 cdef double step(void* stepper, int64_t what, int64_t position) noexcept nogil:
@@ -84,11 +92,13 @@ cdef inline void _take_line(Stepping* s) noexcept nogil:
     memcpy(s.forced.coefficients.line.values, s.observer.memory.in_force.line, size)
 
 
-cdef inline void _force(Stepping* s, Sample* ring, int64_t position, const double* x, Forcing* forcing) noexcept nogil:
+cdef inline void _force(
+    Stepping* s, int64_t position, const double* x, const Network* network, Forcing* forcing
+) noexcept nogil:
     """The interval before a sample, in which the area may bend, from a state x (n,) on with the terms in force."""
     cdef Interval interval
     cdef Knot knot
-    before, row = &ring[(position - 1) & MASK], &ring[position & MASK]
+    before, row = &s.observer.ring[(position - 1) & MASK], &s.observer.ring[position & MASK]
     interval.start, interval.end = inputs_of(before.rail_pressure, before.seat_area), inputs_of(row.rail_pressure, row.seat_area)
     interval.start.servo.opening, interval.end.servo.opening = before.valve, row.valve
     interval.end.servo.speed = needle_speed(before.seat_area, row.seat_area, s.interval, &s.coefficients.seat)
@@ -96,7 +106,15 @@ cdef inline void _force(Stepping* s, Sample* ring, int64_t position, const doubl
     interval.end.since = row.opened_since = interval.start.since + s.interval
     interval.length, interval.substeps = s.interval, s.substeps
     knot.share, knot.area = before.lift_after, before.lift_area
-    under_terms(x, &interval, knot, &s.coefficients, &s.network, forcing, &s.forced)
+    under_terms(x, &interval, knot, &s.coefficients, network, forcing, &s.forced)
+
+
+cdef inline void _go_on_as(Forcing* forcing, const Forcing* other) noexcept nogil:
+    """Have terms remember what they do for another state."""
+    memcpy(forcing.past, other.past, 8 * sizeof(double))
+    memcpy(forcing.totals, other.totals, 10 * sizeof(double))
+    if other.rows > 0:
+        memcpy(forcing.memory, other.memory, 3 * other.rows * sizeof(double))
 
 
 cdef void _start(Stepping* s, int64_t position) noexcept nogil:
@@ -115,7 +133,9 @@ cdef void _start(Stepping* s, int64_t position) noexcept nogil:
         s.of_tilde.memory[i] = NAN
     for i in range(10):
         s.of_tilde.totals[i] = 0.0
+    s.live.follows = False
     _read(s, position, &s.coefficients, &s.network)
+    row.open_loop_rate, row.rate_sigma, row.as_believed = row.injection_rate, NAN, 1.0
 
 
 cdef double _predict(Stepping* s, int64_t position) noexcept nogil:
@@ -209,7 +229,7 @@ cdef double _predict_sample(Stepping* s, int64_t position) noexcept nogil:
     cdef double indicated = s.observer.ring[(position - 1) & MASK].indicated, shown
     x_tilde = _x_tilde(s, position)
     memcpy(x_tilde, _x_tilde(s, position - 1), s.observer.states * sizeof(double))
-    _force(s, s.observer.ring, position, x_tilde, s.of_tilde)
+    _force(s, position, x_tilde, &s.network, s.of_tilde)
     shown = predict(x_tilde, &indicated, &s.forced, s.fraction, s.observer.memory.in_force.sensor, NULL)
     s.observer.ring[position & MASK].indicated = indicated
     return shown_under_terms(shown, &s.forced, s.of_tilde)
@@ -224,6 +244,7 @@ cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
         _read(s, position, &s.coefficients, &s.network)
     else:
         _read(s, position, &s.forced.coefficients, &s.forced.network)
+    _follow_live(s, position)
     x_tilde, x_hat = _x_tilde(s, position), _x_hat(s, position)
     for i in range(s.observer.states):
         total += x_hat[i] + x_tilde[i]
@@ -247,13 +268,10 @@ cdef void _move_pair(Stepping* s, int64_t position) noexcept nogil:
         if is_shut_under_terms(s.of_tilde):
             x_tilde[SAC] = 0.0
         memcpy(x_hat, x_tilde, states * sizeof(double))
-        memcpy(s.of_hat.past, s.of_tilde.past, 8 * sizeof(double))
-        memcpy(s.of_hat.totals, s.of_tilde.totals, 10 * sizeof(double))
-        if s.of_tilde.rows > 0:
-            memcpy(s.of_hat.memory, s.of_tilde.memory, 3 * s.of_tilde.rows * sizeof(double))
+        _go_on_as(s.of_hat, s.of_tilde)
     else:
         memcpy(x_hat, _x_hat(s, position - 1), states * sizeof(double))
-        _force(s, s.observer.ring, position, x_hat, s.of_hat)
+        _force(s, position, x_hat, &s.network, s.of_hat)
         advance_over(
             x_hat, &s.forced.interval, s.forced.knot, &s.forced.coefficients, &s.forced.network, NULL
         )
@@ -269,3 +287,6 @@ cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Netw
         u = inputs_of(row.rail_pressure, max(row.seat_area, 0.0))
         u.since = row.opened_since
         row.injection_rate = s.observer.memory.in_force.level * fault_and_rate(x_hat, u, c, network, row.phi)
+
+
+include "live.pxi"

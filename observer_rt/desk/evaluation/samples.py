@@ -105,7 +105,7 @@ class HistorySamples:
         ring, trace = observer.ring, self.held
         trace.line_pressure[places] = np.where(ring["interpolated"][rows], np.nan, ring["line_pressure"][rows])
         trace.nominal_rate[places] = nominal
-        for name in ("injection_rate", "valid", "state"):
+        for name in ("injection_rate", "open_loop_rate", "valid", "state"):
             trace[name][places] = ring[name][rows]
         is_known = ~np.isnan(ring["injection_rate"][rows])
         trace.x[places[is_known]] = observer.x_hat[rows[is_known], :3]

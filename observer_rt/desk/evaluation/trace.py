@@ -22,6 +22,7 @@ _COLUMNS = (
     WrittenColumn("injection_rate_sigma_mm3_per_ms", "injection_rate_sigma", "mm3/ms", NUMBER),
     WrittenColumn("corrected_rate_mm3_per_ms", "corrected_rate", "mm3/ms", NUMBER),
     WrittenColumn("nominal_rate_mm3_per_ms", "nominal_rate", "mm3/ms", NUMBER),
+    WrittenColumn("open_loop_rate_mm3_per_ms", "open_loop_rate", "mm3/ms", NUMBER),
     WrittenColumn("valid", "valid", "", "%d"),
     WrittenColumn("state", "state", "", "%s", tuple(state.name for state in State)),
     *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
@@ -39,6 +40,7 @@ SAMPLE = np.dtype(
         ("injection_rate_sigma", np.float64),  # m3/s, over windows of injections that were learned from
         ("corrected_rate", np.float64),  # m3/s, by the injection's own pressures; there, too
         ("nominal_rate", np.float64),  # m3/s, by the model with phi = 0 on the same frames
+        ("open_loop_rate", np.float64),  # m3/s, of x^
         ("valid", np.bool_),  # whether the rate is to be used
         ("state", np.int8),  # `State`
         ("x", np.float64, 3),  # normalised
@@ -49,7 +51,7 @@ SAMPLE = np.dtype(
 """The observer at a sample of a recording; nan where not available."""
 Trace: TypeAlias = np.recarray[Any, np.dtype[np.void]]
 """Samples (n,) of dtype `SAMPLE`, whose fields are attributes."""
-UNKNOWN = np.array([(0, *[math.nan] * 7, False, int(State.STARTING), [math.nan] * 3, [math.nan] * 3)], SAMPLE)
+UNKNOWN = np.array([(0, *[math.nan] * 8, False, int(State.STARTING), [math.nan] * 3, [math.nan] * 3)], SAMPLE)
 """A sample (1,) of which nothing is known yet."""
 
 

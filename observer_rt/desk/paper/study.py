@@ -164,7 +164,7 @@ def _ours(bench: Bench, learned_from: Simulation, seen: Simulation, injection: I
     knowledge = evaluate(bench, [learned_from.recording]).knowledge
     (evaluation,) = evaluate(bench, [seen.recording], knowledge, learning=False).evaluations
     trace, span = evaluation.trace, injection.span
-    return EstimatorCurves(trace.x[span, 2], trace.phi[span], trace.injection_rate[span])
+    return EstimatorCurves(trace.x[span, 2], trace.phi[span], trace.open_loop_rate[span])
 
 
 class _Scheme:

@@ -28,12 +28,12 @@ _RAILS = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)  # p_0, middles of the bins of 
 FULL = 0.95  # p_S over p_L of a sac that is full
 _LONG = 0.8  # the same, mean of a long injection
 NEAR = 0.5 * REACH[0]  # p_0 of rail pressure, within which an event shows the flow
-_LONGER = 1.1  # times as long as it was open
+_LONGER = 1.03  # times as long as it was open
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
 
 
 class EventPoint(NamedTuple):
-    """Operating point: rail pressure [p_0] at the first opening, logarithm of the time [s] of the longest one, widest area."""
+    """Operating point: rail pressure [p_0] at the opening, logarithm of the longest one's time [s], widest area."""
 
     rail_pressure: float
     open_time: float
@@ -71,8 +71,8 @@ def remembered(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[Eve
 class KnownFlow(NamedTuple):
     """Range in which the flow is known well enough.
 
-    rail_from, rail_to: of rail pressure [p_0], around the event's; until (RAIL_BINS,): for each bin of rail pressures,
-    the time since the opening [s] up to which it is known there, 0 where it is not.
+    rail_from, rail_to: of rail pressure [p_0], around the event's; until (RAIL_BINS,): for each bin of them, the
+    time since the opening [s] up to which it is known there, 0 where it is not.
     """
 
     rail_from: float
@@ -91,8 +91,8 @@ def known_flow(
 
     Of what the last of them injected it is known how it changes with theta. The fuller the sac, the more of that is
     the nozzle's doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is
-    another. And it is known together at a rail pressure and a time where an event showed it, for what phi cannot hold,
-    as a product of both, is seen nowhere else.
+    another. And it is known where an event showed rail pressure and time together, for what phi cannot hold, as a
+    product of both, shows nowhere else.
     """
     point = learned_at[-1]
     pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.open_time)

@@ -49,7 +49,7 @@ def test_healthy_injector_without_noise_is_estimated_exactly(sample_rate: float)
     assert [report.event for report in evaluation.reports] == [1] * 3 + [2] * 3 + [3] * 3 + [4] * 3
 
 
-def test_published_rate_is_the_balance_of_state_and_phi() -> None:
+def test_open_loop_rate_is_the_balance_of_state_and_phi() -> None:
     """From the columns of the trace alone: Q_H,model(x^) - (V_L p0/K_L) phi_1."""
     (evaluation,) = evaluated().evaluations
     trace = evaluation.trace
@@ -60,7 +60,7 @@ def test_published_rate_is_the_balance_of_state_and_phi() -> None:
     model = area * np.sqrt(2 / NOMINAL.fluid.density_nozzle) * drop / np.sqrt(np.hypot(drop, 0.5e6))
     stored = NOMINAL.line.volume * NOMINAL.scaling.pressure / NOMINAL.fluid.bulk_modulus_line
     expected = model - stored * phi1
-    np.testing.assert_allclose(trace.injection_rate[some], expected, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(trace.open_loop_rate[some], expected, rtol=1e-9, atol=1e-15)
     assert np.abs(phi1).max() * stored > 5e-6  # m3/s: phi carries the wear
 
 
@@ -144,7 +144,7 @@ def test_trace_file(tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [
         *("time_s", "injection_rate_mm3_per_ms", "injection_rate_sigma_mm3_per_ms"),
-        *("corrected_rate_mm3_per_ms", "nominal_rate_mm3_per_ms", "valid", "state"),
+        *("corrected_rate_mm3_per_ms", "nominal_rate_mm3_per_ms", "open_loop_rate_mm3_per_ms", "valid", "state"),
         *("x1", "x2", "x3", "phi1", "phi2", "phi3"),
     ]
     assert len(rows) == worn().recording.samples
@@ -208,4 +208,4 @@ def test_the_nominal_model_counts_as_the_observer_does(law: str, tmp_path: Path)
     stated = f'\n[[terms]]\nequation = "nozzle_flow"\nlaw = "{law}"\n'
     file.write_text(NOMINAL_INJECTOR.read_text("utf-8") + stated, "utf-8")
     (evaluation,) = evaluate(load_bench(model=file), [worn().recording], learning=False).evaluations
-    np.testing.assert_array_equal(evaluation.trace.nominal_rate, evaluation.trace.injection_rate)
+    np.testing.assert_array_equal(evaluation.trace.nominal_rate, evaluation.trace.open_loop_rate)

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from observer_rt.core.stream.stream import RAIL_BIN, RAIL_BINS
 from observer_rt.engine.estimation.predictor import InputVariance, OpenLoop
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_range import (
-    EVERYWHERE,
+    NEAR,
     NOWHERE,
     REACH,
     EventPoint,
@@ -20,9 +21,6 @@ from observer_rt.engine.learning.learned_range import (
     known_flow,
     remembered,
 )
-from observer_rt.engine.stream.state import Reason
-from tests.engine.learning.worn_injector import worn_bench
-from tests.observed_plants import observed
 
 points = st.builds(EventPoint, st.floats(0.1, 2.0), st.floats(-9.0, -5.0), st.floats(0.0, 1.0))
 
@@ -59,8 +57,14 @@ def test_old_points_are_forgotten() -> None:
     assert extrapolation_sigma(far, learned_at) > 0.99
 
 
-def flow_known_by(sigmas: dict[int, float], filled: float = 0.9, rate: float = 50e-6) -> KnownFlow:
-    """After an event of a constant rate [m3/s] at p_0, with independent errors of theta; filled: p_S / p_L in it."""
+POINT = EventPoint(1.0, -7.0, 0.5)
+
+
+def flow_known_by(
+    sigmas: dict[int, float], rate: float = 50e-6, learned_at: tuple[EventPoint, ...] = (POINT,)
+) -> KnownFlow:
+    """After an event of a constant rate [m3/s], with independent errors of theta."""
+    filled = 0.9  # p_S / p_L
     slopes = np.zeros((100, PARAMETERS))
     slopes[:, Parameter.NOZZLE_BIAS] = filled * rate
     slopes[:, Parameter.SEAT_BIAS] = (1.0 - filled) * rate
@@ -70,49 +74,32 @@ def flow_known_by(sigmas: dict[int, float], filled: float = 0.9, rate: float = 5
     for column, sigma in sigmas.items():
         covariance[column, column] = sigma**2
     event = Resimulation(run, InputVariance(nothing, nothing), covariance, covariance, 1e-5)
-    return known_flow(event, np.zeros(PARAMETERS), covariance, EventPoint(1.0, -7.0, 0.5))
+    return known_flow(event, np.zeros(PARAMETERS), covariance, learned_at)
 
 
 WEIGHTS = range(Parameter.NOZZLE_WEIGHT, Parameter.BACK_PRESSURE)
 
 
-def test_a_flow_known_well_is_known_everywhere() -> None:
-    assert flow_known_by({Parameter.NOZZLE_BIAS: 0.01, Parameter.SEAT_BIAS: 0.01}) == EVERYWHERE
+def test_a_flow_known_well_is_known_where_an_event_was_open_for_as_long() -> None:
+    points = EventPoint(0.55, math.log(1.9e-3), 0.5), EventPoint(1.35, math.log(0.6e-3), 0.5)
+    result = flow_known_by({Parameter.NOZZLE_BIAS: 0.01, Parameter.SEAT_BIAS: 0.01}, learned_at=points)
+    middles = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)
+    expected = np.zeros(RAIL_BINS)
+    for point in points:
+        is_near = np.abs(middles - point.rail_pressure) <= NEAR
+        expected[is_near] = np.maximum(expected[is_near], 1.03 * math.exp(point.open_time))
+    assert np.array(result.until) == pytest.approx(expected)
+    assert 1.35 - NEAR - RAIL_BIN < result.rail_from < 1.35 < result.rail_to < 1.35 + NEAR + RAIL_BIN
 
 
 @given(st.floats(1e-4, 0.3), st.floats(1.0, 3.0))
 def test_the_less_is_known_of_the_pressure_dependence_the_nearer_it_ends(sigma: float, factor: float) -> None:
     less = flow_known_by(dict.fromkeys(WEIGHTS, factor * sigma))
     more = flow_known_by(dict.fromkeys(WEIGHTS, sigma))
-    if less != NOWHERE and math.isinf(less.filled_to) == math.isinf(more.filled_to):
+    if less != NOWHERE:
         assert more.rail_from <= less.rail_from <= 1.0 <= less.rail_to <= more.rail_to
-
-
-def test_from_short_injections_the_nozzle_is_not_known() -> None:
-    """Of a sac that hardly fills the nozzle is a third of the flow: 3 % of it are 1.2 % of one that is 40 % full."""
-    result = flow_known_by({Parameter.NOZZLE_BIAS: 0.03}, filled=0.3)
-    assert result[:2] == EVERYWHERE[:2]
-    assert result.filled_to == pytest.approx(0.4, abs=0.02)
 
 
 @pytest.mark.parametrize(("sigma", "rate"), [(0.1, 50e-6), (0.0, 0.0)])
 def test_what_not_even_the_event_showed_is_known_nowhere(sigma: float, rate: float) -> None:
-    assert flow_known_by({Parameter.NOZZLE_BIAS: sigma}, rate=rate) == NOWHERE
-
-
-RAILS, OPENINGS = (50e6, 50e6, 50e6, 150e6, 150e6, 50e6), (1.4e-3,) * 6
-
-
-@pytest.mark.parametrize(
-    ("rails", "openings"),
-    [(RAILS, OPENINGS), ((100e6,) * 7, (*(0.25e-3,) * 4, 1.4e-3, 1.4e-3, 0.25e-3))],
-    ids=["another rail pressure", "longer"],
-)
-def test_an_injection_unlike_those_learned_from_is_not_valid(
-    rails: tuple[float, ...], openings: tuple[float, ...]
-) -> None:
-    """The last but two is; it is learned from, and those after it are valid and right."""
-    run = observed(worn_bench(rails, openings, 3))
-    outside, valid = Reason.OUTSIDE_LEARNED_RANGE, Reason.NONE
-    assert [each.reason for each in run.reports[-4:]] == [valid, outside, valid, valid]
-    assert np.abs(run.errors[run.valid]).max() < 0.02
+    assert flow_known_by({Parameter.NOZZLE_BIAS: sigma}, rate) == NOWHERE

@@ -63,7 +63,7 @@ REASONS: Mapping[Reason, Words] = {
         "the needle was open longer than any injection", "check its sensor, unit, offset and sign"
     ),
     Reason.TOO_FEW_EVENTS: Words(
-        "too few injections were judged yet", "wait: two injections, one with a restored state"
+        "too few injections were judged yet", "of a rate: take the mass, or wait two injections"
     ),
     Reason.INPUT_TIMEOUT: Words("no frame of any input comes", "switch the devices on; check cable and bit rate"),
     Reason.MODEL_INADEQUATE: Words(
@@ -92,7 +92,7 @@ REASONS: Mapping[Reason, Words] = {
         "when samples were taken is in doubt",
         "use one time base or an index; is a channel late? docs/time.md",
     ),
-    Reason.REVISED: Words("learning from it changed its mass by too much", "take the next ones"),
+    Reason.REVISED: Words("learning from it changed its mass by too much", "update the observer that sends it"),
     Reason.INPUT_STALE: Words("one of the inputs stays away", "the log names its message: sensor, device, cable"),
     Reason.NOT_JUDGED: Words(
         "the event could not be tested, so nothing is known of it",

@@ -63,9 +63,7 @@ class Laws(NamedTuple):
     shut_by_drop: float = 0.0  # share of the nozzle's area that is gone from a drop of 90 MPa on
     coking: float = 0.0  # share of the nozzle's coefficient that is lost as an opening lasts
     filling: float = 0.0  # Pa/s, by which the chamber's pressure grows while the needle is open
-    rail_and_time: float = (
-        0.0  # share of the nozzle's coefficient, by both: the sum of no two laws
-    )
+    rail_and_time: float = 0.0  # share of the nozzle's coefficient, by both: the sum of no two laws
     viscous_loss: float = 0.0  # share of the nozzle's coefficient at a drop of 100 MPa, as one over its root
     opening_loss: float = 0.0  # share of the nozzle's coefficient at an opening
     opening_time: float = 1.0  # s, in which that goes

@@ -78,7 +78,7 @@ class Reason(IntEnum):
     AMBIGUOUS_SCALE = 14  # line stiffness and nozzle flow changed as if the line's inertance had
     UNTESTED = 15  # given up to 0.2, by the paper's training: a code in users' databases
     TIME_BASE = 16  # when samples were taken is in doubt, or the line pressure seems recorded late
-    REVISED = 17  # what was learned from the injection changes its mass
+    REVISED = 17  # given up to 0.2, while the live mass was published: a code in users' databases
     INPUT_STALE = 18  # one of the inputs stays away while others come
     NOT_JUDGED = 19  # the event could not be tested; after two in a row nothing is known of what follows
     CONTRADICTED = 20  # the innovations have left the model: an input is wrong, or the injector changed

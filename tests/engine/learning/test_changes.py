@@ -10,12 +10,11 @@ from observer_rt.engine.stream.state import Reason
 from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.laws import NINE_LAWS, NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import FIRST_EVENT, LINE, PERIOD, Bench, Event, Needle, Shot, Surroundings, seen_as
+from tests.plants.plant import FIRST_EVENT, LIFT, LINE, PERIOD, Bench, Event, Needle, Shot, Surroundings, seen_as
 
 RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
 DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s
 BEGINS = 7  # event, from 0
-WARM = 3  # events, before which nothing is known
 WRONG = 0.03  # of a mass
 HEALTHY = Faults()
 
@@ -51,9 +50,10 @@ CHANGES = {
 def test_a_change_is_named_and_the_next_event_is_valid(faults: Faults, reason: Reason) -> None:
     accuracy = 0.7 if faults.line_pressure_sensor_gain else 0.0
     run = seen(lambda k: faults if k >= BEGINS else HEALTHY, 13, accuracy_percent=accuracy)
-    assert all(run.valid[WARM:BEGINS] + run.valid[BEGINS + 1 :])
-    assert run.valid[BEGINS] or run.reports[BEGINS].reason is reason  # a slow sensor changes no mass by much
-    assert run.reports[BEGINS].posterior[0][1] > 0.9
+    assert all(run.valid[:BEGINS] + run.valid[BEGINS + 1 :])
+    assert run.valid[BEGINS] or run.reports[BEGINS].reason is reason  # what moves flow or sensor alone is valid
+    as_before = dict(run.reports[BEGINS].posterior).get("as before", 0.0)
+    assert as_before < 0.05
     assert np.mean(run.inside) >= 0.9
 
 
@@ -68,22 +68,22 @@ def test_after_a_fault_the_injector_is_as_it_was(lasts: int) -> None:
     run = seen(lambda _: HEALTHY, BEGINS + lasts + 4, Surroundings(before_noise=(seen_as(LINE, late),)))
     assert not any(run.valid[BEGINS : BEGINS + lasts])
     assert all(run.valid[BEGINS + lasts + 1 :])
-    assert run.reports[BEGINS].posterior[0][0] == "at fault"
+    assert run.reports[BEGINS].reason is Reason.TIME_BASE
     assert run.reports[-1].indicators["orifice_area"].value == pytest.approx(0.0, abs=0.01)
 
 
 def test_a_slow_drift_is_covered() -> None:
     """A third of a percent an event, which a random walk of the usual size would lag behind."""
     run = seen(lambda k: Faults(orifice_area=-0.2 * k / 60.0), 36)
-    assert sum(run.valid) >= 33
+    assert all(run.valid)
     assert np.mean(run.inside) >= 0.93
-    assert np.abs(run.errors[WARM:]).max() < 0.015
+    assert np.abs(run.errors).max() < 0.01
 
 
 def test_an_injector_that_comes_back_is_known() -> None:
     run = seen(lambda k: Faults(orifice_area=0.15) if BEGINS <= k < BEGINS + 6 else HEALTHY, BEGINS + 10)
-    changed = (BEGINS, BEGINS + 6)
-    assert run.valid[WARM:] == [k not in changed for k in range(WARM, BEGINS + 10)]
+    assert all(run.valid)
+    assert np.abs(run.errors).max() < 0.012
     assert run.reports[BEGINS + 6].posterior[0][0] == "as when settled"
 
 
@@ -102,8 +102,8 @@ def test_doubt_of_masses_is_forgotten_with_what_came_after() -> None:
 @pytest.mark.parametrize(("laws", "faults"), NINE_LAWS.values(), ids=NINE_LAWS)
 def test_a_law_of_nozzle_or_seat_is_learned(laws: Laws, faults: Faults) -> None:
     run = seen(lambda _: faults, 24, laws=laws)
-    assert all(run.valid[WARM:])
-    assert np.abs(run.errors[WARM:]).max() < 0.02
+    assert all(run.valid)
+    assert np.abs(run.errors).max() < 0.015
     assert np.mean(run.inside) >= 0.9
 
 
@@ -111,6 +111,24 @@ def test_a_law_of_nozzle_or_seat_is_learned(laws: Laws, faults: Faults) -> None:
 def test_where_no_law_shows_other_pressures_are_known_at_once(faults: Faults) -> None:
     """The third rail pressure is the highest, and was not seen before."""
     run = seen(lambda _: faults, 12)
-    assert all(run.valid[WARM - 1 :])
-    assert np.abs(run.errors[WARM:]).max() < 0.008
+    assert all(run.valid)
+    assert np.abs(run.errors).max() < 0.01
+    assert np.abs(run.errors[3:]).max() < 0.006
     assert np.mean(run.inside) >= 0.9
+
+
+@pytest.mark.parametrize("change", [-0.15, 0.15])
+def test_an_injection_that_shows_a_jump_is_valid_and_right(change: float) -> None:
+    run = seen(lambda k: Faults(orifice_area=change) if k >= BEGINS else HEALTHY, BEGINS + 2)
+    assert all(run.valid)
+    assert abs(run.reports[BEGINS].live_mass / run.true[BEGINS] - 1.0) > 0.08
+    assert abs(run.errors[BEGINS]) < 0.012
+
+
+@pytest.mark.parametrize("wear", [-0.3, 0.0])
+@pytest.mark.parametrize("late", [20e-6, 40e-6, 60e-6])
+def test_a_late_lift_is_named_from_the_first_event_on(late: float, wear: float) -> None:
+    recorded = Surroundings(before_noise=(seen_as(LIFT, lambda time, lift: np.interp(time - late, time, lift)),))
+    run = seen(lambda _: Faults(orifice_area=wear), 5, recorded)
+    assert {report.reason for report in run.reports} == {Reason.LIFT_SENSOR_LAG}
+    assert np.abs(run.errors).max() < WRONG  # the delay is part of what explains it

@@ -172,7 +172,8 @@ def test_mass_and_rate(v_h: float) -> None:
     results = evaluation.injections
     assert len(results) == 10
     assert all(result.report.valid for result in results)
-    live, corrected = [], []
+    live: list[float] = []
+    corrected: list[float] = []
     for result in results:
         window = slice(result.report.start_index, result.report.end_index + 1)
         true_rate = made.truth.injection_rate[window]

@@ -58,7 +58,7 @@ def test_without_healthy_recordings_the_model_is_used_as_it_is(tmp_path: Path) -
     said = made(tmp_path, "evaluate")
     assert "no healthy recordings" in said[0]
     table = pd.read_csv(tmp_path / "results" / "injections.csv")
-    assert table.valid.tolist() == [False, False, True, True]  # two events teach
+    assert table.valid.all()
     assert "up to date" in made(tmp_path, "evaluate")[-1]
     record(tmp_path / "recordings" / "b.parquet", worn=0.1, seed=2)
     assert "8 injections" in made(tmp_path, "evaluate")[-1]

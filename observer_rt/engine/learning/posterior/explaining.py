@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -100,7 +100,7 @@ class _FoundExplanation:
     cost: Linearisation
     log: float = -math.inf
     scale: int = 0  # row of NOISE
-    theta: Theta | None = None
+    theta: Theta = field(init=False)
     fit: EventFit | None = None
 
     @property

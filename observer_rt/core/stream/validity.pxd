@@ -52,10 +52,10 @@ cdef inline int64_t reason_of_sample(const SampleFacts* facts) noexcept nogil:
         return REASON_LIFT_ZERO
     if facts.is_lift_dead:
         return REASON_LIFT_DEAD
-    if facts.events < facts.events_required:
-        return REASON_TOO_FEW_EVENTS
     if facts.judgement != REASON_NONE:
         return facts.judgement
+    if facts.events < facts.events_required:
+        return REASON_TOO_FEW_EVENTS
     if facts.is_contradicted:
         return REASON_CONTRADICTED
     if not facts.is_in_learned_range:

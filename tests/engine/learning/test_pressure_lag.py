@@ -24,7 +24,7 @@ from tests.engine.sample_stream import NOMINAL
 
 LAGGING = sized("line_pressure_sensor_lag", tau=40e-6)
 LATE = sized("channel_skew", d=30e-6)
-SHORT = sized("channel_skew", d=5e-6)
+SHORT = sized("channel_skew", d=12e-6)
 NOISE = SimulatedNoise()
 QUIET = SimulatedNoise(rail_pressure=0.05e6, line_pressure=0.03e6)
 EVENTS = 12
@@ -107,7 +107,7 @@ def test_a_lag_widens_nothing() -> None:
 
 
 def test_an_unstated_filter_of_the_line_is_no_reason_to_refuse() -> None:
-    """5 us late, which quiet sensors tell, move the live rate by less than a percent; 30 us do not."""
+    """12 us late, which quiet sensors tell from a lag, move the live rate by a third of a percent of its peak."""
     assert reasons(SHORT, noise=QUIET) == (Reason.NONE,) * EVENTS
 
 

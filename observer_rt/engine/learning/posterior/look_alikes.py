@@ -36,7 +36,8 @@ from observer_rt.foundation.units import Z_95
 from observer_rt.model.effective import LAG_UNIT
 
 UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.CONTRADICTED)
-LARGEST_LIFT_DELAY = 6e-6  # s, of the lift against the pressures, that x^ may do without: 1 % of a mass
+# s, of the lift against the pressures, late or early, that x^ may do without: 1 % of a mass; some tenths of a percent.
+LATEST_LIFT, EARLIEST_LIFT = 6e-6, -25e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +184,7 @@ def _objections(
     if state.lag_doubt.is_relevant:
         reasons.append(Reason.TIME_BASE)
     delay = float(theta[Parameter.LIFT_DELAY]) * LAG_UNIT
-    if abs(delay) > LARGEST_LIFT_DELAY:
+    if not EARLIEST_LIFT <= delay <= LATEST_LIFT:
         reasons.append(Reason.LIFT_SENSOR_LAG if delay > 0.0 else Reason.TIME_BASE)
     nozzle, stiffness = _open_nozzle_change(theta, window), float(theta[Parameter.BULK_MODULUS])
     if looks_like_inertance(nozzle, stiffness, reader.calibration.line):

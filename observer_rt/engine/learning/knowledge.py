@@ -17,13 +17,11 @@ from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.account import Account, Overdispersion, of_healthy
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.constants import FILED
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import Energizing
 from observer_rt.engine.learning.disturbances.colour import SlowRail, TimeJitter
 from observer_rt.engine.learning.disturbances.masks import OutlierSearch
 from observer_rt.engine.learning.healthy import SAME_RATE
-from observer_rt.engine.learning.hypotheses import STATED
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
@@ -81,8 +79,7 @@ class LearningState:
 def no_state(noise: NoiseLevels, pressure_scale: float) -> LearningState:
     """State before any event: phi = 0, with the prior. pressure_scale: p_0 [Pa]."""
     theta = np.zeros(SCALARS.width)
-    whole = prior_belief(theta.copy(), np.diag(SCALARS.prior(pressure_scale) ** 2))
-    belief = whole.narrowed(STATED, FILED)
+    belief = prior_belief(theta.copy(), np.diag(SCALARS.prior(pressure_scale) ** 2))
     return LearningState(Account.of(LearnedInjector(belief, theta)), noise, no_doubt(SCALARS.width))
 
 

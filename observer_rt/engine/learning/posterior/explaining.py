@@ -24,6 +24,7 @@ from observer_rt.engine.learning.hypotheses import (
     LIFT_LATE,
     QUICK,
     SETTLED,
+    STATED,
     Kind,
     Moving,
     Possibility,
@@ -222,7 +223,7 @@ class Weighing:
                     logs[kind] - reading.level + log,
                     reading,
                     explanation.prior,
-                    explanation.held,
+                    self._to_learn_from(hypothesis, kind, explanation, reading),
                     explanation.likeliest,
                     explanation.cost,
                     explanation.theta,
@@ -252,6 +253,8 @@ class Weighing:
         """The belief before the event by kind, and the drift of the wear."""
         learned, reader = hypothesis.learned, self._reader
         before = learned.belief.drifted(reader.drift)
+        if learned.is_prior:
+            before = before.narrowed(STATED, c.FILED)
         priors = {
             kind: before.widened(reader.widths(kind)) if kind.columns else before
             for kind in kinds
@@ -261,6 +264,16 @@ class Weighing:
             return None, priors
         moved = moving(priors[QUICK], reader.drift, hypothesis.velocity)
         return moved, priors | {QUICK: moved.belief}
+
+    def _to_learn_from(
+        self, hypothesis: Possibility, kind: Kind, explanation: _FoundExplanation, reading: EventReading
+    ) -> HeldBelief:
+        """The prior of what is learned: the first event is explained as the files say, and teaches all of theta."""
+        learned = hypothesis.learned
+        if not learned.is_prior:
+            return explanation.held
+        moved = learned.belief.widened(self._reader.widths(kind)) if kind.columns else learned.belief
+        return reading.resting.held(moved)
 
     def _start_late(self, reading: EventReading, late: _FoundExplanation, is_new: bool) -> None:
         """Linearises the event at the lift's delay that explains most by itself, where much is to be explained."""

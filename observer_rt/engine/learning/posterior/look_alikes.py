@@ -36,7 +36,7 @@ from observer_rt.foundation.units import Z_95
 from observer_rt.model.effective import LAG_UNIT
 
 UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.CONTRADICTED)
-# s, of the lift against the pressures, late or early, that x^ may do without: 1 % of a mass; some tenths of a percent.
+# s, of the lift against the pressures, late or early, that x^ may do without: 1 % of a mass, some tenths of it.
 LATEST_LIFT, EARLIEST_LIFT = 6e-6, -25e-6
 
 

@@ -72,8 +72,9 @@ def score_history(asked: str, name: str, seed: int, line: Discrepancy | None, mo
     evaluation = evaluate(bench_at(bench.sample_rate, model), [recording_of(outcome)]).evaluations[0]
     windows, trace, rate = windows_of(outcome, bench.sample_rate), evaluation.trace, outcome.truth.injection_rate
     masses, published = true_masses(outcome, bench), trace.injection_rate
-    rates = (published, getattr(trace, "corrected_rate", published))
-    live, corrected = (np.where(np.isnan(each), trace.nominal_rate, each) for each in rates)
+    live, corrected = (
+        np.where(np.isnan(each), trace.nominal_rate, each) for each in (published, trace.corrected_rate)
+    )
     row: Row = {"kind": history.kind, "wrong": 0, **{column: [] for column, _ in COLUMNS.values()}}
     sums: dict[int, tuple[float, float]] = {}
     for injection in injections_of(evaluation, windows):
@@ -90,7 +91,7 @@ def score_history(asked: str, name: str, seed: int, line: Discrepancy | None, mo
         )
         if report is not None:
             facts["all_error_pct"] = 100.0 * (report.mass / true - 1.0)
-            facts["live_error_pct"] = 100.0 * (getattr(report, "live_mass", report.mass) / true - 1.0)
+            facts["live_error_pct"] = 100.0 * (report.live_mass / true - 1.0)
             if report.mass_ci95 is not None:
                 low, high = report.mass_ci95
                 facts |= {"all_inside": bool(low <= true <= high), "half_width_pct": 50.0 * (high - low) / true}

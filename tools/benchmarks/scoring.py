@@ -202,11 +202,15 @@ def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Sco
     nominal_x3 = x3_of_rate(trace.nominal_rate, bench)
     x3 = np.where(np.isnan(trace.x[:, 2]), nominal_x3, trace.x[:, 2])
     true_x3 = (truth.sac_pressure - case.bench.injector.chamber_pressure) / PRESSURE_SCALE
-    injections, live = injections_of(evaluation, windows), estimate_of(rate, outcome, windows, density, x3 - true_x3)
+    corrected = np.where(np.isnan(trace.corrected_rate), rate, trace.corrected_rate)
+    injections, live, ours = (
+        injections_of(evaluation, windows),
+        *(estimate_of(each, outcome, windows, density, x3 - true_x3) for each in (rate, corrected)),
+    )
     judged, covered = _covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
     valid, reasons, intervals = _judged(evaluation, windows)
     estimates = {
-        OBSERVER: replace(live, masses=_published_masses(live.masses, injections)),
+        OBSERVER: replace(ours, masses=_published_masses(live.masses, injections)),
         LIVE: live,
         NOMINAL: estimate_of(trace.nominal_rate, outcome, windows, density, nominal_x3 - true_x3),
     }

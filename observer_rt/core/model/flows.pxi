@@ -154,7 +154,7 @@ cdef void flow_numbers(
             continue
         cubic = t.basis + 4 * MOST_NEURONS * piece_at(curve, values[curve], &within)
         of_neurons, result = <const Columns*> cubic, <Columns*> column
-        for part in range((t.neurons[curve] + <int64_t> WIDTH - 1) // <int64_t> WIDTH):  # up to the next multiple of WIDTH; the excess is 0, and the next curve overwrites it
+        for part in range(1 + (t.neurons[curve] - 1) // <int64_t> WIDTH):  # up to the next multiple of WIDTH; the excess is 0, and the next curve overwrites it
             result[part] = change * (of_neurons[part] + within * (
                 of_neurons[NEXT + part] + within * (of_neurons[2 * NEXT + part] + within * of_neurons[3 * NEXT + part])
             ))

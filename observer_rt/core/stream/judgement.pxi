@@ -47,23 +47,23 @@ cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows
 cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
     """Whether the flow, if there is any, is known well enough at a sample.
 
-    It is as believed where events showed it. Filters that follow must agree, and know it sharply; they cannot yet at
-    the opening, where the last event must have been as believed, too. If they say that it is not, a fault of the line
-    or of a sensor looks alike while it runs: then the last event's own fit must have said that it was the flow.
+    It is as believed where events showed it; a needle that falls is no news. Filters that follow must agree, and know
+    it sharply; they cannot yet at the opening, where the last event must have been as believed, too. If they say that
+    it is not, a fault of the line or of a sensor looks alike while it runs: then the last event's own fit must have
+    said that it was the flow.
     """
     cdef bint is_as_believed, is_early
     memory = observer.memory
     point, row = &memory.operating_point, &observer.ring[position & MASK]
     if memory.needle.is_open:
-        if row.opened_since > point.known_until:
+        if row.opened_since > point.known_until and row.seat_area >= observer.ring[(position - 1) & MASK].seat_area:
             point.in_learned_range = False
         point.flow += row.injection_rate
         point.flowing += 1
     if isnan(row.rate_sigma):
         return point.in_learned_range
     is_as_believed = row.as_believed > BELIEVED
-    if not is_as_believed and memory.event.in_event:
-        memory.event.differs = True
+    memory.event.differs = not is_as_believed
     is_early = point.flowing * observer.constants.interval < SHARP_AFTER
     is_as_believed = is_as_believed and point.in_learned_range
     if is_early:

@@ -14,6 +14,7 @@ cdef double[FILTERS][4] WIDTHS = [  # sd at the opening of r and s, walk of r an
 ]
 cdef double[FILTERS] ODDS = [0.98, 0.01, 0.01]
 cdef double LEAST_CHANGE = -0.9  # of r and s
+cdef double WHITE = 2.5  # mean square of healthy innovations, the scatter at edges included, of a model that leaves little
 cdef int64_t[VALVE_NUMBERS] SPARE = [6] * 4  # column of what is not asked for
 cdef double[VALVE_NUMBERS] NO_SIZES  # zeros
 cdef int64_t[CURVES] NO_NEURONS  # zeros
@@ -61,9 +62,13 @@ cdef void _begin_live(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef inline bint _tells(Stepping* s) noexcept nogil:
-    """Whether the line pressure tells of the flow as the filters take it: in a lump, without a flow seen later."""
+    """Whether the line pressure tells of the flow as the filters take it: by white innovations, which a line of cells
+    does not leave, nor a pilot valve that is seen later.
+    """
+    cdef bint is_white
     memory = s.observer.memory
-    return s.coefficients.cells == 0 and memory.in_force.watch_later == 0 and memory.innovation_noise.weight > 0.0
+    is_white = s.coefficients.cells == 0 and memory.prior.healthy_variance < WHITE
+    return is_white and memory.in_force.watch_later == 0 and memory.innovation_noise.weight > 0.0
 
 
 cdef void _follow_live(Stepping* s, int64_t position) noexcept nogil:
@@ -131,8 +136,8 @@ cdef void _advance_live(Stepping* s, int64_t position) noexcept nogil:
     live.moved_mean[SHOWN] = indicated
     for i in range(<int64_t> FILTERS):
         _advance_filter(
-            live, &live.filters[i], WIDTHS[i], s.interval / WALK_STEP if is_open else 0.0, flow_noise * flow_noise,
-            innovation, is_measured,
+            live, &live.filters[i], WIDTHS[i], s.interval / WALK_STEP if is_open else 0.0,
+            flow_noise * flow_noise * observer.constants.rail_every, innovation, is_measured,
         )
     largest = max(live.filters[0].log_weight, live.filters[1].log_weight, live.filters[2].log_weight)
     memset(live.mean, 0, sizeof(live.mean))

@@ -28,7 +28,7 @@ _RAILS = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)  # p_0, middles of the bins of 
 FULL = 0.95  # p_S over p_L of a sac that is full
 _LONG = 0.8  # the same, mean of a long injection
 NEAR = 0.5 * REACH[0]  # p_0 of rail pressure, within which an event shows the flow
-_LONGER = 1.03  # times as long as it was open
+_SHOWN = 0.95  # of the time it is open; then its needle falls
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
 
 
@@ -118,7 +118,7 @@ def known_flow(
         return NOWHERE
     fullness = max(filled, _LONG) if sigma(1.0) <= enough(filled) else filled
     is_near = np.array([np.abs(_RAILS - each.rail_pressure) <= NEAR for each in learned_at])
-    shown = _LONGER * np.exp([each.open_time for each in learned_at])
+    shown = _SHOWN * np.exp([each.open_time for each in learned_at])
     until = np.where(is_near, shown[:, None], 0.0).max(axis=0)
     own_bin = min(int(point.rail_pressure / RAIL_BIN), RAIL_BINS - 1)
     until[own_bin] = max(until[own_bin], shown[-1])

@@ -91,7 +91,7 @@ def test_a_flow_known_well_is_known_where_an_event_was_open_for_as_long() -> Non
     expected = np.zeros(RAIL_BINS)
     for point in points:
         is_near = np.abs(middles - point.rail_pressure) <= NEAR
-        expected[is_near] = np.maximum(expected[is_near], 1.03 * math.exp(point.open_time))
+        expected[is_near] = np.maximum(expected[is_near], 0.95 * math.exp(point.open_time))
     assert np.array(result.until) == pytest.approx(expected)
     assert 1.35 - NEAR - RAIL_BIN < result.rail_from < 1.35 < result.rail_to < 1.35 + NEAR + RAIL_BIN
 

@@ -207,7 +207,7 @@ def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Sco
         injections_of(evaluation, windows),
         *(estimate_of(each, outcome, windows, density, x3 - true_x3) for each in (rate, corrected)),
     )
-    judged, covered = _covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
+    judged, covered = _covered_samples(corrected - truth.injection_rate, trace.corrected_rate_sigma, windows)
     valid, reasons, intervals = _judged(evaluation, windows)
     estimates = {
         OBSERVER: replace(ours, masses=_published_masses(live.masses, injections)),

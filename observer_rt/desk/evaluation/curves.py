@@ -71,7 +71,7 @@ def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficie
         trace.injection_rate,
         trace.nominal_rate,
         trace.measured_rate if has_rate else None,
-        trace.injection_rate_sigma,
+        trace.corrected_rate_sigma,
         trace.corrected_rate,
         PressureCurves(line_pressure, modelled),
     )
@@ -88,7 +88,7 @@ class InjectionResult:
     measured_mass: float  # kg
     rate_rmse: float  # m3/s
     nominal_rate_rmse: float  # m3/s
-    rate_ci95_halfwidth: float  # m3/s, of the published rate, mean while it flows
+    rate_ci95_halfwidth: float  # m3/s, of the corrected rate, mean while it flows
 
 
 def _of_report(field: Field[InjectionReport]) -> Field[InjectionResult]:
@@ -137,14 +137,14 @@ def injection_result(
     def rmse(rate: NDArray[np.float64]) -> float:
         return math.nan if measured is None or not rate.size else math.sqrt(np.mean((rate - measured) ** 2))
 
-    flowing = trace.injection_rate_sigma[rate != 0.0]
+    flowing = trace.corrected_rate_sigma[rate != 0.0]
     return InjectionResult(
         report=report,
         start=samples.start,
         end=samples.end,
         nominal_mass=mass(nominal) if is_known else math.nan,
         measured_mass=math.nan if measured is None else mass(measured),
-        rate_rmse=rmse(rate),
+        rate_rmse=rmse(np.where(np.isnan(trace.corrected_rate), rate, trace.corrected_rate)),
         nominal_rate_rmse=rmse(nominal),
         rate_ci95_halfwidth=Z_95 * float(np.mean(flowing)) if flowing.size else math.nan,
     )

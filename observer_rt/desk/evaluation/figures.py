@@ -284,8 +284,8 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
     if curve.reference is not None:
         reference_rate = curve.reference / MM3_PER_MS
         axes.plot(time, reference_rate, color=colour or REFERENCE, lw=wide, alpha=alpha, label=reference)
-    if curve.sigma is not None and colour is None:
-        low, high = ((curve.estimated + side * Z_95 * curve.sigma) / MM3_PER_MS for side in (-1, 1))
+    if curve.sigma is not None and curve.corrected is not None and colour is None:
+        low, high = ((curve.corrected + side * Z_95 * curve.sigma) / MM3_PER_MS for side in (-1, 1))
         axes.fill_between(time, low, high, color=ESTIMATED, alpha=0.2, lw=0, label="its 95 % interval")
     estimates = [(curve.estimated, 1.4, "observer")]
     if curve.corrected is not None and np.isfinite(curve.corrected).any():

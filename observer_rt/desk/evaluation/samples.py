@@ -140,7 +140,7 @@ class HistorySamples:
         first, last = (run.number + index - run.first_index for index in (report.start_index, report.end_index))
         held = self.held
         window = trace_of(held[slice(*np.searchsorted(held.number, [first, last + 1]))])
-        for name, course in (("injection_rate_sigma", report.rate_sigma), ("corrected_rate", report.corrected_rate)):
+        for name, course in (("corrected_rate_sigma", report.rate_sigma), ("corrected_rate", report.corrected_rate)):
             if course is not None:
                 window[name] = course[window.number - first]
         start, end = (self._time(run, number) for number in (first, last))

@@ -19,7 +19,7 @@ NUMBER = "%.9g"
 _COLUMNS = (
     WrittenColumn("time_s", "time", "s", NUMBER),
     WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", NUMBER),
-    WrittenColumn("injection_rate_sigma_mm3_per_ms", "injection_rate_sigma", "mm3/ms", NUMBER),
+    WrittenColumn("corrected_rate_sigma_mm3_per_ms", "corrected_rate_sigma", "mm3/ms", NUMBER),
     WrittenColumn("corrected_rate_mm3_per_ms", "corrected_rate", "mm3/ms", NUMBER),
     WrittenColumn("nominal_rate_mm3_per_ms", "nominal_rate", "mm3/ms", NUMBER),
     WrittenColumn("open_loop_rate_mm3_per_ms", "open_loop_rate", "mm3/ms", NUMBER),
@@ -37,7 +37,7 @@ SAMPLE = np.dtype(
         ("line_pressure", np.float64),  # normalised, as the observer was given it
         ("measured_rate", np.float64),  # m3/s
         ("injection_rate", np.float64),  # m3/s
-        ("injection_rate_sigma", np.float64),  # m3/s, over windows of injections that were learned from
+        ("corrected_rate_sigma", np.float64),  # m3/s, over windows of injections that were learned from
         ("corrected_rate", np.float64),  # m3/s, by the injection's own pressures; there, too
         ("nominal_rate", np.float64),  # m3/s, by the model with phi = 0 on the same frames
         ("open_loop_rate", np.float64),  # m3/s, of x^

@@ -31,8 +31,7 @@ class Resimulation:
     """An event re-simulated with the theta learned up to and from it, and the uncertainty of its rate.
 
     run: over the event's window; by_inputs: variance by the noise of the inputs; covariance (m, m): of the error of
-    the theta of the run; carried_covariance (m, m): of the theta in force when the rate was published; interval: of
-    the samples [s]; systematic, unknown: error of the model as a share of the volume (one sigma), on a healthy
+    the theta of the run; interval: of the samples [s]; systematic, unknown: error of the model as a share of the volume (one sigma), on a healthy
     injector and on this one by recent events; calibration: of the level, which no event shows; moved: share by which
     the mean over all explanations of the event is larger than the run.
     """
@@ -40,7 +39,6 @@ class Resimulation:
     run: OpenLoop
     by_inputs: InputVariance
     covariance: NDArray[np.float64]
-    carried_covariance: NDArray[np.float64]
     interval: float
     systematic: float = 0.0
     unknown: float = 0.0
@@ -79,12 +77,11 @@ def resimulated(
     noise: NoiseLevels,
     theta: NDArray[np.float64],
     covariance: NDArray[np.float64],
-    carried_covariance: NDArray[np.float64],
 ) -> Resimulation:
-    """Re-simulate an event with the theta (m,) learned from it; covariances (m, m) as in `Resimulation`."""
+    """Re-simulate an event with the theta (m,) learned from it, with an error covariance (m, m)."""
     run = open_loop(window, setting, theta)
     by_inputs = input_variance(window, run, setting, noise)
-    return Resimulation(run, by_inputs, covariance, carried_covariance, setting.interval)
+    return Resimulation(run, by_inputs, covariance, setting.interval)
 
 
 def volume_interval(event: Resimulation, window: slice) -> tuple[float, float]:
@@ -107,9 +104,9 @@ def volume_budget(event: Resimulation, window: slice) -> VolumeBudget:
 
 
 def rate_sigma(event: Resimulation, window: slice) -> NDArray[np.float64]:
-    """Standard deviation [m3/s] of the rate published at the samples of a window of the event."""
+    """Standard deviation [m3/s] of `corrected_rate`."""
     slopes = event.run.slopes[window]
-    by_parameters = ((slopes @ event.carried_covariance) * slopes).sum(axis=1)
+    by_parameters = ((slopes @ event.covariance) * slopes).sum(axis=1)
     by_hold = HOLD_SHARE * np.gradient(event.run.rate)[window]
     by_model = math.hypot(event.model_share, event.calibration.rate) * event.run.rate[window]
     variance = by_parameters + event.by_inputs.rate[window] + by_hold**2 + by_model**2

@@ -64,7 +64,7 @@ class InjectionReport:
     the middle of the injection. `volume` [m3] and `mass` [kg] are those by its own pressures, where its event was
     learned from, as are `mass_ci95` [kg] and, at the n samples of its window, `corrected_rate` (n,) [m3/s]. Else they
     are of the live rate, as `live_mass` [kg] and `peak_rate` [m3/s] always are, nan when some sample had no rate;
-    `rate_sigma` (n,) [m3/s]: standard deviation of the live rate; `rail_pressure` [Pa] at the opening;
+    `rate_sigma` (n,) [m3/s]: standard deviation of `corrected_rate`; `rail_pressure` [Pa] at the opening;
     `density` [kg/m3] and `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is
     None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which the flow
     was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty where

@@ -34,12 +34,12 @@ class Run:
     truth: Truth
 
     def errors(self, report: InjectionReport) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Error of the published rate and its sigma [m3/s] while it flows in an injection's window."""
+        """Error of the corrected rate and its sigma [m3/s] while it flows in an injection's window."""
         window = slice(report.start_index, report.end_index + 1)
         trace = self.evaluation.trace
-        flowing = trace.injection_rate[window] > 1e-6
-        error = trace.injection_rate[window] - self.truth.injection_rate[window]
-        return error[flowing], trace.injection_rate_sigma[window][flowing]
+        flowing = trace.corrected_rate[window] > 1e-6
+        error = trace.corrected_rate[window] - self.truth.injection_rate[window]
+        return error[flowing], trace.corrected_rate_sigma[window][flowing]
 
     def masses(self, report: InjectionReport) -> tuple[float, float, float]:
         """Ends of the interval of an injection's mass, and the true one [kg]."""
@@ -168,7 +168,7 @@ def test_twice_the_noise_widens_both_intervals() -> None:
 
 def test_no_interval_where_nothing_was_learned() -> None:
     made = run(3, 0.3, learning=False)
-    assert np.isnan(made.evaluation.trace.injection_rate_sigma).all()
+    assert np.isnan(made.evaluation.trace.corrected_rate_sigma).all()
     for injection in recording_json(made.evaluation, C)["injections"]:
         assert injection["rate_ci95_halfwidth_mm3_per_ms"] is None
         assert injection["mass_ci95_mg"] is None
@@ -176,12 +176,12 @@ def test_no_interval_where_nothing_was_learned() -> None:
 
 def test_rate_has_a_sigma_in_the_windows_of_injections_only() -> None:
     made = run(3, 0.3)
-    sigma = made.evaluation.trace.injection_rate_sigma
+    sigma = made.evaluation.trace.corrected_rate_sigma
     expected = np.zeros(sigma.size, np.bool_)
     for report in made.evaluation.reports:
         expected[report.start_index : report.end_index + 1] = True
     np.testing.assert_array_equal(~np.isnan(sigma), expected)
-    shut = expected & (made.evaluation.trace.injection_rate == 0.0)
+    shut = expected & (made.evaluation.trace.corrected_rate == 0.0)
     assert shut.any()
     assert sigma[shut].max() < 1e-7  # m3/s: with a shut needle nothing flows
 
@@ -192,6 +192,6 @@ def test_mean_half_width_of_the_rate_in_the_document() -> None:
     for result, injection in zip(made.evaluation.injections, document["injections"], strict=True):
         window = slice(result.report.start_index, result.report.end_index + 1)
         flows = made.evaluation.trace.injection_rate[window] != 0.0
-        mean = 1.96 * made.evaluation.trace.injection_rate_sigma[window][flows].mean()
+        mean = 1.96 * made.evaluation.trace.corrected_rate_sigma[window][flows].mean()
         assert injection["rate_ci95_halfwidth_mm3_per_ms"] == pytest.approx(mean / 1e-6)
     assert injection["rate_ci95_halfwidth_mm3_per_ms"] < 1.5

@@ -84,7 +84,7 @@ def test_the_frames_of_a_log_give_what_the_recording_gives(write: Write) -> None
     assert history.frames == expected().frames
     assert len(history.evaluations[0].reports) == 3
     all_samples = expected().evaluations[0].trace
-    for name in ("injection_rate", "injection_rate_sigma", "nominal_rate", "valid", "state", "x", "phi"):
+    for name in ("injection_rate", "corrected_rate_sigma", "nominal_rate", "valid", "state", "x", "phi"):
         np.testing.assert_array_equal(history.evaluations[0].trace[name][: len(all_samples)], all_samples[name])
 
 

@@ -29,7 +29,7 @@ def event(seed: int) -> Resimulation:
         fullness=np.zeros(SAMPLES),
     )
     exact = InputVariance(np.zeros(SAMPLES), np.zeros(SAMPLES))
-    return Resimulation(run, exact, NOTHING, NOTHING, INTERVAL)
+    return Resimulation(run, exact, NOTHING, INTERVAL)
 
 
 def test_volume_without_doubt_about_parameters_and_inputs() -> None:
@@ -59,11 +59,11 @@ def test_width_of_the_volume_follows_from_parameters_and_inputs() -> None:
     assert np.mean((low < volumes) & (volumes < high)) == pytest.approx(0.95, abs=0.01)
 
 
-def test_sigma_of_the_published_rate_is_that_of_the_parameters_it_was_published_with() -> None:
-    """Not that of parameters learned later; checked away from steep ramps, with input noise on top."""
+def test_sigma_of_the_corrected_rate_is_that_of_the_parameters() -> None:
+    """Checked away from steep ramps, with input noise on top."""
     random = np.random.default_rng(5)
     root = 0.2 * random.normal(size=(SIZE, SIZE))
-    spread = replace(event(5), covariance=1e6 * np.eye(SIZE), carried_covariance=root @ root.T)
+    spread = replace(event(5), covariance=root @ root.T)
     spread.by_inputs.rate[:] = (2e-6) ** 2
     rates = spread.run.slopes @ (root @ random.normal(size=(SIZE, 20_000)))
     rates += 2e-6 * random.normal(size=rates.shape)

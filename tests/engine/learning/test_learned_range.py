@@ -77,7 +77,7 @@ def flow_known_by(
     covariance = np.zeros((PARAMETERS, PARAMETERS))
     for column, sigma in sigmas.items():
         covariance[column, column] = sigma**2
-    event = Resimulation(run, InputVariance(nothing, nothing), covariance, covariance, 1e-5)
+    event = Resimulation(run, InputVariance(nothing, nothing), covariance, 1e-5)
     return known_flow(event, np.zeros(PARAMETERS), covariance, learned_at)
 
 

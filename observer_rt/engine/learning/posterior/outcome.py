@@ -213,7 +213,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     # before anything was learned the best explanation is carried, though it is not believed
     theta = explanation.theta if learned.is_prior else learned.theta
     covariance = learned.gated.covariance
-    again = resimulated(explained.window, setting, explained.state.noise, theta, covariance, covariance)
+    again = resimulated(explained.window, setting, explained.state.noise, theta, covariance)
     mass = mass_of(explained.window, setting, theta, again)
     look_alikes = look_alikes_in(explained, again, reader)
     account = explained.state.account
@@ -235,7 +235,6 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     again = replace(
         again,
         covariance=covariance,
-        carried_covariance=learned.gated.carried(event.in_force) + by_coil,
         systematic=math.hypot(systematic, state.lag_doubt.volume_share),
         unknown=shares.remainder,
         moved=shares.moved,

@@ -35,7 +35,7 @@ cdef double BELIEVED = 0.5  # weight of the filter by which the injector is as b
 
 
 cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows) noexcept nogil:
-    """For how long the flow, if there is any, is known at the rail pressure of a sample: when either may have changed."""
+    """For how long the flow is known at the rail pressure of a sample: when either may have changed."""
     cdef int64_t place = <int64_t> (observer.ring[position & MASK].rail_pressure / RAIL_BIN)
     point = &observer.memory.operating_point
     place = min(max(place, <int64_t> 0), <int64_t> RAIL_BINS - 1)

@@ -1,10 +1,10 @@
 # The live rate: a mixture of filters beside x^ that follow the running injection by its own line pressure.
 #
-# Each is an extended Kalman filter on z = [p_L, Q_L, p_S, r, s, indicated pressure]: r and s are what nozzle and seat pass
-# more than the model with phi, as shares of the model's; 0 at an opening from rest, random walks while the needle is open.
-# The filters differ in how far and how fast these may go, and weigh by the likelihood of the line pressure since the
-# opening. They are linearised together, at their mean. Line and sensor are as believed: what one of them does is taken
-# for a flow here, and only the event's own fit tells them apart.
+# Each is an extended Kalman filter on z = [p_L, Q_L, p_S, r, s, indicated pressure]: r and s are what nozzle and seat
+# pass more than the model with phi, as shares of the model's; 0 at an opening from rest, random walks while the needle
+# is open. The filters differ in how far and how fast these may go, and weigh by the likelihood of the line pressure
+# since the opening. They are linearised together, at their mean. Line and sensor are as believed: what one of them does
+# is taken for a flow here, and only the event's own fit tells them apart.
 
 cdef double WALK_STEP = 1e-5  # s, for which the walks are given
 cdef double[FILTERS][4] WIDTHS = [  # sd at the opening of r and s, walk of r and s in a step
@@ -14,7 +14,7 @@ cdef double[FILTERS][4] WIDTHS = [  # sd at the opening of r and s, walk of r an
 ]
 cdef double[FILTERS] ODDS = [0.98, 0.01, 0.01]
 cdef double LEAST_CHANGE = -0.9  # of r and s
-cdef double WHITE = 2.5  # mean square of healthy innovations, the scatter at edges included, of a model that leaves little
+cdef double WHITE = 2.5  # mean square of innovations, up to which a model leaves little of a healthy injector
 cdef int64_t[VALVE_NUMBERS] SPARE = [6] * 4  # column of what is not asked for
 cdef double[VALVE_NUMBERS] NO_SIZES  # zeros
 cdef int64_t[CURVES] NO_NEURONS  # zeros
@@ -32,7 +32,8 @@ cdef void _prepare_live(Stepping* s) noexcept nogil:
     t.theta.nozzle_bias, t.theta.seat_bias = OF_NOZZLE, OF_SEAT
     t.theta.nozzle, t.theta.valve, t.theta.valve_sizes = SPARE, SPARE, NO_SIZES
     g = &live.gradient
-    g.offset, g.sensor, g.before, g.indicated, g.error = SPARE[0], live.no_numbers, live.before, live.indicated, live.error
+    g.offset, g.sensor = SPARE[0], live.no_numbers
+    g.before, g.indicated, g.error = live.before, live.indicated, live.error
     live.network = s.network
     live.network.bias = live.bias
 

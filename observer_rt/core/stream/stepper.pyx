@@ -6,8 +6,7 @@ from libc.string cimport memcpy, memset
 
 from observer_rt.core.model.model cimport (
     Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, fault_and_rate, flow_slopes, follow_lift,
-    is_shut_under_terms,
-    needle_speed, predict, rest_line, shown_under_terms, trusted_under_terms, under_terms, valve_at
+    is_shut_under_terms, needle_speed, predict, rest_line, shown_under_terms, trusted_under_terms, under_terms, valve_at
 )
 from observer_rt.core.model.records cimport (
     BY_NOZZLE, BY_SEAT, SAC, Coefficients, FlowSlopes, Forced, Forcing, Inputs, Interval, Knot, Network, inputs_of,

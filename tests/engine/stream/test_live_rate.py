@@ -49,8 +49,8 @@ def reference_rates(stream: Stream, first: int, count: int) -> Numbers:
     filters = []
     for odds, widths in zip(ODDS, AT_OPENING, strict=True):
         at_rest = (gain * variance, gain * variance * c.line.a3 / c.line.a1, 0.0)
-        start = np.append(rows["x_hat"][first], [0.0, 0.0])
-        filters.append(ReferenceFilter(start, np.diag([*at_rest, *np.square(widths)]), np.log(odds)))
+        z = np.append(rows["x_hat"][first], [0.0, 0.0])
+        filters.append(ReferenceFilter(z, np.diag([*at_rest, *np.square(widths)]), np.log(odds)))
     result = []
     for before, row in pairwise(rows[first : first + 1 + count]):
         start, end = ((float(sample["rail_pressure"]), float(sample["seat_area"])) for sample in (before, row))

@@ -23,10 +23,7 @@ _SENSORS = re.compile(r"\[signals\.(rail|line)_pressure\]\n")
 
 
 def bench_text(
-    messages: Mapping[str, str],
-    extra: str = "",
-    links: Mapping[str, str] | None = None,
-    rate: float = SAMPLE_RATE,
+    messages: Mapping[str, str], extra: str = "", links: Mapping[str, str] | None = None, rate: float = SAMPLE_RATE
 ) -> str:
     """A bench file with messages of our database for the roles, on buses of some names; rate [Hz]."""
     signals = "".join(

@@ -21,15 +21,7 @@ def write_bench(folder: Path) -> None:
 def make_log() -> Iterator[list[str]]:
     """Arguments of commands that simulate each injector, and make a log of its devices."""
     for name, wear in zip(NAMES, ("0.3", "0.1"), strict=True):
-        yield [
-            "simulate",
-            "--injections",
-            "4",
-            "--effect",
-            f"orifice_area:v_H={wear}",
-            "--output",
-            f"{name}.csv",
-        ]
+        yield ["simulate", "--injections", "4", "--effect", f"orifice_area:v_H={wear}", "--output", f"{name}.csv"]
         yield ["convert", f"{name}.csv", f"{name}.log", "--bench", "engine.toml", "--injector", name]
 
 

@@ -164,11 +164,7 @@ REASON_EDITS = (
         "}\n\nCOUNTERS",
         '    Reason.FUEL_HOT: Words("the fuel is too hot", "cool it"),\n}\n\nCOUNTERS',
     ),
-    (
-        "engine/stream/validity.py",
-        "\n\ndef state_of_service",
-        "    is_hot: bool = False\n\n\ndef state_of_service",
-    ),
+    ("engine/stream/validity.py", "\n\ndef state_of_service", "    is_hot: bool = False\n\n\ndef state_of_service"),
     (
         "engine/stream/validity.py",
         "    if surroundings.is_stale:",

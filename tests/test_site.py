@@ -18,13 +18,7 @@ FETCHED = re.compile(r"<(?:script|link|img|iframe|source)\b[^>]*\b(?:src|href)=\
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning_and_fetches_nothing(tmp_path: Path) -> None:
     built = subprocess.run(  # --strict: a link into nothing is an error
-        [
-            sys.executable,
-            *["-m", "mkdocs", "build", "--strict", "-f"],
-            str(CONFIGURATION),
-            "-d",
-            str(tmp_path),
-        ],
+        [sys.executable, *["-m", "mkdocs", "build", "--strict", "-f"], str(CONFIGURATION), "-d", str(tmp_path)],
         env=os.environ | {"PYTHONPATH": f"{ROOT}", "NO_MKDOCS_2_WARNING": "1"},
         capture_output=True,
         text=True,

@@ -113,9 +113,7 @@ def lift_id(number: int) -> int:
 def _database() -> str:
     """Ours at 50 kHz, with a block of needle lift and one of line pressure for each."""
     ours = re.sub(
-        r'(?m)^(BA_ "SamplePeriodNs" BO_ \d+) 10000;',
-        r"\1 20000;",
-        (PACKAGE_DATA / "observer_fd.dbc").read_text(),
+        r'(?m)^(BA_ "SamplePeriodNs" BO_ \d+) 10000;', r"\1 20000;", (PACKAGE_DATA / "observer_fd.dbc").read_text()
     )
     blocks = re.split(r"(?m)^(?=BO_ |CM_ |BA_ |BA_DEF|VAL_|SIG_)", ours)
     own = re.compile(rf'^((?:BO_|CM_ BO_|CM_ SG_|BA_ "\w+" BO_|BA_ "\w+" SG_) )({_LIFT}|{_LINE})( \w+Block(?=:))?')

@@ -59,14 +59,7 @@ class EvidenceKeeper:
         self.lost = 0
         """Events that could not be written, or not in time."""
         config = fitted.config.evidence
-        self._command = [
-            sys.executable,
-            "-m",
-            WRITER,
-            str(folder),
-            f"{config.most_mib}",
-            f"{config.per_point}",
-        ]
+        self._command = [sys.executable, "-m", WRITER, str(folder), f"{config.most_mib}", f"{config.per_point}"]
         self._folder = folder
         self._tell = tell
         self._model = {

@@ -14,14 +14,7 @@ from typing import NamedTuple
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.state_file import model_hash
-from observer_rt.engine.reports.injection_report import (
-    FIELDS,
-    InjectionReport,
-    Output,
-    Value,
-    columns_of,
-    row_of,
-)
+from observer_rt.engine.reports.injection_report import FIELDS, InjectionReport, Output, Value, columns_of, row_of
 from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import is_at

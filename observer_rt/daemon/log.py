@@ -166,10 +166,7 @@ class _Outlet:
         while (line := self._waiting.get()) is not None:
             try:
                 self._write(line)
-            except (
-                OSError,
-                ValueError,
-            ) as error:  # a full disk, a reader that is gone, a stream that was closed
+            except (OSError, ValueError) as error:  # a full disk, a reader that is gone, a stream that was closed
                 self._lose(str(error))
             else:
                 self._is_losing = False

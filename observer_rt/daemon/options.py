@@ -20,8 +20,7 @@ class RunOptions:
         ),
     ] = None
     journal: Annotated[
-        Path | None,
-        Option("SQLite file with one row per injection, saved as often as the state."),
+        Path | None, Option("SQLite file with one row per injection, saved as often as the state.")
     ] = None
     view: Annotated[bool, Option("Show the live terminal view.")] = False
     json: Annotated[bool, Option("Write every injection as a line of JSON to stdout.")] = False

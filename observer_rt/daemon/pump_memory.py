@@ -44,11 +44,7 @@ def make_pump(buses: int, watched: Sequence[MessageLayout], result: MessageLayou
         memory["flags"] = BIT_RATE_SWITCH if result.is_fd else 0
         memory["size"] = FD_MTU if result.is_fd else CLASSIC_MTU
     return Pump(
-        memory,
-        np.zeros(buses, BUS),
-        np.zeros(buses * ERRORS, ERROR),
-        arrivals,
-        np.zeros(WAITING * FD_MTU, np.uint8),
+        memory, np.zeros(buses, BUS), np.zeros(buses * ERRORS, ERROR), arrivals, np.zeros(WAITING * FD_MTU, np.uint8)
     )
 
 

@@ -19,15 +19,7 @@ from observer_rt.daemon.keeper import Keeper, UnsavedError, keeper_of, kept_file
 from observer_rt.daemon.log import EventLogger, Notifier, ServiceLog
 from observer_rt.daemon.options import RunOptions
 from observer_rt.daemon.reloading import Reloading
-from observer_rt.daemon.rights import (
-    REMEDY,
-    Processors,
-    hurry,
-    leave_to_loops,
-    lock_memory,
-    processors,
-    rights,
-)
+from observer_rt.daemon.rights import REMEDY, Processors, hurry, leave_to_loops, lock_memory, processors, rights
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.state_file import knowledge_beside, model_hash, restored_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge

@@ -36,13 +36,7 @@ from observer_rt.engine.reports.injection_report import (
     row_of,
 )
 from observer_rt.engine.reports.news import MeasuredMass, News, Notice
-from observer_rt.engine.service.injector import (
-    ComparedRate,
-    NominalInjection,
-    References,
-    calibration_of,
-    noise_text,
-)
+from observer_rt.engine.service.injector import ComparedRate, NominalInjection, References, calibration_of, noise_text
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
 from observer_rt.foundation.errors import REMEDY
@@ -204,9 +198,7 @@ class SnapshotKeeper:
     def _laws(self, knowledge: Knowledge) -> tuple[Mapping[str, Any], ...]:
         """Curves of what was learned, worked out once for each event."""
         if knowledge is not self._learned[0]:
-            from observer_rt.engine.learning.learned_curves import (
-                learned_curves,  # where a page asks for them
-            )
+            from observer_rt.engine.learning.learned_curves import learned_curves  # where a page asks for them
 
             self._learned = knowledge, tuple(curve.columns for curve in learned_curves(knowledge, self._c))
         return self._learned[1]

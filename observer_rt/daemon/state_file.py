@@ -37,10 +37,7 @@ LARGEST_FILE = 1 << 22  # bytes, far more than any state takes: a hypothesis is 
 _WHOLE = ("account", "noise", "events", "interval")
 """Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
 
-SERVO_KEYS = (
-    *("control_flow", "control_start", "control_end", "control_hold", "control_exponent"),
-    "displacement",
-)
+SERVO_KEYS = (*("control_flow", "control_start", "control_end", "control_hold", "control_exponent"), "displacement")
 _json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
 """Text of numbers, lists, mappings and arrays."""
 

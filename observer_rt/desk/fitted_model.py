@@ -6,13 +6,7 @@ from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
-from observer_rt.identification.fit.calibrate import (
-    CalibrationResult,
-    baseline_of,
-    calibrate,
-    rounded,
-    write_fitted,
-)
+from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, rounded, write_fitted
 from observer_rt.identification.fit.cross_validation import sensor_gain
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.likelihood.measurement import Measurement, without_gain

@@ -12,8 +12,7 @@ State = Annotated[Path | None, Option("Learned state to start from.")]
 FromChannel = Annotated[
     tuple[str, ...],
     Option(
-        "Channel with the inputs, where a CAN log has several; LINK=CHANNEL for one bus of [links].",
-        "[LINK=]CHANNEL",
+        "Channel with the inputs, where a CAN log has several; LINK=CHANNEL for one bus of [links].", "[LINK=]CHANNEL"
     ),
 ]
 Force = Annotated[bool, Option("Replace existing files.")]

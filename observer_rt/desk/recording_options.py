@@ -32,8 +32,7 @@ class EvaluateOptions:
         False
     )
     output: Annotated[
-        Path | None,
-        Option("Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR"),
+        Path | None, Option("Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR")
     ] = None
     plot: Annotated[Path | None, Option("Figure (png, svg, pdf): curves of some injections, masses, wear.")] = None
     from_channel: shared.FromChannel = ()

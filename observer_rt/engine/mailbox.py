@@ -72,12 +72,7 @@ def _loud(outcome: Outcome) -> float:
 
 
 def _post(
-    observer: Observer,
-    number: int,
-    kind: str,
-    objections: Sequence[Objection],
-    is_coloured: bool,
-    loud: float,
+    observer: Observer, number: int, kind: str, objections: Sequence[Objection], is_coloured: bool, loud: float
 ) -> None:
     """loud: as of `_loud`."""
     finding = observer.verdicts.slots[number % SLOTS][kind]

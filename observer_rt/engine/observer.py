@@ -190,12 +190,7 @@ def with_constants(observer: Observer, constants: Constants) -> Observer:
 def _bound_stepper(stream: Stream, constants: Constants, before: Stepper | None = None) -> Stepper:
     """Stepper of the pair by these constants from now on; before: what stepped it so far."""
     stepper = Stepper(
-        stream,
-        constants.coefficients,
-        constants.sensor,
-        constants.interval,
-        constants.substeps,
-        constants.program,
+        stream, constants.coefficients, constants.sensor, constants.interval, constants.substeps, constants.program
     )
     if before is not None:
         stepper.go_on_from(before)

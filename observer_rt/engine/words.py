@@ -84,19 +84,16 @@ REASONS: Mapping[Reason, Words] = {
         "the event contradicts what was learned before it", "wait: if it stays, it is learned"
     ),
     Reason.AMBIGUOUS_SCALE: Words(
-        "a changed line and a changed nozzle look alike here",
-        "vary the rail pressure; measure the fuel temperature",
+        "a changed line and a changed nozzle look alike here", "vary the rail pressure; measure the fuel temperature"
     ),
     Reason.UNTESTED: Words("the training in use has no test of its result", "update the observer that sends it"),
     Reason.TIME_BASE: Words(
-        "when samples were taken is in doubt",
-        "use one time base or an index; is a channel late? docs/time.md",
+        "when samples were taken is in doubt", "use one time base or an index; is a channel late? docs/time.md"
     ),
     Reason.REVISED: Words("learning from it changed its mass by too much", "update the observer that sends it"),
     Reason.INPUT_STALE: Words("one of the inputs stays away", "the log names its message: sensor, device, cable"),
     Reason.NOT_JUDGED: Words(
-        "the event could not be tested, so nothing is known of it",
-        "look for lost frames or a needle that stays open",
+        "the event could not be tested, so nothing is known of it", "look for lost frames or a needle that stays open"
     ),
     Reason.CONTRADICTED: Words(
         "the line pressure has left what the model can do",
@@ -106,8 +103,7 @@ REASONS: Mapping[Reason, Words] = {
         "another node sends what only this observer should", "stop it, or change its [outputs]"
     ),
     Reason.NO_STANDSTILL: Words(
-        "the needle is not shut long enough between injections",
-        "leave 3 ms of shut needle, at least now and then",
+        "the needle is not shut long enough between injections", "leave 3 ms of shut needle, at least now and then"
     ),
     Reason.LIFT_ZERO: Words(
         "the lift of the shut needle is more than 40 um from zero",
@@ -169,9 +165,7 @@ TOPICS: Mapping[Topic, TopicWords] = {
     ),
     Topic.SENDER: TopicWords("another node sends our identifiers", "as SECOND_SENDER", logging.WARNING),
     Topic.LINK: TopicWords(
-        "an interface awaited, in trouble or back; frames lost, results unsent",
-        "as the line says",
-        logging.WARNING,
+        "an interface awaited, in trouble or back; frames lost, results unsent", "as the line says", logging.WARNING
     ),
     Topic.KEPT: TopicWords("what is kept on disk: restored, set aside, saved, or not", "room and rights"),
     Topic.LEARNING: TopicWords("an event that was only examined", "as the line says", logging.WARNING),

@@ -112,9 +112,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalS
     mapping = injector.config.recording if injector is not None else None
     if path.name.endswith(TRUTH_SUFFIX):
         raise UserError(
-            str(path),
-            "is the truth behind a simulated recording, which is not for the observer",
-            "leave it out",
+            str(path), "is the truth behind a simulated recording, which is not for the observer", "leave it out"
         )
     with file_errors(path):
         stream: SignalStream

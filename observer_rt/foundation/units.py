@@ -30,23 +30,10 @@ PRESSURE_UNITS = {
 }
 LENGTH_UNITS = {"m": 1.0, "mm": MILLIMETRE, "um": MICROMETRE, "µm": MICROMETRE, "μm": MICROMETRE}
 MASS_UNITS = {"kg": 1.0, "g": 1e-3, "mg": MILLIGRAM, "mg/stroke": MILLIGRAM}
-TIME_UNITS = {
-    "s": 1.0,
-    "ms": MILLISECOND,
-    "us": MICROSECOND,
-    "µs": MICROSECOND,
-    "μs": MICROSECOND,
-    "ns": NANOSECOND,
-}
+TIME_UNITS = {"s": 1.0, "ms": MILLISECOND, "us": MICROSECOND, "µs": MICROSECOND, "μs": MICROSECOND, "ns": NANOSECOND}
 
 # value_si = value + origin; all have kelvins as steps
-TEMPERATURE_ORIGINS = {
-    "K": 0.0,
-    "degC": ZERO_CELSIUS,
-    "deg C": ZERO_CELSIUS,
-    "°C": ZERO_CELSIUS,
-    "C": ZERO_CELSIUS,
-}
+TEMPERATURE_ORIGINS = {"K": 0.0, "degC": ZERO_CELSIUS, "deg C": ZERO_CELSIUS, "°C": ZERO_CELSIUS, "C": ZERO_CELSIUS}
 
 _SPELLINGS = {  # in small letters, of units above
     "sec": "s",

@@ -55,11 +55,7 @@ def tangent_of(c: Coefficients, theta: ByTheta, columns: int) -> Tangent:
     nozzle = (theta.nozzle_bias, *theta.nozzle, *range(theta.nozzle_weight, theta.nozzle_weight + of_nozzle))
     seat = (theta.seat_bias, *range(theta.seat_weight, theta.seat_weight + of_seat))
     parts = np.zeros(m, np.uint8)
-    for part, acting in (
-        (BY_NOZZLE, nozzle),
-        (BY_SEAT, seat),
-        (BY_LINE, (*theta.line_columns, *theta.valve)),
-    ):
+    for part, acting in ((BY_NOZZLE, nozzle), (BY_SEAT, seat), (BY_LINE, (*theta.line_columns, *theta.valve))):
         parts[list(acting)] |= part
     return Tangent(
         np.zeros((n, m)),

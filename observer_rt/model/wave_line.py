@@ -20,15 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import (
-    MEMORIES,
-    STEP,
-    WAVE,
-    fading_of,
-    pull_of,
-    steps_in,
-    value_across_joint,
-)
+from observer_rt.core.model.model import MEMORIES, STEP, WAVE, fading_of, pull_of, steps_in, value_across_joint
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.hydraulics import control_flow_at_scale
 from observer_rt.model.line import STIFFNESS_PRESSURE, register

@@ -48,10 +48,7 @@ def test_frames_cost_no_memory(tmp_path: Path) -> None:
 
     def run(frames: int) -> tuple[int, int, int]:
         done = subprocess.run(
-            [sys.executable, "-c", PROGRAM, library, str(frames)],
-            capture_output=True,
-            text=True,
-            env=environment,
+            [sys.executable, "-c", PROGRAM, library, str(frames)], capture_output=True, text=True, env=environment
         )
         assert done.returncode == 0, done.stderr
         taken, made, processed = map(int, done.stdout.split())

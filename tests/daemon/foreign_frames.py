@@ -64,11 +64,5 @@ def multiplexed_frames(data: Recording) -> Iterator[TimedFrame]:
                     values[f"ADC_{name}_{k}"] = float(getattr(data, role)[first + k]) / unit
                 yield encoded(message, values)
         if first % 60 == 0:
-            slow = {
-                "ADC_Channel": 15,
-                "ADC_Overrange": 0,
-                "ADC_Time": first,
-                "ADC_Page": 0,
-                "ADC_Temperature": 42.0,
-            }
+            slow = {"ADC_Channel": 15, "ADC_Overrange": 0, "ADC_Time": first, "ADC_Page": 0, "ADC_Temperature": 42.0}
             yield encoded(message, slow)

@@ -11,20 +11,9 @@ from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS
-from observer_rt.engine.learning.account import (
-    Account,
-    MassDoubt,
-    Overdispersion,
-    Scatter,
-    UnexplainedPressure,
-)
+from observer_rt.engine.learning.account import Account, MassDoubt, Overdispersion, Scatter, UnexplainedPressure
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
-from observer_rt.engine.learning.disturbances.coil_current import (
-    CoilCurrent,
-    CoilPulse,
-    EdgeSearch,
-    Energizing,
-)
+from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilPulse, EdgeSearch, Energizing
 from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail, TimeJitter
 from observer_rt.engine.learning.disturbances.masks import OutlierSearch
 from observer_rt.engine.learning.hypotheses import Mode, Possibility, Velocity
@@ -61,8 +50,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         learned_at=tuple(EventPoint(*point) for point in random.uniform(-1.0, 1.0, (3, 3)).tolist()),
         colour=Colour(
             Whitening(
-                forgetting=0.96 if random.random() < 0.5 else None,
-                taps=random.normal(size=random.integers(ORDERS)),
+                forgetting=0.96 if random.random() < 0.5 else None, taps=random.normal(size=random.integers(ORDERS))
             ),
             interval=1e-5,
             sigma=float(random.uniform(5e-4, 2e-3)),

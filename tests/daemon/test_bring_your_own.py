@@ -23,14 +23,7 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.model.effects import sized
 from tests.benches import sample_bench
-from tests.daemon.foreign_frames import (
-    DATABASES,
-    INJECTIONS,
-    classic_frames,
-    database,
-    fd_frames,
-    multiplexed_frames,
-)
+from tests.daemon.foreign_frames import DATABASES, INJECTIONS, classic_frames, database, fd_frames, multiplexed_frames
 from tests.daemon.participants import HeardDaemon, ScriptedLink, serving, until
 from tests.device import Device, Result, frames_of, run, simulated
 

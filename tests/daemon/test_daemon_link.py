@@ -144,10 +144,7 @@ def test_results_over_four_buses_equal_those_of_one(
     request: pytest.FixtureRequest, tmp_path: Path, interface: str
 ) -> None:
     """Played as fast as it goes, frames wait in the drivers; on real interfaces no faster than they take."""
-    channels, speed = (
-        [f"{uuid.uuid4().hex[:8]}-{name}" for name in ("rail", "lift", "line", "results")],
-        math.inf,
-    )
+    channels, speed = ([f"{uuid.uuid4().hex[:8]}-{name}" for name in ("rail", "lift", "line", "results")], math.inf)
     if interface == "socketcan":
         further = request.getfixturevalue("interfaces")
         channels, speed = [request.getfixturevalue("vcan"), *(each.name for each in further)], 0.05

@@ -128,9 +128,6 @@ def test_a_folder_belongs_to_one_daemon(bench: Bench, tmp_path: Path) -> None:
     assert not is_written(folder / OBSERVER)
     with evidence_keeper(bench.injector, folder, print):
         assert is_written(folder / OBSERVER)
-        with (
-            pytest.raises(UserError, match="in use by process"),
-            evidence_keeper(bench.injector, folder, print),
-        ):
+        with pytest.raises(UserError, match="in use by process"), evidence_keeper(bench.injector, folder, print):
             pass
     assert not is_written(folder / OBSERVER)

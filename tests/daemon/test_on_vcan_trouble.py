@@ -41,10 +41,7 @@ def unplugged(interface: OwnInterface, until_noticed: Callable[[], None]) -> Non
     ("outage", "said"), [(taken_down, "vcan9 is down"), (unplugged, "there is no interface vcan9")]
 )
 def test_the_daemon_stays_and_goes_on(
-    own_interface: OwnInterface,
-    tmp_path: Path,
-    outage: Callable[[OwnInterface, Callable[[], None]], None],
-    said: str,
+    own_interface: OwnInterface, tmp_path: Path, outage: Callable[[OwnInterface, Callable[[], None]], None], said: str
 ) -> None:
     name = own_interface.name
     path = bench_file(tmp_path, name, "socketcan")

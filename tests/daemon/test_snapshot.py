@@ -17,15 +17,7 @@ from observer_rt.engine.reports.news import MeasuredMass, Notice
 from observer_rt.engine.words import Topic
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
-from tests.daemon.participants import (
-    HeardDaemon,
-    ScriptedLink,
-    TroubledLink,
-    bench_file,
-    drawn,
-    serving,
-    until,
-)
+from tests.daemon.participants import HeardDaemon, ScriptedLink, TroubledLink, bench_file, drawn, serving, until
 from tests.device import frames_of, worn_recording
 
 WEAR = 0.2

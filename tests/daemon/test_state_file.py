@@ -14,12 +14,7 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.daemon.array_texts import ArrayTexts
-from observer_rt.daemon.state_file import (
-    RestoredKnowledge,
-    load_knowledge,
-    model_hash,
-    save_knowledge,
-)
+from observer_rt.daemon.state_file import RestoredKnowledge, load_knowledge, model_hash, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
@@ -167,10 +162,7 @@ NOT_RESTORED = {
     "short mean": (put(*MEAN, value=[0.0] * (PARAMETERS - 1)), "learned.belief.mean: shape"),
     "flat covariance": (put(*COVARIANCE, value=[1.0] * PARAMETERS), "shape"),
     "no such text": (put(*COVARIANCE, value={"array": 99}), "not as expected"),
-    "ragged": (
-        put(*COVARIANCE, value=[[1.0], [1.0, 2.0]]),
-        "(account.hypotheses.0.learned.belief.covariance",
-    ),
+    "ragged": (put(*COVARIANCE, value=[[1.0], [1.0, 2.0]]), "(account.hypotheses.0.learned.belief.covariance"),
     "text": (put(*MEAN, value="none"), "not as expected (account.hypotheses.0.learned.belief.mean"),
     "nan": (put(*MEAN, 0, value=float("nan")), "not as expected"),
     "too large a number": (put(*MEAN, 0, value=10**400), "not as expected"),

@@ -98,18 +98,11 @@ def three_clocks(rate: float, drift: float) -> list[StampedFrame]:
 
 
 def worn(
-    name: str,
-    signals: dict[str, str],
-    frames: Callable[[float, float], list[StampedFrame]],
-    rate: float,
-    ppm: float,
+    name: str, signals: dict[str, str], frames: Callable[[float, float], list[StampedFrame]], rate: float, ppm: float
 ) -> Scenario:
     """A worn injector that the service learns, two clocks running apart by `ppm`."""
     good = Scenario(
-        f"{name} {rate / 1e3:g} kHz, {ppm:g} ppm, worn, learning",
-        "2",
-        signals,
-        lambda: frames(rate, ppm * 1e-6),
+        f"{name} {rate / 1e3:g} kHz, {ppm:g} ppm, worn, learning", "2", signals, lambda: frames(rate, ppm * 1e-6)
     )
     volume, rmse = BARS[rate]
     good = replace(good, volume_error=volume, rmse=rmse, sample_error=STEEPEST)

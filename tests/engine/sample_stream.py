@@ -121,13 +121,7 @@ class Stream:
             piece = slice(k, k + PIECE)
             begins = int(broken) if k == 0 else 0
             _push_all(
-                self.observer,
-                first + k,
-                rail[piece],
-                lift[piece],
-                line[piece],
-                begins,
-                (lift_after, rail_share),
+                self.observer, first + k, rail[piece], lift[piece], line[piece], begins, (lift_after, rail_share)
             )
             self._advance()
         self._next_index = first + rail.size

@@ -53,14 +53,7 @@ class _File:
         return self.block("CC", [0] * 4, struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, offset, factor))
 
     def channel(
-        self,
-        name: str,
-        kind: int,
-        data_type: int,
-        bits: int,
-        position: int,
-        conversion: int = 0,
-        data: int = 0,
+        self, name: str, kind: int, data_type: int, bits: int, position: int, conversion: int = 0, data: int = 0
     ) -> int:
         """A channel at a place [bits] of the record."""
         sync = 1 if kind == MASTER else 0
@@ -143,12 +136,7 @@ def write_logger_file(
 
 
 def _records(
-    frames: list[LogFrame],
-    fields: list[Field],
-    start_ns: int,
-    errors: int,
-    data_width: int | None,
-    id_size: int,
+    frames: list[LogFrame], fields: list[Field], start_ns: int, errors: int, data_width: int | None, id_size: int
 ) -> tuple[bytes, int, int]:
     """All records one after the other, the size of one with a frame, and the bytes of data of variable length."""
     records = bytearray()

@@ -59,8 +59,7 @@ def test_a_bench_with_one_bus_takes_any_channel(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("suffix", "channels"),
-    [(".log", ("vcan0", "vcan1")), (".log", ("can0",)), (".blf", ("3", "5"))],
+    ("suffix", "channels"), [(".log", ("vcan0", "vcan1")), (".log", ("can0",)), (".blf", ("3", "5"))]
 )
 def test_where_it_is_not_clear_the_remedy_says_how(tmp_path: Path, suffix: str, channels: tuple[str, ...]) -> None:
     with pytest.raises(UserError, match="is not clear") as raised:

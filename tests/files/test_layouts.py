@@ -57,10 +57,7 @@ def test_a_section_reads_what_headings_do_not_say(tmp_path: Path) -> None:
     path, bench = tmp_path / "a.csv", tmp_path / "bench.toml"
     path.write_text(text(OURS, ("a", "b", "c", "d"), time=1e3, form=".5f"))
     columns = zip(
-        ("time", "rail_pressure", "needle_lift", "line_pressure"),
-        "abcd",
-        ("ms", "bar", "um", "bar"),
-        strict=True,
+        ("time", "rail_pressure", "needle_lift", "line_pressure"), "abcd", ("ms", "bar", "um", "bar"), strict=True
     )
     sections = (f'[recording.{name}]\ncolumn = "{at}"\nunit = "{unit}"\n' for name, at, unit in columns)
     bench.write_text("[sampling]\nrate_hz = 50e3\n[recording]\n" + "".join(sections))

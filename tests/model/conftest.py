@@ -64,11 +64,7 @@ def advanced_over(
 
 
 def physical_rates(
-    x: tuple[float, float, float],
-    u: tuple[float, float],
-    v_h: float,
-    v_s: float,
-    injector: InjectorParameters,
+    x: tuple[float, float, float], u: tuple[float, float], v_h: float, v_s: float, injector: InjectorParameters
 ) -> tuple[tuple[float, float, float], float]:
     """(19)-(23) in SI units with wear, normalised at the end; and Q_H [m3/s]."""
     fluid, line, seat, nozzle = injector.fluid, injector.line, injector.seat, injector.nozzle

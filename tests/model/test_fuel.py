@@ -42,10 +42,7 @@ def test_without_a_reference_it_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("changes", "cause"),
-    [
-        ({"bulk_modulus_slope": -2e7}, "bulk_modulus_slope"),
-        ({"thermal_expansion": 9e-3}, "thermal_expansion"),
-    ],
+    [({"bulk_modulus_slope": -2e7}, "bulk_modulus_slope"), ({"thermal_expansion": 9e-3}, "thermal_expansion")],
 )
 def test_a_law_that_leaves_no_fuel_is_refused(changes: dict[str, float], cause: str) -> None:
     with pytest.raises(UserError, match=cause):

@@ -37,11 +37,7 @@ def networks(draw: st.DrawFn) -> Network:
 @over_forms
 @given(x=STATES, u=INPUTS, v_h=CHANGE, v_s=CHANGE)
 def test_equations_are_those_in_physical_units(
-    injector: InjectorParameters,
-    x: tuple[float, float, float],
-    u: tuple[float, float],
-    v_h: float,
-    v_s: float,
+    injector: InjectorParameters, x: tuple[float, float, float], u: tuple[float, float], v_h: float, v_s: float
 ) -> None:
     c = coefficients(injector)
     network = constant_network(v_h, v_s)

@@ -138,14 +138,7 @@ def line_stiffness(p: float, part: Injector, faults: Faults) -> float:
 
 @njit(cache=True, nogil=True)
 def _sac_after(
-    p_s0: float,
-    fixed: float,
-    half: float,
-    p_l: float,
-    p_c: float,
-    lift: float,
-    part: Injector,
-    faults: Faults,
+    p_s0: float, fixed: float, half: float, p_l: float, p_c: float, lift: float, part: Injector, faults: Faults
 ) -> float:
     """Sac pressure p that solves p = p_s0 + fixed + half (Q_S(p) - Q_H(p)); Newton, kept in its bracket."""
     seat = seat_factor(lift, part, faults)
@@ -239,14 +232,7 @@ def is_shut(p_s: float, end: float, begin: float, strokes: Array, remembered: fl
 
 @njit(cache=True, nogil=True)
 def run(
-    part: Injector,
-    faults: Faults,
-    laws: Laws,
-    beyond: bool,
-    strokes: Array,
-    drive: Rail,
-    state: State,
-    result: Array,
+    part: Injector, faults: Faults, laws: Laws, beyond: bool, strokes: Array, drive: Rail, state: State, result: Array
 ) -> None:
     """Integrate over the samples of the rail pressure; beyond: whether there is any law.
 

@@ -63,6 +63,5 @@ class Faults(NamedTuple):
 def with_faults(part: Injector, faults: Faults) -> Injector:
     """The injector with those of its own numbers that the faults change."""
     return part._replace(
-        density=part.density * (1.0 + faults.fuel_density),
-        line_volume=part.line_volume * (1.0 + faults.line_volume),
+        density=part.density * (1.0 + faults.fuel_density), line_volume=part.line_volume * (1.0 + faults.line_volume)
     )

@@ -12,16 +12,7 @@ from tests.plants.equations import Rail
 from tests.plants.parameters import Faults
 from tests.plants.plant import Bench, Event, Needle, Outcome, Shot, record, strokes_of
 from tests.plants.test_plant import ringing_frequency
-from tests.plants.wave import (
-    KAGAWA_RATES,
-    KAGAWA_SHARES,
-    LINES,
-    Variant,
-    WaveLine,
-    WavePlant,
-    lattice_of,
-    new_part,
-)
+from tests.plants.wave import KAGAWA_RATES, KAGAWA_SHARES, LINES, Variant, WaveLine, WavePlant, lattice_of, new_part
 from tests.plants.wave_equations import STEPS
 
 EVENT = Event(100e6, (Shot(0.0, 1.2e-3),), Faults())

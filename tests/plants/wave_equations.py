@@ -64,13 +64,7 @@ def _through_seat(difference: float, resistance: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _implicit(
-    gallery: float,
-    sac: float,
-    gallery_gain: float,
-    sac_gain: float,
-    lift: float,
-    part: Injector,
-    faults: Faults,
+    gallery: float, sac: float, gallery_gain: float, sac_gain: float, lift: float, part: Injector, faults: Faults
 ) -> tuple[float, float]:
     """Seat and nozzle flow [m3/s] that solve p_L = gallery - gallery_gain Q_S and p_S = sac + sac_gain (Q_S - Q_H).
 

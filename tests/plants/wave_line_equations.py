@@ -58,14 +58,7 @@ class WaveState(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def line_rates(
-    y: Array,
-    rate: Array,
-    pull: Array,
-    rail: float,
-    drain: float,
-    lattice: Lattice,
-    part: Injector,
-    faults: Faults,
+    y: Array, rate: Array, pull: Array, rail: float, drain: float, lattice: Lattice, part: Injector, faults: Faults
 ) -> None:
     """Time derivative of flows, pressures and the gallery's pressure (2 n + 1,) into `rate`.
 

@@ -12,17 +12,7 @@ import typer
 
 import tools.benchmarks.__main__  # noqa: F401
 from observer_rt.foundation.errors import RunError
-from tools.benchmarks.campaign import (
-    CHANCE,
-    Bar,
-    Row,
-    chance_of_95,
-    conclude,
-    frame_of,
-    judged,
-    run_cases,
-    table,
-)
+from tools.benchmarks.campaign import CHANCE, Bar, Row, chance_of_95, conclude, frame_of, judged, run_cases, table
 
 ROWS: list[Row] = [
     {"label": "a 0", "kind": "a", "errors": [1.0, -3.0], "right": True, "wide": None},

@@ -90,11 +90,7 @@ def findings_of(parts: Parts) -> list[Row]:
         {
             "id": name,
             "parameters": {
-                p.name: {
-                    "value": v / p.si,
-                    "ci95": sorted((v / p.si * 0.99, v / p.si * 1.01)),
-                    "unit": p.unit,
-                }
+                p.name: {"value": v / p.si, "ci95": sorted((v / p.si * 0.99, v / p.si * 1.01)), "unit": p.unit}
                 for p, v in zip(VOCABULARY[name].parameters, values, strict=True)
             },
             "confidence": 0.95,

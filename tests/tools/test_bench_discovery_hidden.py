@@ -34,8 +34,7 @@ def test_every_effect_of_the_vocabulary_is_hidden_within_its_bounds() -> None:
 
 @pytest.mark.parametrize("with_rate", [False, True])
 @pytest.mark.parametrize(
-    "name",
-    [HEALTHY, "lift_offset", "bulk_modulus", "line_pressure_sensor_lag", "channel_skew", "fuel_density"],
+    "name", [HEALTHY, "lift_offset", "bulk_modulus", "line_pressure_sensor_lag", "channel_skew", "fuel_density"]
 )
 def test_oracle_is_white_with_the_true_effect(name: str, with_rate: bool) -> None:
     case = cases_of(name, with_rate, 2)[1]

@@ -30,11 +30,7 @@ def mass_share(kind: Kind, point: tuple[float, float] = POINT) -> float:
         (Kind(laws=Laws(seat_choking=0.5)), 0.95, 0.995),
         (Kind(laws=Laws(seat_choking=1.0)), 0.9999, 1.0001),
         (Kind(laws=Laws(seat_waves=0.5)), 0.9, 0.999),
-        (
-            Kind(laws=Laws(nozzle_product=0.5, second_factor=BY_TIME)),
-            0.9999,
-            1.0001,
-        ),
+        (Kind(laws=Laws(nozzle_product=0.5, second_factor=BY_TIME)), 0.9999, 1.0001),
         (Kind(laws=Laws(seat_product=-0.5, first_factor=BY_DROP, second_factor=BY_FLOW)), 0.9, 0.999),
     ],
 )

@@ -17,16 +17,7 @@ from tools.benchmarks.discovery.scoring import Misfit
 GOOD = ProposedTerms(("line_pressure",), "a leak", (), True, Misfit(0.1, 0.2))
 SEAT = replace(GOOD, equations=("needle_lift",))
 ANSWER = OutsideAnswer(
-    "unknown",
-    0.98,
-    (),
-    (),
-    "line_pressure",
-    (GOOD,),
-    Misfit(1.0, 2.0),
-    Misfit(0.0, 0.0),
-    Misfit(1.0, 2.0),
-    7.0,
+    "unknown", 0.98, (), (), "line_pressure", (GOOD,), Misfit(1.0, 2.0), Misfit(0.0, 0.0), Misfit(1.0, 2.0), 7.0
 )
 
 

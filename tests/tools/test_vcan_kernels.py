@@ -135,10 +135,7 @@ def test_none_boots(machine: Machine) -> None:
     for _ in range(2):
         chosen, said = machine.obtain()
         assert chosen == ""
-        for program in (
-            installed,
-            *(machine.cache / n / "usr/bin/linux.uml" for n in ("newest", "distribution")),
-        ):
+        for program in (installed, *(machine.cache / n / "usr/bin/linux.uml" for n in ("newest", "distribution"))):
             assert f"{program}: ptrace set fp regs failed, errno = 14" in said
             assert boots_of(program) == 1
         assert f"MEND rm {machine.cache}" in said

@@ -130,8 +130,7 @@ def with_magnitudes(frame: pd.DataFrame) -> pd.DataFrame:
 )
 def accuracy(
     cases: Annotated[
-        int | None,
-        typer.Option(min=1, help=f"Of a class ({CASES}); of a line of tier B ({worn_lines.CASES})."),
+        int | None, typer.Option(min=1, help=f"Of a class ({CASES}); of a line of tier B ({worn_lines.CASES}).")
     ] = None,
     classes: Annotated[str, typer.Option(help="Tier A: classes, by commas (default: all).")] = "",
     seed: cli.SeedOption = 1,

@@ -39,10 +39,7 @@ class Became(StrEnum):
     FAULT = "fault"
 
 
-BARS = (
-    Bar("faults", "fault", "sum", most=0),
-    *(Bar(each, each, "sum") for each in Became if each != Became.FAULT),
-)
+BARS = (Bar("faults", "fault", "sum", most=0), *(Bar(each, each, "sum") for each in Became if each != Became.FAULT))
 
 
 def kinds() -> list[str]:

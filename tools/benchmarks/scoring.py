@@ -32,13 +32,7 @@ COVERAGE_EVENT = 14  # one injection a case
 WAVE_JUDGED = 2  # events after which a travelling wave must be known as such
 WRONG_MASS, WRONG_RATE = 3.0, 3.0  # %, mm3/ms, beyond which a valid injection is wrong
 # Classes in which the third event's mass is asked for.
-WORN_FROM_THE_START = (
-    "orifice_area",
-    "seat_area",
-    "orifice_and_seat_area",
-    "growing_wear",
-    "missing_injections",
-)
+WORN_FROM_THE_START = ("orifice_area", "seat_area", "orifice_and_seat_area", "growing_wear", "missing_injections")
 OBSERVER, LIVE, NOMINAL = "observer", "live", "nominal"  # as published, while it ran, with phi = 0
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason

@@ -34,10 +34,7 @@ def outlived_by_nothing(process: subprocess.Popen[bytes], folder: Path | None) -
 
 
 def supervise(
-    process: subprocess.Popen[bytes],
-    deliver: Callable[[int], None],
-    timeout_s: float,
-    folder: Path | None = None,
+    process: subprocess.Popen[bytes], deliver: Callable[[int], None], timeout_s: float, folder: Path | None = None
 ) -> int | None:
     """Wait until `process`, leader of its own group, has ended; nothing of the group is left afterwards.
 

@@ -87,9 +87,7 @@ def run_in_uml(kernel: Kernel, command: list[str], timeout_s: float) -> int:
             return killed
         messages = (folder / "boot").read_text(errors="replace")
     raise KernelError(
-        "user-mode Linux ended before the command did (its messages are above)",
-        "sudo modprobe vcan",
-        messages,
+        "user-mode Linux ended before the command did (its messages are above)", "sudo modprobe vcan", messages
     )
 
 

@@ -50,12 +50,7 @@ def prepare_system(modules: list[str]) -> None:
     mount("sysfs", "/sys")
     if not Path("/dev").is_mount():  # most kernels mount it themselves
         mount("devtmpfs", "/dev")
-    for link, target in (
-        ("fd", "self/fd"),
-        ("stdin", "self/fd/0"),
-        ("stdout", "self/fd/1"),
-        ("stderr", "self/fd/2"),
-    ):
+    for link, target in (("fd", "self/fd"), ("stdin", "self/fd/0"), ("stdout", "self/fd/1"), ("stderr", "self/fd/2")):
         Path("/dev", link).symlink_to(Path("/proc", target))
     for folder, kind in (("/dev/shm", "tmpfs"), ("/dev/pts", "devpts")):
         Path(folder).mkdir()
@@ -64,11 +59,7 @@ def prepare_system(modules: list[str]) -> None:
     for module in modules:
         load_module(Path(module))
     Path("/proc/sys/net/core/rmem_max").write_text(str(RECEIVE_BUFFER_MAX))
-    for arguments in (
-        "link set lo up",
-        "link add dev vcan0 type vcan",
-        "link set vcan0 mtu 72 txqueuelen 1000 up",
-    ):
+    for arguments in ("link set lo up", "link add dev vcan0 type vcan", "link set vcan0 mtu 72 txqueuelen 1000 up"):
         subprocess.run(["ip", *arguments.split()], check=True, env={"PATH": "/usr/sbin:/usr/bin:/sbin:/bin"})
 
 

@@ -14,14 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from observer_rt.bus.can_frame import (
-    ARPHRD_CAN,
-    BIT_RATE_SWITCH,
-    CLASSIC_LENGTH,
-    ERROR_STATE,
-    FD_LENGTHS,
-    FD_MTU,
-)
+from observer_rt.bus.can_frame import ARPHRD_CAN, BIT_RATE_SWITCH, CLASSIC_LENGTH, ERROR_STATE, FD_LENGTHS, FD_MTU
 from observer_rt.bus.links.link import (
     SWITCHED,
     BusCondition,
@@ -124,11 +117,7 @@ class SocketCanLink(Link):
     """Raw socket on one interface, such as `can0` or `vcan0`."""
 
     def __init__(
-        self,
-        channel: str,
-        fd: bool,
-        receive_ids: Sequence[tuple[int, bool]] | None,
-        computer_time: bool = False,
+        self, channel: str, fd: bool, receive_ids: Sequence[tuple[int, bool]] | None, computer_time: bool = False
     ) -> None:
         """See `open_link`."""
         if not hasattr(socket, "AF_CAN"):

@@ -43,11 +43,7 @@ from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 if TYPE_CHECKING:
     from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowMessage
 
-_UNITS = {
-    Role.RAIL_PRESSURE: PRESSURE_UNITS,
-    Role.NEEDLE_LIFT: LENGTH_UNITS,
-    Role.LINE_PRESSURE: PRESSURE_UNITS,
-}
+_UNITS = {Role.RAIL_PRESSURE: PRESSURE_UNITS, Role.NEEDLE_LIFT: LENGTH_UNITS, Role.LINE_PRESSURE: PRESSURE_UNITS}
 Compiled = TypeVar("Compiled", RateMessage, OutputMessage)
 
 _FLOAT_TYPES = {FLOAT32: np.float32, FLOAT64: np.float64}

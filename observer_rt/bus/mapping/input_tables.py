@@ -154,18 +154,12 @@ class InputTables:
         self._conditions = [np.zeros(0, CONDITION)]
 
     def add_group(
-        self,
-        row: NDArray[np.void],
-        message: Message,
-        names: Sequence[str],
-        group: SampleGroup,
-        counter: str | None,
+        self, row: NDArray[np.void], message: Message, names: Sequence[str], group: SampleGroup, counter: str | None
     ) -> None:
         """Add a group to the next stream; `names`: signals of its index or `counter`, then of its samples."""
         if len(names) > MAX_SIGNALS:
             raise UserError(
-                f"message {message.name}",
-                f"{len(names)} signals of a frame are mapped, at most {MAX_SIGNALS}",
+                f"message {message.name}", f"{len(names)} signals of a frame are mapped, at most {MAX_SIGNALS}"
             )
         row["stream"] = len(self._streams)
         row["offset"], row["samples"] = group.offset, group.count

@@ -173,11 +173,7 @@ def map_optional(
 
 
 def _slow_signal(
-    fitted: BenchInjector,
-    message: Message,
-    layout: MessageLayout,
-    role: OptionalRole,
-    config: SlowSignalConfig,
+    fitted: BenchInjector, message: Message, layout: MessageLayout, role: OptionalRole, config: SlowSignalConfig
 ) -> SlowSignal:
     location = fitted.location(f"signals.{role}")
     with named(location):

@@ -188,12 +188,7 @@ def index_signal(location: str, message: Message, name: str) -> Signal:
 
 
 def _map_message(
-    fitted: BenchInjector,
-    message: Message,
-    roles: Sequence[Role],
-    link: LinkConfig,
-    samples: int,
-    row: np.void,
+    fitted: BenchInjector, message: Message, roles: Sequence[Role], link: LinkConfig, samples: int, row: np.void
 ) -> None:
     layout = MessageLayout.of(message)
     signal = number_signal(fitted, message, roles)

@@ -11,11 +11,7 @@ from observer_rt.daemon.keeper import kept_files
 from observer_rt.daemon.state_file import StateDoesNotFitError, load_knowledge, model_hash
 from observer_rt.desk.check.buses import buses_findings
 from observer_rt.desk.check.findings import Finding, Said, failed, ruled
-from observer_rt.desk.check.injector import (
-    mapping_findings,
-    observer_findings,
-    time_findings,
-)
+from observer_rt.desk.check.injector import mapping_findings, observer_findings, time_findings
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.parameters import InjectorParameters

@@ -125,11 +125,7 @@ def _databases(mapped: BenchMap) -> Iterator[Said]:
         of_bus = [message for message in named if message.bus == layout.bus]
         files = [str(message.path) for message in of_bus or named]
         if len(files) > 1:
-            yield (
-                False,
-                f"{layout.name} is in {' and in '.join(files)}",
-                "the first is used, rename the other",
-            )
+            yield (False, f"{layout.name} is in {' and in '.join(files)}", "the first is used, rename the other")
     for text in mapped.overlooked:
         yield False, f"overlooked: {text}", ""
 

@@ -26,12 +26,7 @@ from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_ali
 from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.desk.check.findings import Finding, Said, graded, ruled
 from observer_rt.engine.observer import Durations, constants_for
-from observer_rt.engine.service.injector import (
-    bench_constants,
-    calibration_of,
-    configured_noise,
-    doubt_about_fit,
-)
+from observer_rt.engine.service.injector import bench_constants, calibration_of, configured_noise, doubt_about_fit
 from observer_rt.engine.stream.state import noise_gain
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import (

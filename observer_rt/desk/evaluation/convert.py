@@ -10,14 +10,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.logged import LoggedSignals, open_source
 from observer_rt.files.canlog.can_log import LogFrame
-from observer_rt.files.formats import (
-    LOGS_WRITTEN,
-    SIGNALS_WRITTEN,
-    is_log,
-    open_log,
-    open_writer,
-    stamp_step,
-)
+from observer_rt.files.formats import LOGS_WRITTEN, SIGNALS_WRITTEN, is_log, open_log, open_writer, stamp_step
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.table_writers import recording_writer
@@ -32,12 +25,7 @@ FRAMES_PER_STEP = 5000  # of the progress bar
 
 
 def convert(
-    source: Path,
-    target: Path,
-    bench: Bench | None,
-    from_channels: Sequence[str],
-    force: bool,
-    console: Console,
+    source: Path, target: Path, bench: Bench | None, from_channels: Sequence[str], force: bool, console: Console
 ) -> str:
     """Convert a file, the formats by suffix; returns one line on what was written.
 
@@ -61,12 +49,7 @@ def convert(
 
 
 def _signals(
-    source: Path,
-    target: Path,
-    bench: Bench | None,
-    from_channels: Sequence[str],
-    force: bool,
-    console: Console,
+    source: Path, target: Path, bench: Bench | None, from_channels: Sequence[str], force: bool, console: Console
 ) -> str:
     """Signals of whatever holds them; every stretch of a file that was split becomes a file of its own."""
     stream = open_source(source, bench, from_channels, console)

@@ -106,10 +106,7 @@ RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
     Field("rate_rmse_mm3_per_ms", float, lambda r, _: r.rate_rmse / MM3_PER_MS, "RMSE\nmm3/ms", ".2f"),
     Field("nominal_rate_rmse_mm3_per_ms", float, lambda r, _: r.nominal_rate_rmse / MM3_PER_MS),
     Field(
-        "rate_ci95_halfwidth_mm3_per_ms",
-        float,
-        lambda r, _: r.rate_ci95_halfwidth / MM3_PER_MS,
-        outputs=Output.JSON,
+        "rate_ci95_halfwidth_mm3_per_ms", float, lambda r, _: r.rate_ci95_halfwidth / MM3_PER_MS, outputs=Output.JSON
     ),
 )
 """Fields of an evaluated injection, those of its report first."""

@@ -17,14 +17,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.run import ObserverRun, Progress
-from observer_rt.desk.evaluation.trace import (
-    SAMPLE,
-    InjectionSamples,
-    Trace,
-    open_trace,
-    trace_arrays,
-    trace_of,
-)
+from observer_rt.desk.evaluation.trace import SAMPLE, InjectionSamples, Trace, open_trace, trace_arrays, trace_of
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.learned_curves import LearnedCurve, learned_curves
 from observer_rt.engine.reports.injection_report import InjectionReport
@@ -54,12 +47,7 @@ class Evaluation:
     learned: tuple[LearnedCurve, ...]
     """Laws of nozzle and seat as they were known at its end."""
 
-    def __init__(
-        self,
-        source: SignalStream,
-        curves_of: Coefficients | None = None,
-        keeps_all: bool = False,
-    ) -> None:
+    def __init__(self, source: SignalStream, curves_of: Coefficients | None = None, keeps_all: bool = False) -> None:
         """curves_of: the nominal model, where curves are drawn; keeps_all: the trace, and curves of all injections,
         not of the first, a middle and the last one only.
         """

@@ -324,10 +324,7 @@ def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
     """The files without the truths beside simulated recordings, which `*.csv` catches, too."""
     kept = [path for path in paths if not path.name.endswith(TRUTH_SUFFIX)]
     if kept and len(kept) < len(paths):
-        say(
-            console,
-            f"left out: {len(paths) - len(kept)} files {TRUTH_SUFFIX[1:]}, which are not for the observer",
-        )
+        say(console, f"left out: {len(paths) - len(kept)} files {TRUTH_SUFFIX[1:]}, which are not for the observer")
     return kept or list(paths)
 
 

@@ -165,10 +165,7 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
     else:
         say(console, "no injection found")
     if evaluation.has_energizing:
-        say(
-            console,
-            f"{counters.commands} commands, {counters.missing_injections} injections missing",
-        )
+        say(console, f"{counters.commands} commands, {counters.missing_injections} injections missing")
     for reason, numbers in not_valid.items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
         if reason is Reason.OUTSIDE_LEARNED_RANGE:

@@ -10,14 +10,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.core.model.laws import normalised_area
 from observer_rt.core.model.model import fault_with_rate
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.desk.paper.scheme import (
-    FreeNetwork,
-    PaperSetting,
-    free_network,
-    no_fault,
-    scaled_identity,
-    swept,
-)
+from observer_rt.desk.paper.scheme import FreeNetwork, PaperSetting, free_network, no_fault, scaled_identity, swept
 from observer_rt.desk.paper.table import Estimator, EstimatorCurves, Study, WearCase
 from observer_rt.desk.paper.training import BETA, train
 from observer_rt.desk.simulation.plant import Truth

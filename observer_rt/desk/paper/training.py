@@ -48,10 +48,7 @@ class SearchEnd(NamedTuple):
 
 
 def minimise(
-    objective: Objective,
-    start: NDArray[np.float64],
-    inverse_hessian: NDArray[np.float64],
-    max_iterations: int,
+    objective: Objective, start: NDArray[np.float64], inverse_hessian: NDArray[np.float64], max_iterations: int
 ) -> SearchEnd:
     """Minimise from `start` (m,) with a first inverse Hessian (m, m).
 
@@ -80,11 +77,7 @@ def minimise(
 
 
 def _armijo(
-    objective: Objective,
-    theta: NDArray[np.float64],
-    value: float,
-    direction: NDArray[np.float64],
-    slope: float,
+    objective: Objective, theta: NDArray[np.float64], value: float, direction: NDArray[np.float64], slope: float
 ) -> tuple[float, float]:
     """A step that decreases J sufficiently (18), and J there: 1, halved as often as need be; 0 if none does.
 

@@ -66,10 +66,7 @@ def _decays(values: NDArray[np.float64], stretches: list[NDArray[np.int64]]) -> 
 
 
 def _slow_tone(
-    values: NDArray[np.float64],
-    index: NDArray[np.int64],
-    stretches: list[NDArray[np.int64]],
-    sample_rate: float,
+    values: NDArray[np.float64], index: NDArray[np.int64], stretches: list[NDArray[np.int64]], sample_rate: float
 ) -> tuple[float, float]:
     """Frequency [Hz] and mean square of the strongest slow tone, over all stretches at once."""
     from scipy.signal import lombscargle

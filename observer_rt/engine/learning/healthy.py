@@ -16,14 +16,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.model.baseline import (
-    Appearance,
-    Baseline,
-    HealthyRemainder,
-    HealthyShape,
-    PhaseFigures,
-    Remainder,
-)
+from observer_rt.model.baseline import Appearance, Baseline, HealthyRemainder, HealthyShape, PhaseFigures, Remainder
 from observer_rt.model.effective import Coefficients
 
 KNOTS = 1e-6 * np.concatenate(

@@ -31,9 +31,9 @@ class Resimulation:
     """An event re-simulated with the theta learned up to and from it, and the uncertainty of its rate.
 
     run: over the event's window; by_inputs: variance by the noise of the inputs; covariance (m, m): of the error of
-    the theta of the run; interval: of the samples [s]; systematic, unknown: error of the model as a share of the volume (one sigma), on a healthy
-    injector and on this one by recent events; calibration: of the level, which no event shows; moved: share by which
-    the mean over all explanations of the event is larger than the run.
+    the theta of the run; interval: of the samples [s]; systematic, unknown: error of the model as a share of the
+    volume (one sigma), on a healthy injector and on this one by recent events; calibration: of the level, which no
+    event shows; moved: share by which the mean over all explanations of the event is larger than the run.
     """
 
     run: OpenLoop
@@ -72,11 +72,7 @@ class VolumeBudget(NamedTuple):
 
 
 def resimulated(
-    window: Window,
-    setting: Setting,
-    noise: NoiseLevels,
-    theta: NDArray[np.float64],
-    covariance: NDArray[np.float64],
+    window: Window, setting: Setting, noise: NoiseLevels, theta: NDArray[np.float64], covariance: NDArray[np.float64]
 ) -> Resimulation:
     """Re-simulate an event with the theta (m,) learned from it, with an error covariance (m, m)."""
     run = open_loop(window, setting, theta)

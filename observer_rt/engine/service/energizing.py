@@ -152,10 +152,7 @@ class EnergizingWatch:
     """
 
     def __init__(
-        self,
-        energizing: EnergizingLayout,
-        compiled: CompiledPipeline,
-        on_missing: Callable[[MissingInjection], None],
+        self, energizing: EnergizingLayout, compiled: CompiledPipeline, on_missing: Callable[[MissingInjection], None]
     ) -> None:
         """on_missing: called with every missing injection."""
         sample_rate = 1.0 / compiled.observer.constants.interval

@@ -29,12 +29,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
 from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.effective import NO_CLOCK, Clock, Coefficients
 from observer_rt.model.effects import effective_model
-from observer_rt.model.parameters import (
-    HIGHEST_TEMPERATURE,
-    LOWEST_TEMPERATURE,
-    InjectorParameters,
-    at_temperature,
-)
+from observer_rt.model.parameters import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, InjectorParameters, at_temperature
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate, refuse_unstable_cells
 from observer_rt.model.terms.term import Variable
 
@@ -192,9 +187,7 @@ def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels
 
     For the line, innovations are used: slow changes of the rail pressure, which the line follows, are no noise.
     """
-    from observer_rt.engine.estimation.signal_noise import (
-        slow_noise,  # only for who looks at a daemon, or at a log
-    )
+    from observer_rt.engine.estimation.signal_noise import slow_noise  # only for who looks at a daemon, or at a log
 
     c, rate = observer.constants.coefficients, 1.0 / observer.constants.interval
     resting = rows[rows["resting"] & ~rows["interpolated"] & (rows["doubt"] == Doubt.NONE)]

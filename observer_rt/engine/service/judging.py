@@ -208,11 +208,7 @@ class Judging:
         assert closed.standstill is not None
         self._learned_from = closed
         closed.learning = self._executor.submit(
-            self._learner.learn,
-            closed.window,
-            closed.standstill,
-            closed.knowledge.in_force,
-            closed.fuel.constants,
+            self._learner.learn, closed.window, closed.standstill, closed.knowledge.in_force, closed.fuel.constants
         )
         closed.learning.add_done_callback(lambda _: self.on_learned())
 

@@ -29,12 +29,7 @@ class OptionalInputs:
     """
 
     def __init__(
-        self,
-        fitted: BenchInjector,
-        bus: BusMap,
-        compiled: CompiledPipeline,
-        tell: Listener,
-        is_restored: bool,
+        self, fitted: BenchInjector, bus: BusMap, compiled: CompiledPipeline, tell: Listener, is_restored: bool
     ) -> None:
         """tell: of measured masses and missing injections."""
         self._fitted = fitted

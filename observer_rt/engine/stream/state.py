@@ -124,9 +124,7 @@ class Verdicts(NamedTuple):
 def no_verdicts(parameters: int, schedule: GainSchedule) -> Verdicts:
     """Slots for an observer that carries so many parameters and such a schedule."""
     return Verdicts(
-        np.zeros(2 * SLOTS, _VERDICT),
-        np.zeros((2 * SLOTS, *schedule.gains.shape)),
-        np.zeros((2 * SLOTS, parameters)),
+        np.zeros(2 * SLOTS, _VERDICT), np.zeros((2 * SLOTS, *schedule.gains.shape)), np.zeros((2 * SLOTS, parameters))
     )
 
 

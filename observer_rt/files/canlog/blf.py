@@ -18,14 +18,7 @@ from can.io import blf as layout
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_FLAG, EXTENDED_MASK, length_of
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import (
-    NANOSECONDS,
-    LogFormat,
-    LogFrame,
-    LogReader,
-    LogWriter,
-    lost_note,
-)
+from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame, LogReader, LogWriter, lost_note
 from observer_rt.files.canlog.text_log import other_kind
 from observer_rt.foundation.errors import UserError
 

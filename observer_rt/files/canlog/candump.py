@@ -10,14 +10,7 @@ from pathlib import Path
 
 from observer_rt.bus.can_frame import BIT_RATE_SWITCH, ERROR_FLAG, ERROR_STATE
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import (
-    NANOSECONDS,
-    LogFormat,
-    LogFrame,
-    LogWriter,
-    lost_note,
-    text_nanoseconds,
-)
+from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame, LogWriter, lost_note, text_nanoseconds
 from observer_rt.files.canlog.text_log import EARLIEST_DATE, TextLogReader
 
 EXTENDED_DIGITS = 8  # of an identifier

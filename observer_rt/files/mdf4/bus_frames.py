@@ -12,12 +12,7 @@ from typing import Any
 
 import numpy as np
 from asammdf import MDF
-from asammdf.blocks.v4_constants import (
-    CHANNEL_TYPE_VLSD,
-    FLAG_CG_PLAIN_BUS_EVENT,
-    FLAG_CG_VLSD,
-    VIRTUAL_TYPES,
-)
+from asammdf.blocks.v4_constants import CHANNEL_TYPE_VLSD, FLAG_CG_PLAIN_BUS_EVENT, FLAG_CG_VLSD, VIRTUAL_TYPES
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, STANDARD_MASK, length_of
@@ -52,11 +47,7 @@ def frames(path: Path) -> Iterator[tuple[list[Any], NDArray[np.void]]]:
         groups = [_Frames(file, number) for number in numbers]
         total, error, remote = (
             sum(int(each.channel_group.cycles_nr) for each in file.groups if is_counted(each))
-            for is_counted in (
-                _is_of_bus,
-                lambda each: _holds(each, ERROR),
-                lambda each: _holds(each, REMOTE),
-            )
+            for is_counted in (_is_of_bus, lambda each: _holds(each, ERROR), lambda each: _holds(each, REMOTE))
         )
         data = sum(int(each.is_valid.sum()) for each in groups)
         remarks = [*_contradictions(file, groups)]

@@ -58,12 +58,7 @@ class Mdf4Log(LogReader):
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         for (count, errors, remotes, others, remarks), records in mdf4_apart(FRAMES, "frames", self.path, _PART):
-            self._size, self.error_frames, self.remote_frames, self.other_entries = (
-                count,
-                errors,
-                remotes,
-                others,
-            )
+            self._size, self.error_frames, self.remote_frames, self.other_entries = (count, errors, remotes, others)
             self.remarks = remarks
             data = records["data"].tobytes()
             for number, (*fields, channel, is_sent, length) in zip(

@@ -63,11 +63,7 @@ def stored_bytes(file: MDF, address: int) -> int:
     """Bytes of data at an address, unpacked; asammdf ignores bytes behind the stated records."""
     mdf = file._mdf
     blocks = mdf._get_data_blocks_info(
-        address=address,
-        stream=mdf._file,
-        mapped=mdf._mapped,
-        total_size=_ANY_SIZE,
-        inval_total_size=_ANY_SIZE,
+        address=address, stream=mdf._file, mapped=mdf._mapped, total_size=_ANY_SIZE, inval_total_size=_ANY_SIZE
     )
     return sum(block.original_size for block in blocks)
 
@@ -100,11 +96,7 @@ def parts(path: Path, group: int, indices: Mapping[str, int], at_once: int) -> I
             count = min(at_once, samples - first)
             channels = {
                 name: file.get(
-                    group=group,
-                    index=index,
-                    ignore_invalidation_bits=True,
-                    record_offset=first,
-                    record_count=count,
+                    group=group, index=index, ignore_invalidation_bits=True, record_offset=first, record_count=count
                 )
                 for name, index in indices.items()
             }

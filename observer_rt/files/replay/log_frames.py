@@ -47,9 +47,7 @@ class LogFrames:
             wanted = ", ".join(each for each in channels.values() if each is not None)
             what = f"frame of channel {wanted}" if wanted else "frame but results of the observer"
             raise UserError(
-                str(path),
-                "; ".join([f"holds no data {what}", *self.notes]),
-                "record the inputs on that channel",
+                str(path), "; ".join([f"holds no data {what}", *self.notes]), "record the inputs on that channel"
             )
 
     def __iter__(self) -> Iterator[TimedFrame]:

@@ -61,10 +61,7 @@ def log_source(bench: Bench, path: Path, from_channels: Sequence[str], console: 
     if len(links) > 1:
         say(console, ", ".join(f"{name} goes onto {links[bus].label}" for bus, name in channels.items()))
     elif len(frames.channels) > 1:
-        say(
-            console,
-            f"frames of {', '.join(frames.channels)} all go onto one bus; --from-channel chooses among them",
-        )
+        say(console, f"frames of {', '.join(frames.channels)} all go onto one bus; --from-channel chooses among them")
     return ReplaySource(frames, frames.duration, frames.sent, {bus: links[bus].config for bus in channels})
 
 

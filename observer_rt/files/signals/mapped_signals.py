@@ -85,9 +85,7 @@ class MappedSignals(TableSignals):
             if first is not None:
                 self._refuse_disorder(int(np.count_nonzero(np.diff(first.time) < 0.0)), first.time.size)
             raise UserError(
-                f"{self.path}: time",
-                "has no even rate",
-                "state it in the bench file: [recording] rate_hz = 100e3",
+                f"{self.path}: time", "has no even rate", "state it in the bench file: [recording] rate_hz = 100e3"
             )
         if not LOWEST_RATE <= rate <= HIGHEST_RATE:
             raise UserError(

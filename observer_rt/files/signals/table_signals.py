@@ -6,14 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from observer_rt.config.injector import ColumnConfig
-from observer_rt.files.signals.recording import (
-    EQUIDISTANT,
-    OPTIONAL,
-    Chunk,
-    TimeGrid,
-    UnevenTime,
-    refuse_infinite,
-)
+from observer_rt.files.signals.recording import EQUIDISTANT, OPTIONAL, Chunk, TimeGrid, UnevenTime, refuse_infinite
 from observer_rt.files.signals.stream import SignalStream, Stretch
 from observer_rt.files.signals.table import TIME, Table, TablePart, Values
 from observer_rt.foundation.errors import UserError

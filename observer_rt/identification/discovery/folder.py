@@ -10,25 +10,13 @@ from observer_rt.foundation import files
 from observer_rt.foundation.errors import UserError, require
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import check_own_file, write_text
-from observer_rt.identification.discovery.amend import (
-    AMENDED,
-    stable_cells,
-    write_amended,
-)
+from observer_rt.identification.discovery.amend import AMENDED, stable_cells, write_amended
 from observer_rt.identification.discovery.discover import DiscoveryTask
-from observer_rt.identification.discovery.findings import (
-    FINDINGS,
-    Findings,
-    ModelSource,
-)
+from observer_rt.identification.discovery.findings import FINDINGS, Findings, ModelSource
 
 REPORT = "report.html"
 ANSWER = (REPORT, FINDINGS, AMENDED)
-_KINDS = {
-    REPORT: None,
-    FINDINGS: files.FINDINGS,
-    AMENDED: None,
-}
+_KINDS = {REPORT: None, FINDINGS: files.FINDINGS, AMENDED: None}
 
 
 def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
@@ -40,9 +28,7 @@ def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
         raise UserError(f"--out {folder}", "is a file", "name a folder")
     if model is not None and (folder / AMENDED).resolve() == model.resolve():
         raise UserError(
-            f"--out {folder}",
-            f"holds the model to be amended as {AMENDED}",
-            "name another folder, or copy the model",
+            f"--out {folder}", f"holds the model to be amended as {AMENDED}", "name another folder, or copy the model"
         )
     for name, kind in _KINDS.items():
         if (folder / name).exists():

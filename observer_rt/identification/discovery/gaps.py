@@ -111,11 +111,7 @@ def _together(points: Sequence[PointGaps], name: str, of: str) -> float:
 
 
 def _point(
-    number: int,
-    measurement: Measurement,
-    nominal: EffectiveModel,
-    refitted: EffectiveModel,
-    amended: EffectiveModel,
+    number: int, measurement: Measurement, nominal: EffectiveModel, refitted: EffectiveModel, amended: EffectiveModel
 ) -> PointGaps:
     density, is_measured = amended.coefficients.density, measurement.recording.injection_rate is not None
     true_masses = np.array(

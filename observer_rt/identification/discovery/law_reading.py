@@ -9,15 +9,7 @@ from itertools import chain
 
 import numpy as np
 
-from observer_rt.model.terms.law import (
-    ZERO,
-    Call,
-    Coefficient,
-    Law,
-    Number,
-    Operation,
-    Quantity,
-)
+from observer_rt.model.terms.law import ZERO, Call, Coefficient, Law, Number, Operation, Quantity
 from observer_rt.model.terms.term import Variable
 
 GATES = {
@@ -54,11 +46,7 @@ class Subject:
 
 
 SINCE = {Variable.TIME_SINCE_OPENING: 1.0}
-_PRESSURES = {
-    Variable.LINE_PRESSURE: "line",
-    Variable.SAC_PRESSURE: "sac",
-    Variable.CHAMBER_PRESSURE: "chamber",
-}
+_PRESSURES = {Variable.LINE_PRESSURE: "line", Variable.SAC_PRESSURE: "sac", Variable.CHAMBER_PRESSURE: "chamber"}
 SUBJECTS = (
     Subject("flow through the line", "mm³/ms", {Variable.LINE_FLOW: 1.0}),
     Subject("flow through the seat", "mm³/ms", {Variable.SEAT_FLOW: 1.0}),

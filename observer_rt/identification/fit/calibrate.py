@@ -98,11 +98,7 @@ def choose(tried: Sequence[FittedStructure | FailedStructure]) -> Choice | None:
     as_good = [one for one in candidates if _is_as_good(judged_by(one), judged_by(lowest))]
     best = min(
         as_good,
-        key=lambda one: (
-            len(one.structure.free),
-            one.structure.outflow is not LineOutflow.SEAT,
-            judged_by(one).mean,
-        ),
+        key=lambda one: (len(one.structure.free), one.structure.outflow is not LineOutflow.SEAT, judged_by(one).mean),
     )
     return Choice(best, tried, as_good, _reason(best, as_good))
 

@@ -84,9 +84,7 @@ def thinned(fold: Fold, most: int) -> Fold:
     kept.sort(key=lambda item: item[0].start)
     events = tuple(event for event, _ in kept)
     return replace(
-        fold,
-        measurement=replace(fold.measurement, events=events),
-        weights=np.array([share for _, share in kept]),
+        fold, measurement=replace(fold.measurement, events=events), weights=np.array([share for _, share in kept])
     )
 
 

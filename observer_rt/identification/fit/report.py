@@ -125,11 +125,7 @@ def fit_figure(done: CalibrationResult) -> Figure:
 
 
 def _overlay(
-    axes: Axes,
-    measurement: Measurement,
-    before: SimulatedInjection | None,
-    after: SimulatedInjection,
-    legend: bool,
+    axes: Axes, measurement: Measurement, before: SimulatedInjection | None, after: SimulatedInjection, legend: bool
 ) -> None:
     """The first injection of a fold, with nothing corrected from the opening on."""
     recording, interval = measurement.recording, measurement.interval

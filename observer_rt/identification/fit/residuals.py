@@ -10,24 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from observer_rt.engine.estimation.phases import (
-    BLOCKS,
-    Phase,
-    PhaseStatistics,
-)
+from observer_rt.engine.estimation.phases import BLOCKS, Phase, PhaseStatistics
 from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.fit.cross_validation import Fold
 from observer_rt.identification.fit.problem import INERTANCE, Calibration
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
-from observer_rt.identification.likelihood.likelihood import (
-    JudgedModel,
-    Pool,
-    RecordingLikelihood,
-    Signal,
-    pool_of,
-)
+from observer_rt.identification.likelihood.likelihood import JudgedModel, Pool, RecordingLikelihood, Signal, pool_of
 from observer_rt.identification.likelihood.windows import Rows
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import InjectorParameters

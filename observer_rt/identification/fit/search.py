@@ -212,10 +212,7 @@ def _around(injector: InjectorParameters) -> list[InjectorParameters]:
 
 
 def _best(
-    structure: Structure,
-    starts: Sequence[InjectorParameters],
-    free: Sequence[FreeParameter],
-    folds: Sequence[Fold],
+    structure: Structure, starts: Sequence[InjectorParameters], free: Sequence[FreeParameter], folds: Sequence[Fold]
 ) -> InjectorParameters:
     """Start with the least -2 log L, nothing fitted."""
 

@@ -85,10 +85,7 @@ def _signature(
 
 
 def healthy_remainder(
-    likelihood: JointLikelihood,
-    model: EffectiveModel,
-    effects: Sequence[Effect],
-    remembered: Healthy = NOT_FITTED,
+    likelihood: JointLikelihood, model: EffectiveModel, effects: Sequence[Effect], remembered: Healthy = NOT_FITTED
 ) -> HealthyRemainder:
     """Measures what a model leaves of healthy recordings: its shape, and apparent effects beyond that.
 
@@ -103,8 +100,7 @@ def healthy_remainder(
     measured = [recorded.measurement for recorded in likelihood.recordings]
     sigmas = [math.exp(one.log_sigma) * model.coefficients.pressure_scale for one in judged]
     fit = ShapeFit(
-        [_by_event(one, result.z) for one, result in zip(measured, judged, strict=True)],
-        float(np.mean(sigmas)),
+        [_by_event(one, result.z) for one, result in zip(measured, judged, strict=True)], float(np.mean(sigmas))
     )
     several = len(measured) > 1
     remaining = [

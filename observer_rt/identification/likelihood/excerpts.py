@@ -156,8 +156,7 @@ def _excerpt(block: Chunk, event: JudgedEvent, starts: Sequence[int]) -> _Excerp
     margin = round(MARGIN * block.sample_rate) + 1
     last = event.openings[-1].last
     following = min(
-        (start - margin for start in starts if start > last - round(LEAD * block.sample_rate)),
-        default=block.samples,
+        (start - margin for start in starts if start > last - round(LEAD * block.sample_rate)), default=block.samples
     )
     end = max(event.end + margin, min(following, last + round(STANDSTILL * block.sample_rate), block.samples))
     begin = event.start - margin

@@ -153,10 +153,7 @@ def refuse_slow(recording: Sampled) -> None:
 
 
 def measurement_of(
-    recording: Recording,
-    openings: Sequence[Opening],
-    events: tuple[JudgedEvent, ...],
-    injections: FoundInjections,
+    recording: Recording, openings: Sequence[Opening], events: tuple[JudgedEvent, ...], injections: FoundInjections
 ) -> Measurement:
     """A recording with its events, of all openings in it, and its noise. Errors as of `measurements`."""
     if not events:
@@ -277,9 +274,7 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
     )
     if not np.isfinite(rail + line):
         raise UserError(
-            _name(recording),
-            "too little standstill to measure the noise",
-            "record some ms more of shut needle",
+            _name(recording), "too little standstill to measure the noise", "record some ms more of shut needle"
         )
     # clipped at 0 it has half its noise there; open it is too short for its colour
     lift = float(np.fmax(white_noise(recording.needle_lift, is_open), _lift_noise(recording)))

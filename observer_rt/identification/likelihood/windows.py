@@ -19,13 +19,7 @@ from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.engine.learning.healthy import EventStretch, expected
 from observer_rt.engine.observer import SETTLE
 from observer_rt.identification.likelihood.channel_noise import rail_on_time
-from observer_rt.identification.likelihood.measurement import (
-    MARGIN,
-    START_MEAN,
-    JudgedEvent,
-    Measurement,
-    shut_mask,
-)
+from observer_rt.identification.likelihood.measurement import MARGIN, START_MEAN, JudgedEvent, Measurement, shut_mask
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import Clock, Coefficients, EffectiveModel, InputTerms
@@ -117,11 +111,7 @@ class TrueInputs:
     """
 
     def __init__(
-        self,
-        measurement: Measurement,
-        terms: InputTerms,
-        c: Coefficients,
-        rail: NDArray[np.float64] | None = None,
+        self, measurement: Measurement, terms: InputTerms, c: Coefficients, rail: NDArray[np.float64] | None = None
     ) -> None:
         """rail: `rail_on_time` of the same terms, where it is known already."""
         rail = terms.rail_factor * (rail_on_time(measurement, terms) if rail is None else rail) + terms.rail_shift

@@ -189,10 +189,7 @@ LIFT_DEPENDENT_SEAT_COEFFICIENT = Effect(
     component=Component.SEAT,
     parameters=(
         parameter("a", -0.8, 0.95, 0.01, (-0.2, -0.03, 0.03, 0.2)),
-        replace(
-            parameter("x_c", 10.0, 200.0, 0.0, (30.0, 90.0), "um", MICROMETRE),
-            off=NO_DEPARTURES.seat_loss_lift,
-        ),
+        replace(parameter("x_c", 10.0, 200.0, 0.0, (30.0, 90.0), "um", MICROMETRE), off=NO_DEPARTURES.seat_loss_lift),
     ),
     apply=_lift_dependent_seat_coefficient,
     sentence=("The seat passes less (or more) at small lift than at full lift: alpha_S (1 - a exp(-x_N/x_c))."),

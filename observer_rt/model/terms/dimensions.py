@@ -5,17 +5,7 @@ a variable and `c` have one.
 """
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.terms.law import (
-    Call,
-    Coefficient,
-    Lag,
-    Law,
-    LawTable,
-    Number,
-    Operation,
-    Quantity,
-    Resonance,
-)
+from observer_rt.model.terms.law import Call, Coefficient, Lag, Law, LawTable, Number, Operation, Quantity, Resonance
 from observer_rt.model.terms.term import PURE, TermEquation, Unit, unit_named
 
 _ALIKE = (Operation.ADD, Operation.SUBTRACT, Operation.GREATER, Operation.LESS, Operation.MIN, Operation.MAX)

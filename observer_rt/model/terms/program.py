@@ -9,17 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.model.terms.law import (
-    Call,
-    Coefficient,
-    Lag,
-    Law,
-    LawTable,
-    Number,
-    Operation,
-    Quantity,
-    Resonance,
-)
+from observer_rt.model.terms.law import Call, Coefficient, Lag, Law, LawTable, Number, Operation, Quantity, Resonance
 from observer_rt.model.terms.term import Term, TermEquation, Variable
 
 Numbers = NDArray[np.float64]

@@ -109,8 +109,7 @@ def test_nan_without_a_code_is_the_value_nearest_zero(layout: str, expected: flo
 
 
 @pytest.mark.parametrize(
-    ("length", "largest"),
-    [(32, float(np.finfo(np.float32).max)), (64, float(np.finfo(np.float64).max))],
+    ("length", "largest"), [(32, float(np.finfo(np.float32).max)), (64, float(np.finfo(np.float64).max))]
 )
 def test_floats_keep_nan_and_clamp_infinity(length: int, largest: float) -> None:
     message = float_message(length)
@@ -157,10 +156,7 @@ def test_codes_that_the_database_excludes_are_no_values(
 
 
 def test_of_a_counter_every_code_counts() -> None:
-    table, out = (
-        signal_table(message_with("0|8@1+ (1,0) [0|100]", more=J1939), ["Value"], "Value"),
-        np.zeros(1),
-    )
+    table, out = (signal_table(message_with("0|8@1+ (1,0) [0|100]", more=J1939), ["Value"], "Value"), np.zeros(1))
     decode_signals(np.full(8, 255, np.uint8), table, out)
     assert out[0] == 255.0
 

@@ -9,13 +9,7 @@ import pytest
 from cantools.database.can import Database
 
 from observer_rt.bus.database.catalogue import load_database, overlooked
-from observer_rt.bus.database.lookup import (
-    MessageLayout,
-    database_hash,
-    find_message,
-    reserved_codes,
-    signal_names,
-)
+from observer_rt.bus.database.lookup import MessageLayout, database_hash, find_message, reserved_codes, signal_names
 from observer_rt.foundation.errors import UserError
 
 OUR_LAYOUT = Path(str(files("observer_rt") / "data" / "observer_fd.dbc"))
@@ -90,10 +84,7 @@ def test_signal_names(ours: Database, tmp_path: Path) -> None:
     block = find_message(ours, "RailPressureBlock")
     assert signal_names(block, "RailPressure_{:02d}") == tuple(f"RailPressure_{i:02d}" for i in range(28))
     assert signal_names(block, "Counter") == ("Counter",)
-    assert signal_names(block, ["RailPressure_03", "RailPressure_01"]) == (
-        "RailPressure_03",
-        "RailPressure_01",
-    )
+    assert signal_names(block, ["RailPressure_03", "RailPressure_01"]) == ("RailPressure_03", "RailPressure_01")
     users = find_message(load_text(tmp_path, USER_DBC), "Pressures")
     assert signal_names(users, "Rail{}") == ("Rail1", "Rail2")
 
@@ -141,12 +132,7 @@ def test_wrong_message_name(ours: Database) -> None:
         (("Line3 : 55|16@0-", "Line3 : 55|17@0-"), 7, "Line3 does not fit in message Pressures", True),
         (("Rail2 : 23|16@0+", "Rail2 : 23|0@0+"), 5, "Rail2 length 0 is not greater than 0", False),
         (("BO_ 2147484672 P", "BO_ 4096 P"), 3, "more than 11 bits", True),
-        (
-            ("BA_DEF_DEF_", 'VAL_ 2147484672 Rail9 0 "VAL_ 2147484672 Rail1;" 1 "b" ;\nBA_DEF_DEF_'),
-            12,
-            "Rail9",
-            True,
-        ),
+        (("BA_DEF_DEF_", 'VAL_ 2147484672 Rail9 0 "VAL_ 2147484672 Rail1;" 1 "b" ;\nBA_DEF_DEF_'), 12, "Rail9", True),
         (("Rail2 : 23|16@0+", "Rail2 : 23|99999999@0+"), 5, r"larger than any frame: 23\|99999999", False),
         (("Pressures: 8", "Pressures: 4000000000"), 3, "larger than any frame: 4000000000", False),
         (('BA_DEF_ BO_ "GenMsgCycleTime"', 'BA_DEF_ BO_ "Other"'), 16, "uses GenMsgCycleTime", False),

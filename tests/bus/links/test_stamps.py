@@ -60,9 +60,7 @@ def message(by_kernel: int, by_interface: int) -> bytes:
     return struct.pack("@6l", *divmod(by_kernel, SECOND), 0, 0, *divmod(by_interface, SECOND))
 
 
-def test_the_kernels_stamp_where_the_interface_has_no_clock(
-    pair: tuple[socket.socket, socket.socket],
-) -> None:
+def test_the_kernels_stamp_where_the_interface_has_no_clock(pair: tuple[socket.socket, socket.socket]) -> None:
     sender, receiver = pair
     reader = StampReader(receiver, "lo")
     assert not reader.by_hardware
@@ -76,9 +74,7 @@ def test_the_kernels_stamp_where_the_interface_has_no_clock(
 
 
 @pytest.mark.usefixtures("with_clock")
-def test_the_kernels_stamp_for_frames_the_interface_did_not_stamp(
-    pair: tuple[socket.socket, socket.socket],
-) -> None:
+def test_the_kernels_stamp_for_frames_the_interface_did_not_stamp(pair: tuple[socket.socket, socket.socket]) -> None:
     sender, receiver = pair
     reader = StampReader(receiver, "lo")
     assert reader.by_hardware
@@ -93,8 +89,7 @@ def test_the_kernels_stamp_for_frames_the_interface_did_not_stamp(
 
 @pytest.mark.usefixtures("with_clock")
 @given(
-    start=st.integers(1, 2**60),
-    steps=st.lists(st.tuples(st.integers(0, SECOND), st.integers(0, 10**7)), min_size=1),
+    start=st.integers(1, 2**60), steps=st.lists(st.tuples(st.integers(0, SECOND), st.integers(0, 10**7)), min_size=1)
 )
 def test_the_interfaces_clock_gives_the_distances(start: int, steps: list[tuple[int, int]]) -> None:
     """On the computer's time since the first frame, however late the kernel looked at the others."""

@@ -145,10 +145,7 @@ def test_a_message_too_short_for_its_protection(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("message", "names", "pages"),
-    [
-        ("InjectionSummary", signals_of(SummaryValues), 7),
-        ("ObserverStatus", signals_of(StatusValues)[:-6], 12),
-    ],
+    [("InjectionSummary", signals_of(SummaryValues), 7), ("ObserverStatus", signals_of(StatusValues)[:-6], 12)],
 )
 def test_the_classic_layout_carries_what_the_fd_layout_does(message: str, names: tuple[str, ...], pages: int) -> None:
     classic = output_message(find_message(load_database(CLASSIC_DATABASE), message), names)
@@ -194,11 +191,7 @@ def test_a_factor_that_is_none(tmp_path: Path, unit: str) -> None:
 
 def test_results_under_other_identifiers(tmp_path: Path) -> None:
     text = EXAMPLE_BENCH.read_text()
-    for key, identifier in (
-        ("injection_rate", "0x300"),
-        ("injection_summary", "0x18FF0001"),
-        ("status", "0x7FF"),
-    ):
+    for key, identifier in (("injection_rate", "0x300"), ("injection_summary", "0x18FF0001"), ("status", "0x7FF")):
         text = text.replace(f"# {key}_id =", f"{key}_id = {identifier} #")
     (tmp_path / "bench.toml").write_text(text)
     bus, usual = map_bus(load_bench(tmp_path / "bench.toml")), map_bus(load_bench())
@@ -208,11 +201,7 @@ def test_results_under_other_identifiers(tmp_path: Path) -> None:
         (0x7FF, False),
     ]
     for moved, layout in zip(bus.sent, usual.sent, strict=True):
-        assert (moved.name, moved.length, moved.e2e_data_id) == (
-            layout.name,
-            layout.length,
-            layout.e2e_data_id,
-        )
+        assert (moved.name, moved.length, moved.e2e_data_id) == (layout.name, layout.length, layout.e2e_data_id)
 
 
 @pytest.mark.parametrize(

@@ -81,14 +81,7 @@ STATED = "".join(re.findall(r"(?m)^\w+_percent = .*\n", NOMINAL_INJECTOR.read_te
         ("mapping", "warning", "injector", "max_lift = 0.30e-3", "max_lift = 0.70e-3", "0 to 700 um"),
         ("dead band", "warning", "bench", "needle_lift_um = 0.4", "needle_lift_um = 10", "50 um"),
         ("injector", "warning", "injector", "length = 0.15 ", "length = 150 ", "line.length = 150"),
-        (
-            "level",
-            "warning",
-            "injector",
-            "diameter_percent = 1.0",
-            "diameter_percent = 2.0",
-            "makes it ±0.4 %",
-        ),
+        ("level", "warning", "injector", "diameter_percent = 1.0", "diameter_percent = 2.0", "makes it ±0.4 %"),
         ("level", "ok", "injector", STATED, "mass_percent = 0.2\n", "±0.4 %, calibrated"),
     ],
 )
@@ -106,8 +99,7 @@ def test_a_sample_period_that_contradicts_the_rate(findings_of: FindingsOf) -> N
     assert "sampling.rate_hz: is 50000, but SampleBlock states a sample period of 10000 ns" in findings[1].text
     assert "SamplePeriodNs to 20000" in findings[1].text
     agreed = findings_of(
-        {"rate_hz = 100e3": "rate_hz = 30e3"},
-        {f'Ns" BO_ {id} 10000': f'Ns" BO_ {id} 33333' for id in (256, 512)},
+        {"rate_hz = 100e3": "rate_hz = 30e3"}, {f'Ns" BO_ {id} 10000': f'Ns" BO_ {id} 33333' for id in (256, 512)}
     )
     assert worst(agreed, "sampling").level is Level.OK
 
@@ -199,11 +191,7 @@ def cycle(milliseconds: int) -> Edits:
         (cycle(0), "sampling", None),
         (cycle(1), "sampling", "means 1000 Hz"),
         (cycle(5), "sampling", "means 200 Hz"),
-        (
-            SAMPLES_STATED,
-            "sampling",
-            "DAQ_RailPress states 2 samples a frame in the bus database, 1 are named",
-        ),
+        (SAMPLES_STATED, "sampling", "DAQ_RailPress states 2 samples a frame in the bus database, 1 are named"),
     ],
 )
 def test_what_a_database_of_the_user_says_otherwise(

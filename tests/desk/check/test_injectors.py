@@ -26,15 +26,7 @@ def test_each_is_reported_by_its_name(tmp_path: Path) -> None:
     two = checkup(load_bench(two_injectors(tmp_path)))
     for number, name in enumerate(("left", "right"), 1):
         alone = checkup(load_bench(one_injector(tmp_path, name, number)))
-        for topic in (
-            "mapping",
-            "sampling",
-            "integration",
-            "dead band",
-            "events",
-            "time",
-            "injector",
-        ):
+        for topic in ("mapping", "sampling", "integration", "dead band", "events", "time", "injector"):
             texts = [finding.text for finding in two if finding.topic == topic]
             said = [f"{name}: {finding.text}" for finding in alone if finding.topic == topic]
             assert said == [text for text in texts if text.startswith(f"{name}: ")], topic
@@ -55,11 +47,7 @@ def test_a_shared_message_loads_its_bus_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        (
-            'link = "right"\ninjector_id',
-            'link = "left"\ninjector_id',
-            "the message InjectionRate on left (can1)",
-        ),
+        ('link = "right"\ninjector_id', 'link = "left"\ninjector_id', "the message InjectionRate on left (can1)"),
         ("injector_id = 2", "injector_id = 1", "outputs.injector_id = 1"),
         ("[sampling]", '[state]\nfile = "learned.json"\n[sampling]', "learned.json"),
     ],

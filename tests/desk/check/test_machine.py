@@ -53,11 +53,7 @@ def assert_odd(findings: list[Finding], *words: str) -> None:
         ({"operstate": "unknown"}, True, None),  # of a virtual one, which has no carrier to report
         ({"mtu": "16"}, False, None),
         ({"mtu": "16"}, True, "sudo ip link set can0 down && sudo ip link set can0 up type can"),
-        (
-            {"flags": "0x40040", "operstate": "down"},
-            True,
-            "up type can bitrate 500000 dbitrate 5000000 fd on",
-        ),
+        ({"flags": "0x40040", "operstate": "down"}, True, "up type can bitrate 500000 dbitrate 5000000 fd on"),
         ({"operstate": "down"}, True, "sudo ip link set can0 up"),
         ({"tx_queue_len": "10"}, True, "sudo ip link set can0 txqueuelen 1000"),
         ({"type": "1"}, True, "set link.channel"),
@@ -89,10 +85,7 @@ def test_a_real_virtual_interface(vcan: str) -> None:
 
 
 GOOD_HOST = Host(
-    Rights(may_hurry=True, may_lock_memory=True, priority=50),
-    swap_in_use=False,
-    processors=4,
-    loops=Processors(),
+    Rights(may_hurry=True, may_lock_memory=True, priority=50), swap_in_use=False, processors=4, loops=Processors()
 )
 
 

@@ -85,11 +85,7 @@ def test_jitter_is_told_in_microseconds_and_words(tmp_path: Path) -> None:
 def test_losses_are_warnings(tmp_path: Path) -> None:
     damaged = frames()[200]
     payload = bytes([damaged.frame.payload[0] ^ 1]) + damaged.frame.payload[1:]
-    sent = [
-        *frames()[:100],
-        *frames()[103:200],
-        damaged._replace(frame=damaged.frame._replace(payload=payload)),
-    ]
+    sent = [*frames()[:100], *frames()[103:200], damaged._replace(frame=damaged.frame._replace(payload=payload))]
     findings = findings_of(tmp_path, [*sent, *frames()[201:]])
     warnings = [finding.text for finding in findings if finding.level is Level.WARNING]
     assert " 36 lost" in warnings[0]

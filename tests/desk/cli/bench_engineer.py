@@ -21,9 +21,7 @@ from tests.device import frames_of
 
 @contextmanager
 def ended_when(
-    done: Callable[[], bool],
-    first: Callable[[], object] = lambda: None,
-    number: signal.Signals = signal.SIGTERM,
+    done: Callable[[], bool], first: Callable[[], object] = lambda: None, number: signal.Signals = signal.SIGTERM
 ) -> Iterator[None]:
     """Beside a command: do something first, then act, and send it a signal."""
 

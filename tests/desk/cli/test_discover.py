@@ -33,11 +33,7 @@ def test_a_search_names_a_worn_nozzle_and_the_amended_model_explains_it(
     assert done.out.startswith("named: orifice_area")
     assert "MPa" in done.out
     assert "mg" in done.out
-    assert {path.name for path in result.iterdir()} == {
-        "findings.json",
-        "amended.toml",
-        "report.html",
-    }
+    assert {path.name for path in result.iterdir()} == {"findings.json", "amended.toml", "report.html"}
     (effect,) = load_injector(result / "amended.toml").effects
     assert effect.parameters["v_H"].value == pytest.approx(0.3, abs=0.02)
     findings = json.loads((result / "findings.json").read_text())

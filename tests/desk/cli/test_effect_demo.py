@@ -32,10 +32,7 @@ def test_a_hidden_effect_is_refused_then_named_and_the_masses_are_right(
     vcan: str, tmp_path: Path, seed: int, outside: bool
 ) -> None:
     out = tmp_path / "demo"
-    words = [
-        *command("demo", "--missing-effect", "--seed", str(seed), "--out", out),
-        *(["--outside"] * outside),
-    ]
+    words = [*command("demo", "--missing-effect", "--seed", str(seed), "--out", out), *(["--outside"] * outside)]
     words += ["--figure", str(tmp_path / "demo.png")]
     done = subprocess.run(words, capture_output=True, text=True, timeout=LONGEST, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr

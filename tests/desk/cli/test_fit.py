@@ -71,13 +71,7 @@ def test_json_holds_all_of_it(command: Command, healthy: tuple[Path, ...], wrong
     assert document["parameters"]["line.diameter"]["unit"] == "mm"
     low, high = document["parameters"]["nozzle.flow_coefficient"]["ci95"]
     assert low < document["parameters"]["nozzle.flow_coefficient"]["value"] < high
-    assert {one["phase"] for one in document["residuals"]} == {
-        "standstill",
-        "opening",
-        "open",
-        "closing",
-        "after",
-    }
+    assert {one["phase"] for one in document["residuals"]} == {"standstill", "opening", "open", "closing", "after"}
     assert [one["measured_mass_mg"] for one in document["masses"]] == [None, pytest.approx(144.2)]
     assert len(document["structures"]) == len(STRUCTURES)
     assert document["baseline"]["injections"] == 6

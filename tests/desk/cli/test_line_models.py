@@ -20,12 +20,7 @@ def test_a_line_of_two_parts_is_simulated_and_observed(command: Command, tmp_pat
     points = ("--rail-pressure", "60,140", "--energizing-time", 1.1, "--injections", 4)
     command.done("simulate", "--model", model, *points, "--output", made)
     (recording_document,) = document(command, made, "--model", model)["recordings"]
-    assert [injection["valid"] for injection in recording_document["injections"]] == [
-        False,
-        False,
-        True,
-        True,
-    ]
+    assert [injection["valid"] for injection in recording_document["injections"]] == [False, False, True, True]
     rate = np.loadtxt(f"{made}.truth.csv", delimiter=",", skiprows=1)[:, 1]
     for injection in recording_document["injections"][2:]:
         first = injection["start_index"]
@@ -54,11 +49,7 @@ def test_what_cannot_be_integrated_is_not_looked_at_further(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("adequate", "rate", "said"),
     [
-        (
-            "false",
-            1e5,
-            "injector.toml was found inadequate by its own fit: nothing is learned, and no injection is",
-        ),
+        ("false", 1e5, "injector.toml was found inadequate by its own fit: nothing is learned, and no injection is"),
         ("true", 2e4, "injector.toml was fitted at 20000 Hz and is not comparable at 100000 Hz"),
         ("true", 1e5, None),
     ],

@@ -38,30 +38,13 @@ CONTINUED = {
 FILES = REPLACED | CONTINUED
 FOLDERS = {  # and the names in it that are written
     ("project", "DIR"): ("project new {out}", ("injector.toml", "results/fit.json")),
-    ("reproduce", "--out"): (
-        "reproduce --out {out}",
-        ("figure_3.png", "figure_4.png", "figure_5.png", "table.csv"),
-    ),
-    ("discover", "--out"): (
-        "discover {worn} --out {out}",
-        ("findings.json", "report.html", "amended.toml"),
-    ),
+    ("reproduce", "--out"): ("reproduce --out {out}", ("figure_3.png", "figure_4.png", "figure_5.png", "table.csv")),
+    ("discover", "--out"): ("discover {worn} --out {out}", ("findings.json", "report.html", "amended.toml")),
     ("batch", "--out"): ("batch {worn} --out {out}", ("batch.json", "injections")),
 }
 ELSEWHERE = {("demo", "--out"), ("monitor", "--out"), ("take-over", "--bench")}
 # parameters that name what is read; a new one that names a file must be among them, or declare what is written
-READ = {
-    "amended",
-    "bench",
-    "effects",
-    "file",
-    "from_evidence",
-    "healthy",
-    "log",
-    "mass",
-    "model",
-    "recording",
-}
+READ = {"amended", "bench", "effects", "file", "from_evidence", "healthy", "log", "mass", "model", "recording"}
 READ |= {"recordings", "results_of", "state"}
 SAMPLES = b"time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa\n0,100,0,100\n"
 SAME_KIND = {
@@ -215,11 +198,7 @@ def full_disk(most: int) -> Iterator[None]:
 
 
 @pytest.mark.parametrize(
-    ("line", "old"),
-    [
-        ("evaluate {worn} --output out.csv", SAMPLES),
-        ("convert {log} out.blf", b"LOGG"),
-    ],
+    ("line", "old"), [("evaluate {worn} --output out.csv", SAMPLES), ("convert {log} out.blf", b"LOGG")]
 )
 def test_a_full_disk_leaves_the_old_file_whole(
     command: Command, folder: Path, worn: Path, line: str, old: bytes

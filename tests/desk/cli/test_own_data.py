@@ -107,12 +107,7 @@ def test_wrong_units_are_refused_by_every_command(command: Command, worn: Path, 
     path, out = tmp_path / "wrong.csv", tmp_path / "out.csv"
     wrong = Recording(right.time, right.rail_pressure, 1e3 * right.needle_lift, right.line_pressure)
     write_recording(path, wrong)
-    for words in (
-        ("evaluate", path),
-        ("convert", path, out),
-        ("replay", path),
-        ("discover", path, "--out", out),
-    ):
+    for words in (("evaluate", path), ("convert", path, out), ("replay", path), ("discover", path, "--out", out)):
         said = command.refused(*words)
         assert "wrong.csv, needle_lift" in said
         assert "check the unit" in said

@@ -250,11 +250,7 @@ def test_the_variant_with_one_bus(tmp_path: Path) -> None:
     assert sent == [
         (name, identifier + step)
         for step in (0, 0x10)
-        for name, identifier in (
-            ("InjectionRate", 0x300),
-            ("InjectionSummary", 0x301),
-            ("ObserverStatus", 0x302),
-        )
+        for name, identifier in (("InjectionRate", 0x300), ("InjectionSummary", 0x301), ("ObserverStatus", 0x302))
     ]
 
 

@@ -239,13 +239,7 @@ def test_a_terminal_that_hangs_up_ends_it_in_order(bench: Path, tmp_path: Path) 
     log, state = tmp_path / "run.log", tmp_path / "learned.json"
     ours, theirs = os.openpty()
     files = {"--bench": bench, "--log": log, "--state": state}
-    words = [
-        sys.executable,
-        "-m",
-        "observer_rt",
-        "run",
-        *(str(word) for pair in files.items() for word in pair),
-    ]
+    words = [sys.executable, "-m", "observer_rt", "run", *(str(word) for pair in files.items() for word in pair)]
     buffered = os.environ | {"PYTHONUNBUFFERED": ""}  # so that something is left to be written at the end
     process = subprocess.Popen(
         words, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True, env=buffered
@@ -261,8 +255,7 @@ def test_a_terminal_that_hangs_up_ends_it_in_order(bench: Path, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("option", "path"),
-    [("--print-example-bench", EXAMPLE_BENCH), ("--print-example-injector", NOMINAL_INJECTOR)],
+    ("option", "path"), [("--print-example-bench", EXAMPLE_BENCH), ("--print-example-injector", NOMINAL_INJECTOR)]
 )
 def test_examples_can_be_used_as_they_are(command: Command, tmp_path: Path, option: str, path: Path) -> None:
     outcome = command.done("run", option)

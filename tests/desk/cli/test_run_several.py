@@ -16,16 +16,7 @@ from tests.daemon.end_to_end import END_TIMEOUT, START_TIMEOUT, STATUS, SUMMARY,
 from tests.daemon.participants import until
 from tests.desk.cli.bench_engineer import ended_when
 from tests.desk.cli.conftest import Command, module
-from tests.three_injectors import (
-    NAMES,
-    RATE_ID,
-    STATUS_ID,
-    STEP,
-    SUMMARY_ID,
-    Three,
-    three_injectors,
-    three_on,
-)
+from tests.three_injectors import NAMES, RATE_ID, STATUS_ID, STEP, SUMMARY_ID, Three, three_injectors, three_on
 
 Payloads = dict[int, list[bytes]]
 RESULTS: list[can.typechecking.CanFilter] = [{"can_id": RATE_ID, "can_mask": 0x700, "extended": False}]

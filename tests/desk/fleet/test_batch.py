@@ -104,11 +104,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     (elsewhere / "cluster.py").write_text(CLUSTER)
     process = subprocess.Popen(
-        [sys.executable, "cluster.py"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=elsewhere,
+        [sys.executable, "cluster.py"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=elsewhere
     )
     assert process.stdout is not None
     yield process.stdout.readline().strip()

@@ -160,9 +160,7 @@ def low_of(limit: Any) -> str:
     return str(limit["ci95"][0])
 
 
-def test_the_terminal_has_a_row_of_each_injector_with_the_dates_of_limits(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_terminal_has_a_row_of_each_injector_with_the_dates_of_limits(capsys: pytest.CaptureFixture[str]) -> None:
     table = pa.concat_tables(
         [
             *(campaign("gone", 0.04), campaign("wears", 0.02), campaign("stays", 0.0)),

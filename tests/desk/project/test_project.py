@@ -30,12 +30,7 @@ def record(path: Path, worn: float = 0.0, seed: int = 1) -> None:
 def test_a_new_project_has_folders_and_says_what_is_missing(tmp_path: Path) -> None:
     folder = tmp_path / "mine"
     Project.new(folder, None)
-    assert {path.name for path in folder.iterdir()} == {
-        "project.toml",
-        "injector.toml",
-        "healthy",
-        "recordings",
-    }
+    assert {path.name for path in folder.iterdir()} == {"project.toml", "injector.toml", "healthy", "recordings"}
     with pytest.raises(ort.UserError, match="is there already"):
         Project.new(folder, None)
     with pytest.raises(ort.UserError, match="matches no file"):

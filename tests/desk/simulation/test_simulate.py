@@ -107,12 +107,7 @@ def test_noise_has_the_stated_size_and_is_white(sample_rate: float) -> None:
     made = simulate(NOMINAL, schedule, sample_rate, noise=NOISE, measured_rate=True, seed=1)
     errors = {name: values - getattr(made.truth, name) for name, values in made.recording.signals.items()}
     shut = made.truth.injection_rate == 0.0  # the measured rate's gain error is no noise
-    sigmas = {
-        "rail_pressure": 0.1e6,
-        "line_pressure": 0.15e6,
-        "needle_lift": 0.4e-6,
-        "injection_rate": 0.5e-6,
-    }
+    sigmas = {"rail_pressure": 0.1e6, "line_pressure": 0.15e6, "needle_lift": 0.4e-6, "injection_rate": 0.5e-6}
     for name, sigma in sigmas.items():
         error = errors[name][shut]
         allowed = 5 / math.sqrt(error.size)  # five standard deviations of each statistic, or more

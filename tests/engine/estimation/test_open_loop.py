@@ -96,9 +96,7 @@ def test_line_pressure_after_the_opening_does_not_matter(case: Case) -> None:
     output = window.output.copy()
     output[window.opening :] += 0.05
     for first, second in zip(
-        rate_of(case, window, worn_theta()),
-        rate_of(case, window._replace(output=output), worn_theta()),
-        strict=True,
+        rate_of(case, window, worn_theta()), rate_of(case, window._replace(output=output), worn_theta()), strict=True
     ):
         np.testing.assert_array_equal(first, second)
 

@@ -9,13 +9,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2, norm
 
 from observer_rt.core.learning.phases import phases_of
-from observer_rt.engine.estimation.phases import (
-    BLOCKS,
-    Phase,
-    PhaseStatistics,
-    no_statistics,
-    phase_statistics,
-)
+from observer_rt.engine.estimation.phases import BLOCKS, Phase, PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.engine.estimation.predictor import Window
 
 EDGE, AFTERGLOW = 30, 5  # samples at 100 kHz

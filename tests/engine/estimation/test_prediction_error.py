@@ -11,14 +11,7 @@ from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.core.model.model import rest_state
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import (
-    PARAMETERS,
-    SCALARS,
-    WEIGHTS,
-    Parameter,
-    learned_of,
-    network_of,
-)
+from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, WEIGHTS, Parameter, learned_of, network_of
 from observer_rt.model.effective import coefficients
 from observer_rt.model.line import stiffened
 from observer_rt.model.parameters import LineOutflow

@@ -33,10 +33,7 @@ def test_of_white_noise_nothing_is_said(seed: int) -> None:
 
 @pytest.mark.parametrize(
     ("rate", "hertz", "amplitude"),
-    [
-        *((100e3, *tone) for tone in ((50.0, 0.2), (50.0, 0.5), (150.0, 0.2), (620.0, 0.1))),
-        (20e3, 50.0, 0.2),
-    ],
+    [*((100e3, *tone) for tone in ((50.0, 0.2), (50.0, 0.5), (150.0, 0.2), (620.0, 0.1))), (20e3, 50.0, 0.2)],
 )
 def test_hum_has_its_frequency_and_amplitude(rate: float, hertz: float, amplitude: float) -> None:
     index = resting_rows()

@@ -5,13 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from observer_rt.engine.estimation.phases import (
-    PHASES,
-    Phase,
-    PhaseStatistics,
-    no_statistics,
-    phase_statistics,
-)
+from observer_rt.engine.estimation.phases import PHASES, Phase, PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.adequacy import (

@@ -20,13 +20,7 @@ FAR = np.full(2, 1e3)
 ANYWHERE = Limits(-FAR, FAR, FAR)
 numbers = st.floats(-2.0, 2.0)
 
-PHASE_SAMPLES = {
-    Phase.STANDSTILL: 500,
-    Phase.OPENING: 30,
-    Phase.OPEN: 150,
-    Phase.CLOSING: 30,
-    Phase.AFTER: 200,
-}
+PHASE_SAMPLES = {Phase.STANDSTILL: 500, Phase.OPENING: 30, Phase.OPEN: 150, Phase.CLOSING: 30, Phase.AFTER: 200}
 PHASE_OF = np.repeat(np.arange(PHASES, dtype=np.int8), [PHASE_SAMPLES[phase] for phase in Phase])
 SEEDS = range(40)
 

@@ -5,12 +5,7 @@ import pytest
 
 from observer_rt.core.model.model import fault_with_rate
 from observer_rt.engine.estimation.scalars import NOZZLE, PARAMETERS, SEAT, WEIGHTS, Parameter, network_of
-from observer_rt.engine.learning.indicators import (
-    LEAST_SEAT_SIGMA,
-    OPENED_SINCE,
-    indicators_of,
-    nozzle_change,
-)
+from observer_rt.engine.learning.indicators import LEAST_SEAT_SIGMA, OPENED_SINCE, indicators_of, nozzle_change
 from observer_rt.model.effective import coefficients
 from observer_rt.model.network import HIDDEN, constant_network
 from tests.differences import differences

@@ -13,9 +13,7 @@ from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.term import TermEquation
 
 LAW = TermInForce(
-    equation=TermEquation.NOZZLE_FLOW,
-    law="0.001 * (line_pressure - 80)",
-    seen={"line_pressure": (30.0, 100.0)},
+    equation=TermEquation.NOZZLE_FLOW, law="0.001 * (line_pressure - 80)", seen={"line_pressure": (30.0, 100.0)}
 )
 
 

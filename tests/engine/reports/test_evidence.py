@@ -35,8 +35,7 @@ def test_what_contradicts_the_model_is_refused(reason: Reason) -> None:
 
 
 @pytest.mark.parametrize(
-    "reason",
-    [Reason.SAMPLES_LOST, Reason.INPUT_FROZEN, Reason.NEEDLE_STUCK, Reason.INPUT_CLIPPED, Reason.STARTING],
+    "reason", [Reason.SAMPLES_LOST, Reason.INPUT_FROZEN, Reason.NEEDLE_STUCK, Reason.INPUT_CLIPPED, Reason.STARTING]
 )
 def test_doubtful_inputs_are_evidence_of_nothing(reason: Reason) -> None:
     assert kind_of([report(), report(reason)]) is None

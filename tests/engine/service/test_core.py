@@ -184,10 +184,7 @@ SPOILT: dict[str, tuple[str, Callable[[Frames], Frames]]] = {
     ),
     "each twice": ("repeated_frames", lambda frames: [frame for frame in frames for _ in range(2)]),
     # good under a wrong identifier: the data id in the CRC tells
-    "one of another message": (
-        "crc_errors",
-        lambda frames: with_another(frames, protected(frames[300], 0x110, 5)),
-    ),
+    "one of another message": ("crc_errors", lambda frames: with_another(frames, protected(frames[300], 0x110, 5))),
     **{
         f"one cut to {length} bytes": ("length_errors", partial(with_one_cut, length))
         for length in (0, 1, 2, 3, 8, 63)

@@ -51,23 +51,14 @@ ANY_SOURCE: dict[
     str, tuple[int, tuple[Shot, ...], Callable[[Pulses, Recording], tuple[Recording, Pulses]], Energized]
 ] = {
     "pilot and main have a command each": (2, PILOT_AND_MAIN, lambda p, r: (r, p), ([1, 2, 3, 4], [])),
-    "a misfire is missing": (
-        *(3, MAIN, lambda p, r: (misfired(r, (p[1][0], p[1][0] + 5e-3)), p)),
-        ([1, 3], [2]),
-    ),
+    "a misfire is missing": (*(3, MAIN, lambda p, r: (misfired(r, (p[1][0], p[1][0] + 5e-3)), p)), ([1, 3], [2])),
     "a pilot that misfires leaves the main its command": (
         *(2, PILOT_AND_MAIN, lambda p, r: (misfired(r, (p[0][0], p[1][0])), p)),
         ([2, 3, 4], [1]),
     ),
     "an opening nobody asked for": (3, MAIN, lambda p, r: (r, [p[0], p[2]]), ([1, None, 2], [])),
-    "nothing is missing before the first command": (
-        *(3, MAIN, lambda p, r: (r, p[2:])),
-        ([None, None, 1], []),
-    ),
-    "a needle stuck open misses nothing": (
-        *(3, MAIN, lambda p, r: (stuck(r, p[0][0] + 1.2e-3), p)),
-        ([1], []),
-    ),
+    "nothing is missing before the first command": (*(3, MAIN, lambda p, r: (r, p[2:])), ([None, None, 1], [])),
+    "a needle stuck open misses nothing": (*(3, MAIN, lambda p, r: (stuck(r, p[0][0] + 1.2e-3), p)), ([1], [])),
 }
 
 
@@ -247,10 +238,7 @@ def test_index_of_a_device_that_restarts(tmp_path: Path, first: int) -> None:
     length = recording.samples / SAMPLE_RATE
     sent = [*samples(recording, index=first), *later(samples(recording), length)]
     energizing_frames = on_change(pulses, first), later(on_change(pulses), length)
-    assert watch(pulse_bench(tmp_path, EnergizingBy.LEVEL), sent, *energizing_frames).energized == (
-        [1, 2, 3, 4],
-        [],
-    )
+    assert watch(pulse_bench(tmp_path, EnergizingBy.LEVEL), sent, *energizing_frames).energized == ([1, 2, 3, 4], [])
 
 
 def test_a_command_cut_off_by_a_restart_is_never_missing(tmp_path: Path) -> None:

@@ -17,16 +17,7 @@ from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from tests.daemon.participants import BLOCK_ID, HeardDaemon, ScriptedLink, serving, until
-from tests.daemon.pulses import (
-    BED,
-    EnergizingBy,
-    durations,
-    injected,
-    misfired,
-    pulse_bench,
-    samples,
-    triple_bench,
-)
+from tests.daemon.pulses import BED, EnergizingBy, durations, injected, misfired, pulse_bench, samples, triple_bench
 from tests.desk.evaluation.documents import recording_json
 from tests.device import EPOCH, frames_of, merged
 from tests.files.canlog.log_cases import sent_log, write_log
@@ -52,12 +43,7 @@ def findings(bench: Path, topic: str, name: str) -> list[tuple[Level, str]]:
         (EnergizingBy.LEVEL, "PulseLevel 0x330, Energized, energized while it is not 0", Level.OK, BY_INDEX),
         (EnergizingBy.TIME, "PulseTime 0x331, Duration, energizing time", Level.OK, BY_INDEX),
         (EnergizingBy.LEVELS_IN_BLOCK, "20 samples a frame, Level_00 to Level_19", Level.OK, BY_INDEX),
-        (
-            EnergizingBy.TIME_BY_STAMP,
-            "energizing time",
-            Level.WARNING,
-            "receive stamps",
-        ),
+        (EnergizingBy.TIME_BY_STAMP, "energizing time", Level.WARNING, "receive stamps"),
         (EnergizingBy.CYCLIC, "Energized", Level.WARNING, "receive stamps"),
     ],
 )
@@ -79,11 +65,7 @@ def test_check_says_what_to_expect(tmp_path: Path, lines: str, mapping: str, lev
         ('message = "PulseVolts"\nsignal = "Volts"\n', "signals.energizing", "'V'"),
         (EnergizingBy.LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
         (EnergizingBy.LEVEL + 'time_base = "other"\n', "signals.energizing.index", "stamps"),
-        (
-            f'message = "SampleBlock"\n{TWO.format("RailPressure")}unit = "-"\n',
-            "signals.energizing",
-            "9 samples",
-        ),
+        (f'message = "SampleBlock"\n{TWO.format("RailPressure")}unit = "-"\n', "signals.energizing", "9 samples"),
         (f'message = "PulseBlock"\n{TWO.format("Level")}unit = "us"\n', "signals.energizing", "levels"),
     ],
 )

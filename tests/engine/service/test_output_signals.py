@@ -31,10 +31,7 @@ MORE = MAKE(
     "MORE",
     [
         *get_type_hints(SummaryValues, include_extras=True).items(),
-        (
-            "needle_bounces",
-            Annotated[int, OutputSignal("counts.bounces", 8, 363, 7, 16, says="Of the needle.")],
-        ),
+        ("needle_bounces", Annotated[int, OutputSignal("counts.bounces", 8, 363, 7, 16, says="Of the needle.")]),
         ("bounce_height", Annotated[float, OutputSignal("report.bounce", 8, 371, 7, 24, LENGTH)]),
     ],
 )

@@ -82,15 +82,7 @@ def test_how_many_samples_come_together_changes_nothing(pieces: list[int], resta
     together = rows([0, restart, 300])
     ends = {int(end) for end in np.cumsum(pieces) if end < 300}
     apart = rows(sorted({0, restart, 300} | ends))
-    for name in (
-        "rail_pressure",
-        "needle_lift",
-        "line_pressure",
-        "lift",
-        "rail_share",
-        "injection_rate",
-        "doubt",
-    ):
+    for name in ("rail_pressure", "needle_lift", "line_pressure", "lift", "rail_share", "injection_rate", "doubt"):
         np.testing.assert_array_equal(together[name], apart[name])
     assert np.array_equal(together["index"], np.arange(300))
     assert np.flatnonzero(together["broken"]).tolist() == [0, restart]

@@ -251,16 +251,7 @@ def test_outliers_do_not_depend_on_what_a_frame_carries_when_events_are_judged(s
     """Noise levels change at a judgement: the samples inspected after it are the same ones."""
     count = 9000
     wanted, rows = (_disturbed_events(count, piece) for piece in (count, samples))
-    for name in (
-        "x_tilde",
-        "innovation",
-        "rail_pressure",
-        "needle_lift",
-        "doubt",
-        "bridged",
-        "valid",
-        "reason",
-    ):
+    for name in ("x_tilde", "innovation", "rail_pressure", "needle_lift", "doubt", "bridged", "valid", "reason"):
         assert np.array_equal(rows[name], wanted[name]), name
     assert (wanted["bridged"] > 0).sum() > 40
 

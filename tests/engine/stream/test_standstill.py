@@ -16,9 +16,7 @@ SAMPLES = 3000
 
 
 @pytest.mark.parametrize(
-    "levels",
-    [NoiseLevels(0.1e6, 0.15e6, 0.4e-6), NoiseLevels(0.4e6, 0.05e6, 0.2e-6)],
-    ids=["nominal", "other"],
+    "levels", [NoiseLevels(0.1e6, 0.15e6, 0.4e-6), NoiseLevels(0.4e6, 0.05e6, 0.2e-6)], ids=["nominal", "other"]
 )
 def test_noise_is_measured_within_two_percent(levels: NoiseLevels) -> None:
     random = np.random.default_rng(3)

@@ -67,11 +67,7 @@ def test_the_flags_of_a_line_say_whether_it_is_fd_unless_its_length_does(tmp_pat
         f"   0.1 CANFD   4 Rx        123              1 0 9 12 {'11 ' * 12}200000 11 0 0 0 0",
     )
     assert not classic.frame.is_fd
-    assert (longer.frame.is_fd, longer.frame.bit_rate_switch, longer.frame.payload) == (
-        True,
-        True,
-        b"\x11" * 12,
-    )
+    assert (longer.frame.is_fd, longer.frame.bit_rate_switch, longer.frame.payload) == (True, True, b"\x11" * 12)
 
 
 def test_decimal_numbers_and_comments(tmp_path: Path) -> None:

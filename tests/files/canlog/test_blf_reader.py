@@ -46,11 +46,7 @@ def log(folder: Path, *parts: bytes) -> BlfLog:
 
 
 def test_units_and_versions_of_stamps(tmp_path: Path) -> None:
-    objects = (
-        obj(1, classic(), 5),
-        obj(86, classic(), 7, TEN_MICROSECONDS),
-        obj(1, classic(), 80_000, version=2),
-    )
+    objects = (obj(1, classic(), 5), obj(86, classic(), 7, TEN_MICROSECONDS), obj(1, classic(), 80_000, version=2))
     stamps = [entry.frame.stamp_ns for entry in log(tmp_path, container(b"".join(objects)))]
     assert stamps == [DAY_NS + 5, DAY_NS + 70_000, DAY_NS + 80_000]
 
@@ -84,10 +80,7 @@ def test_a_start_that_is_no_date_is_told(tmp_path: Path) -> None:
     entries = log(tmp_path, container(obj(1, classic(), 5)))
     data = entries.path.read_bytes()
     for date, notes in (
-        (
-            (2017, 13, 6, 30, 15, 6, 13, 0),
-            [f"{entries.path}: its start is no date: times count from 1970"],
-        ),
+        ((2017, 13, 6, 30, 15, 6, 13, 0), [f"{entries.path}: its start is no date: times count from 1970"]),
         ((0,) * 8, []),
     ):
         entries.path.write_bytes(data.replace(struct.pack("<8H", *DAY), struct.pack("<8H", *date)))
@@ -160,14 +153,8 @@ def test_objects_that_the_heading_counts_and_that_are_not_there_are_told(tmp_pat
         ((container(obj(1, classic())) + bytes(40),), "container 2: is damaged"),
         ((container(obj(1, b"\0")),), "object 1: is too short for its type 1"),
         ((container(obj(1, classic(identifier=0x800))),), "object 1: 800 is no standard identifier"),
-        (
-            (container(obj(100, struct.pack("<HBBLLBBB5x64s", 1, 0, 9, 1, 0, 0, 1, 11, b""))),),
-            "11 bytes are no",
-        ),
-        (
-            (container(obj(1, classic(), version=1)).replace(b"x\x9c", b"x\x9d", 1),),
-            "container 1: is damaged",
-        ),
+        ((container(obj(100, struct.pack("<HBBLLBBB5x64s", 1, 0, 9, 1, 0, 0, 1, 11, b""))),), "11 bytes are no"),
+        ((container(obj(1, classic(), version=1)).replace(b"x\x9c", b"x\x9d", 1),), "container 1: is damaged"),
     ],
 )
 def test_damaged_files_are_refused(tmp_path: Path, parts: tuple[bytes, ...], said: str) -> None:

@@ -63,8 +63,7 @@ def test_remote_and_error_frames_are_counted_not_yielded(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    "line",
-    ["vcan0  100   [2]  11 22", "vcan0  RX - -  100   [2]  11 22", "(000.000100)  can0  100   [1]  00"],
+    "line", ["vcan0  100   [2]  11 22", "vcan0  RX - -  100   [2]  11 22", "(000.000100)  can0  100   [1]  00"]
 )
 def test_screen_output_without_absolute_times_is_refused(tmp_path: Path, line: str) -> None:
     text = message(tmp_path, f"(1.5) vcan0 100#00\n{line}\n")

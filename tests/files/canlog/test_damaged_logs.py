@@ -11,23 +11,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.files.formats import (
-    SIGNALS_WRITTEN,
-    open_log,
-    open_recording,
-    write_recording,
-)
+from observer_rt.files.formats import SIGNALS_WRITTEN, open_log, open_recording, write_recording
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from tests.files.canlog.log_cases import FORMATS, mixture, write_log
 from tests.files.signals.foreign import bench
 
 FRAMES = 12
-COMMENTS = {
-    ".log": b"#",
-    ".asc": b"/;",
-    ".trc": b";",
-}  # what begins with one is none by the rules of the format
+COMMENTS = {".log": b"#", ".asc": b"/;", ".trc": b";"}  # what begins with one is none by the rules of the format
 
 Damage = Callable[[bytes], bytes]
 

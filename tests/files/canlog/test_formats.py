@@ -13,16 +13,7 @@ from observer_rt.files.canlog import text_log
 from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame
 from observer_rt.files.formats import LOGS_WRITTEN, is_log, open_log
 from observer_rt.foundation.errors import UserError
-from tests.files.canlog.log_cases import (
-    FORMATS,
-    START,
-    as_read,
-    log_frames,
-    message_of,
-    mixture,
-    moved,
-    write_log,
-)
+from tests.files.canlog.log_cases import FORMATS, START, as_read, log_frames, message_of, mixture, moved, write_log
 
 SUFFIXES = sorted(FORMATS)
 STARTS = (START, START, 1_000_000, 999_999_999, 631_152_000_000_000_000)  # about the least of formats

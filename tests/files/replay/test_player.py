@@ -156,10 +156,7 @@ def test_an_interface_that_drops_is_waited_for_and_no_frame_is_left_out() -> Non
     sink, messages = LooseSink(), list[str]()
     statistics = play(at(0.0, 0.01, 0.02, 0.32), sink, 1.0, tell=messages.append)
     assert [frame.frame_id for frame in sink.sent] == [0, 1, 2, 3]
-    assert messages == [
-        "waiting for the interface: vcan9 is down\n  remedy: up",
-        "the interface is back, going on",
-    ]
+    assert messages == ["waiting for the interface: vcan9 is down\n  remedy: up", "the interface is back, going on"]
     assert 0.25 < statistics.paused < statistics.duration
     assert sink.stamps[3] - sink.stamps[2] >= 0.2  # the grid goes on as much later
     assert "without the interface" in statistics.as_text()

@@ -30,11 +30,7 @@ unit = "MPa"
 
 
 def bench(
-    folder: Path,
-    options: str = "",
-    rail: str = 'unit = "bar"',
-    text: str = COLUMNS,
-    time: str = 'unit = "ms"',
+    folder: Path, options: str = "", rail: str = 'unit = "bar"', text: str = COLUMNS, time: str = 'unit = "ms"'
 ) -> Bench:
     """The example bench with a `[recording]` section."""
     path = folder / "bench.toml"

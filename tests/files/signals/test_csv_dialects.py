@@ -37,11 +37,7 @@ def cells(k: int, columns: Sequence[str], decimal: str, form: str | None) -> lis
 
 
 def lines(
-    samples: int = 40,
-    separator: str = ";",
-    decimal: str = ",",
-    extra: Sequence[str] = (),
-    form: str | None = None,
+    samples: int = 40, separator: str = ";", decimal: str = ",", extra: Sequence[str] = (), form: str | None = None
 ) -> list[str]:
     return [separator.join([*cells(k, NAMES, decimal, form), *extra]) for k in range(samples)]
 

@@ -80,10 +80,7 @@ def test_round_trip_is_exact(tmp_path: Path, suffix: str, recording: Recording) 
 
 @pytest.mark.parametrize("name", ["a.doc", "a", "a.mf4.gz"])
 def test_unknown_suffix_lists_the_known(tmp_path: Path, name: str) -> None:
-    for attempt in (
-        lambda: read_recording(tmp_path / name),
-        lambda: write_recording(tmp_path / name, RECORDING),
-    ):
+    for attempt in (lambda: read_recording(tmp_path / name), lambda: write_recording(tmp_path / name, RECORDING)):
         with pytest.raises(UserError, match=r"known suffixes: \.csv, \.mf4"):
             attempt()
 

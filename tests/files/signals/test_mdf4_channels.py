@@ -94,10 +94,7 @@ def lift(values: NDArray[np.float64]) -> list[Signal]:
             "sample 6: gap in time",
         ),
         *(
-            (
-                [lift(np.where(np.arange(10) == 7, value, VALUES))],
-                f"channel needle_lift: sample 7 is {value:g} mm",
-            )
+            ([lift(np.where(np.arange(10) == 7, value, VALUES))], f"channel needle_lift: sample 7 is {value:g} mm")
             for value in (np.inf, -np.inf, 1e306)  # which no measurement has
         ),
     ],

@@ -29,8 +29,7 @@ def rows(count: int = 20) -> list[str]:
 def test_units_and_names(tmp_path: Path) -> None:
     header = HEADER.replace("rail_pressure_MPa,needle_lift_mm", "needle_lift_mm,rail_pressure_MPa")
     path = write(
-        tmp_path,
-        f"{header},injection_rate_mm3_per_ms\n0,0.15003,100.005,99.995,53.17\n1e-5,0,100,99,-1.5\n",
+        tmp_path, f"{header},injection_rate_mm3_per_ms\n0,0.15003,100.005,99.995,53.17\n1e-5,0,100,99,-1.5\n"
     )
     recording = read_recording(path)
     assert recording.rail_pressure[0] == 100_005_000.0
@@ -91,10 +90,7 @@ def with_row(number: int, row: str) -> str:
         (HEADER + "\n", "holds no sample"),
         (HEADER + "\n0,1,1,1\n", "line 2: holds one sample only"),
         *(
-            (
-                with_row(11, f"0.00011,100,{bad},99"),
-                f"line 13: column needle_lift_mm: '{bad}' is not a number",
-            )
+            (with_row(11, f"0.00011,100,{bad},99"), f"line 13: column needle_lift_mm: '{bad}' is not a number")
             for bad in ("abc", "1.2.3", "1_0", "0x10", "10\x1c", "1\0", "True")
         ),
         (with_row(3, "0.00003,inf,0,99"), "line 5: rail_pressure is infinite"),

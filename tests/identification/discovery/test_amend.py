@@ -41,9 +41,7 @@ def test_every_line_of_the_file_is_kept(tmp_path: Path) -> None:
     assert loaded.model_copy(update={"effects": ()}) == load_injector()
 
 
-def test_what_is_left_of_terms_accepted_in_part_is_stated_until_the_file_is_amended_again(
-    tmp_path: Path,
-) -> None:
+def test_what_is_left_of_terms_accepted_in_part_is_stated_until_the_file_is_amended_again(tmp_path: Path) -> None:
     path, shape = (
         tmp_path / "injector.toml",
         HealthyShape(opening=(0.1, 0.2, 0.3), opening_slope=(0.0,), closing=(0.0,), closing_slope=(0.0,)),
@@ -72,11 +70,7 @@ def test_effects_in_force_are_replaced_and_comments_stay(tmp_path: Path) -> None
     write_amended(path, InjectorFile.read(path), [LEAK])
     text = path.read_text(encoding="utf-8")
     assert tomllib.loads(text)["effects"] == [
-        {
-            "id": "guide_leakage",
-            "parameters": {"c": {"value": 1.5e-14, "unit": "m3/(s Pa)"}},
-            "origin": "workshop",
-        }
+        {"id": "guide_leakage", "parameters": {"c": {"value": 1.5e-14, "unit": "m3/(s Pa)"}}, "origin": "workshop"}
     ]
     assert "# A_S(x_N) = pi * x_N" in text
 

@@ -126,12 +126,7 @@ def test_what_leaves_something_is_accepted_in_part(
     remainder = answered(replace(plugged, accepted=1, observed=observer_remainder))
     path = tmp_path / "amended.toml"
     write_amended(
-        path,
-        InjectorFile.read(NOMINAL_INJECTOR),
-        remainder.in_force,
-        None,
-        remainder.terms,
-        remainder.remainder,
+        path, InjectorFile.read(NOMINAL_INJECTOR), remainder.in_force, None, remainder.terms, remainder.remainder
     )
     stated, part = load_injector(path), remainder.proposals[0].part
     assert part is not None

@@ -27,13 +27,7 @@ from observer_rt.identification.likelihood.measurement import Measurement, measu
 from observer_rt.identification.likelihood.open_loop import mass, simulated
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters, LineOutflow
-from tests.identification.fit.healthy import (
-    NOMINAL,
-    POINTS,
-    of_independent_plant,
-    off_by_ten_percent,
-    simulations,
-)
+from tests.identification.fit.healthy import NOMINAL, POINTS, of_independent_plant, off_by_ten_percent, simulations
 from tests.plants.parameters import Injector
 
 LUMPS = tuple(one for one in STRUCTURES if one.line == "lump")

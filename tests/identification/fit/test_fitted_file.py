@@ -8,13 +8,7 @@ import tomlkit
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.fit.calibrate import (
-    CalibrationResult,
-    baseline_of,
-    calibrate,
-    rounded,
-    write_fitted,
-)
+from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, rounded, write_fitted
 from observer_rt.identification.fit.problem import STRUCTURES
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import NOMINAL, off_by_ten_percent, simulations
@@ -27,10 +21,7 @@ HASHES = {"a.csv": "0123456789abcdef"}
 
 @pytest.fixture(
     scope="module",
-    params=[
-        pytest.param(SEAT_LUMP, id="lump"),
-        pytest.param(TWO_PARTS, id="two folds", marks=pytest.mark.slow),
-    ],
+    params=[pytest.param(SEAT_LUMP, id="lump"), pytest.param(TWO_PARTS, id="two folds", marks=pytest.mark.slow)],
 )
 def done(request: pytest.FixtureRequest) -> CalibrationResult:
     """Two recordings in a structure that is not the file's."""

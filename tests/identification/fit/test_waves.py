@@ -7,14 +7,7 @@ import pytest
 
 from observer_rt.core.model.model import STEP
 from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, judged_by
-from observer_rt.identification.fit.problem import (
-    SAC,
-    STIFFNESS,
-    STRUCTURES,
-    Structure,
-    values_of,
-    with_values,
-)
+from observer_rt.identification.fit.problem import SAC, STIFFNESS, STRUCTURES, Structure, values_of, with_values
 from observer_rt.identification.fit.search import FailedStructure
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effective import coefficients

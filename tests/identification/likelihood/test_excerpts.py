@@ -51,10 +51,7 @@ def test_a_recording_that_is_not_too_long_is_taken_whole() -> None:
     measured_recordings, (expected,) = measured(HeldSignals(pair())), measurements([pair()])
     assert measured_recordings.recording is pair()
     assert measured_recordings.events == expected.events
-    assert (measured_recordings.noise, measured_recordings.rate_noise) == (
-        expected.noise,
-        expected.rate_noise,
-    )
+    assert (measured_recordings.noise, measured_recordings.rate_noise) == (expected.noise, expected.rate_noise)
     assert coverage(measured_recordings) == coverage(expected)
 
 

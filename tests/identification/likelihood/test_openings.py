@@ -10,12 +10,7 @@ from observer_rt.core.stream.stream import LOOK_BACK, dead_band
 from observer_rt.desk.simulation.simulate import shown_slowly
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.likelihood.measurement import Measurement, measurements, openings_of
-from observer_rt.identification.likelihood.openings import (
-    GRID,
-    find_openings,
-    openings_without_lag,
-    without_lag,
-)
+from observer_rt.identification.likelihood.openings import GRID, find_openings, openings_without_lag, without_lag
 from observer_rt.identification.likelihood.windows import TrueInputs
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.effects import effective_model, sized
@@ -49,10 +44,7 @@ def test_every_stroke_is_found_with_its_flanks() -> None:
     for opening, (first, closed) in zip(openings, ((100, 300), (500, 540)), strict=True):
         assert opening.first in (first, first + 1)
         assert opening.last in (closed - 1, closed)
-        for ramp, distance in (
-            (opening.rising, opening.first - first),
-            (opening.falling, closed - opening.last),
-        ):
+        for ramp, distance in ((opening.rising, opening.first - first), (opening.falling, closed - opening.last)):
             assert ramp.slope == pytest.approx(8e-6, rel=0.05)
             assert ramp.lift == pytest.approx(8e-6 * distance, abs=3 * NOISE)
 

@@ -21,11 +21,7 @@ def _history(measured_rate: bool = False) -> list[Recording]:
 def test_every_pressure_and_duration_is_a_point() -> None:
     commanded = [one.with_arrays({"energizing": np.zeros(one.samples)}) for one in _history()]
     points = by_operating_point(measurements(commanded))
-    assert [point.name.split(",")[0] for point in points] == [
-        *["60 MPa"] * 2,
-        *["100 MPa"] * 2,
-        *["140 MPa"] * 2,
-    ]
+    assert [point.name.split(",")[0] for point in points] == [*["60 MPa"] * 2, *["100 MPa"] * 2, *["140 MPa"] * 2]
     durations = [point.measurement.duration for point in points]
     assert durations[0::2] == pytest.approx([0.9e-3] * 3, abs=0.1e-3)
     assert durations[1::2] == pytest.approx([2.2e-3] * 3, abs=0.1e-3)

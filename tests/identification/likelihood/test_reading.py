@@ -41,11 +41,7 @@ def test_copies_are_left_out_and_named(tmp_path: Path) -> None:
     for path, text in ((first, "1"), (second, "2"), (copy, "1")):
         path.write_text(text)
     output = io.StringIO()
-    assert without_copies([first, second, copy, first], Console(file=output, width=500)) == [
-        first,
-        second,
-        first,
-    ]
+    assert without_copies([first, second, copy, first], Console(file=output, width=500)) == [first, second, first]
     assert output.getvalue() == f"warning: {copy} is left out: a copy of {first}\n"
 
 

@@ -53,11 +53,7 @@ def test_unit_of_the_coefficient(equation: str, law: str, unit: str) -> None:
         ("nozzle_flow", "needle_lift > 3[MPa]", "'3[MPa]' is in MPa"),
         ("nozzle_flow", "c * line_pressure + c * line_flow", "'c * line_flow'"),
         ("nozzle_flow", "exp(c * line_pressure) + c * line_flow", "'c * line_flow'"),
-        (
-            "nozzle_flow",
-            "(time - time_since_opening) * 1[Hz]",
-            "'time' is in s, 'time_since_opening' is in ms",
-        ),
+        ("nozzle_flow", "(time - time_since_opening) * 1[Hz]", "'time' is in s, 'time_since_opening' is in ms"),
         ("nozzle_flow", "table(line_pressure, 0, 1, 2[mm], 3)", "the point 2[mm] is in mm"),
         ("nozzle_flow", "table(open, 0, 1[mm], 1, 3[MPa])", "3[MPa] is in MPa"),
         ("nozzle_flow", "max(open, lift_rate)", "'lift_rate' is in mm/ms"),
@@ -103,12 +99,7 @@ def test_sound_terms(equation: str, law: str, c: float) -> None:
 @pytest.mark.parametrize(
     ("equation", "law", "c", "said"),
     [
-        (
-            "nozzle_flow",
-            "c * (line_pressure / 100 - 1)",
-            -1.0,
-            "1 + term is not above 0, at line_pressure = 2",
-        ),
+        ("nozzle_flow", "c * (line_pressure / 100 - 1)", -1.0, "1 + term is not above 0, at line_pressure = 2"),
         ("seat_flow", "-1.2 * opening", 1.0, "is -1.2, so that 1 + term is not above 0, at opening = 1"),
         ("inertance", "-1.01 * closed", 1.0, "not above 0"),
         ("inertance", "c * open", 21.0, "times its bound 4"),

@@ -149,13 +149,7 @@ def real_case(names: Sequence[str], rig: Rig, number: int) -> HiddenCase:
     asked = Query.HEALTHY if not names else Query.SINGLE if len(names) == 1 else Query.PAIR
     asked = Query.OUTSIDE if any(name in OUTSIDE for name in names) else asked
     from_share = PAIR_FROM if asked is Query.PAIR else 0.0
-    key = [
-        rig.seed,
-        number,
-        rig.discrepancy.number,
-        int(rig.with_rate),
-        *(zlib.crc32(n.encode()) for n in names),
-    ]
+    key = [rig.seed, number, rig.discrepancy.number, int(rig.with_rate), *(zlib.crc32(n.encode()) for n in names)]
     return _drawn(key, asked, [effect_of(name) for name in names], rig.with_rate, rig, from_share)
 
 

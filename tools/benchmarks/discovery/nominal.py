@@ -9,27 +9,11 @@ import pandas as pd
 from observer_rt.config.bench import load_injector
 from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.campaign import CHANCE, Bar, How, Row, chance_of_95, tally
-from tools.benchmarks.discovery.answers import (
-    AMBIGUOUS,
-    GRADES,
-    NAMED,
-    NONE,
-    Answer,
-    Grade,
-    ask,
-    calibration_error,
-)
+from tools.benchmarks.discovery.answers import AMBIGUOUS, GRADES, NAMED, NONE, Answer, Grade, ask, calibration_error
 from tools.benchmarks.discovery.cases import HiddenCase, nominal_benches
 from tools.benchmarks.discovery.kinds import same_effect
 from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, write_all
-from tools.benchmarks.discovery.scoring import (
-    gaps,
-    held_intervals,
-    injector_of,
-    rivalry,
-    visibility,
-    with_effects,
-)
+from tools.benchmarks.discovery.scoring import gaps, held_intervals, injector_of, rivalry, visibility, with_effects
 
 CASES = 300
 VISIBLE_GAIN = 50.0  # of the oracle's -2 log L

@@ -117,10 +117,7 @@ def facts_of(case: HiddenCase, answer: outside_answers.OutsideAnswer) -> Row:
 
 
 def _is_right(
-    names: Iterable[str],
-    laws: Iterable[kinds.TermEquation],
-    case: HiddenCase,
-    right: frozenset[kinds.TermEquation],
+    names: Iterable[str], laws: Iterable[kinds.TermEquation], case: HiddenCase, right: frozenset[kinds.TermEquation]
 ) -> bool:
     """Whether an explanation is of the hidden effect, by name, or by laws of its equation; of a healthy case none.
 

@@ -233,9 +233,5 @@ class _Player:
             save_knowledge(Path(folder) / "state.json", self._core.knowledge, model)
             restored = load_knowledge(Path(folder) / "state.json", model)
         self._core = Core(
-            self._bench.injector,
-            self._bus,
-            restored.knowledge,
-            executor=self._executor,
-            learning=self._learning,
+            self._bench.injector, self._bus, restored.knowledge, executor=self._executor, learning=self._learning
         )

@@ -265,11 +265,7 @@ def _small_ones() -> list[SensorFault]:
             t >= 0.5 * t[-1], sign(rng) * size, 0.0), LIFT), of.LIFT_ZERO | of.CHANGE),
         _small("few_bits", "bits", (12.0, 10.0), few_bits, of.HARMLESS, after_noise=True),
     ]  # fmt: skip
-    for role, name, reasons in (
-        (RAIL, "rail", of.LATE),
-        (LIFT, "lift", of.LATE_LIFT),
-        (LINE, "line", of.LATE_LINE),
-    ):
+    for role, name, reasons in ((RAIL, "rail", of.LATE), (LIFT, "lift", of.LATE_LIFT), (LINE, "line", of.LATE_LINE)):
         held, often = of.FROZEN, _frozen_now_and_then(200.0 if role == LIFT else 40.0)
         rows += [
             _small(f"frozen_samples_{name}", "ms", (0.2, 0.5), on(often, role), held, after_noise=True),

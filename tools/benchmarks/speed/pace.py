@@ -79,13 +79,7 @@ class Pacer:
     """Sends frames to one observer; their numbers go on from one passage to the next."""
 
     def __init__(
-        self,
-        folder: Path,
-        traffic: Traffic,
-        link: str,
-        ids: Ids,
-        descriptors: Sequence[int] = (),
-        first: int = 0,
+        self, folder: Path, traffic: Traffic, link: str, ids: Ids, descriptors: Sequence[int] = (), first: int = 0
     ) -> None:
         """link: an interface, or `fd:N` for one of the descriptors handed over; first: number of the first frame."""
         self._program = native.program("pacer", folder)

@@ -12,15 +12,7 @@ import numpy as np
 from tools.benchmarks.campaign import Row, messages
 from tools.benchmarks.speed.observers import PAUSED_RUN, RUN, Observer, observer
 from tools.benchmarks.speed.pace import Pacer, latency_of, socket_pacer
-from tools.benchmarks.speed.traffic import (
-    RATES,
-    SAMPLE_RATE,
-    SAMPLES,
-    Ids,
-    Traffic,
-    make_traffic,
-    write_bench,
-)
+from tools.benchmarks.speed.traffic import RATES, SAMPLE_RATE, SAMPLES, Ids, Traffic, make_traffic, write_bench
 
 BUFFER_BYTES = 16 << 20  # as the daemon asks of a CAN socket
 STARTS = 3

@@ -98,11 +98,7 @@ def _levels_after(levels: Levels, pile: Pile | None, y: NDArray[np.float64], sig
 
 
 def pile_of(
-    y: NDArray[np.float64],
-    innovations: NDArray[np.float64],
-    masked: NDArray[np.bool_],
-    sigmas: Sigmas,
-    first: int,
+    y: NDArray[np.float64], innovations: NDArray[np.float64], masked: NDArray[np.bool_], sigmas: Sigmas, first: int
 ) -> Pile | None:
     """The samples of y (n,) about its highest level that are not masked, None where they are too few, or y rests."""
     samples, level, constant, changing = find_pile(y, innovations, masked, sigmas.noise, first)

@@ -228,12 +228,7 @@ class CoilCurrent:
         return window if self.pulse is None else self.pulse.taken_out(window)
 
     def after(
-        self,
-        window: Window,
-        edge: Edge,
-        innovations: Innovations,
-        other: OtherColumns,
-        ends: NDArray[np.int64],
+        self, window: Window, edge: Edge, innovations: Innovations, other: OtherColumns, ends: NDArray[np.int64]
     ) -> "CoilCurrent":
         """Value after an event as it was recorded, with such an edge before its openings.
 

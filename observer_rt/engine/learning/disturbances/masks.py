@@ -201,10 +201,7 @@ class OutlierSearch:
         stretches = frozen_stretches(window, innovations, sigmas, first)
         places = tuple((s.start - window.opening, s.level) for s in stretches)
         bursts = tuple(_middle(burst) - window.opening for burst in bursts_of(window.output, sigmas.noise))
-        return OutlierSearch(
-            (*self.stretches, places)[-REMEMBERED:],
-            (*self.bursts, bursts)[-REMEMBERED:],
-        )
+        return OutlierSearch((*self.stretches, places)[-REMEMBERED:], (*self.bursts, bursts)[-REMEMBERED:])
 
     def _is_true(self, window: Window, stretch: HeldStretch, sigmas: Sigmas) -> bool:
         """Whether a stretch is no outlier, but the truth, or the end of what the sensor can show."""

@@ -23,13 +23,7 @@ from observer_rt.engine.learning.hypotheses import SETTLED, Mode, Possibility, i
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector, shrink
 from observer_rt.engine.learning.learned_range import EventPoint, operating_point, remembered
-from observer_rt.engine.learning.posterior.explaining import (
-    Explanation,
-    Offers,
-    Weighing,
-    coming_back,
-    offered,
-)
+from observer_rt.engine.learning.posterior.explaining import Explanation, Offers, Weighing, coming_back, offered
 from observer_rt.engine.learning.posterior.reader import (
     ClosedEvent,
     EventReader,
@@ -116,11 +110,7 @@ class Believing:
 
 
 def noise_after(
-    learned: LearnedInjector,
-    window: Window,
-    unfiltered: NDArray[np.float64],
-    follows: Follows,
-    reader: EventReader,
+    learned: LearnedInjector, window: Window, unfiltered: NDArray[np.float64], follows: Follows, reader: EventReader
 ) -> Noise:
     """Noise by the belief, and by the innovations (n,) of an event."""
     stretches = resting_segments(window, reader.burn_in, reader.resting)
@@ -215,12 +205,7 @@ class _Reads:
     """An event read by hypothesis after hypothesis; what stands out by the first reading does not count in any."""
 
     def __init__(
-        self,
-        state: LearningState,
-        event: ClosedEvent,
-        window: Window,
-        offset: float | None,
-        reader: EventReader,
+        self, state: LearningState, event: ClosedEvent, window: Window, offset: float | None, reader: EventReader
     ) -> None:
         self.state, self.window = state, window
         self._event, self._offset, self._reader = event, offset, reader

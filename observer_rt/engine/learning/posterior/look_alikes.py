@@ -173,10 +173,7 @@ def _objections(
     theta = learned.theta
     reasons = [Reason.CONTRADICTED] if is_disturbed else []
     offset = float(theta[Parameter.LINE_PRESSURE_OFFSET]) * reader.pressure_scale
-    gain, untold = (
-        float(theta[Parameter.LINE_PRESSURE_GAIN]),
-        learned.belief.sigma[Parameter.LINE_PRESSURE_GAIN],
-    )
+    gain, untold = (float(theta[Parameter.LINE_PRESSURE_GAIN]), learned.belief.sigma[Parameter.LINE_PRESSURE_GAIN])
     pressure = float(window.inputs[:, 0].mean()) * reader.pressure_scale
     if abs(gain) > Z_95 * reader.calibration.gain > 0.0:
         offset = math.inf

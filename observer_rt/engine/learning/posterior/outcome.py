@@ -18,14 +18,7 @@ from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.account import Account, MassDoubt
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.hypotheses import (
-    BELIEVED,
-    FLOWS,
-    SENSOR_CHANGED,
-    SETTLED,
-    STAYS,
-    Velocity,
-)
+from observer_rt.engine.learning.hypotheses import BELIEVED, FLOWS, SENSOR_CHANGED, SETTLED, STAYS, Velocity
 from observer_rt.engine.learning.interval import Resimulation, resimulated
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import UNSEEN, extrapolation_sigma, known_flow

@@ -28,12 +28,7 @@ def overlay_figure(findings: Findings) -> str:
 
 def _draw_overlays(figure: Figure, overlays: Sequence[Overlay], amended: str) -> None:
     grid = figure.add_gridspec(4, len(overlays), height_ratios=(0.55, 1.5, 1.0, 1.3))
-    labels = (
-        "needle lift\n[µm]",
-        "line pressure\n[MPa]",
-        "model − measured\n[MPa]",
-        "injection rate\n[mm³/ms]",
-    )
+    labels = ("needle lift\n[µm]", "line pressure\n[MPa]", "model − measured\n[MPa]", "injection rate\n[mm³/ms]")
     for column, overlay in enumerate(overlays):
         axes = [figure.add_subplot(grid[row, column]) for row in range(4)]
         _draw_overlay(axes, overlay, amended)
@@ -60,10 +55,7 @@ def _draw_overlay(axes: Sequence[Axes], overlay: Overlay, amended: str) -> None:
     measurement, before, shown = overlay.measurement, overlay.before, slice(0, overlay.samples)
     recording, samples = measurement.recording, before.samples[shown]
     time = (samples - samples[0]) * measurement.interval / MILLISECOND
-    lift, measured = (
-        recording.needle_lift[samples] / MICROMETRE,
-        recording.line_pressure[samples] / MEGAPASCAL,
-    )
+    lift, measured = (recording.needle_lift[samples] / MICROMETRE, recording.line_pressure[samples] / MEGAPASCAL)
     axes[0].fill_between(time, lift, color="#dfe5ea", lw=0)
     axes[0].plot(time, lift, color="#59636e", lw=0.9)
     axes[1].plot(time, measured, color=MEASURED, lw=1.5, alpha=0.75, label="measured")

@@ -114,9 +114,7 @@ OVER_NOZZLE = Axis(
     {"sac_pressure", "chamber_pressure"},
 )
 OVER_SEAT = Axis(
-    "(line_pressure - sac_pressure)/10",
-    (0.0, 0.3, 0.7, 1.2, 2.0, 3.5, 6.0, 10.0),
-    {"line_pressure", "sac_pressure"},
+    "(line_pressure - sac_pressure)/10", (0.0, 0.3, 0.7, 1.2, 2.0, 3.5, 6.0, 10.0), {"line_pressure", "sac_pressure"}
 )
 SPEED = Axis("lift_rate", (-0.5, -0.35, -0.2, -0.1, 0.1, 0.2, 0.35, 0.5), {"lift_rate"})
 RATE = Axis("line_pressure_rate/50", (-1.5, -0.8, -0.3, -0.1, 0.1, 0.3, 0.8, 1.5), {"line_pressure_rate"})
@@ -126,13 +124,7 @@ CURVES: Mapping[TermEquation, tuple[tuple[Axis, str], ...]] = {
     TermEquation.INERTANCE: ((FLOW, ""), (PRESSURE, "")),
     TermEquation.STIFFNESS: ((PRESSURE, ""), (FLOW, ""), (LIFT, ""), (RATE, "")),
     TermEquation.LINE_PRESSURE: ((PRESSURE, ""), (LIFT, ""), (SPEED, "")),
-    TermEquation.SEAT_FLOW: (
-        (LIFT, ""),
-        (LIFT, "closing*"),
-        (LIFT, "opening*"),
-        (SINCE, ""),
-        (OVER_SEAT, ""),
-    ),
+    TermEquation.SEAT_FLOW: ((LIFT, ""), (LIFT, "closing*"), (LIFT, "opening*"), (SINCE, ""), (OVER_SEAT, "")),
     TermEquation.NOZZLE_FLOW: ((SINCE, ""), (LIFT, ""), (OVER_NOZZLE, ""), (PRESSURE, "")),
     TermEquation.CHAMBER_PRESSURE: ((SINCE, ""), (LIFT, ""), (OVER_NOZZLE, "")),
     TermEquation.NEEDLE_LIFT: ((LIFT, "open*"), (SPEED, "open*")),
@@ -240,10 +232,7 @@ def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
         best = int(np.argmax(gains))
         law = form.law.replace("u", f"({axis.over})")
         if form.shape not in laws_by_shape or gains[best] > laws_by_shape[form.shape][0]:
-            laws_by_shape[form.shape] = (
-                float(gains[best]),
-                term_effect(equation, curve.factor + law, tried[best]),
-            )
+            laws_by_shape[form.shape] = (float(gains[best]), term_effect(equation, curve.factor + law, tried[best]))
     return sorted(laws_by_shape.values(), key=lambda item: -item[0])[:MOST_OF_CURVE]
 
 

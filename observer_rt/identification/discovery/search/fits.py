@@ -12,20 +12,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.search.candidates import (
-    Candidate,
-    Hypothesis,
-    equation_of,
-    minimum_from,
-)
-from observer_rt.identification.discovery.search.scores import (
-    WHOLE,
-    Scores,
-    Signature,
-    bounds_of,
-    scored,
-    weights_of,
-)
+from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis, equation_of, minimum_from
+from observer_rt.identification.discovery.search.scores import WHOLE, Scores, Signature, bounds_of, scored, weights_of
 from observer_rt.identification.likelihood import appearance
 from observer_rt.identification.likelihood.bounded_fit import (
     MAX_ITERATIONS,
@@ -36,13 +24,7 @@ from observer_rt.identification.likelihood.bounded_fit import (
     linearise,
     sigmas_of,
 )
-from observer_rt.identification.likelihood.likelihood import (
-    JointLikelihood,
-    JudgedModel,
-    Pool,
-    pool_of,
-    residuals_of,
-)
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, Pool, pool_of, residuals_of
 from observer_rt.model.baseline import Appearance
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel

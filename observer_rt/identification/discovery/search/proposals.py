@@ -38,11 +38,7 @@ from observer_rt.model.terms.term import VARIABLES, Term, TermEquation, Variable
 MARGIN = 0.1  # of the range of a pressure or speed, at both ends
 FLOW_MARGIN = 1.25  # times the largest injection rate, that a flow may be, either way
 _DIGITS = 4
-_RATE = {
-    "rail_pressure": "rail_pressure_rate",
-    "line_pressure": "line_pressure_rate",
-    "needle_lift": "lift_rate",
-}
+_RATE = {"rail_pressure": "rail_pressure_rate", "line_pressure": "line_pressure_rate", "needle_lift": "lift_rate"}
 LEAST_CLOSED = 2.0 / 3.0  # of the gap held out
 # So small that pressure and mass follow it in proportion.
 _PROBE = Term(TermEquation.NOZZLE_FLOW, Number(0.02))
@@ -50,11 +46,7 @@ _MORE = "record more rail pressures and durations, or the injection rate as well
 
 
 def proposals_of(
-    laws: Sequence[Candidate],
-    fitter: Fitter,
-    outcome: SearchOutcome,
-    healthy: Healthy,
-    held_out: HeldOutPoints,
+    laws: Sequence[Candidate], fitter: Fitter, outcome: SearchOutcome, healthy: Healthy, held_out: HeldOutPoints
 ) -> tuple[Proposal, ...]:
     """Proposals of laws that a search found.
 
@@ -111,11 +103,7 @@ def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange
     ranges[Variable.TIME] = (0.0, max(e.clock.time + (e.end - e.start) * one.interval for one, e in events))
     since = max((e.end - e.openings[-1].first) * one.interval for one, e in events)
     ranges[Variable.TIME_SINCE_OPENING] = (0.0, since / MILLISECOND)
-    for name, unit in (
-        ("rail_pressure", MEGAPASCAL),
-        ("line_pressure", MEGAPASCAL),
-        ("needle_lift", MILLIMETRE),
-    ):
+    for name, unit in (("rail_pressure", MEGAPASCAL), ("line_pressure", MEGAPASCAL), ("needle_lift", MILLIMETRE)):
         values = [getattr(one.recording, name)[e.start : e.end] / unit for one, e in events]
         changes = [
             np.diff(each) * (MILLISECOND / one.interval) for each, (one, _) in zip(values, events, strict=True)

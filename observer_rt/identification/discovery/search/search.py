@@ -266,10 +266,7 @@ class Search:
             if len(best.ids) < 2:
                 break
             left = [(one, sizes) for one, sizes, _ in best.parts if one is not effect]
-            others, start = (
-                Hypothesis(tuple(one for one, _ in left)),
-                np.concatenate([one for _, one in left]),
-            )
+            others, start = (Hypothesis(tuple(one for one, _ in left)), np.concatenate([one for _, one in left]))
             for smaller in self._fitter.laws([(others, start)]):
                 if smaller.statistic - best.statistic < self._needed(best, smaller, KEPT_SHARE):
                     best = smaller

@@ -8,12 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.colour import (
-    Colour,
-    RestingNoise,
-    offset_between,
-    resting_segments,
-)
+from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, offset_between, resting_segments
 from observer_rt.engine.stream.standstill import Standstill
 
 INTERVAL = 1e-5  # s

@@ -86,11 +86,7 @@ def test_what_the_network_learned_is_the_first_figure(worn: Worn) -> None:
 def test_effects_and_laws_of_a_candidate_are_set_apart(worn: Worn) -> None:
     law = term_effect(TermEquation.NOZZLE_FLOW, "needle_lift/max_lift")
     together = Candidate(
-        Hypothesis((VOCABULARY["orifice_area"], law)),
-        (0.1, -0.2),
-        0.0,
-        half=(0.01, 0.01),
-        sizes_of_half=(0.1, -0.2),
+        Hypothesis((VOCABULARY["orifice_area"], law)), (0.1, -0.2), 0.0, half=(0.01, 0.01), sizes_of_half=(0.1, -0.2)
     )
     text = _page(worn, ranking=(*worn.findings.ranking, together)).text
     assert "orifice_area + nozzle_flow = c * " in text

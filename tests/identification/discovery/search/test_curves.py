@@ -58,12 +58,7 @@ def made(law: str, *equations: TermEquation) -> list[Effect]:
     [
         ("0.3 * exp(-((needle_lift/max_lift - 0.5)/0.2)^2)", TermEquation.SEAT_FLOW, "exp(-((", (0.5, 0.2)),
         ("-0.3 * (time_since_opening > 0.6)", TermEquation.NOZZLE_FLOW, "(1 + tanh((", (0.6, 0.04)),
-        (
-            "0.4 * closing * max(0.4 - needle_lift/max_lift, 0)",
-            TermEquation.SEAT_FLOW,
-            "closing*max(A - ",
-            (0.4,),
-        ),
+        ("0.4 * closing * max(0.4 - needle_lift/max_lift, 0)", TermEquation.SEAT_FLOW, "closing*max(A - ", (0.4,)),
         (
             "3 * exp(-time_since_opening/0.6) * sin(6.283185307 * 1.5 * time_since_opening)",
             TermEquation.CHAMBER_PRESSURE,

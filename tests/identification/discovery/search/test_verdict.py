@@ -9,12 +9,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
-from observer_rt.identification.discovery.search.verdict import (
-    SearchOptions,
-    decide_between,
-    decide_by,
-    name_effects,
-)
+from observer_rt.identification.discovery.search.verdict import SearchOptions, decide_between, decide_by, name_effects
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import Effect, SizedEffect
@@ -41,9 +36,7 @@ def _discover(
     options: SearchOptions | None = None,
 ) -> Discovery:
     return name_effects(
-        MODEL,
-        measurements(recordings(effects, measured_rate, parameters)),
-        options or SearchOptions(workers=2),
+        MODEL, measurements(recordings(effects, measured_rate, parameters)), options or SearchOptions(workers=2)
     )
 
 
@@ -99,9 +92,7 @@ def test_a_single_effect_is_named(hidden: SizedEffect, measured_rate: bool) -> N
 def test_an_effect_too_small_to_matter_is_not_taken_for_another() -> None:
     points = ((60e6, 1.9e-3), (60e6, 0.6e-3), (140e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.2e-3))
     discovery = name_effects(
-        MODEL,
-        measurements(recordings((sized("channel_skew", d=1.2e-6),), points=points)),
-        SearchOptions(workers=2),
+        MODEL, measurements(recordings((sized("channel_skew", d=1.2e-6),), points=points)), SearchOptions(workers=2)
     )
     nominal = next(one for one in discovery.ranking if not one.ids)
     assert nominal.statistic > discovery.ranking[0].statistic + discovery.detection.threshold  # it shows
@@ -111,10 +102,7 @@ def test_an_effect_too_small_to_matter_is_not_taken_for_another() -> None:
 def test_the_members_of_an_exact_class_count_as_one() -> None:
     result = _discover(sized("line_volume", r=0.1))
     assert result.verdict is Verdict.NAMED
-    assert {result.effects[0].id, *result.effects[0].indistinguishable_from} == {
-        "bulk_modulus",
-        "line_volume",
-    }
+    assert {result.effects[0].id, *result.effects[0].indistinguishable_from} == {"bulk_modulus", "line_volume"}
 
 
 def test_near_ties_are_ambiguous_with_what_would_decide() -> None:
@@ -200,11 +188,7 @@ def test_every_two_effects_are_separated_by_something() -> None:
 def test_effects_one_measurement_separates_stand_together() -> None:
     decisive = decide_by(("seat_area", "lift_gain", "lift_offset"))
     assert sum("lift sensor" in one.measurement for one in decisive) == len(decisive)
-    assert {effect for one in decisive for effect in one.separates} == {
-        "seat_area",
-        "lift_gain",
-        "lift_offset",
-    }
+    assert {effect for one in decisive for effect in one.separates} == {"seat_area", "lift_gain", "lift_offset"}
 
 
 def test_one_effect_needs_no_decision() -> None:

@@ -21,7 +21,6 @@ from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.knowledge import Knowledge, LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint
-from observer_rt.engine.learning.pressure_lag import no_doubt
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift
 from observer_rt.engine.stream.state import Reason, State
@@ -67,7 +66,6 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
             doubt=MassDoubt(UnexplainedPressure(1e-5, 3.0), Scatter(6.0, 7.0)),
         ),
         noise=noise,
-        lag_doubt=no_doubt(PARAMETERS),
         events=events,
         interval=1e-5,
         slow_rail=SlowRail(1.0, 2.0),

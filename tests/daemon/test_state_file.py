@@ -273,7 +273,7 @@ def test_a_state_of_many_injections_is_small_and_judges_the_next_ones_as_if_it_h
     restored = state.load().knowledge
     following = simulated(4, 0.2, pressures, 100e3, seed=4)
     as_it_was, again = (evaluate(bench, [following], each).evaluations[0].reports for each in (learned, restored))
-    assert [each.valid for each in as_it_was] == [False, True, True, True]
+    assert all(each.valid for each in as_it_was)
     for before, after in zip(as_it_was, again, strict=True):
         assert (before.valid, before.reasons) == (after.valid, after.reasons)
         assert after.mass == pytest.approx(before.mass, rel=1e-5)

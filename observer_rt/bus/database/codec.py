@@ -133,7 +133,7 @@ def _set_limits(signal: Signal, row: np.void, is_j1939: bool) -> None:
 
 
 def without_ranges(table: NDArray[np.void]) -> NDArray[np.void]:
-    """A table that excludes no value for a declared range, only codes that are none."""
+    """A table that excludes no value for a declared range, only codes that mean no value."""
     result = table.copy()
     is_declared = table["most"] > table["highest"]
     result["least"], result["most"][is_declared] = -math.inf, math.inf

@@ -57,18 +57,6 @@ def theta_limits(c: Coefficients) -> Limits:
     return Limits(lowest, highest, SCALARS.longest_step(c.pressure_scale), gate)
 
 
-def freed(
-    direction: NDArray[np.float64], slopes: NDArray[np.float64], prior: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Part of a direction (k,) of innovations that theta cannot explain, and the change of theta (m,) for the rest.
-
-    slopes: (k, m) by theta; prior: standard deviations (m,) of theta. Raises numpy.linalg.LinAlgError when singular.
-    """
-    information = slopes.T @ slopes + np.diag(prior**-2)
-    change = np.asarray(-np.linalg.solve(information, slopes.T @ direction), np.float64)
-    return direction + slopes @ change, change
-
-
 @dataclass(frozen=True)
 class EventFit:
     """One event fitted: the active columns, the cost round the estimate, its prior.

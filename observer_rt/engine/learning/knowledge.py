@@ -25,7 +25,6 @@ from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
-from observer_rt.engine.learning.pressure_lag import LagDoubt, no_doubt
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift, Standstill
 from observer_rt.engine.stream.state import Constants, Reason
 from observer_rt.foundation.records import NOT_KEPT, Count
@@ -37,7 +36,6 @@ class LearningState:
 
     account: Account  # hypotheses about the injector, with their probabilities
     noise: NoiseLevels
-    lag_doubt: LagDoubt
     events: Count = 0  # learned from
     interval: float = 0.0  # of the samples [s]; 0 before the first event
     slow_rail: SlowRail = field(default_factory=SlowRail)
@@ -69,7 +67,6 @@ class LearningState:
         return LearningState(
             account=Account.of(self.learned.begun(interval)),
             noise=self.noise,
-            lag_doubt=no_doubt(SCALARS.width),
             events=self.events,
             interval=interval,
             overdispersion=of_healthy(overdispersion),
@@ -80,7 +77,7 @@ def no_state(noise: NoiseLevels, pressure_scale: float) -> LearningState:
     """State before any event: phi = 0, with the prior. pressure_scale: p_0 [Pa]."""
     theta = np.zeros(SCALARS.width)
     belief = prior_belief(theta.copy(), np.diag(SCALARS.prior(pressure_scale) ** 2))
-    return LearningState(Account.of(LearnedInjector(belief, theta)), noise, no_doubt(SCALARS.width))
+    return LearningState(Account.of(LearnedInjector(belief, theta)), noise)
 
 
 class Adoption(StrEnum):

@@ -140,5 +140,5 @@ def _failed(state: LearningState, event: ClosedEvent, objection: Objection, read
         forward=(objection,),
         objections=(objection,),
         estimate=state.learned.theta,
-        covariance=state.learned.gated.covariance + np.diag(state.lag_doubt.variance),
+        covariance=state.learned.gated.covariance,
     )

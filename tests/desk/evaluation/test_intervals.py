@@ -110,7 +110,7 @@ def population() -> tuple[Run, ...]:
     ("part", "width", "error"), [(slice(2), 0.04, 0.012), (slice(2, None), 0.025, 0.006)], ids=["first", "later"]
 )
 def test_masses_are_valid_and_lie_in_their_intervals(part: slice, width: float, error: float) -> None:
-    """Those of the first event, of which nothing was known, too; those of one injector are nearly one draw."""
+    """Also those of the first event, when nothing was known; those of one injector are nearly one draw."""
     inside = []
     for made in population():
         for report in made.evaluation.reports[part]:

@@ -126,6 +126,6 @@ def test_the_mass_of_an_injection_unlike_those_learned_from_is_valid_where_it_is
     assert all(run.valid)
     assert np.abs(run.errors).max() < 0.015
     trace = evaluate(bench_at(bench.sample_rate), [recording_of(outcome)]).evaluations[0].trace
-    new, known = (trace.valid[r.start_index : r.end_index + 1] for r in run.reports[-3:-1])
-    assert not new.all()
-    assert known.all()
+    unlike, like = (trace.valid[r.start_index : r.end_index + 1] for r in run.reports[-3:-1])
+    assert not unlike.all()
+    assert like.all()

@@ -1,4 +1,4 @@
-"""Events that scatter by more than what is believed says."""
+"""Events that scatter by more than the belief says."""
 
 import pytest
 

@@ -111,12 +111,12 @@ class _FoundExplanation:
 
     def weigh(self, limits: Limits) -> None:
         """Evidence by the cost as it is linearised, over all scales."""
-        whole = evidences(self.cost, [self.held.prior], limits)[0]
+        by_whole = evidences(self.cost, [self.held.prior], limits)[0]
         covariance, _ = inverse_of(self.held.prior.information + self.cost.information)
-        logs = self.offered + scale_densities(whole.theta, covariance)
-        self.log = whole.log + self.held.log + float(np.logaddexp.reduce(logs))
+        logs = self.offered + scale_densities(by_whole.theta, covariance)
+        self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
         self.scale = int(np.argmax(logs))
-        self.theta = mean_at_scale(whole.theta, covariance, NOISE[self.scale])
+        self.theta = mean_at_scale(by_whole.theta, covariance, NOISE[self.scale])
 
     def fitted(self, fitter: EventFitter, start: Linearisation, steps: int, limits: Limits) -> None:
         """Fit it at its likeliest scale; again, where from there another one is the likeliest.
@@ -268,7 +268,7 @@ class Weighing:
     def _to_learn_from(
         self, hypothesis: Possibility, kind: Kind, explanation: _FoundExplanation, reading: EventReading
     ) -> HeldBelief:
-        """The prior of what is learned: the first event is explained as the files say, and teaches all of theta."""
+        """The prior to learn from: the first event is explained as the files say, and teaches all of theta."""
         learned = hypothesis.learned
         if not learned.is_prior:
             return explanation.held

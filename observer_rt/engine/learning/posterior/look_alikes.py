@@ -1,7 +1,7 @@
 """Look-alikes of wear that theta cannot hold: each is tested by itself, whatever the posterior says.
 
-The ends of the line pressure's range, outliers, the coil, sensors whose gains differ, a delay taken for a lag, an
-inertance taken for wear, a lift that is late. What they are followed by moves only while events are explained.
+The ends of the line pressure's range, outliers, the coil, sensors whose gains differ, an inertance taken for wear.
+What they are followed by moves only while events are explained.
 """
 
 import math
@@ -24,13 +24,11 @@ from observer_rt.engine.learning.adequacy import (
 )
 from observer_rt.engine.learning.disturbances.colour import RestingNoise, resting_segments
 from observer_rt.engine.learning.indicators import nozzle_change
-from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.reader import EventReader
-from observer_rt.engine.learning.pressure_lag import lag_score, lateness_of
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.units import Z_95
 from observer_rt.model.effective import LAG_UNIT
@@ -53,16 +51,12 @@ class LookAlikes:
     begins_anew: bool
 
 
-def look_alikes_in(explained: ExplainedEvent, again: Resimulation, reader: EventReader) -> LookAlikes:
-    """Look-alikes in an event that was run again."""
+def look_alikes_in(explained: ExplainedEvent, reader: EventReader) -> LookAlikes:
+    """Look-alikes in an event that was explained."""
     explanation, lead = explained.carried[0]
     state = _with_range(explained, reader)
     if not explanation.is_good or explanation.fit is None:
         return LookAlikes(state, (), begins_anew=False)
-    reading = explanation.reading
-    lag = lag_score(explained.window, reading.follows.setting, explanation.fit, reading.cost, reader.wide)
-    lateness = None if lag is None else lateness_of(lag, again.run)
-    state = replace(state, lag_doubt=state.lag_doubt.after(lateness))
     if explained.fault_weight < 0.5:
         state = _followed(state, explained, explanation, reader)
     state, is_disturbed, begins_anew = _with_coil(state, explained, explanation, reader)
@@ -178,8 +172,6 @@ def _objections(
     if abs(gain) > Z_95 * reader.calibration.gain > 0.0:
         offset = math.inf
     reasons += sensor_objections(offset, sensor_lag(theta), untold * pressure)
-    if state.lag_doubt.is_relevant:
-        reasons.append(Reason.TIME_BASE)
     delay = float(theta[Parameter.LIFT_DELAY]) * LAG_UNIT
     if not EARLIEST_LIFT <= delay <= LATEST_LIFT:
         reasons.append(Reason.LIFT_SENSOR_LAG if delay > 0.0 else Reason.TIME_BASE)

@@ -1,6 +1,6 @@
 """Outcome of an event: its mass and how well that is known, the state carried on, the refusals and their reasons.
 
-The mass is that by the event's own pressures: the mean over all that explains them. A change is told, and refuses
+The mass is that by the event's own pressures: the mean over all that explains them. A change is reported, and refuses
 nothing; what refuses is that nothing explains the event, or that its explanations leave the mass open.
 """
 
@@ -208,7 +208,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     covariance = learned.gated.covariance
     again = resimulated(explained.window, setting, explained.state.noise, theta, covariance)
     mass = mass_of(explained.window, setting, theta, again)
-    look_alikes = look_alikes_in(explained, again, reader)
+    look_alikes = look_alikes_in(explained, reader)
     account = explained.state.account
     if explanation.is_good:
         account = _compared(account, explained, mass, reader)
@@ -228,7 +228,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     again = replace(
         again,
         covariance=covariance,
-        systematic=math.hypot(systematic, state.lag_doubt.volume_share),
+        systematic=systematic,
         unknown=shares.remainder,
         moved=shares.moved,
         calibration=reader.calibration.of_event(mass.controlled),
@@ -240,7 +240,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         forward=forward,
         objections=named(state, verdict.own, explained),
         estimate=theta,
-        covariance=covariance + np.diag(state.lag_doubt.variance),
+        covariance=covariance,
         resimulated=again,
         outliers=int(explained.window.masked.sum()) - int(explained.unmasked.masked.sum()),
         loudest=state.jitter.loudest(explained.window, explanation.reading.follows.sigmas.innovation),

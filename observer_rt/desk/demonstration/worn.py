@@ -178,7 +178,7 @@ def write_figure(result: DemoResult, wear: float, path: Path) -> None:
     """The demonstration's picture."""
     from observer_rt.desk.evaluation.figures import Picture, plot_injections
 
-    title = f"Injection rate over CAN of an injector with worn nozzle (v_H = {wear:+.2f}): model, observer, truth"
+    title = f"An injector with a worn nozzle (v_H = {wear:+.2f}), over CAN"
     plot_injections(path, [Picture(title, result.curves, result.masses)], "true")
 
 

@@ -152,20 +152,6 @@ class GatedBelief:
         """
         return self._by_joint @ self.belief.error_covariance @ self._by_joint.T
 
-    def carried(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Error covariance (m, m) of a theta (m,) that is carried: that of the estimate, and two squares.
-
-        One of what lies between theta and the estimate (it was not adopted). One of what the scalars that do not pay
-        yet for being active would change, by the share that noise does not explain: 1 - k/chi2 for k of them (the
-        positive part estimator of James and Stein 1961).
-        """
-        estimate = self._by_joint @ self.belief.mean
-        left_out = sum(column not in self.active for column in self.gate.columns)
-        shift = estimate - self.belief.mean
-        chi2 = float(shift @ self.belief.information @ shift)
-        share = 1.0 - left_out / chi2 if chi2 > left_out else 0.0
-        return self.covariance + np.outer(theta - estimate, theta - estimate) + share * np.outer(shift, shift)
-
     @cached_property
     def _by_joint(self) -> NDArray[np.float64]:
         """Map (m, m) from the joint mean to the estimate: parameters left out are known to be 0.

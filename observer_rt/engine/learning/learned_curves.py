@@ -55,9 +55,9 @@ class LearnedCurve:
 def learned_curves(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedCurve, ...]:
     """Curves of what was learned, over the ranges in which there were events; none before any."""
     learned, theta = knowledge.state.learned, knowledge.in_force
-    carried = learned.gated.carried(theta)
+    covariance = learned.gated.covariance
     return tuple(
-        LearnedCurve(flow, variable, inputs, change, Z_95 * np.sqrt(((slopes @ carried) * slopes).sum(1)))
+        LearnedCurve(flow, variable, inputs, change, Z_95 * np.sqrt(((slopes @ covariance) * slopes).sum(1)))
         for flow, variable, inputs, change, slopes in _changes(theta, learned.learned_at, c)
     )
 

@@ -140,38 +140,3 @@ def test_gated_covariance_is_that_of_the_error_when_the_rest_is_known(
             rtol=1e-6,
             atol=1e-6,
         )
-
-
-def left_out_at(significance: float) -> tuple[NDArray[np.float64], Belief]:
-    """The theta without column 3 and the joint belief, in which that is so many standard deviations from 0."""
-    information, vector = np.diag([4.0, 1.0, 4.0, 25.0, 1.0, 4.0]), np.zeros(SIZE)
-    information[0, 3] = information[3, 0] = 5.0
-    joint = np.asarray(np.linalg.inv(information), np.float64)
-    vector[3] = significance / np.sqrt(joint[3, 3])
-    theta, active = subset_of(information, vector, frozenset())
-    assert active == frozenset()
-    return theta, Belief(joint @ vector, joint, joint)
-
-
-def test_what_is_left_out_but_believed_is_an_error_of_what_is_carried() -> None:
-    """3.5 sigma do not pay their way; chi2 is 12.25 where noise in the three scalars left out makes 3."""
-    theta, belief = left_out_at(3.5)
-    covariance = GatedBelief(belief, GATE, frozenset()).carried(theta)
-    beyond_noise = 1.0 - 3.0 / 12.25
-    assert covariance[3, 3] == pytest.approx(beyond_noise * belief.mean[3] ** 2)
-    assert covariance[0, 0] == pytest.approx(1.0 / 4.0 + beyond_noise * belief.mean[0] ** 2)
-    assert covariance[2, 2] == pytest.approx(1.0 / 4.0)
-
-
-def test_what_is_left_out_and_no_more_than_noise_is_no_error() -> None:
-    theta, belief = left_out_at(1.5)
-    covariance = GatedBelief(belief, GATE, frozenset()).carried(theta)
-    np.testing.assert_allclose(covariance, GatedBelief(belief, GATE, frozenset()).covariance, atol=1e-12)
-
-
-def test_what_was_not_adopted_is_an_error_of_what_is_carried() -> None:
-    theta, belief = left_out_at(1.5)
-    apart = np.array([0.3, 0.0, -0.1, 0.0, 0.0, 0.0])
-    covariance = GatedBelief(belief, GATE, frozenset()).carried(theta + apart)
-    expected = GatedBelief(belief, GATE, frozenset()).covariance + np.outer(apart, apart)
-    np.testing.assert_allclose(covariance, expected, atol=1e-12)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.predictor import Window
@@ -15,13 +14,7 @@ from observer_rt.engine.stream.standstill import Standstill
 from tests.engine.learning.strokes import stroke_of
 from tests.engine.sample_stream import NOISE, NOMINAL
 
-Signal = NDArray[np.float64]
 SCALE = NOMINAL.scaling.pressure
-
-
-def damaged(window: Window, line: Signal, rail: Signal) -> Window:
-    inputs = np.column_stack((rail, window.inputs[:, 1]))
-    return window._replace(inputs=inputs, output=line)
 
 
 @st.composite
@@ -43,7 +36,7 @@ def events(draw: st.DrawFn) -> Window:
         line += 0.1 * np.sin(np.arange(n) / period)
     if draw(st.booleans()):
         line = np.full(n, line[0])
-    return damaged(window, line, rail)
+    return window._replace(inputs=np.column_stack((rail, window.inputs[:, 1])), output=line)
 
 
 @given(st.lists(events(), min_size=2, max_size=3))

@@ -1,4 +1,4 @@
-"""Which lines of the package no test reaches, and which tests reach none that others do not: `python -m tests.reach`.
+"""`python -m tools.benchmarks.reach`: lines of the package that no test reaches, tests that reach none alone.
 
 To be asked before code or tests go; build/coverage has both lists. Each line is noted under the test that reached it,
 also in processes that the test started. It takes three times as long; the compiled core is not seen.
@@ -39,7 +39,7 @@ def main() -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
     settings = FOLDER / "settings"
     settings.write_text(CONFIGURATION)
-    command = [sys.executable, "-m", "pytest", "-p", "tests.reach", *sys.argv[1:]]
+    command = [sys.executable, "-m", "pytest", "-p", "tools.benchmarks.reach", *sys.argv[1:]]
     subprocess.run(command, env={**os.environ, "COVERAGE_PROCESS_START": str(settings)}, check=False)
     (lines := coverage.Coverage(config_file=str(settings))).combine([str(FOLDER)])
     reached, unreached, total, missed = dict[str, set[tuple[Path, int]]](), list[str](), 0, 0

@@ -64,7 +64,9 @@ def test_injections_have_what_the_daemon_computed(path: Path) -> None:
         assert curves["line_pressure_MPa"] == pytest.approx(recording.line_pressure[window] / MEGAPASCAL, abs=0.004)
         lift = recording.needle_lift[window] / MILLIMETRE
         assert curves["needle_lift_um"] * 1e-3 == pytest.approx(lift, abs=1e-5)
-        assert 1e-3 * np.trapezoid(rate, time_ms) * report.density == pytest.approx(report.mass / MILLIGRAM, rel=1e-3)
+        assert 1e-3 * np.trapezoid(rate, time_ms) * report.density == pytest.approx(
+            report.live_mass / MILLIGRAM, rel=1e-3
+        )
         assert injection.values["mass_mg"] == pytest.approx(report.mass / MILLIGRAM)
         gap = curves["modelled_pressure_MPa"] - curves["line_pressure_MPa"]
         assert float(np.abs(gap).max()) < 8.0

@@ -31,6 +31,5 @@ def test_the_programs_of_the_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
     unit, _, samples = of_signals.partition(" [")
     masses, rows = samples.strip(" ]\n").split(), [row.split() for row in of_masses.splitlines()]
     assert (unit, [row[0] for row in rows]) == ("mm3/ms", ["1", "2", "3", "4"])
-    assert rows[0][1:4] == ["not", "valid:", "TOO_FEW_EVENTS:"]
     assert float(masses[-1]) == pytest.approx(float(rows[-1][1]), abs=0.006)
     assert float(masses[-1]) > 10

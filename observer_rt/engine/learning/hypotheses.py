@@ -147,6 +147,7 @@ AT_FAULT = Kind("at fault", Mode.PASSING, c.FAULT_BEGINS, reason=Reason.CONTRADI
 INADEQUATE = Kind("model inadequate", Mode.LASTING, c.INADEQUATE_BEGINS, reason=Reason.MODEL_INADEQUATE)
 # fmt: on
 NEW = (CHANGED, NUDGED, SENSOR_CHANGED, LINE_CHANGED, LIFT_LATE, SHIFTED)
+NEW_AT_FIRST = (SENSOR_CHANGED, LINE_CHANGED, LIFT_LATE)
 HYPOTHESES = (BEFORE, QUICK, *NEW, SETTLED, AT_FAULT, INADEQUATE)
 BELIEVED = (BEFORE, QUICK, SETTLED, SHIFTED)
 """Kinds of events that came as something believed of the injector said."""
@@ -162,7 +163,7 @@ def transitions(mode: Mode, is_prior: bool) -> Iterator[tuple[Kind, float]]:
         begins = {kind: (1.0 - stays) * rate + (kind.mode is mode) * stays for kind, rate in begins.items()}
     if is_prior:
         del begins[QUICK]
-        begins |= dict.fromkeys((SENSOR_CHANGED, LINE_CHANGED, LIFT_LATE), c.NOT_AS_FILED)
+        begins |= dict.fromkeys(NEW_AT_FIRST, c.NOT_AS_FILED * (1.0 - stays))
     else:
         begins |= {kind: kind.rate for kind in NEW}
     yield BEFORE, max(1.0 - sum(begins.values()), 1e-3)

@@ -81,7 +81,7 @@ def test_results_of_the_injections() -> None:
             assert result[key] == pytest.approx(float(np.trapezoid(rate[inside])) * to_mg, rel=1e-9)
         share = 1.0 + 0.01 * result["remainder_percent"]
         assert result["mass_mg"] == pytest.approx(share * result["live_mass_mg"], rel=1e-9)
-        error = (evaluation.trace.injection_rate - recording.injection_rate)[inside] / 1e-6
+        error = (evaluation.trace.corrected_rate - recording.injection_rate)[inside] / 1e-6
         assert result["rate_rmse_mm3_per_ms"] == pytest.approx(float(np.sqrt(np.mean(error**2))))
         assert result["rail_pressure_MPa"] == pytest.approx(100.0, abs=0.6)
 

@@ -16,7 +16,7 @@ from observer_rt.files.formats import open_recording, write_recording
 from observer_rt.foundation.errors import UserError
 from tests.device import worn_recording
 from tests.files.signals.foreign import RATE, bench, write
-from tests.files.signals.test_csv_dialects import FORMATS, ISO, START, lines, named
+from tests.files.signals.test_csv_dialects import FORMATS, ISO, OF_DAY, START, lines, named
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ def test_a_path_says_when_a_recording_was_made(path: str, date: datetime) -> Non
 WHEN = datetime(2026, 3, 1, 12, 5, tzinfo=UTC)
 
 
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("form", [form for form in FORMATS if form != OF_DAY])
 def test_a_column_of_calendar_time_says_it(tmp_path: Path, form: str) -> None:
     path = write(tmp_path, named(*lines(decimal="." if form == ISO else ",", form=form)))
     stream = open_recording(path, bench(tmp_path, time=form).injector)

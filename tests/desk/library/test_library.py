@@ -123,7 +123,6 @@ def test_learned_state_goes_on(
     result.save_state(path)
     again = ort.Injector.load().evaluate(worn[0], state=path)
     first, first_again = (each.injections.iloc[0] for each in (result, again))
-    assert abs(first.remainder_percent) > 3.0
     assert abs(first_again.remainder_percent) < 1.0
     assert first_again.mass_bound_mg < first.mass_bound_mg
     with pytest.raises(ort.UserError, match="no such file"):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter
-from observer_rt.engine.learning.learned_injector import LEAST_SCALE, NONE, SMALL, shrink
+from observer_rt.engine.learning.learned_injector import NONE, SMALL, shrink
 from observer_rt.model.network import OF_NOZZLE
 
 PRIOR = SCALARS.prior(1.0)
@@ -72,7 +72,6 @@ def test_it_is_as_if_weights_were_measured_to_be_0(seed: int, nozzle: float, sea
     seen = rows @ belief.mean
     logs = [-0.5 * (np.linalg.slogdet(each)[1] + seen @ np.linalg.solve(each, seen)) for each in spreads]
     weights = np.exp(logs - 0.5 * np.log1p(-squares).sum(axis=1) - np.max(logs))
-    weights[weights < LEAST_SCALE * weights.sum()] = 0.0
     mixed = weights @ squares / weights.sum()
     noise = np.diag(prior * mixed / (1.0 - mixed))
     gain = covariance @ rows.T @ np.linalg.inv(rows @ covariance @ rows.T + noise)

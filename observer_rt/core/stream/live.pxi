@@ -63,13 +63,13 @@ cdef void _begin_live(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef inline bint _tells(Stepping* s) noexcept nogil:
-    """Whether the line pressure tells of the flow as the filters take it: by white innovations, which a line of cells
-    does not leave, nor a pilot valve that is seen later.
+    """Whether the line pressure tells of the flow as the filters take it: by white innovations, which neither coloured
+    noise nor a line of cells leaves, nor a pilot valve that is seen later.
     """
     cdef bint is_white
     memory = s.observer.memory
-    is_white = s.coefficients.cells == 0 and memory.prior.healthy_variance < WHITE
-    return is_white and memory.in_force.watch_later == 0 and memory.innovation_noise.weight > 0.0
+    is_white = memory.judgement.offset_moves and memory.prior.healthy_variance < WHITE  # an offset under colour is held
+    return is_white and s.coefficients.cells == 0 and memory.in_force.watch_later == 0 and memory.innovation_noise.weight > 0.0
 
 
 cdef void _follow_live(Stepping* s, int64_t position) noexcept nogil:

@@ -13,6 +13,7 @@ from tests.daemon.time_scenarios import (
     GRID,
     INADEQUATE,
     LEARNED,
+    NOT_SHARP,
     ONE_BASE,
     OTHER,
     RATE,
@@ -38,7 +39,7 @@ def test_nothing_wrong_is_marked_valid(scenario: Scenario, tmp_path: Path) -> No
     assert figures.sample_error < scenario.sample_error
     assert outcome.core.state == scenario.last
     shown = outcome.states(DISTURBED - 0.01, np.inf)
-    assert shown <= scenario.shown | {GOOD}
+    assert shown <= scenario.shown | {GOOD} | NOT_SHARP
     if scenario.last in (GOOD, LEARNED):
         assert outcome.valid[-1]
         assert figures.valid >= 3

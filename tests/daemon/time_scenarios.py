@@ -53,6 +53,8 @@ THREE_COUNTED = {
 
 GOOD = (State.RUNNING_NOMINAL, Reason.NONE)
 LEARNED = (State.ADAPTED, Reason.NONE)
+# A rate that is not known sharply enough yet, within an injection.
+NOT_SHARP = {(state, Reason.OUTSIDE_LEARNED_RANGE) for state in (State.RUNNING_NOMINAL, State.ADAPTED)}
 TIME_BASE = (State.DEGRADED, Reason.TIME_BASE)
 LOST = (State.DEGRADED, Reason.SAMPLES_LOST)
 ANEW = (State.DEGRADED, Reason.DEVICE_RESTARTED)

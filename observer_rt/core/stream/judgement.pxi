@@ -29,7 +29,8 @@ cdef bint judged(Observer* observer) noexcept nogil:
 
 
 cdef double RAIL_BIN = 0.08  # p_0
-cdef double SHARP = 0.01  # of the mean rate since the opening: standard deviation up to which a rate is known
+# Of the mean rate since the opening: standard deviation up to which a rate is known that is as believed, or is not.
+cdef double SHARP = 0.03, SHARP_IF_OTHER = 0.01
 cdef double SHARP_AFTER = 0.2e-3  # s of flow
 cdef double BELIEVED = 0.5  # weight of the filter by which the injector is as believed
 
@@ -53,6 +54,7 @@ cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
     said that it was the flow.
     """
     cdef bint is_as_believed, is_early
+    cdef double sharp
     memory = observer.memory
     point, row = &memory.operating_point, &observer.ring[position & MASK]
     if memory.needle.is_open:
@@ -68,7 +70,8 @@ cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
     is_as_believed = is_as_believed and point.in_learned_range
     if is_early:
         return is_as_believed and not memory.judgement.differed
-    return (is_as_believed or memory.judgement.flow_differs) and row.rate_sigma * point.flowing <= SHARP * point.flow
+    sharp = SHARP if is_as_believed else SHARP_IF_OTHER
+    return (is_as_believed or memory.judgement.flow_differs) and row.rate_sigma * point.flowing <= sharp * point.flow
 
 
 cdef bint given_up(Observer* observer) noexcept nogil:

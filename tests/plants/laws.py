@@ -82,8 +82,8 @@ class Laws(NamedTuple):
     seat_waves: float = 0.0  # share of the seat's coefficient, in waves over the lift
     nozzle_product: float = 0.0  # share of the nozzle's coefficient, by two quantities at once
     seat_product: float = 0.0  # the same of the seat's
-    first_factor: int = 0  # the one quantity of both products
-    second_factor: int = 1  # the other
+    first_factor: float = 0.0  # the one quantity of both products, by its number
+    second_factor: float = 1.0  # the other
 
 
 BY_RAIL, BY_TIME, BY_LIFT, BY_DROP, BY_FLOW, BY_SPEED = range(6)
@@ -247,7 +247,7 @@ def _product(part: Injector, laws: Laws, now: Moment) -> float:
     """Of the two quantities of the laws, each from -1 to 1."""
     drop = now.sac_pressure - part.chamber_pressure
     quantities = (now.rail_pressure, now.since, now.lift, drop, now.flow, now.speed)
-    first, second = laws.first_factor, laws.second_factor
+    first, second = int(laws.first_factor), int(laws.second_factor)
     product: float = math.tanh((quantities[first] - MIDDLES[first]) / WIDTHS[first])
     return product * math.tanh((quantities[second] - MIDDLES[second]) / WIDTHS[second])
 

@@ -153,10 +153,8 @@ def pilot_valves(seed: int) -> list[History]:
     histories = []
     for fitted, flows in ((0.0, (0.0, 2.0, 4.0, 6.0, 8.0)), (4.0, (2.0, 4.0, 6.0, 8.0))):
         for flow, faults in itertools.product(flows, WEAR):
-            kind, wear = (
-                Kind(faults, Laws(control_flow=flow * MM3_PER_MS)),
-                f"nozzle {100 * faults.orifice_area:+.0f} %",
-            )
+            kind = Kind(faults, Laws(control_flow=flow * MM3_PER_MS))
+            wear = f"nozzle {100 * faults.orifice_area:+.0f} %"
             bench = bench_of(kind, [*POINTS * 4], seed, fitted, flow, wear)
             name = f"{flow:g} mm3/ms, fitted with {fitted:g}"
             histories.append(History(name, wear, bench, fitted=Laws(control_flow=fitted * MM3_PER_MS)))

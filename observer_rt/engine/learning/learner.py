@@ -67,12 +67,12 @@ def learn(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outc
     """
     try:
         return _learned(state, event, reader)
-    except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+    except (ArithmeticError, ValueError):  # LinAlgError is one
         return _failed(state, event, Objection(Reason.NOT_LEARNED), reader)
 
 
 def _learned(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outcome:
-    """Learn from one event. Raises LinAlgError, ArithmeticError, ValueError by impossible numbers."""
+    """Learn from one event. Raises ArithmeticError, ValueError by impossible numbers."""
     window, standstill = event.window, event.standstill
     if standstill.noise is not None:
         state = _with_noise(state, standstill.noise)

@@ -25,10 +25,8 @@ _UNSEEN = 0.2  # samples, by which stamps of a grid may lie beside it at the end
 _BACK, _GAPS = 0.01, 0.1  # of the steps, that may not rise, and be gaps
 SNAPPED = 0.4  # samples off an even grid up to which a stamp is taken for the grid's
 LOST = 1.5  # periods from stamp to stamp, beyond which samples are missing
-_CLOCK, _NEAR = (
-    2e-3,
-    0.1,
-)  # relative: no clock is so wrong; so near another rate, no recorder is set but to a usual one
+_CLOCK = 2e-3  # relative: no clock is so wrong
+_NEAR = 0.1  # relative: so near another rate, no recorder is set but to a usual one
 _USUAL = 3.2e3  # Hz: converters of sound and vibration take multiples, 48, 51.2, 96 or 102.4 kHz
 
 

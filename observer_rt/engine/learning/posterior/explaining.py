@@ -44,9 +44,9 @@ class Explanation:
     """An event explained as one kind, given one hypothesis: the prior, and the theta that explains it best.
 
     log_weight: logarithm of its weight; weight: normalised over all explanations. kind: `SETTLED` where the injector
-    returns to a settled state. held: the prior, with the gain fixed by the samples at rest; likeliest: the same with
-    weights of the likeliest scale. cost: linearised about theta (m,); fit: None where theta was not fitted. moving:
-    drift of the wear, if any.
+    returns to a settled state. held: the prior, with the gain fixed by the samples at rest; scale: row of `NOISE`,
+    likeliest of its weights. cost: linearised about theta (m,); fit: None where theta was not fitted. moving: drift
+    of the wear, if any.
     """
 
     hypothesis: Possibility
@@ -55,7 +55,7 @@ class Explanation:
     reading: EventReading
     prior: Belief
     held: HeldBelief
-    likeliest: Belief
+    scale: int
     cost: Linearisation
     theta: Theta
     fit: EventFit | None
@@ -66,11 +66,6 @@ class Explanation:
     def is_good(self) -> bool:
         """Whether the event can be learned from."""
         return self.kind.mode.is_good
-
-    @property
-    def excess(self) -> float:
-        """chi2 of the event beyond that of noise."""
-        return self.reading.cost.beyond_noise(self.cost.value)
 
     @cached_property
     def score_as_believed(self) -> float | None:
@@ -83,7 +78,8 @@ class Explanation:
         """This explanation with theta fitted."""
         if self.fit is not None:
             return self
-        fit = fitter_of(self.hypothesis, self.reading, reader).fit(self.cost, self.likeliest, c.STEPS)
+        likeliest = at_scale(self.held.prior, NOISE[self.scale])
+        fit = fitter_of(self.hypothesis, self.reading, reader).fit(self.cost, likeliest, c.STEPS)
         return replace(self, fit=fit, cost=fit.linearisation, theta=fit.linearisation.theta)
 
 
@@ -224,7 +220,7 @@ class Weighing:
                     reading,
                     explanation.prior,
                     self._to_learn_from(hypothesis, kind, explanation, reading),
-                    explanation.likeliest,
+                    explanation.scale,
                     explanation.cost,
                     explanation.theta,
                     explanation.fit,
@@ -255,11 +251,7 @@ class Weighing:
         before = learned.belief.drifted(reader.drift)
         if learned.is_prior:
             before = before.narrowed(STATED, c.FILED)
-        priors = {
-            kind: before.widened(reader.widths(kind)) if kind.columns else before
-            for kind in kinds
-            if kind.mode.is_good
-        }
+        priors = {kind: self._widened(before, kind) for kind in kinds if kind.mode.is_good}
         if QUICK not in priors:
             return None, priors
         moved = moving(priors[QUICK], reader.drift, hypothesis.velocity)
@@ -272,8 +264,10 @@ class Weighing:
         learned = hypothesis.learned
         if not learned.is_prior:
             return explanation.held
-        moved = learned.belief.widened(self._reader.widths(kind)) if kind.columns else learned.belief
-        return reading.resting.held(moved)
+        return reading.resting.held(self._widened(learned.belief, kind))
+
+    def _widened(self, belief: Belief, kind: Kind) -> Belief:
+        return belief.widened(self._reader.widths(kind)) if kind.columns else belief
 
     def _start_late(self, reading: EventReading, late: _FoundExplanation, is_new: bool) -> None:
         """Linearises the event at the lift's delay that explains most by itself, where much is to be explained."""

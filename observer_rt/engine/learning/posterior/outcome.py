@@ -257,10 +257,8 @@ def _compared(account: Account, explained: ExplainedEvent, mass: EventMass, read
     """
     explanation, _ = explained.carried[0]
     doubt = account.settled_doubt if explanation.kind is SETTLED else account.doubt
-    unexplained, scatter = (
-        doubt.unexplained.after(explained.window, mass.setting, mass.theta, reader.burn_in),
-        doubt.scatter,
-    )
+    unexplained = doubt.unexplained.after(explained.window, mass.setting, mass.theta, reader.burn_in)
+    scatter = doubt.scatter
     if explanation.score_as_believed is not None:
         scatter = scatter.after(explanation.score_as_believed)
     return replace(account, doubt=MassDoubt(unexplained, scatter))

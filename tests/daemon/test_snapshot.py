@@ -40,20 +40,20 @@ def asked(path: Path, run: int = 0, since: int = 0, wait: float = 0.0) -> Snapsh
 
 
 @contextmanager
-def observing(path: Path, link: ScriptedLink) -> Iterator[HeardDaemon]:
-    """A daemon that has taken all frames, and may be asked."""
+def observing(path: Path, link: ScriptedLink, injections: int = 4) -> Iterator[HeardDaemon]:
+    """A daemon that has taken all frames and judged so many injections, and may be asked."""
     daemon = HeardDaemon(path, link)
     file, *_ = socket_places(load_bench(path).injector)
     with control_socket(file, {SNAPSHOT: daemon.snapshots.answer}), serving(daemon):
         until(link.empty.is_set)
         until(lambda: daemon.core.counters.frames >= link.frames)
+        until(lambda: len(daemon.notes.injections) >= injections)  # the last is reported after its frames
         yield daemon
 
 
 def test_injections_have_what_the_daemon_computed(path: Path) -> None:
     recording = worn_recording(6, WEAR)
-    with observing(path, ScriptedLink(frames_of(path, recording))) as daemon:
-        until(lambda: len(daemon.notes.injections) == 6)
+    with observing(path, ScriptedLink(frames_of(path, recording)), injections=6) as daemon:
         snapshot = asked(path)
         shown, reports = snapshot.injections, daemon.notes.injections
     assert [injection.values["number"] for injection in shown] == [injection.number for injection in reports]
@@ -105,8 +105,7 @@ def test_only_news_are_sent_and_waited_for(path: Path) -> None:
 
 def test_curves_are_kept_of_the_last_injections_only(path: Path) -> None:
     link = ScriptedLink(frames_of(path, worn_recording(injections=WITH_CURVES + 4)))
-    with observing(path, link):
-        until(lambda: len(asked(path).injections) == WITH_CURVES + 4)  # the last is reported after its frames
+    with observing(path, link, WITH_CURVES + 4):
         shown = asked(path).injections
     assert [bool(each.curves) for each in shown] == 4 * [False] + WITH_CURVES * [True]
 
@@ -162,7 +161,7 @@ def test_before_the_interface_is_there(path: Path) -> None:
 
 
 def test_a_request_that_is_none_is_refused(path: Path) -> None:
-    with observing(path, ScriptedLink()), pytest.raises(UserError, match="no request"):
+    with observing(path, ScriptedLink(), injections=0), pytest.raises(UserError, match="no request"):
         asked(path, since="?")  # type: ignore[arg-type]
 
 

@@ -9,7 +9,7 @@ from observer_rt.bus.database.lookup import E2EState
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import BenchInjector
 from observer_rt.daemon.arrivals import SECOND, Arrivals, WatchedMessage, message_text
-from observer_rt.daemon.signal_watch import LiftWatch, RateWatch, UnitWatch, ValueWatch
+from observer_rt.daemon.signal_watch import LiftWatch, RangeWatch, RateWatch, UnitWatch, ValueWatch
 from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.injector import configured_noise
@@ -219,6 +219,7 @@ class InputWatch:
         self._values = ValueWatch(bus, configured_noise(fitted), self.arrivals.sources)
         self._units, self._rate = UnitWatch(self.arrivals.sources), RateWatch(rate)
         self._lift = LiftWatch()
+        self.ranges = RangeWatch(bus, fitted.config.signals)
         self._seen = 0
         self._frames = 0
 
@@ -228,6 +229,7 @@ class InputWatch:
         notices = [*self._messages.look(now, core.progress, core.protection)]
         notices += self._useless.look(core.counters, Trouble.INVALID in self._messages.reported.values())
         notices += self._rate.look(core.timing, core.state[1])
+        notices += self.ranges.look(core.parts["receiver"])
         has_frames = core.frames_taken > self._frames
         self._frames = core.frames_taken
         if has_frames and self.arrivals.is_complete and not self.arrivals.stale(now):

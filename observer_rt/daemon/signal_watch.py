@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import LARGEST_DRIFT, MessageTiming
-from observer_rt.bus.mapping.bus_map import BusMap, RoleRange, role_range, role_resolution
+from observer_rt.bus.mapping.bus_map import BusMap, RoleRange, message_of, role_factor, role_range, role_resolution
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.config.signals import Role
+from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.core.frames.frames import IMPOSSIBLE
 from observer_rt.daemon.arrivals import WatchedMessage
 from observer_rt.engine.estimation.gain import NoiseLevels
@@ -28,6 +28,7 @@ PRESSURE_MOVED = 5 * MEGAPASCAL  # of the line against the rail: the needle has 
 FEWEST = 100  # samples, of which a look makes anything
 SURVEYED = 10  # looks whose values are judged together
 SURVEYS = 2  # in a row that find the same, before it is reported
+OUTSIDE_REMEDY = "correct the range in the database, or take all values: lenient = true in its [[dbc]]"
 SWAPPED = "swapped"  # what is wrong with two signals together
 LASTING = 20  # looks with another rate and a contradicted model before it is reported
 ENOUGH_FRAMES = 100  # frames whose stamps determine a rate
@@ -94,7 +95,7 @@ class _WatchedRole:
         _, unit, size = SIGNALS[self.role]
         limits, half = self.limits, self.step / 2
         if np.isnan(value):
-            return "says `not available` or `error`"
+            return "says `not available` or `error`, or what its declared range excludes"
         if not abs(value) < IMPOSSIBLE[ROLES.index(self.role)]:
             return f"is impossible: {value / size:.3g} {unit}"
         if value >= limits.highest - half:
@@ -144,6 +145,40 @@ class ValueWatch:
                 elif is_frozen and role not in odd:
                     self._is_frozen[role] = f"{_FROZEN}\n  remedy: {remedy}"
             yield from self._frozen.look(self._is_frozen)
+
+
+class RangeWatch:
+    """Reports once, for each signal, values that are missing because they lie outside its declared range."""
+
+    def __init__(self, bus: BusMap, signals: SignalsConfig) -> None:
+        self._bus, self._signals = bus, signals
+        self._reported: set[Role] = set()
+
+    def look(self, receiver: np.void) -> Iterator[Notice]:
+        """Notices; receiver: of the core."""
+        for role, words in self.described(receiver, FEWEST).items():
+            if role not in self._reported:
+                self._reported.add(role)
+                yield Notice(Topic.VALUE, f"{words}\n  remedy: {OUTSIDE_REMEDY}")
+
+    def described(self, receiver: np.void, fewest: int = 1) -> dict[Role, str]:
+        """Signals with so many values outside their range, in words; receiver: of the core."""
+        highest = dict(zip(ROLES, receiver["highest"].tolist(), strict=True))
+        words = {}
+        for role, lowest, count in zip(ROLES, receiver["lowest"].tolist(), receiver["outside"].tolist(), strict=True):
+            if count < fewest:
+                continue
+            limits, factor = role_range(self._bus, role), role_factor(self._bus, role)
+            names, message = self._signals.of(role).names, self._bus.input_layouts[message_of(self._bus, role)].name
+            others = {Role.RAIL_PRESSURE, Role.LINE_PRESSURE} - {role}
+            is_wrong = len(others) == 1 and highest[others.pop()] > limits.highest < highest[role]
+            words[role] = (
+                f"{role}: {count} values outside [{limits.lowest / factor:.6g}|{limits.highest / factor:.6g}] of "
+                f"{names if isinstance(names, str) else names[0]} in {message} taken as missing, "
+                f"of {lowest / factor:.6g} to {highest[role] / factor:.6g}"
+                + ("; the other pressure goes as far, so that range is wrong" if is_wrong else "")
+            )
+        return words
 
 
 class UnitWatch:

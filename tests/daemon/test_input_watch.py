@@ -1,7 +1,9 @@
 """Which cable is off: faults cut into the frames of a healthy bench are named by message and identifier."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -193,6 +195,22 @@ def test_a_pressure_in_another_unit_is_named_as_it_is_in_files(
     (named,) = (text for text in notices if likely in text)
     assert named.startswith(f"{LINE}: line_pressure ")
     assert problem in named
+
+
+@pytest.mark.parametrize("most", [90, 40])
+def test_values_outside_the_declared_range_are_named_once(watched: WatchedInputs, tmp_path: Path, most: int) -> None:
+    """Half of them or all, of 60 and 120 MPa; the code for `not available`, which follows, is none of them."""
+    narrow = block_bench(tmp_path, "virtual", ["watch"])
+    database = resources.files("observer_rt.data").joinpath("observer_fd.dbc").read_text()
+    ranges = re.sub(r"( SG_ RailPressure_.*) \[-10\|317.665\]", rf"\1 [-10|{most}]", database)
+    (tmp_path / "observer_fd.dbc").write_text(ranges)
+    rail = np.where(np.arange(watched.recording.samples) > 150_000, np.nan, watched.recording.rail_pressure)
+    frames = frames_of(watched.bench, replace(watched.recording, rail_pressure=rail))
+    (notice,) = (text for text in WatchedInputs(narrow).tells(frames) if f"outside [-10|{most}]" in text)
+    count = int(notice.removeprefix("rail_pressure: ").split()[0])
+    assert 0 < count <= np.count_nonzero(rail > 1e6 * most)
+    assert "of RailPressure_{:02d} in RailPressureBlock taken as missing, of " in notice
+    assert "; the other pressure goes as far, so that range is wrong\n  remedy: correct the range in" in notice
 
 
 def test_an_input_with_an_invalid_protection_is_named_until_it_is_valid_again(watched: WatchedInputs) -> None:

@@ -114,6 +114,7 @@ def _set_limits(signal: Signal, row: np.void, is_j1939: bool) -> None:
     largest = _largest_value(signal, is_j1939)
     if largest is not None:
         highest = row["most"] = float(largest)
+    row["largest"] = highest
     # [0|0] means no range; cantools knows it, but not [0.0|0.0].
     stated = (None, None) if signal.minimum == signal.maximum == 0 else (signal.minimum, signal.maximum)
     declared = [(limit - signal.offset) / signal.scale if limit is not None else None for limit in stated]
@@ -130,14 +131,6 @@ def _set_limits(signal: Signal, row: np.void, is_j1939: bool) -> None:
         row["most"] = min(last + margin, row["most"]) if last < highest else row["most"]
         lowest, highest = first, last
     row["lowest"], row["highest"] = lowest, highest
-
-
-def without_ranges(table: NDArray[np.void]) -> NDArray[np.void]:
-    """A table that excludes no value for a declared range, only codes that mean no value."""
-    result = table.copy()
-    is_declared = table["most"] > table["highest"]
-    result["least"], result["most"][is_declared] = -math.inf, math.inf
-    return result
 
 
 def _largest_value(signal: Signal, is_j1939: bool) -> int | None:

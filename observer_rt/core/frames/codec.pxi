@@ -9,24 +9,24 @@ cdef enum:
 
 cdef void decode(const uint8_t* payload, const Signal* table, int64_t count, double* out) noexcept nogil:
     """Physical values, in the units of the bus database, of the signals in `table`; NaN: not available, in error, no value."""
-    cdef uint64_t bits
     for i in range(count):
-        signal = &table[i]
-        bits = field_bits(payload, signal)
-        if (signal.has_not_available and bits == signal.not_available) or (
-            signal.has_error and bits == signal.error
-        ):
-            out[i] = NAN
-            continue
-        raw = raw_number(bits, signal)
-        if raw < signal.least or raw > signal.most:
-            out[i] = NAN
-            continue
-        # An unscaled float passes as it is: adding zero would lose the sign of -0.0.
-        if signal.kind >= FLOAT32 and signal.scale == 1.0 and signal.offset == 0.0:
-            out[i] = raw
-        else:
-            out[i] = raw * signal.scale + signal.offset
+        out[i] = value_between(payload, &table[i], table[i].least, table[i].most)
+
+
+cdef inline double value_between(
+    const uint8_t* payload, const Signal* signal, double least, double most
+) noexcept nogil:
+    """Physical value of a signal whose number before scale and offset is in [least, most]; else NaN."""
+    bits = field_bits(payload, signal)
+    if (signal.has_not_available and bits == signal.not_available) or (signal.has_error and bits == signal.error):
+        return NAN
+    raw = raw_number(bits, signal)
+    if raw < least or raw > most:
+        return NAN
+    # An unscaled float passes as it is: adding zero would lose the sign of -0.0.
+    if signal.kind >= FLOAT32 and signal.scale == 1.0 and signal.offset == 0.0:
+        return raw
+    return raw * signal.scale + signal.offset
 
 
 cdef void encode(const double* values, const Signal* table, int64_t count, uint8_t* payload) noexcept nogil:

@@ -146,7 +146,7 @@ cdef int64_t _take_group(
             begin_anew(keeping, group.stream)
         if not is_nearest:
             note_frame(keeping, group.stream, start + group.samples - 1, stamp)
-        _store(pipeline, group, start)
+        _store(pipeline, group, payload, start)
     return placing
 
 
@@ -182,7 +182,7 @@ cdef int64_t _raw_index(
     return raw_index
 
 
-cdef void _store(Pipeline* pipeline, const InputGroup* group, int64_t start) noexcept nogil:
+cdef void _store(Pipeline* pipeline, const InputGroup* group, const uint8_t* payload, int64_t start) noexcept nogil:
     """The decoded samples of a group, the first of which is `start`, onto the grid."""
     receiver = pipeline.receiver
     roles = pipeline.inputs.streams[group.stream].roles
@@ -194,8 +194,23 @@ cdef void _store(Pipeline* pipeline, const InputGroup* group, int64_t start) noe
         for role in range(MAX_INPUTS):
             if (roles >> role) & 1:
                 receiver.sample[role] = receiver.values[group.position[role] + k] * group.factor[role]
+                _survey(receiver, role, group, payload, pipeline.inputs.signals + group.first_signal + group.position[role] + k)
                 if not (follower.roles >> role) & 1:
                     store(&pipeline.alignment, start + k, role, receiver.sample[role], False, 0.0)
         if follower.roles != 0:
             place = <double> (start + k) if on_grid else place_of(&pipeline.keeping, group.stream, start + k)
             follow(&pipeline.alignment, group.stream, place - follower.early, receiver.sample)
+
+
+cdef inline void _survey(
+    Receiver* receiver, int64_t role, const InputGroup* group, const uint8_t* payload, const Signal* signal
+) noexcept nogil:
+    """Note how far the values of a role reach, and whether this one is missing for the declared range of its signal."""
+    sent = receiver.sample[role]
+    if isnan(sent):
+        sent = value_between(payload, signal, -INFINITY, signal.largest) * group.factor[role]
+        if isnan(sent):
+            return
+        receiver.outside[role] += 1
+    receiver.lowest[role] = min(receiver.lowest[role], sent)
+    receiver.highest[role] = max(receiver.highest[role], sent)

@@ -25,6 +25,7 @@ cdef struct Signal:
     double highest
     double least  # raw, that is received: what is below, or above `most`, is no value
     double most
+    double largest  # raw, that is a value, were it not for the declared range
     unsigned char has_not_available
     uint64_t not_available
     uint64_t instead_of_not_available  # nearest code that is an ordinary number
@@ -265,6 +266,9 @@ cdef struct Receiver:
     signed char interrupted[MAX_INPUTS]  # of every stream, 1: its last frame is not the message's
     double values[MAX_SIGNALS]
     double sample[MAX_INPUTS]  # SI
+    double lowest[MAX_INPUTS]  # SI, of every role's values, those outside the declared range included
+    double highest[MAX_INPUTS]
+    int64_t outside[MAX_INPUTS]  # how many are, and are missing for it
     int64_t frames  # with samples, good or bad
     int64_t crc_errors
     int64_t length_errors

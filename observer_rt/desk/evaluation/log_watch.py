@@ -7,6 +7,7 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import BenchInjector
 from observer_rt.daemon.arrivals import SECOND, STALE
 from observer_rt.daemon.input_watch import PERIOD, InputWatch
+from observer_rt.daemon.signal_watch import OUTSIDE_REMEDY
 from observer_rt.engine.service.core import Core
 
 MOST_NOTES = 20
@@ -16,7 +17,7 @@ class LogWatch:
     """Is given every frame of a log after the core; the first stamp is the begin."""
 
     def __init__(self, fitted: BenchInjector, bus: BusMap, core: Core) -> None:
-        self._watch = InputWatch(fitted, bus, core)
+        self._core, self._watch = core, InputWatch(fitted, bus, core)
         self._first: int | None = None
         self._next = 0
         self._now = 0
@@ -36,7 +37,12 @@ class LogWatch:
         if self.is_due(self._now):
             self._next = self._now + PERIOD
             at = (self._now - self._first) / SECOND
-            self._notes += [f"at {at:.1f} s: {notice.text}" for notice in self._watch.look(self._now)]
+            texts = (notice.text for notice in self._watch.look(self._now))
+            self._notes += [f"at {at:.1f} s: {text}" for text in texts if OUTSIDE_REMEDY not in text]
+
+    def outside(self) -> str:
+        """Signals with values that are missing because they lie outside the declared range, in words."""
+        return "; ".join(self._watch.ranges.described(self._core.parts["receiver"]).values())
 
     def absent(self) -> list[str]:
         """The messages without which there are no samples and that never came."""

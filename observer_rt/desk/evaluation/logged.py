@@ -1,28 +1,23 @@
 """Opens the recordings that a user names: files of signals, and CAN logs, which the daemon's own code decodes."""
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from observer_rt.bus.database.catalogue import BenchDatabases
-from observer_rt.bus.database.codec import ABOUT_AN_END, without_ranges
 from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
-from observer_rt.bus.mapping.bus_map import BusMap, map_bus, message_of, role_factor, role_range
-from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.injector import Meaning
 from observer_rt.config.signals import Role, as_sent
+from observer_rt.daemon.signal_watch import OUTSIDE_REMEDY
 from observer_rt.desk.evaluation.log_watch import LogWatch
 from observer_rt.engine.service.core import Core
-from observer_rt.engine.service.injector import bench_constants
 from observer_rt.engine.service.messages import Counters
-from observer_rt.engine.signal_survey import Survey, refuse_implausible
+from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.channels import InputFrames, chosen_channels
 from observer_rt.files.formats import is_log, open_recording
@@ -31,13 +26,11 @@ from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stre
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.progress import progress_bar
-from observer_rt.model.effective import Coefficients
 
 RATE_TOLERANCE = 0.02  # relative deviation of the sample rate by stamps from that of the bench file
 FEWEST_FOR_RATE = 100  # frames
 LARGEST_HOLE = 1 << 28  # samples between two that came
 _SHOWN = 5  # places where a log is split
-_RANGE_REMEDY = "correct the range in the database, or take all values: lenient = true in its [[dbc]]"
 
 
 @dataclass(frozen=True)
@@ -88,6 +81,7 @@ class LoggedSignals(SignalStream):
 
     def _look_through(self, path: Path, progress: Callable[[float], None]) -> tuple[LoggedStretch, ...]:
         core = Core(self._bench.injector, self._bus, learning=False)
+        self._coefficients = core.coefficients
         stamps = _Stamps()
         watch = LogWatch(self._bench.injector, self._bus, core)
         rows_read = 0
@@ -110,20 +104,13 @@ class LoggedSignals(SignalStream):
             for role, values in self._signals(rows).items():
                 self.survey.take(role, values)
             progress(self.frames.share_read)
-        excluded = "; ".join(self._excluded())
+        outside = watch.outside()
         if rows_read < 2:
-            raise _too_few(path, core.counters, watch.absent(), excluded, rows_read, stamps.span, self.rate)
+            raise _too_few(path, core.counters, watch.absent(), outside, rows_read, stamps.span, self.rate)
         intervals = sum(stretch.samples - 1 for stretch in stretches)
-        self.notes = (
-            *self.frames.notes(),
-            *watch.notes(path),
-            *(
-                [f"{path}: {excluded}\n  remedy: {_RANGE_REMEDY}"]
-                if excluded
-                else stamps.notes(path, self.rate, intervals)
-            ),
-            *_restarts(path, stretches),
-        )
+        ranges = [f"{path}: {outside}\n  remedy: {OUTSIDE_REMEDY}"]
+        odd = ranges if outside else stamps.notes(path, self.rate, intervals)
+        self.notes = (*self.frames.notes(), *watch.notes(path), *odd, *_restarts(path, stretches))
         self.counters, self.standstill, self.timing = core.counters, core.standstill, core.timing
         self.slow_noise = core.slow_noise
         """The coloured part of the noise of the last samples at rest."""
@@ -133,7 +120,10 @@ class LoggedSignals(SignalStream):
         """Decode the log again, in chunks."""
         number, first = 0, 0
         held = np.empty(0, np.dtype([]))
-        for rows in self._as_sent(self._bus):
+        # with the outliers, which were sent
+        sampling = self._bench.injector.config.sampling.model_copy(update={"bridge_ms": 0.0})
+        core = Core(self._bench.with_sections(sampling=sampling).injector, self._bus, learning=False)
+        for rows in self._rows(core, _Stamps()):
             held = rows if not len(held) else np.concatenate((held, rows))
             back = np.flatnonzero(np.diff(held["index"].astype(np.int64)) <= 0)
             while back.size:
@@ -145,35 +135,6 @@ class LoggedSignals(SignalStream):
                 yield from self._placed(held, number, first, end)
                 first, held = end, held[-3:]  # a lift is interpolated from its neighbours
         yield from self._placed(held, number, first, self.logged[number].samples)
-
-    def _as_sent(self, bus: BusMap) -> Iterator[NDArray[np.void]]:
-        """The samples with their outliers, which were sent."""
-        sampling = self._bench.injector.config.sampling.model_copy(update={"bridge_ms": 0.0})
-        return self._rows(Core(self._bench.with_sections(sampling=sampling).injector, bus, learning=False), _Stamps())
-
-    def _excluded(self) -> Iterator[str]:
-        """Signals with values that are missing because they lie outside the declared range, in words."""
-        signals = without_ranges(self._bus.inputs.signals)
-        if np.array_equal(signals, self._bus.inputs.signals):
-            return
-        limits, beyond, survey = {role: role_range(self._bus, role) for role in ROLES}, Counter[Role](), Survey()
-        for rows in self._as_sent(replace(self._bus, inputs=self._bus.inputs._replace(signals=signals))):
-            for role, values in self._signals(rows).items():
-                margin = ABOUT_AN_END * (limits[role].highest - limits[role].lowest)
-                is_beyond = (values < limits[role].lowest - margin) | (values > limits[role].highest + margin)
-                beyond[role] += int(np.count_nonzero(is_beyond))
-                survey.take(role, values)
-        files = {each.message.name: path.name for path, each in BenchDatabases(self._bench)}
-        for role in (each for each in ROLES if beyond[each]):
-            unit, limit, message = role_factor(self._bus, role), limits[role], message_of(self._bus, role)
-            sent, name = survey.signals[role], self._bus.input_layouts[message].name
-            others = [each for each in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE) if each is not role]
-            is_wrong = len(others) == 1 and survey.signals[others[0]].highest > limit.highest < sent.highest
-            yield (
-                f"{role}: {beyond[role]} values outside [{limit.lowest / unit:.6g}|{limit.highest / unit:.6g}] of "
-                f"{name} in {files[name]} taken as missing, of {sent.lowest / unit:.6g} to {sent.highest / unit:.6g}"
-                + (f"; {others[0]} goes as far, so that range is wrong" if is_wrong else "")
-            )
 
     def _rows(self, core: Core, stamps: "_Stamps", watch: LogWatch | None = None) -> Iterator[NDArray[np.void]]:
         """The samples that the observer received, in blocks."""
@@ -232,24 +193,20 @@ class LoggedSignals(SignalStream):
         pressure: NDArray[np.float64] = rows[name] * c.pressure_scale + c.chamber_pressure
         return pressure
 
-    @cached_property
-    def _coefficients(self) -> Coefficients:
-        return bench_constants(self._bench.injector).coefficients
-
 
 def _too_few(
-    path: Path, counted: Counters, absent: Sequence[str], excluded: str, samples: int, duration: int, rate: float
+    path: Path, counted: Counters, absent: Sequence[str], outside: str, samples: int, duration: int, rate: float
 ) -> UserError:
     """The error for a log of frames that give no samples; duration [ns] of them, sample rate [Hz] of the bench."""
     errors = f"{counted.crc_errors} CRC errors, {counted.length_errors} of wrong length"
     a_second = counted.frames * NANOSECONDS / max(duration, 1)
-    odd = "; ".join(absent) or excluded or errors
+    odd = "; ".join(absent) or outside or errors
     problem = f"its {counted.frames} input frames give {samples} samples: {odd}"
     remedy = "give --bench with the file the log was recorded by"
     if absent:
         remedy = "record all inputs: was the device on, its channel recorded?"
-    elif excluded:
-        remedy = _RANGE_REMEDY
+    elif outside:
+        remedy = OUTSIDE_REMEDY
     elif not counted.crc_errors + counted.length_errors and abs(a_second / rate - 1.0) > RATE_TOLERANCE:
         problem += f"; they come at {a_second:.3g} a second, where sampling.rate_hz is {rate:g}"
         remedy += ", name their index, or set sampling.rate_hz (and rate_hz of slower signals) to what is there"

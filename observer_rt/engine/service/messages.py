@@ -40,6 +40,7 @@ def make_receiver() -> NDArray[np.void]:
     """Receiver that has seen no frame."""
     receiver = np.zeros(1, RECEIVER)
     receiver["last_counter"] = receiver["odd_length"] = -1
+    receiver["lowest"], receiver["highest"] = math.inf, -math.inf
     return receiver
 
 

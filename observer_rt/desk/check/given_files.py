@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 
 from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.config.bench import Bench
+from observer_rt.core.stream.stream import dead_band
 from observer_rt.desk.check.findings import Finding, Level, Said, failed, ruled
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.engine.service.injector import SIGNALS
@@ -18,6 +20,7 @@ from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
+from observer_rt.identification.likelihood.measurement import lift_noise
 
 _SHOWN = 10  # stretches
 _UNITS = {
@@ -47,6 +50,11 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
         if BY_HEADINGS not in note:  # which the details say
             yield False, note, ""
     yield from _ranges(stream)
+    for chunk in islice(stream.chunks(), 1):
+        noise = lift_noise(chunk)
+        opens, shuts = (level / MICROMETRE for level in dead_band(noise))
+        text = f"dead band: the needle counts as open above {opens:.3g} um, as shut below {shuts:.3g} um"
+        yield f"{text}; noise of the lift {noise / MICROMETRE:.2g} um"
     for finding in implausible(stream.survey):
         yield failed("recording", finding.error(path, stream.names.get(finding.signal, "")))
     for odd in doubts(stream.survey, bench.injector.parameters.baseline, stream.names):

@@ -179,7 +179,7 @@ def measurement_of(
 def refuse_unshut(recording: Recording) -> None:
     """Raise `UserError` for a lift that the dead band takes for open where the needle is shut."""
     lift = recording.needle_lift[np.isfinite(recording.needle_lift)] / MICROMETRE
-    opens, shuts = (level / MICROMETRE for level in dead_band(_lift_noise(recording)))
+    opens, shuts = (level / MICROMETRE for level in dead_band(lift_noise(recording)))
     if not lift.size:
         return
     low, zero, high = np.percentile(lift[lift <= np.min(lift) + 0.1 * np.ptp(lift)], (16, 50, 84))
@@ -216,11 +216,12 @@ def missing_samples(recording: Recording) -> NDArray[np.bool_]:
 def openings_of(recording: Recording) -> list[Opening]:
     """Openings of the needle, found with the lift's own noise."""
     shortest, ramp = SHORTEST_OPENING * recording.sample_rate, ramp_samples(recording.sample_rate)
-    openings = find_openings(recording.needle_lift, _lift_noise(recording), ramp)
+    openings = find_openings(recording.needle_lift, lift_noise(recording), ramp)
     return [o for o in openings if o.last - o.first >= shortest]
 
 
-def _lift_noise(recording: Recording) -> float:
+def lift_noise(recording: Recording) -> float:
+    """Noise of the lift [m], by which the dead band goes."""
     noise = noise_level(recording.needle_lift, np.ones(recording.samples, np.bool_), recording.sample_rate)
     return max(noise if np.isfinite(noise) else _GUESSED_LIFT_NOISE, FLOOR.needle_lift)
 
@@ -277,7 +278,7 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
             _name(recording), "too little standstill to measure the noise", "record some ms more of shut needle"
         )
     # clipped at 0 it has half its noise there; open it is too short for its colour
-    lift = float(np.fmax(white_noise(recording.needle_lift, is_open), _lift_noise(recording)))
+    lift = float(np.fmax(white_noise(recording.needle_lift, is_open), lift_noise(recording)))
     levels = NoiseLevels(
         rail_pressure=max(rail, FLOOR.rail_pressure),
         line_pressure=max(line, FLOOR.line_pressure),

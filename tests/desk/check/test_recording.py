@@ -1,10 +1,12 @@
 """What `check` says of a log or a recording."""
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from observer_rt.bus.links.link import Frame as BusFrame
 from observer_rt.config.bench import load_bench
@@ -54,6 +56,16 @@ def test_a_recording_with_every_signal(tmp_path: Path) -> None:
     texts = [finding.text for finding in recording_findings(BENCH, tmp_path / "a.csv")]
     assert f"energizing: 0 to 1, mean {level.mean():.4g}" in texts
     assert f"injection_rate: 0 to 100 mm3/ms, mean {100.0 * level.mean():.4g} mm3/ms" in texts
+
+
+@pytest.mark.parametrize(("noise", "opens"), [(0.4, 2.0), (0.9, 4.5)])
+def test_the_dead_band_of_the_lift_is_named_with_its_noise(tmp_path: Path, noise: float, opens: float) -> None:
+    added = math.sqrt(noise**2 - 0.4**2) * 1e-6 * np.random.default_rng(1).standard_normal(worn().samples)
+    write_recording(tmp_path / "a.csv", replace(worn(), needle_lift=worn().needle_lift + added))
+    (found,) = (each for each in recording_findings(BENCH, tmp_path / "a.csv") if "dead band" in each.text)
+    assert number(r"open above ([\d.]+) um", found) == pytest.approx(opens, rel=0.05)
+    assert number(r"shut below ([\d.]+) um", found) == pytest.approx(0.5 * opens, rel=0.05)
+    assert number(r"noise of the lift ([\d.]+) um", found) == pytest.approx(noise, rel=0.05)
 
 
 def test_hum_is_told(tmp_path: Path) -> None:

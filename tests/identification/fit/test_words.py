@@ -1,4 +1,4 @@
-"""What an inadequate fit says first is the most probable cause."""
+"""What a fit says of what it leaves: where, and no cause that was not tried."""
 
 import re
 from dataclasses import replace
@@ -35,6 +35,9 @@ def test_what_disagrees_is_said_and_no_cause_that_was_not_tried() -> None:
     assert float(match[3]) > 3.0 * float(match[4])
     assert re.search("measured more often (above|below) the model", words)
     assert not any(cause in words for cause in ("smoothed", "belong together", "IMPLAUSIBLE", "check "))
+    with_rate = verdict_words(replace(done, rate_misfit=0.05))
+    assert "Not tried: whether the measured rate or the model has the wrong shape, which is 5.0% off" in with_rate
+    assert "contradicts" not in with_rate
 
 
 QUIET = SimulatedNoise(rail_pressure=0.01e6, line_pressure=0.015e6, needle_lift=0.04e-6)

@@ -66,7 +66,8 @@ def learn(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outc
     and wherever they lead, it is refused at worst.
     """
     try:
-        return _learned(state, event, reader)
+        with np.errstate(over="ignore", invalid="ignore"):  # refused for what it leads to
+            return _learned(state, event, reader)
     except (ArithmeticError, ValueError):  # LinAlgError is one
         return _failed(state, event, Objection(Reason.NOT_LEARNED), reader)
 

@@ -104,10 +104,8 @@ def test_a_message_that_comes_with_an_identifier_of_the_other_size(watched: Watc
 
 
 def test_a_message_that_stays_away_for_a_while(watched: WatchedInputs) -> None:
-    def is_heard(frame: TimedFrame) -> bool:
-        return frame.frame_id != LIFT_ID or not 1e9 < frame.stamp_ns < 3.5e9
-
-    notices = watched.tells([frame for frame in watched.frames if is_heard(frame)])
+    frames = [each for each in watched.frames if each.frame_id != LIFT_ID or not 1e9 < each.stamp_ns < 3.5e9]
+    notices = watched.tells(frames)
     assert notices == [f"{LIFT}: {text}" for text in (Trouble.SILENT.begun, Trouble.SILENT.over)]
 
 
@@ -199,7 +197,7 @@ def test_a_pressure_in_another_unit_is_named_as_it_is_in_files(
 
 @pytest.mark.parametrize("most", [90, 40])
 def test_values_outside_the_declared_range_are_named_once(watched: WatchedInputs, tmp_path: Path, most: int) -> None:
-    """Half of them or all, of 60 and 120 MPa; the code for `not available`, which follows, is none of them."""
+    """Half of them or all, of 60 and 120 MPa; the code for `not available`, which follows, does not count."""
     narrow = block_bench(tmp_path, "virtual", ["watch"])
     database = resources.files("observer_rt.data").joinpath("observer_fd.dbc").read_text()
     ranges = re.sub(r"( SG_ RailPressure_.*) \[-10\|317.665\]", rf"\1 [-10|{most}]", database)

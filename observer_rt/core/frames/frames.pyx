@@ -3,7 +3,7 @@
 One unit, for its parts call each other at every frame; a file for each of them.
 """
 
-from libc.math cimport INFINITY, NAN, ceil, floor, isnan, rint
+from libc.math cimport INFINITY, NAN, ceil, floor, fmax, fmin, isnan, rint
 from libc.stdint cimport INT64_MAX, int64_t, uint16_t, uint32_t, uint64_t, uint8_t
 from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy, memset

@@ -183,7 +183,7 @@ cdef int64_t _raw_index(
 
 
 cdef void _store(Pipeline* pipeline, const InputGroup* group, const uint8_t* payload, int64_t start) noexcept nogil:
-    """The decoded samples of a group, the first of which is `start`, onto the grid."""
+    """The decoded samples of a group, the first of which is `start`, onto the grid; how far they reach."""
     receiver = pipeline.receiver
     roles = pipeline.inputs.streams[group.stream].roles
     on_grid = pipeline.alignment.streams[group.stream].on_grid
@@ -193,24 +193,16 @@ cdef void _store(Pipeline* pipeline, const InputGroup* group, const uint8_t* pay
     for k in range(group.samples):
         for role in range(MAX_INPUTS):
             if (roles >> role) & 1:
-                receiver.sample[role] = receiver.values[group.position[role] + k] * group.factor[role]
-                _survey(receiver, role, group, payload, pipeline.inputs.signals + group.first_signal + group.position[role] + k)
+                n = group.position[role] + k
+                sent = receiver.sample[role] = receiver.values[n] * group.factor[role]
+                if isnan(sent):
+                    signal = pipeline.inputs.signals + group.first_signal + n
+                    sent = value_between(payload, signal, -INFINITY, signal.largest) * group.factor[role]
+                    receiver.outside[role] += not isnan(sent)
+                receiver.lowest[role] = fmin(receiver.lowest[role], sent)
+                receiver.highest[role] = fmax(receiver.highest[role], sent)
                 if not (follower.roles >> role) & 1:
                     store(&pipeline.alignment, start + k, role, receiver.sample[role], False, 0.0)
         if follower.roles != 0:
             place = <double> (start + k) if on_grid else place_of(&pipeline.keeping, group.stream, start + k)
             follow(&pipeline.alignment, group.stream, place - follower.early, receiver.sample)
-
-
-cdef inline void _survey(
-    Receiver* receiver, int64_t role, const InputGroup* group, const uint8_t* payload, const Signal* signal
-) noexcept nogil:
-    """Note how far the values of a role reach, and whether this one is missing for the declared range of its signal."""
-    sent = receiver.sample[role]
-    if isnan(sent):
-        sent = value_between(payload, signal, -INFINITY, signal.largest) * group.factor[role]
-        if isnan(sent):
-            return
-        receiver.outside[role] += 1
-    receiver.lowest[role] = min(receiver.lowest[role], sent)
-    receiver.highest[role] = max(receiver.highest[role], sent)

@@ -155,6 +155,11 @@ def test_codes_that_the_database_excludes_are_no_values(
         assert not math.isnan(decoded(message, encoded(message, value)))
 
 
+@pytest.mark.parametrize(("more", "largest"), [(FAULTS, 65532), (J1939, 0xFAFF), ("", 65535)])
+def test_codes_that_a_range_alone_excludes_end_where_those_begin_that_are_no_values(more: str, largest: int) -> None:
+    assert signal_table(message_with("0|16@1+ (1,0) [0|9]", more=more), ["Value"])["largest"][0] == largest
+
+
 def test_of_a_counter_every_code_counts() -> None:
     table, out = (signal_table(message_with("0|8@1+ (1,0) [0|100]", more=J1939), ["Value"], "Value"), np.zeros(1))
     decode_signals(np.full(8, 255, np.uint8), table, out)

@@ -23,13 +23,8 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.identification.likelihood.measurement import lift_noise
 
 _SHOWN = 10  # stretches
-_UNITS = {
-    "rail_pressure": ("MPa", MEGAPASCAL),
-    "needle_lift": ("um", MICROMETRE),
-    "line_pressure": ("MPa", MEGAPASCAL),
-    "injection_rate": ("mm3/ms", MM3_PER_MS),
-    "energizing": ("", 1.0),
-}
+_UNITS = {role.value: of[1:] for role, of in SIGNALS.items()}
+_UNITS |= {"injection_rate": ("mm3/ms", MM3_PER_MS), "energizing": ("", 1.0)}
 
 
 @ruled("recording")

@@ -122,11 +122,11 @@ def verdict_words(done: CalibrationResult) -> str:
     """Adequate or not, and where; causes only of an adequate one: of another, none was tried by a refit."""
     words = [_fit_words(done)]
     if done.rate_misfit > RATE_MISFIT:
-        found = "The measured rate contradicts the pressures: its shape"
+        finding = "The measured rate contradicts the pressures: its shape"
         if done.inadequate:
-            found = "Not tried: whether the measured rate or the model has the wrong shape, which"
+            finding = "Not tried: whether the measured rate or the model has the wrong shape, which"
         off = f"is {done.rate_misfit:.1%} off (limit {RATE_MISFIT:.0%}), and only its integrals were fitted"
-        words.append(f"{found} {off}")
+        words.append(f"{finding} {off}")
     odd = ", ".join(one.name for one in _beyond_physics(done))
     if odd and not done.inadequate:
         words.append(f"IMPLAUSIBLE: {odd}; correct the file and fit again")

@@ -15,15 +15,11 @@ from observer_rt.identification.likelihood.measurement import measurements, open
 from tests.identification.fit.healthy import NOMINAL, simulations
 
 
-def _late_lift(recording: Recording) -> Recording:
-    return replace(recording, needle_lift=np.roll(recording.needle_lift, 20))
-
-
 def test_what_disagrees_is_said_and_no_cause_that_was_not_tried() -> None:
     """A lift that is late shows in the phases after it: where, how much, its sign."""
-    measured_recordings = measurements(
-        [_late_lift(one.recording) for one in simulations(((60e6, 0.6e-3), (100e6, 1.9e-3)))]
-    )
+    recordings = [each.recording for each in simulations(((60e6, 0.6e-3), (100e6, 1.9e-3)))]
+    late = [replace(each, needle_lift=np.roll(each.needle_lift, 20)) for each in recordings]
+    measured_recordings = measurements(late)
     done = calibrate(NOMINAL, measured_recordings, {}, lambda _: None, STRUCTURES[:1])
     words = verdict_words(done)
     assert "No cause was tried" in words

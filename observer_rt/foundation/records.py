@@ -5,7 +5,7 @@ run only.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from types import NoneType
@@ -19,6 +19,7 @@ Record = tuple[memoryview, Mapping[str, Any]]
 
 NOT_KEPT: Mapping[str, Any] = {"kept": False}
 """Metadata of a field that no file holds."""
+_adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
 Count = Annotated[int, Field(ge=0, lt=1 << 53)]
 
@@ -110,11 +111,6 @@ def _array(value: Any, kind: Any, like: Any, location: str) -> Any:
     if like is not None and like.size and array.shape != like.shape:
         raise NotAsExpectedError(f"{location}: shape {array.shape} instead of {like.shape}")
     return array
-
-
-@cache
-def _adapter(hint: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(hint)
 
 
 @cache

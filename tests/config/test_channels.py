@@ -17,6 +17,12 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect
 from tests.config.test_bench import BENCH, bench_file
 
+ALL = {
+    "rail_pressure": "filter_delay_us = 20",
+    "needle_lift": "filter_delay_us = 12\nlag_us = 15.9",
+    "line_pressure": "filter_delay_us = 5\nlag_us = 3",
+}
+
 
 def stated(folder: Path, **keys: str) -> BenchInjector:
     """The injector of a bench with these lines in sections of its signals."""
@@ -41,12 +47,7 @@ def test_nothing_stated_changes_nothing(tmp_path: Path) -> None:
 
 
 def test_alignment_moves_a_message_the_model_knows_the_rest(tmp_path: Path) -> None:
-    fitted = stated(
-        tmp_path,
-        rail_pressure="filter_delay_us = 20",
-        needle_lift="filter_delay_us = 12\nlag_us = 15.9",
-        line_pressure="filter_delay_us = 5\nlag_us = 3",
-    )
+    fitted = stated(tmp_path, **ALL)
     signals = fitted.config.signals
     for role in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT):
         assert undone_in_alignment(signals, role) == pytest.approx(12e-6)
@@ -77,12 +78,7 @@ def test_what_is_stated_goes_away_in_samples_as_sent(tmp_path: Path) -> None:
 
 
 def test_evidence_leaves_only_the_line_pressure_to_be_mended(tmp_path: Path) -> None:
-    fitted = stated(
-        tmp_path,
-        rail_pressure="filter_delay_us = 20",
-        needle_lift="filter_delay_us = 12\nlag_us = 15.9",
-        line_pressure="filter_delay_us = 5\nlag_us = 3",
-    )
+    fitted = stated(tmp_path, **ALL)
     mended = as_observed(fitted.config.signals)
     assert undone_in_alignment(mended, Role.NEEDLE_LIFT) == 0.0
     assert sizes(effects_after_alignment(mended)) == {"channel_skew": 5.0, "line_pressure_sensor_lag": 3.0}

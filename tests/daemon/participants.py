@@ -251,11 +251,8 @@ def over_bus(path: Path, frames: Sequence[TimedFrame], speed: float = math.inf) 
         with serving(daemon):
             play(frames, players[0], speed, by_bus=dict(enumerate(players)))
             until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
-        until(lambda: bool(listener.results.statuses) and _samples(listener.results) == daemon.core.processed)
+        outcome = listener.results
+        until(lambda: bool(outcome.statuses) and outcome.last_status()["SamplesProcessed"] == daemon.core.processed)
     if daemon.dropped:
         pytest.fail("machine too slow: the daemon's socket dropped frames")
-    return listener.results, daemon
-
-
-def _samples(results: ResultFrames) -> int:
-    return int(results.last_status()["SamplesProcessed"])
+    return outcome, daemon

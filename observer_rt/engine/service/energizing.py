@@ -219,7 +219,8 @@ class EnergizingWatch:
             self._waiting.clear()
         if not self._waiting or self._processed == 0:
             return
-        before, self._newest = self._newest, self._newest_index()
+        before = self._newest
+        self._newest = int(self._compiled.observer.ring[(self._processed - 1) % RING]["index"])
         if self._newest < before and self._reader.by_index:
             self._forget(before)
         undecided = self._undecided_openings()
@@ -243,9 +244,6 @@ class EnergizingWatch:
     @property
     def _processed(self) -> int:
         return int(self._compiled.observer.memory[0]["positions"]["processed"])
-
-    def _newest_index(self) -> int:
-        return int(self._compiled.observer.ring[(self._processed - 1) % RING]["index"])
 
     def _position(self, moment: int) -> float:
         """Index of a moment; nan while the clock of the stamps is not known."""

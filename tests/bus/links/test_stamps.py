@@ -68,9 +68,7 @@ def test_the_kernels_stamp_where_the_interface_has_no_clock(pair: tuple[socket.s
     assert reader.read(40, b"\1\0\0\0") is None  # another control message
     before = time.time_ns()
     sender.send(b"x")
-    stamp = stamp_of_next(reader, receiver)
-    assert stamp is not None
-    assert before <= stamp <= time.time_ns()
+    assert before <= (stamp_of_next(reader, receiver) or 0) <= time.time_ns()
 
 
 @pytest.mark.usefixtures("with_clock")
@@ -83,8 +81,7 @@ def test_the_kernels_stamp_for_frames_the_interface_did_not_stamp(pair: tuple[so
         before = time.time_ns()
         sender.send(b"x")
         stamp = stamp_of_next(reader, receiver)
-    assert stamp is not None
-    assert before <= stamp <= time.time_ns()
+    assert before <= (stamp or 0) <= time.time_ns()
 
 
 @pytest.mark.usefixtures("with_clock")

@@ -109,17 +109,13 @@ def test_recording_without_injections(command: Command, resting: Path, tmp_path:
     assert recording["summary"]["valid_share"] == 0.0
 
 
-def _words(figure: Path) -> str:
-    """The words of an SVG, where every text stands as a comment beside its outlines."""
-    return " ".join(re.findall("<!-- (.*?) -->", figure.read_text(), re.DOTALL))
-
-
 def test_the_first_a_middle_and_the_last_injection_are_drawn_with_units(
     command: Command, worn: Path, tmp_path: Path
 ) -> None:
     figure = tmp_path / "worn.svg"
     command.done("evaluate", worn, "--plot", figure)
-    words = _words(figure)
+    # every text stands as a comment beside its outlines
+    words = " ".join(re.findall("<!-- (.*?) -->", figure.read_text(), re.DOTALL))
     assert re.findall(r"injection (\d), ", words) == ["1", "3", "4"]
     for name, unit in (
         ("injection rate", "mm³/ms"),

@@ -129,15 +129,11 @@ def test_sac_goes_where_the_area_leads_it(case: Case) -> None:
     wider[41:, 1] += 1e-4
     change = open_loop(window._replace(inputs=wider), case.setting, theta).rate - run.rate
     assert 2e4 < run.relaxation[41] < 2e5  # 1/s
-    first = 1.0 - lagged_share(run.relaxation[41] * 1e-5)
+    constants = float(run.relaxation[41]) * 1e-5  # time constants in a sample
+    first = 1.0 - (1.0 - np.exp(-constants)) / constants  # of a ramp, that a first-order lag has followed at its end
     by_sac = run.gradient[41, 2] * run.by_area[41] * first
     assert min(by_sac, run.gradient[41, 3]) > 1e-6  # m3/s, the sac's and the network's share both matter
     assert change[41] == pytest.approx(1e-4 * (by_sac + run.gradient[41, 3]), rel=0.03)
-
-
-def lagged_share(interval: float) -> float:
-    """What a first-order lag still lacks of a ramp at its end; interval in time constants."""
-    return float((1.0 - np.exp(-interval)) / interval)
 
 
 def noisy(case: Case, window: Window, noise: NoiseLevels, random: np.random.Generator) -> Window:

@@ -155,7 +155,8 @@ def test_an_offset_outside_the_data_does_not_end_this_process(tmp_path: Path) ->
     with MDF(path) as file:
         file.save(tmp_path / "saved.mf4")
     data = (tmp_path / "saved.mf4").read_bytes()
-    offset = struct.pack("<Q", int(mixture_offset(200)))
+    before_last = sum(4 + len(each.frame.payload) for each in mixture(".mf4", 200)[:-1])
+    offset = struct.pack("<Q", before_last)
     assert data.count(offset) >= 1
     (tmp_path / "saved.mf4").write_bytes(data.replace(offset, struct.pack("<Q", 1 << 40)))
     with pytest.raises(UserError, match="a damaged MDF file"):
@@ -208,11 +209,6 @@ def test_frames_that_the_heading_does_not_count_are_told(tmp_path: Path) -> None
     log = open_log(path)
     assert len(list(log)) == 5
     assert log.notes() == [f"{path}: its heading leaves out 7 frames that are in it: it may be damaged"]
-
-
-def mixture_offset(frames: int) -> int:
-    """Where the data of the last frame stand, among those of variable length."""
-    return sum(4 + len(frame.frame.payload) for frame in mixture(".mf4", frames)[:-1])
 
 
 def test_an_older_mdf_is_named(tmp_path: Path) -> None:

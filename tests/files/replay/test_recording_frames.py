@@ -51,10 +51,6 @@ def rail_by_index(frames: list[TimedFrame]) -> dict[int, float]:
     return {index: value / 1e6 for index, value in decoded(frames)[0].items() if not np.isnan(value)}
 
 
-def rail_of(recording: Recording) -> list[float]:
-    return [pressure / 1e6 for pressure in recording.rail_pressure]
-
-
 def test_a_long_recording_is_sent_as_if_encoded_at_once(bus: BusMap) -> None:
     """Each frame with its last sample."""
     recording = recording_of(5003, open_at=(100,))
@@ -73,7 +69,7 @@ def test_windows_hold_whole_frames_round_the_injections(bus: BusMap) -> None:
     recording = recording_of(20_000, open_at=(5000, 9000, 19_900))
     frames = sent(recording, bus, windowed=True)
     values = rail_by_index(frames)
-    rail = rail_of(recording)
+    rail = recording.rail_pressure / 1e6
     assert list(values.values()) == pytest.approx([rail[index] for index in values], abs=0.0026)
     for opening in (5000, 9000):
         near = [index for index in values if opening - 1000 <= index <= opening + 1000]

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.discovery.standstill import StandstillFigure, standstill_checks
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
@@ -57,10 +56,8 @@ def test_no_lag_is_left_beside_the_amended_model(worn: Worn) -> None:
 
 
 def test_a_sinking_pressure_is_a_slope() -> None:
-    def sinking(recording: Recording) -> Recording:
-        return replace(recording, line_pressure=recording.line_pressure - 30e6 * recording.time)
-
-    checks = _checks(measurements([sinking(recording) for recording in recordings()]))
+    sinking = [replace(each, line_pressure=each.line_pressure - 30e6 * each.time) for each in recordings()]
+    checks = _checks(measurements(sinking))
     for check in _named(checks, "line_pressure_slope"):
         assert check.value == pytest.approx(-30.0, abs=5 * check.sigma)
         assert not check.passed

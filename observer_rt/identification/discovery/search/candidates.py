@@ -121,20 +121,15 @@ class Size(EffectValue):
         step = significant(max(self.ci95[1] - self.value, self.value - self.ci95[0]))
         return shown(self.value, step), shown(self.ci95[0], step), shown(self.ci95[1], step)
 
-    @property
-    def value_text(self) -> str:
-        """Such as `0.301`, with the unit."""
-        return f"{self.digits[0]} {sign(self.unit)}".rstrip()
-
-    @property
-    def interval_text(self) -> str:
-        """Such as `0.295 to 0.307`, with the unit."""
-        return f"{self.digits[1]} to {self.digits[2]} {sign(self.unit)}".rstrip()
-
 
 def size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
     """Such as `v_H = 0.301 (0.295 to 0.307)`. level: before the interval."""
-    return [f"{name} = {one.value_text} ({level}{one.interval_text})" for name, one in sizes.items()]
+    words = []
+    for name, size in sizes.items():
+        value, low, high = size.digits
+        unit = f" {sign(size.unit)}".rstrip()
+        words.append(f"{name} = {value}{unit} ({level}{low} to {high}{unit})")
+    return words
 
 
 @dataclass(frozen=True)

@@ -60,10 +60,10 @@ def recorded(worn: bool) -> Recording:
 @cache
 def evaluated(worn: bool, meaning: Meaning, stated: bool = True) -> Evaluation:
     """stated: by the bench; else by the recording."""
-    bench = load_bench().exact.with_sections(sampling=SamplingConfig(rate_hz=RATE, meaning=meaning))
-    recording = recorded(worn)
-    if not stated:
-        bench = load_bench()
+    bench, recording = load_bench().exact, recorded(worn)
+    if stated:
+        bench = bench.with_sections(sampling=SamplingConfig(rate_hz=RATE, meaning=meaning))
+    else:
         recording = replace(recording, meaning=meaning)
     return evaluate(bench, [recording]).evaluations[0]
 

@@ -306,18 +306,18 @@ def test_windowed_source(tmp_path: Path, messages: dict[str, str], clean: Traffi
 def test_needle_signal_that_chatters_is_survived(clean: Traffic) -> None:
     """A lift sensor gone mad: thousands of openings in one event, each reported once or forgotten, in order.
 
-    Nothing is learned from it, and the event after it is believed.
+    Nothing is learned from it, and the second event after it is believed: the first ones ever, after so many faults.
     """
     good = simulated()
     lift = good.needle_lift.copy()
-    shut = np.random.default_rng(1).normal(size=10_000) * SimulatedNoise().needle_lift
-    lift[1000:11_000] = shut + np.where(np.arange(10_000) % 8 < 2, 50e-6, 0.0)
+    shut = np.random.default_rng(1).normal(size=7_000) * SimulatedNoise().needle_lift
+    lift[1000:8_000] = shut + np.where(np.arange(7_000) % 8 < 2, 50e-6, 0.0)
     mad = type(good)(good.time, good.rail_pressure, lift, good.line_pressure)
     result = clean.run(Device(clean.bench).send(mad))
     numbers = [report.number for report in result.reports]
     assert numbers == sorted(set(numbers))
-    assert numbers[-1] > 1200
+    assert numbers[-1] > 800
     assert result.core.counters.samples == 14_994
     assert result.core.counters.events >= 2
-    assert all(report.valid == (report.start_index > 11_000) for report in result.reports)
+    assert [report.number for report in result.reports if report.valid] == numbers[-1:]
     assert result.core.state == (State.ADAPTED, Reason.NONE)

@@ -48,7 +48,7 @@ cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows
 cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
     """Whether the flow, if there is any, is known well enough at a sample.
 
-    It is as believed where events showed it; a needle that falls is no news. Filters that follow must agree, and know
+    It is where events showed it; a needle that falls is no news. Filters that follow must find it as believed, and know
     it sharply; they cannot yet at the opening, where the last event must have been as believed, too. If they say that
     it is not, a fault of the line or of a sensor looks alike while it runs: then the last event's own fit must have
     said that it was the flow.
@@ -62,12 +62,11 @@ cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
             point.in_learned_range = False
         point.flow += row.injection_rate
         point.flowing += 1
-    if isnan(row.rate_sigma):
+    is_as_believed = isnan(row.rate_sigma) or row.as_believed > BELIEVED
+    memory.event.differs = not (is_as_believed and point.in_learned_range)
+    if isnan(row.rate_sigma) or not point.in_learned_range:
         return point.in_learned_range
-    is_as_believed = row.as_believed > BELIEVED
-    memory.event.differs = not is_as_believed
     is_early = point.flowing * observer.constants.interval < SHARP_AFTER
-    is_as_believed = is_as_believed and point.in_learned_range
     if is_early:
         return is_as_believed and not memory.judgement.differed
     sharp = SHARP if is_as_believed else SHARP_IF_OTHER

@@ -3,8 +3,9 @@
 # Each is an extended Kalman filter on z = [p_L, Q_L, p_S, r, s, indicated pressure]: r and s are what nozzle and seat
 # pass more than the model with phi, as shares of the model's; 0 at an opening from rest, random walks while the needle
 # is open. The filters differ in how far and how fast these may go, and weigh by the likelihood of the line pressure
-# since the opening. They are linearised together, at their mean. Line and sensor are as believed: what one of them does
-# is taken for a flow here, and only the event's own fit tells them apart.
+# since the opening. Where no event has shown the flow, the first goes as far as the second. They are linearised
+# together, at their mean. Line and sensor are as believed: what one of them does is taken for a flow here, and only the
+# event's own fit tells them apart.
 
 cdef double WALK_STEP = 1e-5  # s, for which the walks are given
 cdef double[FILTERS][4] WIDTHS = [  # sd at the opening of r and s, walk of r and s in a step
@@ -59,7 +60,7 @@ cdef void _begin_live(Stepping* s, int64_t position) noexcept nogil:
             one.covariance[OF_NOZZLE + k][OF_NOZZLE + k] = WIDTHS[i][k] * WIDTHS[i][k]
         one.log_weight = log(ODDS[i])
     _go_on_as(s.of_live, s.of_tilde)
-    live.follows = True
+    live.follows, live.has_widened = True, False
 
 
 cdef inline bint _tells(Stepping* s) noexcept nogil:
@@ -103,7 +104,12 @@ cdef void _advance_live(Stepping* s, int64_t position) noexcept nogil:
     cdef double flow_noise
     cdef int64_t i, j, n = s.coefficients.states
     cdef bint is_open, is_measured
-    observer, live = s.observer, &s.live
+    observer, live, point = s.observer, &s.live, &s.observer.memory.operating_point
+    if not (live.has_widened or point.in_learned_range):
+        live.has_widened = True
+        if point.known_until == 0.0:  # else it begins where it was known
+            for i in range(2):
+                live.filters[0].covariance[OF_NOZZLE + i][OF_NOZZLE + i] += WIDTHS[1][i] * WIDTHS[1][i]
     before, row = &observer.ring[(position - 1) & MASK], &observer.ring[position & MASK]
     g = &live.gradient
     is_open = before.seat_area > 0.0 or row.seat_area > 0.0
@@ -137,7 +143,8 @@ cdef void _advance_live(Stepping* s, int64_t position) noexcept nogil:
     live.moved_mean[SHOWN] = indicated
     for i in range(<int64_t> FILTERS):
         _advance_filter(
-            live, &live.filters[i], WIDTHS[i], s.interval / WALK_STEP if is_open else 0.0,
+            live, &live.filters[i], WIDTHS[1 if i == 0 and live.has_widened else i],
+            s.interval / WALK_STEP if is_open else 0.0,
             flow_noise * flow_noise * observer.constants.rail_every, innovation, is_measured,
         )
     largest = max(live.filters[0].log_weight, live.filters[1].log_weight, live.filters[2].log_weight)

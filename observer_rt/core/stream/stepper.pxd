@@ -29,6 +29,7 @@ cdef struct Filter:
 # live.pxi: the filters, and their scratch.
 cdef struct Live:
     bint follows
+    bint has_widened  # the first filter, for the flow is not known here
     double variance  # of a sample of the line pressure [p_0^2], as the innovation monitor expects it
     Filter[FILTERS] filters
     double[LIVE_STATES] mean  # of them all

@@ -11,7 +11,7 @@ from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS
-from observer_rt.engine.learning.account import Account, MassDoubt, Overdispersion, Scatter, UnexplainedPressure
+from observer_rt.engine.learning.account import Account, Overdispersion
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilPulse, EdgeSearch, Energizing
 from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail, TimeJitter
@@ -60,10 +60,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
             (
                 Possibility(-0.1, learned, Mode.QUICK, Velocity(np.ones(2), np.ones((PARAMETERS, 2)), np.eye(2))),
                 Possibility(-2.4, learned, Mode.PASSING),
-            ),
-            settled=(learned,),
-            unobjected=4,
-            doubt=MassDoubt(UnexplainedPressure(1e-5, 3.0), Scatter(6.0, 7.0)),
+            )
         ),
         noise=noise,
         events=events,

@@ -154,8 +154,8 @@ LEARNED = ("state", "account", "hypotheses", 0, "learned")
 MEAN = (*LEARNED, "belief", "mean")
 COVARIANCE = (*LEARNED, "belief", "covariance")
 NOT_RESTORED = {
-    "older version": (lambda document: document.update(version=1), r"version 1, not 9 (observer_rt "),
-    "newer version": (lambda document: document.update(version=10), "format is version 10, not 9"),
+    "older version": (lambda document: document.update(version=1), r"version 1, not 10 (observer_rt "),
+    "newer version": (lambda document: document.update(version=11), "format is version 11, not 10"),
     "another parameter": (put("columns", 0, value="lag"), "other parameters"),
     "a parameter too few": (put("columns", value=list(SCALARS.names[:-1])), "other parameters"),
     "model": (put("model_sha256", value="0" * 64), "another injector model"),
@@ -215,14 +215,9 @@ def without_held_rail(knowledge: Knowledge) -> Knowledge:
     return replace(knowledge, state=replace(knowledge.state, held_rail=HeldRail()))
 
 
-def without_settled(knowledge: Knowledge) -> Knowledge:
-    return replace(knowledge, state=replace(knowledge.state, account=replace(knowledge.state.account, settled=())))
-
-
 LOST: dict[str, tuple[Change, Callable[[Knowledge], Knowledge]]] = {
     # the cases above do not fail for being rewritten
     "no change": (put("package_version", value="0.0.1"), lambda known: known),
-    "what was settled": (remove("state", "account", "settled"), without_settled),
     "a held rail": (remove("state", "held_rail"), without_held_rail),
     "its kind": (put("state", "held_rail", "events", value="many"), without_held_rail),
 }

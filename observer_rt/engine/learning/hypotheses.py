@@ -13,7 +13,6 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief, symmetric
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning import constants as c
@@ -125,14 +124,13 @@ class Kind:
         """Standard deviations (m,) by which theta moves; wide, drift: of the prior, and of usual drift."""
         columns, result = list(self.columns), np.zeros_like(wide)
         result[columns] = np.hypot(np.hypot(self.of_prior * wide, self.drifts * drift), self.size)[columns]
-        result[WEIGHTS] *= c.LAWS_CHANGE  # else what other operating points taught is forgotten
         return result
 
 
 # fmt: off
 BEFORE = Kind("as before", Mode.STEADY, math.nan, reason=None)  # its rate is what the others leave
 QUICK = Kind("moving on", Mode.QUICK, c.QUICK_BEGINS, FLOWS, drifts=c.QUICKER, reason=None)  # coking, in hours
-CHANGED = Kind("changed", Mode.STEADY, 0.5 * c.CHANGES, WEAR, of_prior=1.0)  # another nozzle, a broken tip
+CHANGED = Kind("changed", Mode.STEADY, c.FLOW_CHANGES, WEAR, of_prior=1.0)  # another nozzle, or law at this point
 NUDGED = Kind("changed a little", Mode.STEADY, 0.5 * c.CHANGES, FLOWS, size=c.NUDGE)  # a hole that closes
 SENSOR_CHANGED = Kind("sensor changed", Mode.STEADY, c.CHANGES, SENSOR, of_prior=1.0,
                       reason=Reason.PRESSURE_OFFSET)  # or its lag: whichever moved more
@@ -140,17 +138,20 @@ LINE_CHANGED = Kind("line changed", Mode.STEADY, c.LINE_CHANGES, (*LINE, *VALVE)
                     reason=Reason.MODEL_INADEQUATE)  # another pipe, air in it, another pilot valve
 LIFT_LATE = Kind("lift late", Mode.STEADY, c.CHANGES, (int(P.LIFT_DELAY),), size=c.LIFT_DELAY_CHANGE / LAG_UNIT,
                  reason=Reason.LIFT_SENSOR_LAG)  # or early: a filter, another clock
+OTHER_INJECTOR = Kind("another injector", Mode.STEADY, c.OTHER_INJECTOR,
+                      (*WEAR, *SENSOR, *LINE, *VALVE, int(P.LIFT_DELAY)), of_prior=1.0)  # or all was learned wrongly
 SHIFTED = Kind("shifted a little", Mode.STEADY, c.SHIFTS, (*WEAR, *SENSOR, *LINE), drifts=c.SHIFT,
                reason=None)  # the model, from one operating point to another
-SETTLED = Kind("as when settled", Mode.STEADY, c.RETURNS)  # what came after is forgotten
 AT_FAULT = Kind("at fault", Mode.PASSING, c.FAULT_BEGINS, reason=Reason.CONTRADICTED)  # nothing is learned
 INADEQUATE = Kind("model inadequate", Mode.LASTING, c.INADEQUATE_BEGINS, reason=Reason.MODEL_INADEQUATE)
 # fmt: on
-NEW = (CHANGED, NUDGED, SENSOR_CHANGED, LINE_CHANGED, LIFT_LATE, SHIFTED)
+NEW = (CHANGED, NUDGED, SENSOR_CHANGED, LINE_CHANGED, LIFT_LATE, SHIFTED, OTHER_INJECTOR)
 NEW_AT_FIRST = (SENSOR_CHANGED, LINE_CHANGED, LIFT_LATE)
-HYPOTHESES = (BEFORE, QUICK, *NEW, SETTLED, AT_FAULT, INADEQUATE)
-BELIEVED = (BEFORE, QUICK, SETTLED, SHIFTED)
+HYPOTHESES = (BEFORE, QUICK, *NEW, AT_FAULT, INADEQUATE)
+BELIEVED = (BEFORE, QUICK, SHIFTED)
 """Kinds of events that came as something believed of the injector said."""
+UNLIKE_BEFORE = (CHANGED, OTHER_INJECTOR)
+"""Kinds of events after which what other operating points showed of the flow is not known to hold."""
 
 
 def transitions(mode: Mode, is_prior: bool) -> Iterator[tuple[Kind, float]]:
@@ -187,9 +188,3 @@ def is_alike(first: Belief, second: Belief) -> bool:
         return False
     least = np.minimum(first.covariance.diagonal(), second.covariance.diagonal())
     return bool(np.all(((first.mean - second.mean) ** 2 <= c.ALIKE**2 * least)[_ALIKE]))
-
-
-def is_compatible(first: Belief, second: Belief) -> bool:
-    """Whether two beliefs may be about the same injector and sensor, one of them surer than the other."""
-    away = first.mean - second.mean
-    return float(away @ inverse_of(first.covariance + second.covariance)[0] @ away) < c.COMPATIBLE

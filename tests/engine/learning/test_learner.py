@@ -162,7 +162,7 @@ def test_one_that_takes_over_learns_as_the_one_before() -> None:
 
 
 def test_an_event_changes_no_state_that_somebody_holds() -> None:
-    """So that one that failed half way leaves the state before, and what was settled may come back."""
+    """So that one that failed half way leaves the state before."""
     learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
     for seed in range(3):
         state, before = learner.state, as_text(learner.state)

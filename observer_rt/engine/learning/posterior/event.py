@@ -14,16 +14,14 @@ from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
-from observer_rt.engine.learning import constants as c
-from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import pooled
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, is_same, resting_segments
 from observer_rt.engine.learning.disturbances.masks import Sigmas
-from observer_rt.engine.learning.hypotheses import SETTLED, Mode, Possibility, is_alike, is_compatible
+from observer_rt.engine.learning.hypotheses import UNLIKE_BEFORE, Mode, Possibility, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector, shrink
 from observer_rt.engine.learning.learned_range import EventPoint, operating_point, remembered
-from observer_rt.engine.learning.posterior.explaining import Explanation, Offers, Weighing, coming_back, offered
+from observer_rt.engine.learning.posterior.explaining import Explanation, Offers, Weighing, offered
 from observer_rt.engine.learning.posterior.reader import (
     ClosedEvent,
     EventReader,
@@ -96,7 +94,7 @@ class Believing:
             is_prior=False,
             colour=noise.colour,
             at_rest=noise.at_rest,
-            learned_at=remembered(before.learned_at, self.point),
+            learned_at=remembered(() if explanation.kind in UNLIKE_BEFORE else before.learned_at, self.point),
         )
 
     def _noise(self, explanation: Explanation) -> Noise:
@@ -144,16 +142,6 @@ def carried_on(continued: Sequence[Continued]) -> list[Continued]:
     return [(explanation, replace(each, log_weight=each.log_weight - total)) for explanation, each in kept]
 
 
-def settled_after(account: Account, learned: LearnedInjector, is_as_believed: bool) -> Account:
-    """Account that remembers a belief with which some events came as believed, and without objection."""
-    unobjected = account.unobjected + 1 if is_as_believed else 0
-    account = replace(account, unobjected=unobjected)
-    if unobjected < c.SETTLED_AFTER:
-        return account
-    others = [each for each in account.settled if not is_compatible(each.belief, learned.belief)]
-    return replace(account, settled=(learned, *others)[: c.MOST_SETTLED], settled_doubt=account.doubt)
-
-
 class ExplainedEvent(NamedTuple):
     """An event as far as it is understood.
 
@@ -188,8 +176,6 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
         reads.weigh(hypothesis, offers)
     if likeliest[0].learned.is_prior:
         reads.weigh_coloured(likeliest[0])
-    for hypothesis in coming_back(state.account, reader):
-        reads.weigh(hypothesis, {SETTLED: hypothesis.log_weight})
     explanations = reads.weighing.explanations()
     state, window = reads.state, reads.window
     lead = next((i for i, each in enumerate(explanations) if each.is_good), None)

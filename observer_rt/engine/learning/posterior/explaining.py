@@ -13,7 +13,6 @@ from observer_rt.engine.estimation.gating import Belief, HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning import constants as c
-from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
 from observer_rt.engine.learning.fitting import EventFit, EventFitter, Limits, evidences, nearly_white
 from observer_rt.engine.learning.hypotheses import (
@@ -23,12 +22,10 @@ from observer_rt.engine.learning.hypotheses import (
     INADEQUATE,
     LIFT_LATE,
     QUICK,
-    SETTLED,
     STATED,
     Kind,
     Moving,
     Possibility,
-    is_compatible,
     moving,
     transitions,
 )
@@ -43,10 +40,9 @@ _OWN = (BEFORE, QUICK)
 class Explanation:
     """An event explained as one kind, given one hypothesis: the prior, and the theta that explains it best.
 
-    log_weight: logarithm of its weight; weight: normalised over all explanations. kind: `SETTLED` where the injector
-    returns to a settled state. held: the prior, with the gain fixed by the samples at rest; scale: row of `NOISE`,
-    likeliest of its weights. cost: linearised about theta (m,); fit: None where theta was not fitted. moving: drift
-    of the wear, if any.
+    log_weight: logarithm of its weight; weight: normalised over all explanations. held: the prior, with the gain as
+    the samples at rest say; scale: row of `NOISE`, likeliest of its weights. cost: linearised about theta (m,); fit:
+    None where theta was not fitted. moving: drift of the wear, if any.
     """
 
     hypothesis: Possibility
@@ -94,9 +90,9 @@ class _FoundExplanation:
     prior: Belief
     held: HeldBelief
     offered: NDArray[np.float64]
-    cost: Linearisation
     log: float = -math.inf
-    scale: int = 0  # row of NOISE
+    cost: Linearisation = field(init=False)
+    scale: int = field(init=False)  # row of NOISE
     theta: Theta = field(init=False)
     fit: EventFit | None = None
 
@@ -105,13 +101,15 @@ class _FoundExplanation:
         """The prior at the likeliest scale."""
         return at_scale(self.held.prior, NOISE[self.scale])
 
-    def weigh(self, limits: Limits) -> None:
-        """Evidence by the cost as it is linearised, over all scales."""
-        by_whole = evidences(self.cost, [self.held.prior], limits)[0]
-        covariance, _ = inverse_of(self.held.prior.information + self.cost.information)
+    def weigh(self, cost: Linearisation, limits: Limits) -> None:
+        """Evidence by a cost as it is linearised, over all scales, kept where it is more than before."""
+        by_whole = evidences(cost, [self.held.prior], limits)[0]
+        covariance, _ = inverse_of(self.held.prior.information + cost.information)
         logs = self.offered + scale_densities(by_whole.theta, covariance)
-        self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
-        self.scale = int(np.argmax(logs))
+        log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
+        if log <= self.log:
+            return
+        self.cost, self.log, self.scale = cost, log, int(np.argmax(logs))
         self.theta = mean_at_scale(by_whole.theta, covariance, NOISE[self.scale])
 
     def fitted(self, fitter: EventFitter, start: Linearisation, steps: int, limits: Limits) -> None:
@@ -122,8 +120,8 @@ class _FoundExplanation:
         for _ in range(c.SCALE_FITS):
             scale = self.scale
             self.fit = fitter.fit(start, self.likeliest, steps)
-            self.cost = start = self.fit.linearisation
-            self.weigh(limits)
+            start, self.log = self.fit.linearisation, -math.inf
+            self.weigh(start, limits)
             if self.scale == scale:
                 break
         self.log -= max(self.cost.value - self.cost.expected(self.theta) - c.BEYOND, 0.0)
@@ -133,14 +131,6 @@ class _FoundExplanation:
 def fitter_of(hypothesis: Possibility, reading: EventReading, reader: EventReader) -> EventFitter:
     """The fitter of an event that starts from a hypothesis."""
     return EventFitter(reading.cost, hypothesis.learned.active, reader.limits)
-
-
-def coming_back(account: Account, reader: EventReader) -> list[Possibility]:
-    """Hypotheses that the injector is back in a settled state, where the carried state differs from it."""
-    belief = account.lead.learned.belief
-    others = [each for each in account.settled if not is_compatible(belief, each.belief)]
-    drifted = (replace(each, belief=each.belief.drifted(reader.drift)) for each in others)
-    return [Possibility(math.log(SETTLED.rate / len(others)), each) for each in drifted]
 
 
 Offers = Mapping[Kind, float]
@@ -182,20 +172,29 @@ class Weighing:
         for kind, prior in priors.items():
             held = reading.resting.held(prior)
             offered = likely - scale_densities(held.prior.mean, held.prior.covariance)
-            explanations[kind] = _FoundExplanation(prior, held, offered, reading.first)
-            explanations[kind].weigh(self._reader.limits)
-        before = explanations.get(BEFORE) or explanations[SETTLED]
+            explanations[kind] = _FoundExplanation(prior, held, offered)
+            explanations[kind].weigh(reading.first, self._reader.limits)
+        before = explanations[BEFORE]
 
         def log_of(kind: Kind) -> float:
             return logs[kind] - reading.level + explanations[kind].log
 
-        promised = max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
-        for kind, explanation in explanations.items():
+        def best_of_all() -> float:
+            return max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
+
+        left = list(explanations)
+        while left:  # the one that promises most; a fit may break that, and shows the others the cost from nearer by
+            kind = max(left, key=lambda kind: (kind is BEFORE, kind is not LIFT_LATE, log_of(kind)))
+            left.remove(kind)
+            explanation = explanations[kind]
+            is_new = hypothesis.learned.is_prior
             if kind is LIFT_LATE:  # after those that it looks like: they begin where it is far behind them
-                self._start_late(reading, explanation, hypothesis.learned.is_prior)
-            self._fit(hypothesis, reading, before, explanation, log_of(kind) - promised)
-            promised = max(promised, log_of(kind))
-        self._best = max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
+                is_new = self._start_late(reading, explanation, is_new) or is_new
+            self._fit(hypothesis, reading, explanation, math.inf if is_new else log_of(kind) - best_of_all())
+            if explanation.fit is not None:
+                for other in left:
+                    explanations[other].weigh(explanation.cost, self._reader.limits)
+        self._best = best_of_all()
         kept = {
             kind: explanation for kind, explanation in explanations.items() if log_of(kind) > self._best - c.REFINED
         }
@@ -269,18 +268,20 @@ class Weighing:
     def _widened(self, belief: Belief, kind: Kind) -> Belief:
         return belief.widened(self._reader.widths(kind)) if kind.columns else belief
 
-    def _start_late(self, reading: EventReading, late: _FoundExplanation, is_new: bool) -> None:
-        """Linearises the event at the lift's delay that explains most by itself, where much is to be explained."""
+    def _start_late(self, reading: EventReading, late: _FoundExplanation, is_new: bool) -> bool:
+        """Whether much is to be explained, and a delay of the lift explains some; linearises it at the best."""
         first = reading.first
         if not (is_new or first.value - first.expected(late.theta) > c.FALLS_FAR):
-            return
+            return False
         starts = np.tile(first.theta, (len(c.LIFT_DELAYS), 1))
         starts[:, Parameter.LIFT_DELAY] += np.array(c.LIFT_DELAYS) / LAG_UNIT
         values = [reading.cost.value(each) for each in starts]
         best = int(np.argmin(values))
-        if values[best] < first.value:
-            late.cost = reading.cost.linearised(starts[best])
-            late.weigh(self._reader.limits)
+        if values[best] >= first.value:
+            return False
+        late.log = -math.inf
+        late.weigh(reading.cost.linearised(starts[best]), self._reader.limits)
+        return True
 
     def _nearly_white(
         self, reading: EventReading, explanation: _FoundExplanation, before: _FoundExplanation
@@ -291,12 +292,7 @@ class Weighing:
         return nearly_white(reading.leaves(alike.theta, alike.fit), reading.cost.temper, reading.healthy)
 
     def _fit(
-        self,
-        hypothesis: Possibility,
-        reading: EventReading,
-        before: _FoundExplanation,
-        explanation: _FoundExplanation,
-        behind: float,
+        self, hypothesis: Possibility, reading: EventReading, explanation: _FoundExplanation, behind: float
     ) -> None:
         """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""
         first, is_new = explanation.cost, hypothesis.learned.is_prior
@@ -304,10 +300,8 @@ class Weighing:
         falls = first.value - first.expected(explanation.theta)
         if not (far > c.NEAR or falls > c.FALLS or is_new):
             return
-        own = explanation.cost is not reading.first
-        if not (is_new or own) and behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0):
+        if behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0):
             return
-        start = first if own or before.fit is None else before.fit.linearisation
         steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
         fitter = fitter_of(hypothesis, reading, self._reader)
-        explanation.fitted(fitter, start, steps, self._reader.limits)
+        explanation.fitted(fitter, first, steps, self._reader.limits)

@@ -16,13 +16,13 @@ from observer_rt.core.learning.predictor import follow
 from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window, level_of
 from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of
 from observer_rt.engine.learning import constants as c
-from observer_rt.engine.learning.account import Account, MassDoubt
+from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.hypotheses import BELIEVED, FLOWS, SENSOR_CHANGED, SETTLED, STAYS, Velocity
+from observer_rt.engine.learning.hypotheses import BELIEVED, FLOWS, SENSOR_CHANGED, STAYS, Velocity
 from observer_rt.engine.learning.interval import Resimulation, resimulated
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import UNSEEN, extrapolation_sigma, known_flow
-from observer_rt.engine.learning.posterior.event import Continued, ExplainedEvent, settled_after
+from observer_rt.engine.learning.posterior.event import Continued, ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.look_alikes import look_alikes_in, named
 from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader
@@ -117,21 +117,19 @@ class Shares(NamedTuple):
         return Z_95 * self.from_belief + c.OWN_SHARE
 
 
-def shares_of(mass: EventMass, account: Account, explained: ExplainedEvent, systematic: float) -> Shares:
+def shares_of(mass: EventMass, explained: ExplainedEvent, systematic: float) -> Shares:
     """How well the mass of an event is known.
 
     systematic: share that the model gets wrong of a healthy injector, or far from where it was learned.
     """
     by_belief = mass.variance(explained.carried[0][1].learned.gated.covariance)
     by_stated = by_belief + mass.by_inputs + systematic**2
-    factor = account.doubt.scatter.factor
-    total = by_stated + (factor - 1.0) * by_belief + account.doubt.unexplained.variance
-    moved, mixed = _between(mass, by_belief, factor, explained)
-    total = max(total + mixed, c.LEAST_OF_MIXED * total)
+    moved, mixed = _between(mass, by_belief, explained)
+    total = max(by_stated + mixed, c.LEAST_OF_MIXED * by_stated)
     return Shares(math.sqrt(by_stated), math.sqrt(total), moved)
 
 
-def _between(mass: EventMass, by_belief: float, factor: float, explained: ExplainedEvent) -> tuple[float, float]:
+def _between(mass: EventMass, by_belief: float, explained: ExplainedEvent) -> tuple[float, float]:
     """Share by which explanations have another mean than the leading one, and the variance they have beyond its."""
     good = [(each.weight, one.learned) for each, one in explained.explanations if each.is_good]
     total = sum(weight for weight, _ in good)
@@ -140,7 +138,7 @@ def _between(mass: EventMass, by_belief: float, factor: float, explained: Explai
     mean = sum(weight * moved for (weight, _), moved in zip(parts, moves, strict=True))
     variance = 0.0
     for (weight, learned), moved in zip(parts, moves, strict=True):
-        wider = factor * (mass.variance(learned.gated.covariance) - by_belief)
+        wider = mass.variance(learned.gated.covariance) - by_belief
         variance += weight * (wider + (moved - mean) ** 2)
     return mean, variance
 
@@ -209,19 +207,15 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     again = resimulated(explained.window, setting, explained.state.noise, theta, covariance)
     mass = mass_of(explained.window, setting, theta, again)
     look_alikes = look_alikes_in(explained, reader)
-    account = explained.state.account
-    if explanation.is_good:
-        account = _compared(account, explained, mass, reader)
     systematic = math.hypot(
         reader.healthy.mass_share,
         UNSEEN * extrapolation_sigma(explained.point, explanation.hypothesis.learned.learned_at),
     )
-    shares = shares_of(mass, account, explained, systematic)
+    shares = shares_of(mass, explained, systematic)
     verdict = verdict_of(explained, mass, shares, look_alikes.objections, reader.wide)
     state, forward = look_alikes.state, named(look_alikes.state, verdict.forward, explained)
     if not look_alikes.begins_anew:
-        account = settled_after(account, learned, explanation.kind in BELIEVED and not forward)
-        state = replace(state, account=replace(account, hypotheses=tuple(one for _, one in explained.carried)))
+        state = replace(state, account=Account(tuple(one for _, one in explained.carried)))
     in_force = theta if lead.velocity is None else _ahead(theta, explanation, lead.velocity, reader)
     by_coil = look_alikes.state.energizing.current.unsure
     covariance = covariance + _apart(explained, mass, shares.agreement) + by_coil
@@ -248,20 +242,6 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         change=verdict.change,
         posterior=posterior_of(explained.explanations),
     )
-
-
-def _compared(account: Account, explained: ExplainedEvent, mass: EventMass, reader: EventReader) -> Account:
-    """Account after an explained event was compared with what was believed and carried before it.
-
-    One that is as when settled is compared with nothing: the doubt of what came after is forgotten, too.
-    """
-    explanation, _ = explained.carried[0]
-    doubt = account.settled_doubt if explanation.kind is SETTLED else account.doubt
-    unexplained = doubt.unexplained.after(explained.window, mass.setting, mass.theta, reader.burn_in)
-    scatter = doubt.scatter
-    if explanation.score_as_believed is not None:
-        scatter = scatter.after(explanation.score_as_believed)
-    return replace(account, doubt=MassDoubt(unexplained, scatter))
 
 
 def _apart(explained: ExplainedEvent, mass: EventMass, within: float) -> NDArray[np.float64]:

@@ -45,6 +45,27 @@ def line_of(parameters: "InjectorParameters", departures: "Departures", nozzle_f
     return _LINES[parameters.line.model].of(parameters, departures, nozzle_flow, seat_flow)
 
 
+def at_closed_end(
+    parameters: "InjectorParameters", departures: "Departures", stiffness: float, nozzle_flow: float, seat_flow: float
+) -> dict[str, float]:
+    """Coefficients of any line's closed end, where p_L rises by stiffness [p_0/m3]; flows: as of `LumpLine.of`."""
+    scale, chamber = parameters.scaling, parameters.chamber.pressure
+    modulus = parameters.fluid.bulk_modulus_line
+    drained_by_nozzle = parameters.line_outflow == "nozzle"
+    return {
+        "a1": stiffness * scale.flow,
+        "a2_nozzle": stiffness * nozzle_flow if drained_by_nozzle else 0.0,
+        "a2_seat": 0.0 if drained_by_nozzle else stiffness * seat_flow,
+        "leak": stiffness * departures.leakage * scale.pressure,
+        "air": departures.air * modulus / scale.pressure,
+        "stiffness_slope": departures.stiffness_slope * scale.pressure / modulus,
+        "stiffness_pressure": (STIFFNESS_PRESSURE - chamber) / scale.pressure,
+        "chamber_pressure": chamber / scale.pressure,
+        "servo": stiffness * control_flow_at_scale(parameters),
+        "displaced": stiffness * (parameters.line.displacement or 0.0),
+    }
+
+
 class _LumpCoefficients(NamedTuple):
     """Coefficients a1..a4 of (25) and what departs from it."""
 
@@ -82,20 +103,10 @@ class LumpLine(_LumpCoefficients):
         """The line of an injector; nozzle_flow, seat_flow: Q_H and Q_S [m3/s] at a normalised flow of 1."""
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
         compliance = fluid.bulk_modulus_line / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
-        drained_by_nozzle = parameters.line_outflow == "nozzle"
         return cls(
-            a1=compliance * scaling.flow,
-            a2_nozzle=compliance * nozzle_flow if drained_by_nozzle else 0.0,
-            a2_seat=0.0 if drained_by_nozzle else compliance * seat_flow,
+            **at_closed_end(parameters, departures, compliance, nozzle_flow, seat_flow),
             a3=line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow),
             a4=line.loss_factor * scaling.flow / (2 * line.area * line.length),
-            leak=compliance * departures.leakage * scaling.pressure,
-            air=departures.air * fluid.bulk_modulus_line / scaling.pressure,
-            stiffness_slope=departures.stiffness_slope * scaling.pressure / fluid.bulk_modulus_line,
-            stiffness_pressure=(STIFFNESS_PRESSURE - parameters.chamber.pressure) / scaling.pressure,
-            chamber_pressure=parameters.chamber.pressure / scaling.pressure,
-            servo=compliance * control_flow_at_scale(parameters),
-            displaced=compliance * (line.displacement or 0.0),
         )
 
     @property

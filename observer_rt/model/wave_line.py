@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import MEMORIES, STEP, WAVE, fading_of, pull_of, steps_in, value_across_joint
 from observer_rt.foundation.units import MICROSECOND
-from observer_rt.model.hydraulics import control_flow_at_scale
-from observer_rt.model.line import STIFFNESS_PRESSURE, register
+from observer_rt.model.line import at_closed_end, register
 
 if TYPE_CHECKING:
     from observer_rt.model.parameters import Departures, InjectorParameters
@@ -118,11 +117,8 @@ class WaveLine(_WaveCoefficients):
         of_inertia, of_volume = _of_parts(ratio, far)
         end = compliance * of_volume * ratio * cells
         end /= 0.5 + of_volume * ratio * cells * (line.end_volume or 0.0) / line.volume
-        drained_by_nozzle = parameters.line_outflow == "nozzle"
         return cls(
-            a1=end * scaling.flow,
-            a2_nozzle=end * nozzle_flow if drained_by_nozzle else 0.0,
-            a2_seat=0.0 if drained_by_nozzle else end * seat_flow,
+            **at_closed_end(parameters, departures, end, nozzle_flow, seat_flow),
             a3=cells * inertia * of_inertia,
             a3_near=cells * inertia * of_inertia / ratio,
             a4=line.loss_factor * of_loss,
@@ -131,15 +127,8 @@ class WaveLine(_WaveCoefficients):
             b=cells * compliance * scaling.flow * of_volume,
             b_near=cells * compliance * scaling.flow * of_volume * ratio,
             damping=damping * (cells / line.length) ** 2,
-            leak=end * departures.leakage * scaling.pressure,
-            air=departures.air * fluid.bulk_modulus_line / scaling.pressure,
-            stiffness_slope=departures.stiffness_slope * scaling.pressure / fluid.bulk_modulus_line,
-            stiffness_pressure=(STIFFNESS_PRESSURE - parameters.chamber.pressure) / scaling.pressure,
-            chamber_pressure=parameters.chamber.pressure / scaling.pressure,
             cells=float(cells),
             joint=far * cells,
-            servo=end * control_flow_at_scale(parameters),
-            displaced=end * (line.displacement or 0.0),
         )
 
     @property

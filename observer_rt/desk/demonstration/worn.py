@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
 from observer_rt.desk.demonstration.bench_injector import BenchOperation, Departure, record
-from observer_rt.desk.evaluation.curves import RateCurves
+from observer_rt.desk.evaluation.curves import MassRow, RateCurves
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import News, Notes
 from observer_rt.engine.service.injector import ComparedRate, NominalInjection
@@ -34,9 +33,6 @@ from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.console import plain_table, stop_on_signals
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
-
-if TYPE_CHECKING:
-    from observer_rt.desk.evaluation.figures import MassRow
 
 FIGURES = "observer_rt.desk.evaluation.figures"
 RAIL_PRESSURES = (60 * MEGAPASCAL, 100 * MEGAPASCAL, 140 * MEGAPASCAL)
@@ -51,7 +47,7 @@ class DemoResult:
     """What was published on a link: rates of some injections [m3/s], masses of all."""
 
     curves: Mapping[int, RateCurves]
-    masses: "tuple[MassRow, ...]"
+    masses: tuple[MassRow, ...]
     link: str
 
 
@@ -63,7 +59,7 @@ def mass_table(result: DemoResult) -> Table:
     return table
 
 
-def _cells(row: "MassRow") -> Sequence[str]:
+def _cells(row: MassRow) -> Sequence[str]:
     true = row.reference or math.nan
     masses = (
         (f"{mass / MILLIGRAM:.2f}", f"{100 * (mass / true - 1):+.2f} %") for mass in (row.nominal, row.estimated)
@@ -156,8 +152,6 @@ class Demo:
             return self._result()
 
     def _result(self) -> DemoResult:
-        from observer_rt.desk.evaluation.figures import MassRow
-
         curves, masses = {}, []
         for report in self._notes.injections:
             true, nominal = self._compared[report.number]

@@ -1,14 +1,15 @@
 """An injection against the nominal model and, where there is one, the measurement: figures and curves."""
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.trace import InjectionSamples, Signal, trace_of
+from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
     MASS_BOUND,
@@ -22,12 +23,18 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS, Z_95
 from observer_rt.model.effective import Coefficients
 
 
-@dataclass(frozen=True, eq=False)
-class PressureCurves:
-    """Line pressure of one injection [Pa] (n,): as measured, and by the observer, open loop from the opening on."""
+@dataclass(frozen=True)
+class MassRow:
+    """Masses of one injection [kg], and the wear learned by it, by effect."""
 
-    measured: Signal
-    modelled: Signal
+    number: int
+    estimated: float
+    nominal: float
+    reference: float | None
+    valid: bool
+    ci95: tuple[float, float] | None = None
+    wear: Mapping[str, Estimate] = field(default_factory=dict)
+    posterior: Sequence[tuple[str, float]] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +42,8 @@ class RateCurves:
     """Rates of one injection [m3/s] over time [s].
 
     reference: what it is compared with, if anything; sigma: standard deviation of the estimated rate, corrected: rate
-    by the injection's own pressures, where known; line: its line pressure, where there is one.
+    by the injection's own pressures, where known; line: its line pressure [Pa], measured and by the observer, open
+    loop from the opening on, where there is one.
     """
 
     title: str
@@ -45,7 +53,7 @@ class RateCurves:
     reference: Signal | None
     sigma: Signal | None = None
     corrected: Signal | None = None
-    line: PressureCurves | None = None
+    line: tuple[Signal, Signal] | None = None
 
 
 def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:
@@ -62,8 +70,8 @@ def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:
 def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficients, has_rate: bool) -> RateCurves:
     """Curves of an injection, as far as its samples are remembered; has_rate: measured."""
     trace = trace_of(samples.trace.copy())
-    line_pressure, modelled = (
-        values * c.pressure_scale + c.chamber_pressure for values in (trace.line_pressure, trace.x[:, 0])
+    measured, modelled = (
+        c.pressure_scale * each + c.chamber_pressure for each in (trace.line_pressure, trace.x[:, 0])
     )
     return RateCurves(
         f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
@@ -73,7 +81,7 @@ def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficie
         trace.measured_rate if has_rate else None,
         trace.corrected_rate_sigma,
         trace.corrected_rate,
-        PressureCurves(line_pressure, modelled),
+        (measured, modelled),
     )
 
 

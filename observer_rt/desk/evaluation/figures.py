@@ -1,7 +1,7 @@
 """Figures of evaluated recordings: curves of some injections, masses and wear of all, as axes and as files."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, numbers_shown
+from observer_rt.desk.evaluation.curves import InjectionResult, MassRow, RateCurves, numbers_shown
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.hypotheses import BEFORE
@@ -35,20 +35,6 @@ CERTAIN = 0.95  # probability: where every event is so surely as before, no post
 EXPECTED = "#d9d9d9"  # colour of events as before; other hypotheses have the colours of recordings
 COLUMNS = 4  # of curves side by side
 _LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
-
-
-@dataclass(frozen=True)
-class MassRow:
-    """Masses of one injection [kg], and the wear learned by it, by effect."""
-
-    number: int
-    estimated: float
-    nominal: float
-    reference: float | None
-    valid: bool
-    ci95: tuple[float, float] | None = None
-    wear: Mapping[str, Estimate] = field(default_factory=dict)
-    posterior: Sequence[tuple[str, float]] = ()
 
 
 @dataclass(frozen=True)
@@ -261,7 +247,7 @@ def _draw_injection(
         _draw_rates(axes[0], curve, reference, None if is_alone else colour)
         if len(axes) > 1 and curve.line is not None:
             measured, alpha = (REFERENCE, 0.55) if is_alone else (colour, 0.35)
-            pressures = [values / MEGAPASCAL for values in (curve.line.measured, curve.line.modelled)]
+            pressures = [values / MEGAPASCAL for values in curve.line]
             axes[1].plot(time, pressures[0], color=measured, lw=2.2, alpha=alpha, label="measured")
             axes[1].plot(time, pressures[1], color=colour, lw=1.1, label="observer, from the opening on")
     axes[0].set_title(drawn[0][1].title if is_alone else f"injection {number}")

@@ -192,9 +192,7 @@ class Core:
 
         Returns the frames to send; rates are in the publisher, for whoever gives it frames.
         """
-        self._follow()
-        self._judging.post()
-        self.optional.look()
+        self._go_on(waiting=False)
         return self._results.taken()
 
     def answer(self) -> list[OutputFrame]:

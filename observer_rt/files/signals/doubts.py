@@ -1,19 +1,14 @@
 """Doubts about the signals of a recording that can be read, and refusals of those that teach nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from observer_rt.config.signals import Role
 from observer_rt.engine.signal_survey import OPEN, SWAPPED, Implausible, Survey, swapped
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE
 from observer_rt.model.baseline import Baseline
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 DIPS = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
 PERFORATED = 0.01  # gaps a sample, from which on what is put in their place is no measurement

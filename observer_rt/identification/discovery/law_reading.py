@@ -1,7 +1,5 @@
 """Reads the tree of a law: its size and gates, and whether it is a straight line over a physical quantity."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Laws in the words of an engineer: one sentence, physical numbers with units, digits as the interval deserves."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

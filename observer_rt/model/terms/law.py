@@ -4,8 +4,6 @@ A law is made of numbers, the coefficient `c`, variables, operations on them, la
 units of `variable`, whatever unit they were written in.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -57,7 +55,7 @@ class Law:
     """A law, or a part of one."""
 
     @property
-    def parts(self) -> tuple[Law, ...]:
+    def parts(self) -> "tuple[Law, ...]":
         """Parts of the law, one level down."""
         return ()
 
@@ -66,7 +64,7 @@ class Law:
         return _printed(self)[0]
 
     @property
-    def all_parts(self) -> Iterator[Law]:
+    def all_parts(self) -> "Iterator[Law]":
         """The law itself, its parts and theirs."""
         yield self
         for part in self.parts:
@@ -87,7 +85,7 @@ class Law:
         """Whether it depends on what was before."""
         return any(isinstance(part, _LawWithMemory) for part in self.all_parts)
 
-    def replaced(self, what: Mapping[Variable, Law]) -> Law:
+    def replaced(self, what: "Mapping[Variable, Law]") -> "Law":
         """The law with other laws in the places of variables."""
         match self:
             case Quantity(variable):
@@ -98,7 +96,7 @@ class Law:
                 return replace(self, argument=argument.replaced(what))
         return self
 
-    def held(self, seen: Mapping[Variable, tuple[float, float]]) -> Law:
+    def held(self, seen: Mapping[Variable, tuple[float, float]]) -> "Law":
         """The law with its inputs held between the ends of ranges, in the units of `variable`."""
         return self.replaced(
             {
@@ -115,7 +113,7 @@ class Law:
         with np.errstate(all="ignore"):
             return np.asarray(self._at(values, c, memory), dtype=np.float64)
 
-    def settled(self) -> Law:
+    def settled(self) -> "Law":
         """The law once all it remembers is over."""
         return self
 

@@ -7,8 +7,8 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from observer_rt.desk.evaluation.curves import RateCurves
-from observer_rt.desk.evaluation.figures import LEAST_SHOWN, MassRow, Picture, draw_masses, injections_figure
+from observer_rt.desk.evaluation.curves import MassRow, RateCurves
+from observer_rt.desk.evaluation.figures import LEAST_SHOWN, Picture, draw_masses, injections_figure
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
 

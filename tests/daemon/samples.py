@@ -18,6 +18,7 @@ from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, Rest
 from observer_rt.engine.learning.disturbances.masks import OutlierSearch
 from observer_rt.engine.learning.hypotheses import Mode, Possibility, Velocity
 from observer_rt.engine.learning.indicators import Estimate
+from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge, LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint
@@ -104,7 +105,7 @@ def some_report(number: int = 1, **changes: Any) -> InjectionReport:
         "volume": 50e-9,
         "mass": 41.5e-6 + number * 1e-9,
         "live_mass": 41.6e-6 + number * 1e-9,
-        "mass_ci95": (41.0e-6, 42.0e-6),
+        "predicted_mass": 41.4e-6 + number * 1e-9,
         "rate_sigma": np.full(101, 1e-7),
         "corrected_rate": np.full(101, 5e-5),
         "peak_rate": 69e-6,
@@ -114,10 +115,9 @@ def some_report(number: int = 1, **changes: Any) -> InjectionReport:
         "state": State.ADAPTED,
         "phi_version": number,
         "indicators": {shown.effect: Estimate(0.3, 0.01) for _, shown in SCALARS.shown()},
-        "middle_x": np.array([1.2, 0.8, 0.9]),
-        "middle_u": np.array([1.2, 1.0]),
         "density": 830.0,
         "fuel_temperature": 313.15,
         "commanded": CommandedOpening(number, 320e-6, 1.1e-3),
+        "budget": VolumeBudget(*(share * 0.5e-6 / 830.0 / 1.96 for share in (0.6, 0.8, 0.0, 0.0, 0.0))),
     }
     return InjectionReport(**(content | changes))

@@ -195,8 +195,7 @@ cdef void _end_window(Observer* observer, int64_t injections_before, int64_t pos
     copy_numbers(observer.x_hat + place * observer.states, injection.middle_x, 3)
     injection.middle_u[0] = middle.rail_pressure
     injection.middle_u[1] = middle.seat_area
-    volume = 0.0
-    peak = 0.0
+    volume = predicted = peak = 0.0
     reason = 0
     for k in range(max(injection.start_position, position - MAX_EVENT), position + 1):
         row = &observer.ring[k & MASK]
@@ -206,7 +205,9 @@ cdef void _end_window(Observer* observer, int64_t injections_before, int64_t pos
         if k > injection.start_position:
             previous = &observer.ring[(k - 1) & MASK]
             volume += 0.5 * (previous.injection_rate + row.injection_rate)
+            predicted += 0.5 * (previous.open_loop_rate + row.open_loop_rate)
     injection.volume = volume * observer.constants.interval
+    injection.predicted_volume = predicted * observer.constants.interval
     if isnan(volume):
         peak = NAN
     injection.peak_rate = peak

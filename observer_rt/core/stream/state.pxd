@@ -155,7 +155,8 @@ cdef struct Injection:
     int64_t end_position  # of its last, -1 while not known
     int64_t start_index
     int64_t end_index
-    double volume  # m3
+    double volume  # m3, by the rate as it was sent
+    double predicted_volume  # m3, by what was learned before: that of x^
     double peak_rate  # m3/s
     int64_t opening_index  # of its first sample with the needle open
     unsigned char opening_seen  # else it was open when the samples began

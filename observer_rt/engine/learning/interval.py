@@ -16,7 +16,6 @@ from observer_rt.engine.estimation.predictor import (
     input_variance,
     open_loop,
 )
-from observer_rt.foundation.units import Z_95
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
 # Error of the rate (one sigma) as a share of its change from sample to sample: between samples the inputs are not
@@ -70,6 +69,11 @@ class VolumeBudget(NamedTuple):
         """Part that further events could reduce: parameters and model."""
         return math.hypot(self.parameters, self.model)
 
+    @property
+    def beyond_level(self) -> float:
+        """All but the calibration, which every injection shares."""
+        return math.hypot(self.learning, self.inputs, self.parting)
+
 
 def resimulated(
     window: Window, setting: Setting, noise: NoiseLevels, theta: NDArray[np.float64], covariance: NDArray[np.float64]
@@ -78,12 +82,6 @@ def resimulated(
     run = open_loop(window, setting, theta)
     by_inputs = input_variance(window, run, setting, noise)
     return Resimulation(run, by_inputs, covariance, setting.interval)
-
-
-def volume_interval(event: Resimulation, window: slice) -> tuple[float, float]:
-    """95 % interval of the volume [m3] injected in a window of the event."""
-    volume, half = volume_in(event, window), Z_95 * math.hypot(*volume_budget(event, window))
-    return volume - half, volume + half
 
 
 def volume_budget(event: Resimulation, window: slice) -> VolumeBudget:

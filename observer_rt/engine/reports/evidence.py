@@ -1,7 +1,6 @@
 """Evidence: inputs of an event as the observer saw them, and its verdict, for `discover --from-evidence`."""
 
 import json
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -43,16 +42,10 @@ def kind_of(reports: Iterable[InjectionReport]) -> EvidenceKind | None:
         return EvidenceKind.REFUSED
     if reasons - _OF_KNOWLEDGE:
         return None
-    is_wide = any(report.valid and not _beyond_calibration(report) <= WIDE * report.mass for report in reports)
+    is_wide = any(report.valid and not Z_95 * report.relative_sigma <= WIDE for report in reports)
     if is_wide or Reason.OUTSIDE_LEARNED_RANGE in reasons:
         return EvidenceKind.DOUBTFUL
     return EvidenceKind.GOOD
-
-
-def _beyond_calibration(report: InjectionReport) -> float:
-    """Bound of a mass [kg] without the uncertainty of the level, which all masses share."""
-    constant = Z_95 * report.calibration.mass * report.mass
-    return math.sqrt(max(report.mass_bound**2 - constant**2, 0.0))
 
 
 @dataclass(frozen=True, eq=False)

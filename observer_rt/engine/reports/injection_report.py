@@ -14,14 +14,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, ShownIndicator
 from observer_rt.engine.learning.indicators import Indicators, indicators_of
-from observer_rt.engine.learning.interval import (
-    VolumeBudget,
-    corrected_rate,
-    rate_sigma,
-    volume_budget,
-    volume_in,
-    volume_interval,
-)
+from observer_rt.engine.learning.interval import VolumeBudget, corrected_rate, rate_sigma, volume_budget, volume_in
 from observer_rt.engine.learning.knowledge import EventRecord
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import InjectionFacts, contested, reason_of_injection
@@ -29,6 +22,8 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effective import Coefficients
 
+NOTEWORTHY = 0.01  # share of the flow from which a remainder is put into words, where it is so many
+SURELY = 3.0  # standard deviations of the mass
 _NUMBERS = ("number", "event", "start_position", "end_position", "start_index", "end_index", "phi_version")
 
 T = TypeVar("T")
@@ -60,15 +55,16 @@ class InjectionReport:
 
     number: counted by the observer, from 1; `..._position` counts the samples received, `..._index` is the number
     that the device gave a sample; valid: whether rate and mass are to be used; phi_version: number of the learned
-    correction in force; indicators: learned parameters, normalised, at middle_x (3,), middle_u (2,), x^ and inputs in
-    the middle of the injection. `volume` [m3] and `mass` [kg] are those by its own pressures, where its event was
-    learned from, as are `mass_ci95` [kg] and, at the n samples of its window, `corrected_rate` (n,) [m3/s]. Else they
-    are of the live rate, as `live_mass` [kg] and `peak_rate` [m3/s] always are, nan when some sample had no rate;
-    `rate_sigma` (n,) [m3/s]: standard deviation of `corrected_rate`; `rail_pressure` [Pa] at the opening;
-    `density` [kg/m3] and `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is
-    None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which the flow
-    was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty where
-    nothing was learned from it. calibration: of the level; budget: of the volume's uncertainty, once it is known.
+    correction in force; indicators: learned parameters, normalised, in the middle of the injection. `volume` [m3]
+    and `mass` [kg] are those by its own pressures, where its event was learned from, as is, at the n samples of its
+    window, `corrected_rate` (n,) [m3/s]. Else they are of the live rate, as `live_mass` [kg] and `peak_rate` [m3/s]
+    always are, nan when some sample had no rate. `predicted_mass` [kg]: that of x^, which what was learned before
+    its event says of it; `rate_sigma` (n,) [m3/s]: standard deviation of `corrected_rate`; `rail_pressure` [Pa] at
+    the opening; `density` [kg/m3] and `fuel_temperature` [K] of the fuel, the latter None where it is not measured;
+    `commanded` is None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which
+    the flow was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty
+    where nothing was learned from it. calibration: of the level; budget: of the volume's uncertainty, where its
+    event was learned from.
     """
 
     number: int
@@ -80,7 +76,7 @@ class InjectionReport:
     volume: float
     mass: float
     live_mass: float
-    mass_ci95: tuple[float, float] | None
+    predicted_mass: float
     rate_sigma: NDArray[np.float64] | None
     corrected_rate: NDArray[np.float64] | None
     peak_rate: float
@@ -90,8 +86,6 @@ class InjectionReport:
     state: State
     phi_version: int
     indicators: Indicators
-    middle_x: NDArray[np.float64]
-    middle_u: NDArray[np.float64]
     density: float
     fuel_temperature: float | None
     commanded: CommandedOpening | None
@@ -116,13 +110,22 @@ class InjectionReport:
     @property
     def mass_bound(self) -> float:
         """Error that the mass may have, by the interval with 95 % [kg]; nan before that is known."""
-        return math.nan if self.mass_ci95 is None else 0.5 * (self.mass_ci95[1] - self.mass_ci95[0])
+        return math.nan if self.budget is None else Z_95 * math.hypot(*self.budget) * self.density
+
+    @property
+    def mass_ci95(self) -> tuple[float, float] | None:
+        """95 % interval of the mass [kg]; None before that is known."""
+        return None if self.budget is None else (self.mass - self.mass_bound, self.mass + self.mass_bound)
+
+    @property
+    def relative_sigma(self) -> float:
+        """Standard deviation of the mass as a share of it, but for that of the level; nan where it is not known."""
+        return self.budget.beyond_level / self.volume if self.budget and self.volume > 0.0 else math.nan
 
     @property
     def remainder(self) -> float:
-        """Share by which the flow is larger than the live rate said; nan where either is not known."""
-        is_known = self.mass_ci95 is not None and self.live_mass > 0.0
-        return self.mass / self.live_mass - 1.0 if is_known else math.nan
+        """Share by which the mass is larger than what was learned before predicted; nan where either is not known."""
+        return self.mass / self.predicted_mass - 1.0 if self.budget and self.predicted_mass > 0.0 else math.nan
 
     def without_courses(self) -> "InjectionReport":
         """This report without the courses of rates over its window, which take most of its memory."""
@@ -147,6 +150,17 @@ def beyond_learned(report: InjectionReport) -> str:
     return f"{learned}; record injections at {rail_pressure / MEGAPASCAL:.0f} MPa, short and long"
 
 
+def remainder_text(report: InjectionReport) -> str:
+    """By how much the flow is not what was learned before; empty where that is less than one can know."""
+    if not abs(report.remainder) >= max(NOTEWORTHY, SURELY * report.relative_sigma):
+        return ""
+    words = (
+        "above" if report.remainder > 0.0 else "below",
+        "what was learned" if report.phi_version else "the model",
+    )
+    return f"flow {100.0 * abs(report.remainder):.0f} % {' '.join(words)}"
+
+
 def report_of(
     injection: np.void, judged: EventRecord, commanded: CommandedOpening | None, is_contested: bool = False
 ) -> InjectionReport:
@@ -154,6 +168,10 @@ def report_of(
 
     commanded: by which command it opened; is_contested: another node sends the same results.
     """
+
+    def pressure(name: str) -> float:
+        return float(injection[name]) * c.pressure_scale + c.chamber_pressure
+
     event, outcome = judged.event, judged.outcome
     c = judged.fuel.constants.coefficients
     middle = injection["middle_x"], injection["middle_u"]
@@ -163,15 +181,13 @@ def report_of(
     rails = [point.rail_pressure for point in points]
     indicators = indicators_of(theta, covariance, *middle, judged.fuel.constants.calibration, rails)
     volume = live_volume = float(injection["volume"])
-    interval, sigma, budget, corrected = None, None, None, None
+    sigma, budget, corrected = None, None, None
     belongs = injection["event"] == event["number"]
     if belongs and outcome is not None and outcome.resimulated is not None:
-        first = int(event["start_position"])
+        again, first = outcome.resimulated, int(event["start_position"])
         window = slice(int(injection["start_position"]) - first, int(injection["end_position"]) - first + 1)
-        volume, corrected = volume_in(outcome.resimulated, window), corrected_rate(outcome.resimulated, window)
-        interval = volume_interval(outcome.resimulated, window)
-        budget = volume_budget(outcome.resimulated, window)
-        sigma = rate_sigma(outcome.resimulated, window)
+        volume, budget = volume_in(again, window), volume_budget(again, window)
+        corrected, sigma = corrected_rate(again, window), rate_sigma(again, window)
     passed = not judged.objections
     reason = reason_of_injection(
         InjectionFacts(
@@ -191,21 +207,16 @@ def report_of(
         volume=volume,
         mass=volume * c.density,
         live_mass=live_volume * c.density,
+        predicted_mass=float(injection["predicted_volume"]) * c.density,
         peak_rate=float(injection["peak_rate"]),
-        rail_pressure=float(injection["rail_pressure"]) * c.pressure_scale + c.chamber_pressure,
-        known_rails=(
-            float(injection["known_from"]) * c.pressure_scale + c.chamber_pressure,
-            float(injection["known_to"]) * c.pressure_scale + c.chamber_pressure,
-        ),
-        mass_ci95=None if interval is None else (interval[0] * c.density, interval[1] * c.density),
+        rail_pressure=pressure("rail_pressure"),
+        known_rails=(pressure("known_from"), pressure("known_to")),
         rate_sigma=sigma,
         corrected_rate=corrected,
         valid=reasons[0] is Reason.NONE,
         reason=reasons[0],
         state=state,
         indicators=indicators,
-        middle_x=middle[0].copy(),
-        middle_u=middle[1].copy(),
         density=c.density,
         fuel_temperature=judged.fuel.temperature,
         commanded=commanded,
@@ -327,6 +338,7 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
     Field("mass_mg", float, lambda r, _: r.mass / MILLIGRAM, "mass\nmg", ".2f"),
     Field("mass_ci95_mg", tuple, lambda r, _: r.mass_ci95 and [bound / MILLIGRAM for bound in r.mass_ci95]),
     Field("live_mass_mg", float, lambda r, _: r.live_mass / MILLIGRAM),
+    Field("predicted_mass_mg", float, lambda r, _: r.predicted_mass / MILLIGRAM),
     Field("remainder_percent", float, lambda r, _: 100.0 * r.remainder),
     _mass_part("noise", lambda budget: budget.inputs),
     _mass_part("learning", lambda budget: budget.learning),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.engine.estimation.predictor import InputVariance, OpenLoop
-from observer_rt.engine.learning.interval import Resimulation, corrected_rate, rate_sigma, volume_interval
+from observer_rt.engine.learning.interval import Resimulation, corrected_rate, rate_sigma, volume_budget, volume_in
 
 SIZE, SAMPLES = 13, 121
 INTERVAL = 1e-5
@@ -33,12 +33,13 @@ def event(seed: int) -> Resimulation:
 
 
 def test_volume_without_doubt_about_parameters_and_inputs() -> None:
-    assert volume_interval(event(1), WHOLE) == pytest.approx((VOLUME, VOLUME))
+    assert volume_in(event(1), WHOLE) == pytest.approx(VOLUME)
+    assert volume_budget(event(1), WHOLE) == pytest.approx((0.0,) * 5)
 
 
 def test_the_mean_over_explanations_moves_rate_and_volume() -> None:
     moved = replace(event(1), moved=0.02)
-    assert volume_interval(moved, WHOLE) == pytest.approx((1.02 * VOLUME, 1.02 * VOLUME))
+    assert volume_in(moved, WHOLE) == pytest.approx(1.02 * VOLUME)
     np.testing.assert_allclose(corrected_rate(moved, WHOLE), 1.02 * RATE)
 
 
@@ -53,10 +54,8 @@ def test_width_of_the_volume_follows_from_parameters_and_inputs() -> None:
     draws = random.normal(size=(20_000, SIZE)) @ root.T
     volumes = np.trapezoid(RATE[:, None] + spread.run.slopes @ draws.T, dx=INTERVAL, axis=0)
     volumes += by_inputs * random.normal(size=volumes.size)
-    low, high = volume_interval(spread, WHOLE)
-    assert 0.5 * (low + high) == pytest.approx(VOLUME)
-    assert (high - low) / (2 * 1.96) == pytest.approx(volumes.std(), rel=0.02)
-    assert np.mean((low < volumes) & (volumes < high)) == pytest.approx(0.95, abs=0.01)
+    budget = volume_budget(spread, WHOLE)
+    assert np.hypot(*budget[:2]) == budget.beyond_level == pytest.approx(volumes.std(), rel=0.02)
 
 
 def test_sigma_of_the_corrected_rate_is_that_of_the_parameters() -> None:

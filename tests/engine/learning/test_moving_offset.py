@@ -62,10 +62,7 @@ def test_gains_that_differ_are_shared_between_both_sensors(disturbance: Step) ->
     assert run.valid[3:] == [True] * (EVENTS - 3)
     assert np.abs(run.errors[LEARNED:]).mean() < 0.0075
     for report, true in list(zip(run.reports, run.true, strict=True))[LEARNED:]:
-        assert report.mass_ci95 is not None
-        low, high = report.mass_ci95
-        assert low <= true <= high
-        assert high - low < 0.03 * report.mass
+        assert abs(report.mass - true) <= report.mass_bound < 0.015 * report.mass
 
 
 @pytest.mark.parametrize("share", [0.022, -0.022])

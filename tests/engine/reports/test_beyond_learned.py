@@ -1,4 +1,4 @@
-"""An injection that what was learned does not reach: its line says how far it does, and what would help."""
+"""An injection that what was learned does not reach, or not tell: its line says by how much, and what would help."""
 
 import math
 from typing import Any
@@ -7,6 +7,7 @@ import pytest
 
 from observer_rt.daemon.log import line
 from observer_rt.engine.learning.interval import VolumeBudget
+from observer_rt.engine.reports.injection_report import remainder_text
 from observer_rt.engine.stream.state import Reason
 from tests.daemon.samples import some_report
 
@@ -27,3 +28,29 @@ def test_how_far_it_is(rails: tuple[float, float], said: str) -> None:
     report = some_report(**reach, valid=False, reason=Reason.OUTSIDE_LEARNED_RANGE)
     assert said in line(report)
     assert said not in line(some_report(**reach))
+
+
+@pytest.mark.parametrize(
+    ("share", "sigma", "version", "text"),
+    [
+        (0.124, 0.005, 3, "flow 12 % above what was learned"),
+        (-0.21, 0.005, 0, "flow 21 % below the model"),
+        (0.03, 0.0099, 3, "flow 3 % above what was learned"),
+        (0.03, 0.0101, 3, ""),  # of which the mass is not certain
+        (0.009, 0.001, 3, ""),  # certain, and nobody need know
+        (math.nan, 0.001, 3, ""),
+    ],
+)
+def test_how_far_its_flow_is_from_what_was_learned(share: float, sigma: float, version: int, text: str) -> None:
+    mass, level = 41.5e-6, 50e-9  # which all injections share, and the remainder does not
+    budget = VolumeBudget(0.6 * sigma * 50e-9, 0.8 * sigma * 50e-9, 0.0, level, 0.0)
+    report = some_report(mass=mass, predicted_mass=mass / (1.0 + share), phi_version=version, budget=budget)
+    assert report.remainder == pytest.approx(share, nan_ok=True)
+    assert remainder_text(report) == text
+    assert f" valid{text and f', {text}'}, command" in line(report)
+
+
+def test_without_an_interval_nothing_is_known_of_its_remainder() -> None:
+    report = some_report(predicted_mass=20e-6, budget=None)
+    assert math.isnan(report.remainder)
+    assert remainder_text(report) == ""

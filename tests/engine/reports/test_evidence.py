@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind, kind_of
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Reason
@@ -16,13 +17,11 @@ from tests.daemon.samples import some_report
 
 
 def report(*reasons: Reason, half: float = 0.001) -> InjectionReport:
-    """A report with these reasons, whose mass is known to a share of it."""
-    mass = 100e-6
+    """A report with these reasons, whose mass is known to a share of it, its level worse."""
     first, *further = reasons or (Reason.NONE,)
     return replace(
         some_report(),
-        mass=mass,
-        mass_ci95=((1 - half) * mass, (1 + half) * mass),
+        budget=VolumeBudget(half / 1.96 * 50e-9, 0.0, 0.0, 5e-9, 0.0),
         valid=first is Reason.NONE,
         reason=first,
         further=tuple(further),

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from observer_rt.daemon.snapshot import ShownInjection
 from observer_rt.engine.reports.injection_report import NAMED
+from observer_rt.foundation.units import Z_95
 
 Values = Mapping[str, Any]
 LOWEST = 6  # lines of a plot
@@ -43,14 +44,15 @@ def curves(shown: ShownInjection, size: tuple[int, int]) -> RenderableType:
 
 
 def _rate(shown: ShownInjection, size: tuple[int, int]) -> RenderableType:
-    rate, half = shown.curve("rate_mm3_per_ms"), shown.curve("rate_bound_mm3_per_ms")
-    lines = [_CurveLine("95 % band", _BAND, rate - half), _CurveLine("", _BAND, rate + half)]
-    lines = [each for each in lines if not np.isnan(half).all()]
+    corrected, half = shown.curve("corrected_rate_mm3_per_ms"), Z_95 * shown.curve("corrected_rate_sigma_mm3_per_ms")
+    lines = [_CurveLine("95 %", _BAND, corrected - half), _CurveLine("", _BAND, corrected + half)]
     for name, colour in zip(shown.references, _REFERENCES, strict=False):
         lines.append(_CurveLine(name, colour, shown.curve(f"{name}_rate_mm3_per_ms")))
-    lines.append(_CurveLine("observer", _ESTIMATE, rate))
+    lines.append(_CurveLine("live", _MEASURED, shown.curve("rate_mm3_per_ms")))
+    lines.append(_CurveLine("corrected", _ESTIMATE, corrected))
+    lines = [each for each in lines if not np.isnan(each.values).all()]
     values = shown.values
-    title = f"injection {values['number']} at {values['rail_pressure_MPa']:.0f} MPa, mm3/ms over ms:"
+    title = f"injection {values['number']} at {values['rail_pressure_MPa']:.0f} MPa, mm3/ms:"
     return _plot(title, shown.curve("time_ms"), lines, size)
 
 
@@ -115,7 +117,8 @@ def _wear(values: Values, with_interval: bool) -> str:
 
 def _verdict(values: Values, in_words: bool) -> Text:
     if values["valid"]:
-        return Text("valid", style="green" if values["verdict"] == "valid" else "yellow")
+        remainder = f", {values['remainder']}" if in_words and values["remainder"] else ""
+        return Text(f"valid{remainder}", style="green" if values["verdict"] == "valid" else "yellow")
     names = values["reasons"].replace(",", ", ")
     words = values["verdict"].partition(": ")[2].partition(": ")[2]
     return Text(f"{names}: {words}" if in_words else names, style="yellow", overflow="ellipsis")

@@ -33,6 +33,7 @@ from observer_rt.engine.reports.injection_report import (
     InjectionReport,
     Output,
     none_if_nan,
+    remainder_text,
     row_of,
 )
 from observer_rt.engine.reports.news import MeasuredMass, News, Notice
@@ -40,15 +41,7 @@ from observer_rt.engine.service.injector import ComparedRate, NominalInjection, 
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
 from observer_rt.foundation.errors import REMEDY
-from observer_rt.foundation.units import (
-    MEGAPASCAL,
-    MICROMETRE,
-    MILLIGRAM,
-    MILLISECOND,
-    MM3_PER_MS,
-    Z_95,
-    ZERO_CELSIUS,
-)
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS, ZERO_CELSIUS
 
 LONGEST_WAIT = 1.0  # s that a client waits for news at the most
 _POLL_INTERVAL = 0.01  # s between two looks for news
@@ -147,6 +140,7 @@ class SnapshotKeeper:
             "density_kg_per_m3": none_if_nan(report.density),
             "measured_mass_mg": None,
             "model": self._model,
+            "remainder": remainder_text(report),
             "verdict": report.validity if report.valid else f"{report.validity}: {named(report.reason)}",
         }
         masses = {each.name: none_if_nan(each.mass / MILLIGRAM) for each in compared}
@@ -159,16 +153,16 @@ class SnapshotKeeper:
         def pressure(values: NDArray[np.float64]) -> NDArray[np.float64]:
             return (values * self._c.pressure_scale + self._c.chamber_pressure) / MEGAPASCAL
 
-        sigma = np.full(len(rows), np.nan) if report.rate_sigma is None else report.rate_sigma[: len(rows)]
+        courses = {"corrected_rate": report.corrected_rate, "corrected_rate_sigma": report.rate_sigma}
+        rates = {name: course[-len(rows) :] for name, course in courses.items() if course is not None}
+        rates |= {"rate": rows["injection_rate"], **{f"{each.name}_rate": each.rate for each in compared}}
         curves = {
             "time_ms": (rows["index"] - rows["index"][:1]) / (self._rate_hz * MILLISECOND),
             "rail_pressure_MPa": pressure(rows["rail_pressure"]),
             "needle_lift_um": rows["needle_lift"] / MICROMETRE,
             "line_pressure_MPa": pressure(rows["line_pressure"]),
             "modelled_pressure_MPa": pressure(rows["x_hat"][:, 0]),
-            "rate_mm3_per_ms": rows["injection_rate"] / MM3_PER_MS,
-            "rate_bound_mm3_per_ms": Z_95 * sigma / MM3_PER_MS,
-            **{f"{each.name}_rate_mm3_per_ms": each.rate / MM3_PER_MS for each in compared},
+            **{f"{name}_mm3_per_ms": rate / MM3_PER_MS for name, rate in rates.items()},
         }
         return {name: values.astype(np.float32) for name, values in curves.items()}
 

@@ -67,7 +67,9 @@ def test_injections_have_what_the_daemon_computed(path: Path) -> None:
         assert 1e-3 * np.trapezoid(rate, time_ms) * report.density == pytest.approx(
             report.live_mass / MILLIGRAM, rel=1e-3
         )
+        corrected = 1e-3 * np.trapezoid(curves["corrected_rate_mm3_per_ms"], time_ms) * report.density
         assert injection.values["mass_mg"] == pytest.approx(report.mass / MILLIGRAM)
+        assert injection.values["mass_mg"] == pytest.approx(corrected, rel=1e-3)
         gap = curves["modelled_pressure_MPa"] - curves["line_pressure_MPa"]
         assert float(np.abs(gap).max()) < 8.0
         assert injection.values["valid"] == report.valid
@@ -75,7 +77,8 @@ def test_injections_have_what_the_daemon_computed(path: Path) -> None:
     nominal = float(np.trapezoid(last.curves["nominal_rate_mm3_per_ms"], last.curves["time_ms"]))
     assert 1e-3 * nominal * reports[-1].density == pytest.approx(last.references["nominal"], rel=1e-3)
     assert last.values["mass_mg"] / last.references["nominal"] == pytest.approx(1.0 + WEAR, abs=0.05)
-    assert 0.0 < float(last.curves["rate_bound_mm3_per_ms"].max()) < 5.0
+    assert 0.0 < float(last.curves["corrected_rate_sigma_mm3_per_ms"].max()) < 5.0
+    assert [each.values["remainder"] for each in (shown[0], last)] == ["flow 16 % above the model", ""]
     assert {curve["flow"] for curve in snapshot.status.learned} == {"orifice_area", "seat_area"}
     assert snapshot.status.learned[0]["change"][-1] == pytest.approx(WEAR, abs=0.05)
 

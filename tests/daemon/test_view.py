@@ -41,7 +41,7 @@ def test_fits_the_terminal_and_shows_it_all(view: View, width: int, height: int)
     text = "\n".join(lines)
     for expected in (
         *("title of the view", "ADAPTED", "observing with what was learned", "injection 12 at 120 MPa"),
-        *("123.45", "bought", "95 % band", "flow", "learned 12 times in 12 events"),
+        *("123.45", "bought", "95 %", "live", "corrected", "flow", "learned 12 times in 12 events"),
         "noise: rail 0.1 MPa, line 0.15 MPa, lift 0.4 um",
         *("error-active", "stamps by arrival", "unsent 0", "ms ago", time.strftime("%Y-%m-%d")),
     ):

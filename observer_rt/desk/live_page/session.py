@@ -21,7 +21,8 @@ _STATUS_EVERY = 0.4  # s
 _WITH_CURVES = 8  # injections of a message, the newest: what a browser draws
 MOST_SAVED = 1000  # injections, for whoever reaches the page may ask for it
 _VALUES = (
-    *("number", "valid", "verdict", "mass_mg", "mass_bound_mg", "rail_pressure_MPa"),
+    *("number", "valid", "verdict", "remainder", "mass_mg", "mass_bound_mg"),
+    *("rail_pressure_MPa", "density_kg_per_m3"),
     *("nozzle_v_H", "nozzle_v_H_ci95_low", "nozzle_v_H_ci95_high"),
     *("seat_v_S", "seat_v_S_ci95_low", "seat_v_S_ci95_high"),
 )

@@ -11,6 +11,7 @@ const BEFORE = 7; // that are drawn pale
 const POINTS = 300; // of a curve at the most: a screen shows no more
 const OLD = 2; // s, after which numbers are not those of now
 const DETAILS_EVERY = 450, HISTORY_EVERY = 1000; // ms: nobody follows these injection by injection
+const Z_95 = 1.96; // standard deviations to the ends of a 95 % interval
 const FONT = "16px system-ui, sans-serif"; // to be read from two metres
 const LOWEST = 80; // px of curves with their axes
 const ROW = [0, 1, 2, 3, 2, 3, 3]; // injectors side by side, of so many; 4 of more
@@ -53,16 +54,19 @@ const NUMBER = { column: "number", label: "injection", axis: "injection", span: 
 const RATE = {
   title: "Injection rate", unit: "mm³/ms", span: 10, least: 0, x: TIME,
   columns: (list) => {
-    const columns = overlaid(list, { rate: "rate_mm3_per_ms" }, { half: "rate_bound_mm3_per_ms", nominal: "nominal_rate_mm3_per_ms" });
-    const end = (sign) => columns.rate?.map((rate, k) => sum(rate, sign, columns.half[k]));
+    const columns = overlaid(list, { live: "rate_mm3_per_ms" }, {
+      corrected: "corrected_rate_mm3_per_ms", sigma: "corrected_rate_sigma_mm3_per_ms", nominal: "nominal_rate_mm3_per_ms",
+    });
+    const end = (sign) => columns.corrected?.map((rate, k) => sum(rate, sign * Z_95, columns.sigma[k]));
     return { ...columns, low: end(-1), high: end(1) };
   },
   series: [
-    ...before("rate"),
+    ...before("live"),
     unnamed("low", { stroke: BAND }),
     line("high", "95 %", BAND, { width: 1, value: halfOf }),
-    line("nominal", "nominal", NOMINAL, { width: 4, dash: [6, 6] }),
-    line("rate", "observer", OBSERVER, { width: 4 }),
+    line("nominal", "nominal", NOMINAL, { dash: [6, 6] }),
+    line("corrected", "corrected", OBSERVER),
+    line("live", "live", THIRD, { width: 1.2 }),
   ],
   bands: [["high", "low", BAND]],
 };
@@ -281,7 +285,7 @@ function numbersHtml({ told }, list) {
   const wear = (name) => known(percent(v[name]), sum(percent(v[`${name}_ci95_high`]), -1, percent(v[name])), "%", 2, "+");
   const row = (heading, html, kind = "") => `<tr${kind && ` class="${kind}"`}><th>${heading}</th><td>${html}</td></tr>`;
   return `<div class="numbers${age > OLD || told.silent ? " old" : ""}"><div class="mass">${known(v.mass_mg, v.mass_bound_mg, "mg")}</div><table>`
-    + row("injection", `${numberOf(last)} <small>${escaped(v.verdict)}, ${ago}</small>`)
+    + row("injection", `${numberOf(last)} <small>${[v.verdict, v.remainder, ago].filter(Boolean).map(escaped).join(", ")}</small>`)
     + row("rail pressure", known(v.rail_pressure_MPa, null, "MPa", 1), "minor")
     + row("nominal", known(nominal, null, "mg"), "minor")
     + row("density", known(v.density_kg_per_m3, null, "kg/m³", 0), "minor")

@@ -138,9 +138,11 @@ class OutputsConfig(Section):
     """Messages the results go out in; signals are found in them by their names in observer_fd.dbc."""
 
     injection_rate: str | Literal[False] = "InjectionRate"  # false: not published
+    corrected_rate: str | Literal[False] = False  # by an injection's own pressures, once its event was judged
     injection_summary: str = "InjectionSummary"
     status: str = "ObserverStatus"
     injection_rate_id: Identifier | None = None  # instead of that in the database; above 0x7FF it is extended
+    corrected_rate_id: Identifier | None = None
     injection_summary_id: Identifier | None = None
     status_id: Identifier | None = None
     injector_id: Annotated[int, Field(ge=0, le=255)] = 1

@@ -60,6 +60,8 @@ class BusMap:
     grid_relations: tuple[GridRelation | None, ...]  # of each stream, None where all of it is on the grid
     rate: RateMessage | None
     """Message of the injection rate; None: it is not published."""
+    corrected: RateMessage | None
+    """The same of the corrected rate."""
     results: Mapping[str, OutputMessage]
     """Messages of results, by their keys in `[outputs]`."""
     labels: tuple[str, ...]
@@ -78,7 +80,8 @@ class BusMap:
     @property
     def sent(self) -> tuple[MessageLayout, ...]:
         """Every message the results go out in."""
-        return tuple(output.layout for output in (self.rate, *self.results.values()) if output is not None)
+        outputs = (self.rate, self.corrected, *self.results.values())
+        return tuple(output.layout for output in outputs if output is not None)
 
     def results_of(self, per_injection: bool) -> list[tuple[Any, OutputMessage]]:
         """Messages of an injection, or those of a moment, each behind the table of its values."""
@@ -148,6 +151,7 @@ def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
         slow=slow,
         grid_relations=tuple(grid_relations(fitted, inputs.timing, inputs.streams["roles"].tolist())),
         rate=output("injection_rate", rate_message) if outputs.injection_rate else None,
+        corrected=output("corrected_rate", rate_message) if outputs.corrected_rate else None,
         results={
             key: output(key, partial(output_message, signals=signals_of(result.values)))
             for key, result in RESULTS.items()

@@ -104,7 +104,7 @@ def rate_message(message: Message, bus: int = 0) -> RateMessage:
         raise UserError(
             f"message {message.name}",
             "is multiplexed, which a message of injection rates may not be",
-            "set outputs.injection_rate to a message that is not, or to false",
+            "name one in [outputs] that is not, or set false",
         )
     return RateMessage(output.layout, output.pages[0], len(rates))
 

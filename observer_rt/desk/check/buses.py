@@ -212,6 +212,9 @@ def _traffic(bench: Bench, mapped: BenchMap) -> Iterator[tuple[MessageLayout, fl
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         if bus.rate is not None:
             yield bus.rate.layout, *_blocks(bus.rate.samples, injector.config.sampling.rate_hz)
+        if bus.corrected is not None:
+            often = _blocks(bus.corrected.samples, injector.config.sampling.rate_hz)[1]
+            yield bus.corrected.layout, often, often
         period = injector.config.outputs.status_period_ms * MILLISECOND
         for key, result in bus.results.items():
             often = len(result.pages) * (INJECTIONS_PER_SECOND if RESULTS[key].per_injection else 1 / period)

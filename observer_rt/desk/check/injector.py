@@ -186,8 +186,9 @@ def _sample_periods(fitted: BenchInjector, bus: BusMap, messages: Sequence[Known
             _, problem, remedy = next(periods)
             yield UserError(fitted.location("sampling.rate_hz"), f"is {rate:g}, but {problem}", remedy)
         yield from periods
-    if bus.rate is not None and _is_of_the_user(bus.rate.layout, messages):
-        yield from _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
+    for sent in (bus.rate, bus.corrected):
+        if sent is not None and _is_of_the_user(sent.layout, messages):
+            yield from _periods(sent.layout, sent.samples, 1, 1e9 / rate)
 
 
 def _is_of_the_user(layout: MessageLayout, messages: Sequence[KnownMessage]) -> bool:

@@ -15,16 +15,16 @@ from observer_rt.bus.database.lookup import SUPERVISION, MessageLayout
 from observer_rt.bus.links.link import FrameBlock
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import Inputs
-from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, OutputMessage, RateMessage
+from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, OutputMessage, OutputPage, RateMessage
 from observer_rt.bus.mapping.output_signals import StatusValues, rows_of
 from observer_rt.config.injector import E2EConfig
 from observer_rt.core.frames.frames import FRAMES, READINGS, RECORDS, FramePath, encode_signals, protect_frame
 from observer_rt.engine.estimation.scalars import OFFSET
-from observer_rt.engine.observer import with_constants
+from observer_rt.engine.observer import INDICES, with_constants
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Constants, Observer
 from observer_rt.foundation.records import dtype_of
-from observer_rt.foundation.units import Z_95
+from observer_rt.foundation.units import MM3_PER_MS, Z_95
 
 FULL = FRAMES // 4  # rate frames ready, beyond which there is room for those of one input frame only
 
@@ -198,11 +198,16 @@ class FrameWriter:
             layout = message.layout
             in_order = np.array([row.sent(value_of(row.source, parts)) for row in rows], np.float64)
             for page in message.pages:
-                payload = page.blank.copy()
-                encode_signals(in_order[page.places], page.table, payload)
-                protect_frame(payload, layout.length, layout.protection, next(counter))
-                frames.append(output_frame(layout, payload.tobytes()))
+                frames.append(_written(layout, page, in_order[page.places], next(counter)))
         return frames
+
+
+def _written(layout: MessageLayout, page: OutputPage, values: NDArray[np.float64], number: int) -> OutputFrame:
+    """The `number`-th frame of a message, with values (signals of the page,)."""
+    payload = page.blank.copy()
+    encode_signals(values, page.table, payload)
+    protect_frame(payload, layout.length, layout.protection, number)
+    return output_frame(layout, payload.tobytes())
 
 
 class ResultFrames:
@@ -213,6 +218,8 @@ class ResultFrames:
         self._publisher = publisher
         self._ready = publisher.memory["frames"]
         self._writer = FrameWriter(bus.results_of(per_injection=True))
+        self._corrected = bus.corrected
+        self._corrected_counter = count()
         self._injector_id = injector_id
         self._frames: list[OutputFrame] = []
 
@@ -226,7 +233,7 @@ class ResultFrames:
         self._ready[0] = 0
 
     def add_summary(self, report: InjectionReport, learning: bool, pressure_scale: float) -> None:
-        """Write the summary of an injection; pressure_scale p_0 [Pa]."""
+        """Write the summary of an injection, and its corrected rate; pressure_scale p_0 [Pa]."""
         parts = {
             "report": report,
             "learning": learning,
@@ -235,6 +242,21 @@ class ResultFrames:
             "line_pressure_offset": report.indicators[OFFSET].value * pressure_scale,
         }
         self._frames += self._writer.write(parts)
+        if self._corrected is not None and report.corrected_rate is not None:
+            self._add_corrected(self._corrected, report, report.corrected_rate / MM3_PER_MS, learning)
+
+    def _add_corrected(
+        self, message: RateMessage, report: InjectionReport, rates: NDArray[np.float64], learning: bool
+    ) -> None:
+        """Write rates [mm3/ms] of an injection in blocks as those of the live one; they are as valid as its mass."""
+        whole = np.pad(rates, (0, -len(rates) % message.samples), constant_values=np.nan)
+        for first in range(0, len(whole), message.samples):
+            index = (report.start_index + first) % INDICES
+            header = dict(zip(HEADER_SIGNALS, (index, report.valid, learning, report.state), strict=True))
+            values = [header[name] for name in message.page.names[: -message.samples]]
+            values += whole[first : first + message.samples].tolist()
+            number = next(self._corrected_counter)
+            self._frames.append(_written(message.layout, message.page, np.array(values, np.float64), number))
 
     def taken(self) -> list[OutputFrame]:
         """All frames since the last call, but for rates that nobody has collected."""

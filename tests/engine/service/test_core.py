@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import e2e.p05
 import numpy as np
 import pytest
 
@@ -20,7 +21,20 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.framing import Span, TimedFrame
 from tests.benches import ONE_MESSAGE, SAMPLE_RATE, THREE_MESSAGES, sample_bench
-from tests.device import RATES, Device, Traffic, core_of, damaged, hand, later, protected, run, simulated
+from tests.daemon.end_to_end import DATABASE
+from tests.device import (
+    NOT_AVAILABLE,
+    RATES,
+    Device,
+    Traffic,
+    core_of,
+    damaged,
+    hand,
+    later,
+    protected,
+    run,
+    simulated,
+)
 
 
 def test_every_index_is_published_exactly_once(clean: Traffic) -> None:
@@ -115,14 +129,31 @@ def test_wear_goes_out_with_the_summary(clean: Traffic) -> None:
 
 
 def test_sigma_of_the_mass_spans_its_interval(clean: Traffic) -> None:
-    """The interval lies round the mass as learned later: 1.96 sigma round the published one must reach its ends."""
     for report, summary in zip(clean.result.reports, clean.result.summaries, strict=True):
         assert report.mass_ci95 is not None
-        reach = 1.96 * summary["MassSigma"] * 1e-6  # kg
-        low, high = report.mass - reach, report.mass + reach
-        assert low <= report.mass_ci95[0] + 1e-9
-        assert high >= report.mass_ci95[1] - 1e-9
-        assert min(abs(low - report.mass_ci95[0]), abs(high - report.mass_ci95[1])) < 2e-9  # and no further
+        low, high = report.mass_ci95
+        assert low < report.mass < high
+        assert 2 * 1.96 * summary["MassSigma"] == pytest.approx((high - low) / 1e-6, abs=0.004)  # mg
+
+
+def test_the_corrected_rate_goes_out_beside_all_else_under_the_same_indices(tmp_path: Path, clean: Traffic) -> None:
+    """Once, with a counter and an identity of its own, in the codes of the live rate."""
+    result = run(sample_bench(tmp_path, extra='[outputs]\ncorrected_rate = "CorrectedRate"\n'), clean.frames)
+    message = DATABASE.get_message_by_name("CorrectedRate")
+    sent = [frame.payload for frame in result.frames if frame.frame_id == message.frame_id]
+    assert [each for each in result.frames if each.frame_id != message.frame_id] == clean.result.frames
+    assert all(e2e.p05.e2e_p05_check(payload, message.frame_id, length=64) for payload in sent)
+    frames = [message.decode(payload, scaling=False, decode_choices=False) for payload in sent]
+    assert [frame["Counter"] for frame in frames] == list(range(len(sent)))
+    for report in result.reports:
+        assert report.corrected_rate is not None
+        window = range(report.start_index, report.end_index + 1)
+        own = [frame for frame in frames if frame["SampleIndex"] in window]
+        assert [frame["SampleIndex"] for frame in own] == [*window][::RATES]
+        assert {frame["Valid"] for frame in own} == {report.valid}
+        codes = np.array([frame[f"InjectionRate_{k:02d}"] for frame in own for k in range(RATES)])
+        assert np.abs(codes[: len(window)] - (report.corrected_rate / 1e-6 + 100.0) / 0.01).max() <= 0.5 + 1e-6
+        assert (codes[len(window) :] == NOT_AVAILABLE).all()
 
 
 def test_header_tells_validity_and_state(clean: Traffic) -> None:

@@ -19,12 +19,7 @@ from typing import IO, Any, Self, TextIO
 from rich.console import Console
 
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
-from observer_rt.engine.reports.injection_report import (
-    InjectionReport,
-    beyond_learned,
-    injection_record,
-    remainder_text,
-)
+from observer_rt.engine.reports.injection_report import InjectionReport, beyond_learned, injection_record
 from observer_rt.engine.reports.news import MeasuredMass, MissingInjection, News, Notice
 from observer_rt.engine.stream.state import Reason
 from observer_rt.engine.stream.validity import OF_MODEL
@@ -267,7 +262,7 @@ def line(report: InjectionReport) -> str:
     temperature = report.fuel_temperature
     fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
     mass = "mass unknown" if math.isnan(report.mass) else f"{report.mass / MILLIGRAM:.2f} mg"
-    flow, remainder = 100 * report.indicators[NOZZLE].value, remainder_text(report)
+    flow, remainder = 100 * report.indicators[NOZZLE].value, report.remainder_text
     return (
         f"injection {report.number} at index {report.start_index}: {mass}, "
         f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, nozzle flow {flow:+.1f} %, "

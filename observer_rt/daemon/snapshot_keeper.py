@@ -33,7 +33,6 @@ from observer_rt.engine.reports.injection_report import (
     InjectionReport,
     Output,
     none_if_nan,
-    remainder_text,
     row_of,
 )
 from observer_rt.engine.reports.news import MeasuredMass, News, Notice
@@ -140,7 +139,7 @@ class SnapshotKeeper:
             "density_kg_per_m3": none_if_nan(report.density),
             "measured_mass_mg": None,
             "model": self._model,
-            "remainder": remainder_text(report),
+            "remainder": report.remainder_text,
             "verdict": report.validity if report.valid else f"{report.validity}: {named(report.reason)}",
         }
         masses = {each.name: none_if_nan(each.mass / MILLIGRAM) for each in compared}

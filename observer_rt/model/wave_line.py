@@ -25,8 +25,7 @@ from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.line import at_closed_end, register
 
 if TYPE_CHECKING:
-    from observer_rt.model.parameters import Departures, InjectorParameters
-    from observer_rt.model.parameters import LineParameters as LineParameters
+    from observer_rt.model.parameters import Departures, InjectorParameters, LineParameters
 
 NAMES = ("wave", "wave_two_part")  # of `line.model`; in two parts where their impedances differ
 RESOLVED = 50e-6  # s over which means are those of a pipe: cells carry shorter waves otherwise

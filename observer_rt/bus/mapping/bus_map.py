@@ -60,8 +60,7 @@ class BusMap:
     grid_relations: tuple[GridRelation | None, ...]  # of each stream, None where all of it is on the grid
     rate: RateMessage | None
     """Message of the injection rate; None: it is not published."""
-    corrected: RateMessage | None
-    """The same of the corrected rate."""
+    corrected: RateMessage | None  # the same of the corrected rate
     results: Mapping[str, OutputMessage]
     """Messages of results, by their keys in `[outputs]`."""
     labels: tuple[str, ...]

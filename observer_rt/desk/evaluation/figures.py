@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from observer_rt.desk.evaluation.curves import InjectionResult, MassRow, RateCurves, numbers_shown
+from observer_rt.desk.evaluation.curves import MassRow, RateCurves, numbers_shown
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.hypotheses import BEFORE
@@ -301,19 +301,18 @@ def pictures_of(evaluations: Sequence[Evaluation], chosen: Sequence[int] = ()) -
 
 def _picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:
     curves = {number: evaluation.curves[number] for number in numbers if number in evaluation.curves}
-    masses = [_mass_row(one) for one in evaluation.injections]
+    masses = [
+        MassRow(
+            report.number,
+            report.mass,
+            result.nominal_mass,
+            None if np.isnan(result.measured_mass) else result.measured_mass,
+            report.valid,
+            report.mass_ci95,
+            {effect: report.indicators[effect] for effect in (NOZZLE, SEAT)},
+            report.posterior,
+        )
+        for result in evaluation.injections
+        for report in (result.report,)
+    ]
     return Picture(str(evaluation.path), curves, masses, evaluation.learned)
-
-
-def _mass_row(result: InjectionResult) -> MassRow:
-    report = result.report
-    return MassRow(
-        report.number,
-        report.mass,
-        result.nominal_mass,
-        None if np.isnan(result.measured_mass) else result.measured_mass,
-        report.valid,
-        report.mass_ci95,
-        {effect: report.indicators[effect] for effect in (NOZZLE, SEAT)},
-        report.posterior,
-    )

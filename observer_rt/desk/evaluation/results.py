@@ -14,7 +14,7 @@ from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.desk.evaluation.curves import SHOWN, InjectionResult, injection_json
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.estimation.scalars import SCALARS
-from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned, remainder_text
+from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, Z_95
@@ -165,8 +165,9 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
             say(console, f"(the last {MOST_ROWS} of {count} injections; --json has all)")
     else:
         say(console, "no injection found")
-    for line in _remainders(evaluation.injections):
-        say(console, line)
+    noted = [result.report for result in evaluation.injections if result.report.remainder_text]
+    for report in sorted(noted, key=lambda report: -abs(report.remainder))[:MOST_REMAINDERS]:
+        say(console, f"injection {report.number}: {report.remainder_text}")
     if evaluation.has_energizing:
         say(console, f"{counters.commands} commands, {counters.missing_injections} injections missing")
     for reason, numbers in not_valid.items():
@@ -203,13 +204,6 @@ def _not_valid(injections: Sequence[InjectionResult]) -> dict[Reason, list[int]]
         if not result.report.valid:
             numbers.setdefault(result.report.reason, []).append(result.report.number)
     return numbers
-
-
-def _remainders(injections: Sequence[InjectionResult]) -> list[str]:
-    """Lines on the injections that are furthest from what was learned before them, in order."""
-    texts = {result.report: text for result in injections if (text := remainder_text(result.report))}
-    furthest = sorted(texts, key=lambda report: -abs(report.remainder))[:MOST_REMAINDERS]
-    return [f"injection {report.number}: {texts[report]}" for report in texts if report in furthest]
 
 
 def _ranges(numbers: Sequence[int]) -> str:

@@ -61,7 +61,7 @@ class InjectionReport:
     always are, nan when some sample had no rate. `predicted_mass` [kg]: that of x^, which what was learned before
     its event says of it; `rate_sigma` (n,) [m3/s]: standard deviation of `corrected_rate`; `rail_pressure` [Pa] at
     the opening; `density` [kg/m3] and `fuel_temperature` [K] of the fuel, the latter None where it is not measured;
-    `commanded` is None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which
+    `commanded`: None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which
     the flow was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty
     where nothing was learned from it. calibration: of the level; budget: of the volume's uncertainty, where its
     event was learned from.
@@ -127,6 +127,17 @@ class InjectionReport:
         """Share by which the mass is larger than what was learned before predicted; nan where either is not known."""
         return self.mass / self.predicted_mass - 1.0 if self.budget and self.predicted_mass > 0.0 else math.nan
 
+    @property
+    def remainder_text(self) -> str:
+        """Remainder in words; empty where it is not certain, or too small to matter."""
+        if not abs(self.remainder) >= max(NOTEWORTHY, SURELY * self.relative_sigma):
+            return ""
+        words = (
+            "above" if self.remainder > 0.0 else "below",
+            "what was learned" if self.phi_version else "the model",
+        )
+        return f"flow {100.0 * abs(self.remainder):.0f} % {' '.join(words)}"
+
     def without_courses(self) -> "InjectionReport":
         """This report without the courses of rates over its window, which take most of its memory."""
         return replace(self, rate_sigma=None, corrected_rate=None)
@@ -148,17 +159,6 @@ def beyond_learned(report: InjectionReport) -> str:
     reaches += [f"up to {highest / MEGAPASCAL:.0f}"] if math.isfinite(highest) else []
     learned = f"what was learned reaches {' '.join(reaches)} MPa" if reaches else "nothing learned reaches it"
     return f"{learned}; record injections at {rail_pressure / MEGAPASCAL:.0f} MPa, short and long"
-
-
-def remainder_text(report: InjectionReport) -> str:
-    """By how much the flow is not what was learned before; empty where that is less than one can know."""
-    if not abs(report.remainder) >= max(NOTEWORTHY, SURELY * report.relative_sigma):
-        return ""
-    words = (
-        "above" if report.remainder > 0.0 else "below",
-        "what was learned" if report.phi_version else "the model",
-    )
-    return f"flow {100.0 * abs(report.remainder):.0f} % {' '.join(words)}"
 
 
 def report_of(

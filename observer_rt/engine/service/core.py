@@ -248,20 +248,17 @@ class Core:
     @property
     def newest(self) -> NDArray[np.float64]:
         """Last value received [SI] of every role (roles,), in the order of `Role`; nan: not available."""
-        newest: NDArray[np.float64] = self.compiled.pipeline.receiver["sample"][0]
-        return newest
+        return np.asarray(self.compiled.pipeline.receiver["sample"][0], np.float64)
 
     @property
     def odd_lengths(self) -> list[int]:
         """Bytes of every input message's last frame of another length than it has; -1: none came."""
-        lengths: list[int] = self.compiled.pipeline.receiver["odd_length"][0].tolist()
-        return lengths
+        return list(self.compiled.pipeline.receiver["odd_length"][0].tolist())
 
     @property
     def protection(self) -> list[int]:
         """`E2EState` of every input message, those with samples first; NODATA of one that is not protected."""
-        states: list[int] = self.compiled.pipeline.supervised["state"].tolist()
-        return states
+        return list(self.compiled.pipeline.supervised["state"].tolist())
 
     @property
     def progress(self) -> list[int]:

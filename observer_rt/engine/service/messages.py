@@ -249,14 +249,14 @@ class ResultFrames:
         self, message: RateMessage, report: InjectionReport, rates: NDArray[np.float64], learning: bool
     ) -> None:
         """Write rates [mm3/ms] of an injection in blocks as those of the live one; they are as valid as its mass."""
-        whole = np.pad(rates, (0, -len(rates) % message.samples), constant_values=np.nan)
-        for first in range(0, len(whole), message.samples):
-            index = (report.start_index + first) % INDICES
+        blocks = np.pad(rates, (0, -len(rates) % message.samples), constant_values=np.nan).reshape(
+            -1, message.samples
+        )
+        for number, block in enumerate(blocks):
+            index = (report.start_index + number * message.samples) % INDICES
             header = dict(zip(HEADER_SIGNALS, (index, report.valid, learning, report.state), strict=True))
-            values = [header[name] for name in message.page.names[: -message.samples]]
-            values += whole[first : first + message.samples].tolist()
-            number = next(self._corrected_counter)
-            self._frames.append(_written(message.layout, message.page, np.array(values, np.float64), number))
+            values = np.array([*(header[name] for name in message.page.names[: -message.samples]), *block])
+            self._frames.append(_written(message.layout, message.page, values, next(self._corrected_counter)))
 
     def taken(self) -> list[OutputFrame]:
         """All frames since the last call, but for rates that nobody has collected."""

@@ -97,6 +97,7 @@ def test_table_fits_80_columns(command: Command, worn: Path) -> None:
     assert max(len(line.rstrip()) for line in table if not line.startswith("(they")) <= 80
     rows = [line.split() for line in table[2:6]]
     assert [row[-1] for row in rows] == ["yes"] * 4
+    assert [line.split(" %")[0] for line in table if line.startswith("injection ")] == ["injection 1: flow 24"]
 
 
 def test_recording_without_injections(command: Command, resting: Path, tmp_path: Path) -> None:

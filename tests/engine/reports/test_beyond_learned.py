@@ -7,7 +7,6 @@ import pytest
 
 from observer_rt.daemon.log import line
 from observer_rt.engine.learning.interval import VolumeBudget
-from observer_rt.engine.reports.injection_report import remainder_text
 from observer_rt.engine.stream.state import Reason
 from tests.daemon.samples import some_report
 
@@ -46,11 +45,11 @@ def test_how_far_its_flow_is_from_what_was_learned(share: float, sigma: float, v
     budget = VolumeBudget(0.6 * sigma * 50e-9, 0.8 * sigma * 50e-9, 0.0, level, 0.0)
     report = some_report(mass=mass, predicted_mass=mass / (1.0 + share), phi_version=version, budget=budget)
     assert report.remainder == pytest.approx(share, nan_ok=True)
-    assert remainder_text(report) == text
+    assert report.remainder_text == text
     assert f" valid{text and f', {text}'}, command" in line(report)
 
 
 def test_without_an_interval_nothing_is_known_of_its_remainder() -> None:
     report = some_report(predicted_mass=20e-6, budget=None)
     assert math.isnan(report.remainder)
-    assert remainder_text(report) == ""
+    assert report.remainder_text == ""

@@ -22,19 +22,7 @@ from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.framing import Span, TimedFrame
 from tests.benches import ONE_MESSAGE, SAMPLE_RATE, THREE_MESSAGES, sample_bench
 from tests.daemon.end_to_end import DATABASE
-from tests.device import (
-    NOT_AVAILABLE,
-    RATES,
-    Device,
-    Traffic,
-    core_of,
-    damaged,
-    hand,
-    later,
-    protected,
-    run,
-    simulated,
-)
+from tests.device import RATES, Device, Traffic, core_of, damaged, hand, later, protected, run, simulated
 
 
 def test_every_index_is_published_exactly_once(clean: Traffic) -> None:
@@ -153,7 +141,7 @@ def test_the_corrected_rate_goes_out_beside_all_else_under_the_same_indices(tmp_
         assert {frame["Valid"] for frame in own} == {report.valid}
         codes = np.array([frame[f"InjectionRate_{k:02d}"] for frame in own for k in range(RATES)])
         assert np.abs(codes[: len(window)] - (report.corrected_rate / 1e-6 + 100.0) / 0.01).max() <= 0.5 + 1e-6
-        assert (codes[len(window) :] == NOT_AVAILABLE).all()
+        assert (codes[len(window) :] == 0xFFFF).all()
 
 
 def test_header_tells_validity_and_state(clean: Traffic) -> None:

@@ -4,6 +4,8 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -132,20 +134,14 @@ def put(*keys: str | int, value: Any) -> Change:
     """In the content."""
 
     def change(document: dict[str, Any]) -> None:
-        target: Any = document["content"]
-        for key in keys[:-1]:
-            target = target[key]
-        target[keys[-1]] = value
+        reduce(getitem, keys[:-1], document["content"])[keys[-1]] = value
 
     return change
 
 
 def remove(*keys: str | int) -> Change:
     def change(document: dict[str, Any]) -> None:
-        target: Any = document["content"]
-        for key in keys[:-1]:
-            target = target[key]
-        del target[keys[-1]]
+        del reduce(getitem, keys[:-1], document["content"])[keys[-1]]
 
     return change
 

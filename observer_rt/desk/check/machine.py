@@ -85,7 +85,8 @@ def interface_findings(link: LinkConfig, network: Path = NETWORK, location: str 
     yield is_up, f"{name}: {'up' if is_up else 'down'}", _bring_up(link)
     if link.fd:
         carries_fd = mtu >= FD_MTU
-        yield carries_fd, f"{name}: mtu {mtu}, {'' if carries_fd else 'no '}CAN FD", _set_up_anew(link)
+        anew = f"sudo ip link set {name} down && {_bring_up(link)}"
+        yield carries_fd, f"{name}: mtu {mtu}, {'' if carries_fd else 'no '}CAN FD", anew
     longer = f"sudo ip link set {name} txqueuelen {10 * SHORTEST_QUEUE}"
     yield queue >= SHORTEST_QUEUE, f"{name}: queue of {queue} frames to send", longer
 
@@ -106,10 +107,6 @@ def _create(link: LinkConfig) -> str:
     if _is_virtual(link):
         return f"sudo ip link add {link.channel} type vcan && {_bring_up(link)}"
     return "connect the device and load its driver; `ip -details link show type can` lists what there is"
-
-
-def _set_up_anew(link: LinkConfig) -> str:
-    return f"sudo ip link set {link.channel} down && {_bring_up(link)}"
 
 
 def _bring_up(link: LinkConfig) -> str:

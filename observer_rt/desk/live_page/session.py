@@ -23,8 +23,7 @@ MOST_SAVED = 1000  # injections, for whoever reaches the page may ask for it
 _VALUES = (
     *("number", "valid", "verdict", "remainder", "mass_mg", "mass_bound_mg"),
     *("rail_pressure_MPa", "density_kg_per_m3"),
-    *("nozzle_v_H", "nozzle_v_H_ci95_low", "nozzle_v_H_ci95_high"),
-    *("seat_v_S", "seat_v_S_ci95_low", "seat_v_S_ci95_high"),
+    *(f"{name}{end}" for name in ("nozzle_v_H", "seat_v_S") for end in ("", "_ci95_low", "_ci95_high")),
 )
 
 

@@ -22,8 +22,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effective import Coefficients
 
-NOTEWORTHY = 0.01  # share of the flow from which a remainder is put into words, where it is so many
-SURELY = 3.0  # standard deviations of the mass
+NOTEWORTHY, SURELY = 0.01, 3.0  # remainder that is put into words: share of the flow, standard deviations of the mass
 _NUMBERS = ("number", "event", "start_position", "end_position", "start_index", "end_index", "phi_version")
 
 T = TypeVar("T")

@@ -131,11 +131,9 @@ class InjectionReport:
         """Remainder in words; empty where it is not certain, or too small to matter."""
         if not abs(self.remainder) >= max(NOTEWORTHY, SURELY * self.relative_sigma):
             return ""
-        words = (
-            "above" if self.remainder > 0.0 else "below",
-            "what was learned" if self.phi_version else "the model",
-        )
-        return f"flow {100.0 * abs(self.remainder):.0f} % {' '.join(words)}"
+        side = "above" if self.remainder > 0.0 else "below"
+        reference = "what was learned" if self.phi_version else "the model"
+        return f"flow {100.0 * abs(self.remainder):.0f} % {side} {reference}"
 
     def without_courses(self) -> "InjectionReport":
         """This report without the courses of rates over its window, which take most of its memory."""

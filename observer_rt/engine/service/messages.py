@@ -218,8 +218,7 @@ class ResultFrames:
         self._publisher = publisher
         self._ready = publisher.memory["frames"]
         self._writer = FrameWriter(bus.results_of(per_injection=True))
-        self._corrected = bus.corrected
-        self._corrected_counter = count()
+        self._corrected, self._corrected_counter = bus.corrected, count()
         self._injector_id = injector_id
         self._frames: list[OutputFrame] = []
 
@@ -243,16 +242,12 @@ class ResultFrames:
         }
         self._frames += self._writer.write(parts)
         if self._corrected is not None and report.corrected_rate is not None:
-            self._add_corrected(self._corrected, report, report.corrected_rate / MM3_PER_MS, learning)
+            self._add_rates(self._corrected, report, report.corrected_rate / MM3_PER_MS, learning)
 
-    def _add_corrected(
-        self, message: RateMessage, report: InjectionReport, rates: NDArray[np.float64], learning: bool
-    ) -> None:
+    def _add_rates(self, message: RateMessage, report: InjectionReport, rates: NDArray[Any], learning: bool) -> None:
         """Write rates [mm3/ms] of an injection in blocks as those of the live one; they are as valid as its mass."""
-        blocks = np.pad(rates, (0, -len(rates) % message.samples), constant_values=np.nan).reshape(
-            -1, message.samples
-        )
-        for number, block in enumerate(blocks):
+        padded = np.pad(rates, (0, -len(rates) % message.samples), constant_values=np.nan)
+        for number, block in enumerate(padded.reshape(-1, message.samples)):
             index = (report.start_index + number * message.samples) % INDICES
             header = dict(zip(HEADER_SIGNALS, (index, report.valid, learning, report.state), strict=True))
             values = np.array([*(header[name] for name in message.page.names[: -message.samples]), *block])

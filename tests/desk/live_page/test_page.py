@@ -92,9 +92,7 @@ def test_traces_move_are_held_stepped_back_to_and_saved(page: Page, serve: Serve
 
         page.get_by_role("button", name="Hold").click()
         page.locator("#place").evaluate("(slider) => { slider.value = 0; slider.oninput(); }")
-        expect(number).to_contain_text(
-            "1 valid, flow 16 % above"
-        )  # its curves come from the server: a browser keeps few
+        expect(number).to_contain_text("1 valid, flow 16 % above")  # its curves come from the server
         expect(page.locator("#rate_0 .u-title")).to_have_text("Injection rate, no. 1")
         expect(page.locator("#rate_0.empty")).to_have_count(0)
         for table, rate, *details in page.evaluate("[...window.seen.values()]"):

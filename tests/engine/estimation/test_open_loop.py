@@ -194,18 +194,12 @@ def test_twice_the_noise_is_twice_the_spread(nominal: Case, event: Window) -> No
     np.testing.assert_allclose(twice.volume, 4 * once.volume, rtol=1e-9)
 
 
-def test_inputs_without_noise_leave_nothing_open(nominal: Case, event: Window) -> None:
+def test_nothing_is_uncertain_without_noise_nor_before_the_opening(nominal: Case, event: Window) -> None:
     run = open_loop(event, nominal.setting, worn_theta())
-    variance = input_variance(event, run, nominal.setting, SILENT)
-    assert not variance.rate.any()
-    assert not variance.volume.any()
-
-
-def test_nothing_flows_and_nothing_is_uncertain_before_the_opening(nominal: Case, event: Window) -> None:
-    run = open_loop(event, nominal.setting, worn_theta())
-    variance = input_variance(event, run, nominal.setting, NOISE)
-    assert not variance.rate[: event.opening].any()
-    assert not variance.volume[: event.opening].any()
+    for noise, certain in ((SILENT, slice(None)), (NOISE, slice(event.opening))):
+        variance = input_variance(event, run, nominal.setting, noise)
+        assert not variance.rate[certain].any()
+        assert not variance.volume[certain].any()
 
 
 def test_volume_is_counted_from_the_last_opening(nominal: Case) -> None:

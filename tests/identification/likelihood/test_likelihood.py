@@ -90,22 +90,16 @@ def test_the_truth_explains_far_more_than_the_nominal_model(hidden: SizedEffect)
 
 
 def test_a_gain_error_of_the_rate_is_no_effect_within_its_prior() -> None:
-    scaled = [
-        replace(one, injection_rate=1.01 * one.injection_rate)
-        for one in recordings(measured_rate=True)
-        if one.injection_rate is not None
-    ]
+    healthy = recordings(measured_rate=True)
+    scaled = [replace(one, injection_rate=1.01 * np.asarray(one.injection_rate)) for one in healthy]
     likelihood = joint_likelihood(measurements(scaled), NOMINAL_MODEL)
     most = len(scaled) * (0.01 / GAIN_ERROR + 2.0) ** 2  # of each gain, two sigma of its own beside
     assert _statistic(likelihood) < _statistic(HEALTHY) + most
 
 
 def test_a_wrong_shape_of_the_rate_counts_in_full() -> None:
-    moved = [
-        replace(one, injection_rate=np.roll(one.injection_rate, 5))
-        for one in recordings(measured_rate=True)
-        if one.injection_rate is not None
-    ]
+    healthy = recordings(measured_rate=True)
+    moved = [replace(one, injection_rate=np.roll(np.asarray(one.injection_rate), 5)) for one in healthy]
     likelihood = joint_likelihood(measurements(moved), NOMINAL_MODEL)
     assert _statistic(likelihood) > _statistic(HEALTHY) + 10_000.0
 

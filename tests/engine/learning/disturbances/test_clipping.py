@@ -94,21 +94,15 @@ def test_a_wrong_model_of_a_line_that_goes_on_is_no_end(share: float) -> None:
     assert not ends.is_known
 
 
-def test_a_line_pressure_that_goes_beyond_it_has_no_end_there() -> None:
+def test_below_an_end_nothing_is_masked_and_a_line_pressure_that_goes_beyond_it_has_none_there() -> None:
     ends = EndsOfRange()
     for seed in range(4):
         ends, _ = seen(ends, *event(1.06, 1.0, seed))
     assert ends.is_known
-    ends, _ = seen(ends, *event(9.0, 1.0, seed=9, rail=1.05))
-    assert not ends.is_known
-
-
-def test_nothing_is_masked_where_the_line_pressure_stays_below_it() -> None:
-    ends = EndsOfRange()
-    for seed in range(4):
-        ends, _ = seen(ends, *event(1.06, 1.0, seed))
     _, mask = seen(ends, *event(1.06, 1.0, seed=9, rail=0.9))
     assert not mask.any()
+    ends, _ = seen(ends, *event(9.0, 1.0, seed=9, rail=1.05))
+    assert not ends.is_known
 
 
 def test_a_pressure_at_rest_ends_nowhere() -> None:

@@ -1,6 +1,7 @@
 """Stretches and spikes that only the model shows, and signals that only look like them."""
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.predictor import Window
@@ -56,27 +57,20 @@ def test_what_is_masked_already_is_not_found_again() -> None:
     assert search.masked(masked, np.where(mask, 0.0, innovations), SIGMAS, FIRST) is None
 
 
-def test_at_the_same_place_in_event_after_event_it_is_no_outlier() -> None:
+@pytest.mark.parametrize(
+    ("start", "length", "is_extreme", "expected"),
+    [(300, 20, False, [True, True, False, False]), (int(np.argmax(truth())), 25, True, [True, False])],
+)
+def test_at_the_same_place_in_event_after_event_it_is_no_outlier(
+    start: int, length: int, is_extreme: bool, expected: list[bool]
+) -> None:
+    """Where it is the event's extreme, a second time at that level it is the end of the range, or the truth."""
     search = OutlierSearch()
-    results = []
-    for seed in range(4):
-        window, innovations = held(300, 20, seed=seed)
-        results.append(search.masked(window, innovations, SIGMAS, FIRST) is not None)
+    for seed, is_masked in enumerate(expected):
+        window, innovations = held(start, length, seed=seed)
+        assert [s.is_extreme for s in frozen_stretches(window, innovations, SIGMAS, FIRST)] == [is_extreme]
+        assert (search.masked(window, innovations, SIGMAS, FIRST) is not None) == is_masked
         search = search.after(window, innovations, SIGMAS, FIRST)
-    assert results == [True, True, False, False]
-
-
-def test_at_the_events_extreme_it_is_masked_only_once() -> None:
-    """A second time at that level it is the end of the range, or the truth."""
-    peak = int(np.argmax(truth()))
-    search = OutlierSearch()
-    results = []
-    for seed in range(2):
-        window, innovations = held(peak, 25, seed=seed)
-        assert [s.is_extreme for s in frozen_stretches(window, innovations, SIGMAS, FIRST)] == [True]
-        results.append(search.masked(window, innovations, SIGMAS, FIRST) is not None)
-        search = search.after(window, innovations, SIGMAS, FIRST)
-    assert results == [True, False]
 
 
 def test_many_stretches_speak_against_the_model() -> None:

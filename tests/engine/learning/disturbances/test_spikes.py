@@ -31,20 +31,14 @@ def test_spikes_that_leap_little_are_sharp(width: int) -> None:
     assert sharp_spikes_of(innovations, 1.0, FIRST) == [(600, 600 + width)]
 
 
-def test_what_lasts_is_not_sharp() -> None:
+@pytest.mark.parametrize(
+    ("where", "factor", "added"),
+    [(slice(600, 620), 1.0, 4.0), (slice(None), 3.0, 0.0), (slice(100, None, 40), 0.0, 9.0)],
+    ids=["what lasts", "too large everywhere", "many, of which the model is to blame"],
+)
+def test_what_is_not_sharp(where: slice, factor: float, added: float) -> None:
     innovations = np.random.default_rng(4).normal(size=COUNT)
-    innovations[600:620] += 4.0
-    assert sharp_spikes_of(innovations, 1.0, FIRST) == []
-
-
-def test_innovations_that_are_too_large_everywhere_have_no_sharp_spikes() -> None:
-    innovations = 3.0 * np.random.default_rng(4).normal(size=COUNT)
-    assert sharp_spikes_of(innovations, 1.0, FIRST) == []
-
-
-def test_of_many_sharp_ones_the_model_is_to_blame() -> None:
-    innovations = np.random.default_rng(4).normal(size=COUNT)
-    innovations[100::40] = 9.0
+    innovations[where] = factor * innovations[where] + added
     assert sharp_spikes_of(innovations, 1.0, FIRST) == []
 
 

@@ -79,6 +79,8 @@ def test_traces_move_are_held_stepped_back_to_and_saved(page: Page, serve: Serve
         before = page.locator("#injectors").screenshot()
         until(lambda: page.locator("#injectors").screenshot() != before)
         expect(page.locator(".well")).to_have_text("no fault")
+        page.set_viewport_size({"width": 1600, "height": 900})
+        page.wait_for_function("document.documentElement.scrollHeight <= innerHeight")
 
         page.wait_for_function("window.seen.size >= 5", timeout=PATIENCE)
         page.get_by_role("button", name="Hold").click()

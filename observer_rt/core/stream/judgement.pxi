@@ -42,7 +42,7 @@ cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows
     place = min(max(place, <int64_t> 0), <int64_t> RAIL_BINS - 1)
     point.known_until = observer.memory.in_force.known_until[place]
     point.in_learned_range = not flows or point.known_until > 0.0
-    point.flow, point.flowing = 0.0, 0
+    point.flow, point.open_loop_flow, point.flowing = 0.0, 0.0, 0
 
 
 cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
@@ -61,9 +61,12 @@ cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
         if row.opened_since > point.known_until and row.seat_area >= observer.ring[(position - 1) & MASK].seat_area:
             point.in_learned_range = False
         point.flow += row.injection_rate
+        point.open_loop_flow += row.open_loop_rate
         point.flowing += 1
     is_as_believed = isnan(row.rate_sigma) or row.as_believed > BELIEVED
-    memory.event.differs = not (is_as_believed and point.in_learned_range)
+    memory.event.differs = not is_as_believed
+    if not point.in_learned_range:  # where the first filter is as wide as others
+        memory.event.differs = fabs(point.flow - point.open_loop_flow) > SHARP * point.flow
     if isnan(row.rate_sigma) or not point.in_learned_range:
         return point.in_learned_range
     is_early = point.flowing * observer.constants.interval < SHARP_AFTER

@@ -229,6 +229,7 @@ cdef struct OperatingPoint:
     unsigned char in_learned_range  # the flow is known well enough for an injection as the last one
     double known_until  # s since it opened, for its rail pressure
     double flow  # sum of the rates of its samples with an open needle
+    double open_loop_flow  # .. of those of x^ without the filters
     int64_t flowing  # how many they are
 
 # judgement.pxi

@@ -294,8 +294,7 @@ cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
         row.injection_rate = row.open_loop_rate = NAN
         return
     is_faulty = row.doubt == DOUBT_NONE and memory.input_fault != REASON_NONE
-    if is_faulty or (row.doubt != DOUBT_NONE and not _is_only_rest_held(observer, position)):
+    is_faulty = is_faulty or (row.doubt != DOUBT_NONE and not _is_only_rest_held(observer, position))
+    if is_faulty or row.reason == REASON_LIFT_ZERO:
         under_way.learnable = False
-        under_way.fault = row.reason
-    elif row.reason == REASON_LIFT_ZERO:
         under_way.fault = row.reason

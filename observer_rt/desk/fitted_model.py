@@ -41,11 +41,11 @@ def fitted_model(
     Raises `RunError` where no structure has a solution.
     """
     gain = sensor_gain(measurements, calibration)
+    level = calibration.level(gain)
     if gain != 0.0:
-        level = calibration.level(gain)
         measurements = without_gain(measurements, gain, level)
         weighed = {number: one.by(level) for number, one in weighed.items()}
-    done = calibrate(start, measurements, weighed, progress)
+    done = replace(calibrate(start, measurements, weighed, progress), flow_level=level)
     baseline = baseline_of(done, digests)
     try:
         observer = observer_remainder(done.injector, baseline, [one.recording for one in measurements])

@@ -147,7 +147,8 @@ class CalibrationResult:
     file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
     parameters the recordings do not tell, as in the file; comparison: before and after; rate_misfit: of the shape of
     a measured rate beside the model that explains the pressures and its integrals, as a share; not_observed: why the
-    observer could not learn with the fitted model, empty where it could.
+    observer could not learn with the fitted model, empty where it could; flow_level: of published masses over these,
+    for the gain of a sensor was taken out before.
     """
 
     file: InjectorParameters
@@ -159,6 +160,7 @@ class CalibrationResult:
     comparison: Comparison
     rate_misfit: float
     not_observed: str = ""
+    flow_level: float = 1.0
 
     @property
     def injector(self) -> InjectorParameters:

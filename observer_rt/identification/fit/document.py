@@ -78,7 +78,7 @@ def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[
         kept={one.name: {"value": one.of(done.injector) / one.si, "unit": one.unit} for one in done.kept},
         level={"from": done.level, "words": level_words(done)},
         residuals=comparison.residuals,
-        masses=comparison.masses,
+        masses=comparison.masses(done.flow_level),
         mass_share=done.mass_share,
         line_pressure_offsets_MPa=tuple(done.offsets.tolist()),
         baseline=baseline,

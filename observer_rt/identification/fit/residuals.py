@@ -249,15 +249,14 @@ class Comparison:
             if statistics.samples[phase] > 0
         )
 
-    @property
-    def masses(self) -> tuple[RecordingMass, ...]:
-        """Of every fold."""
+    def masses(self, level: float) -> tuple[RecordingMass, ...]:
+        """Of every fold; level: times these, where the gain of a sensor was taken out before."""
         return tuple(
             RecordingMass(
                 recording=str(fold.measurement.recording.path or fold.recording),
                 rail_pressure_MPa=fold.measurement.rail_pressure / MEGAPASCAL,
-                mass_mg=self._both(ModelOnFolds.mass, number),
-                measured_mass_mg=math.nan if fold.weighed is None else fold.weighed.mass / MILLIGRAM,
+                mass_mg=self._both(lambda model, number: level * model.mass(number), number),
+                measured_mass_mg=math.nan if fold.weighed is None else level * fold.weighed.mass / MILLIGRAM,
             )
             for number, fold in enumerate(self.after.folds)
         )

@@ -199,7 +199,7 @@ def test_a_rate_of_a_meter_with_dynamics_gives_the_level_by_its_integral() -> No
 @pytest.mark.slow
 def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
     made = simulations()
-    true = MILLIGRAM * float(_fit(_measured(made), NOMINAL).comparison.masses[0].mass_mg["fitted"] or 0.0)
+    true = MILLIGRAM * float(_fit(_measured(made), NOMINAL).comparison.masses(1.0)[0].mass_mg["fitted"] or 0.0)
     done = _fit(_measured(made), _wrong_inertance(), n0=MeanMass(true, 0.003 * true))
     assert done.level is FlowLevel.MASS
     assert abs(_mass_error(done.injector)) < 0.005

@@ -33,7 +33,7 @@ def test_the_first_hour(command: Command, tmp_path: Path, monkeypatch: pytest.Mo
     assert Path("mine.png").exists()
     assert set(PAGE.shown(discover)) <= set(indented(command, discover))
     rows = [line for line in indented(command, amended) if line.endswith("yes")]
-    assert len(rows) == 10
+    assert len(rows) == 12
     assert all(abs(float(re.findall(r"([+-]\d+\.\d)%", row)[0])) < 1.0 for row in rows)
     run_all(command, [example, check])
     assert Path("found/report.html").exists()

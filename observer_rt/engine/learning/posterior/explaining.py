@@ -271,7 +271,7 @@ class Weighing:
     def _start_late(self, reading: EventReading, late: _FoundExplanation, is_new: bool) -> bool:
         """Whether much is to be explained, and a delay of the lift explains some; linearises it at the best."""
         first = reading.first
-        if not (is_new or first.value - first.expected(late.theta) > c.FALLS_FAR):
+        if not (is_new or first.value - late.cost.expected(late.theta) > c.FALLS_FAR):
             return False
         starts = np.tile(first.theta, (len(c.LIFT_DELAYS), 1))
         starts[:, Parameter.LIFT_DELAY] += np.array(c.LIFT_DELAYS) / LAG_UNIT

@@ -18,7 +18,7 @@ from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.hypotheses import BELIEVED, FLOWS, SENSOR_CHANGED, STAYS, Velocity
+from observer_rt.engine.learning.hypotheses import BELIEVED, FLOWS, SENSOR_CHANGED, STAYS, UNLIKE_BEFORE, Velocity
 from observer_rt.engine.learning.interval import Resimulation, resimulated
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import UNSEEN, extrapolation_sigma, known_flow
@@ -177,7 +177,7 @@ def verdict_of(
             against[reason] = against.get(reason, 0.0) + explanation.weight
     most = (Objection(max(against, key=lambda reason: against[reason], default=Reason.OUTSIDE_LEARNED_RANGE)),)
     forward, own = tuple(contradictions), tuple(contradictions)
-    if agree < c.AGREED or not lead[0].is_good:
+    if agree < c.AGREED or not lead[0].is_good or lead[0].kind in UNLIKE_BEFORE:  # the next one is to confirm it
         forward += most
     if explained.fault_weight > 1.0 - c.AGREED:
         own += most

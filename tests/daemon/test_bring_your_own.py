@@ -180,7 +180,8 @@ def classic_layout(folder: Path, rate: float) -> Path:
 def test_our_classic_layout(tmp_path: Path) -> None:
     """Without an index: frames are counted by the counter of their protection and when they come.
 
-    Until that clock is trusted nothing is valid and nothing is learned; then the estimate is that of our FD layout.
+    Until that clock is trusted nothing is valid and nothing is learned; then the estimate is that of our FD layout to
+    1 %, a quarter of its interval: the clock moves by microseconds.
     """
     schedule = make_schedule([100e6], 10, 0.2, [1.1e-3])
     effects = (sized("orifice_area", v_H=0.2),)
@@ -196,4 +197,4 @@ def test_our_classic_layout(tmp_path: Path) -> None:
     assert not any(report.valid for report in classic.reports[:4])
     for report, expected in zip(classic.reports[6:], own.reports[6:], strict=True):
         assert report.valid
-        assert report.mass == pytest.approx(expected.mass, rel=5e-3)
+        assert report.mass == pytest.approx(expected.mass, rel=0.01)

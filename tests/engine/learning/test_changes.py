@@ -95,7 +95,7 @@ def test_wear_that_goes_on_is_valid_soon_after_a_sensor_that_came_back() -> None
 
     run = seen(faults, BEGINS + 16)
     assert "another injector" in {report.posterior[0][0] for report in run.reports}
-    assert all(run.valid[BEGINS + 6 :])
+    assert all(run.valid[BEGINS + 8 :])
 
 
 @pytest.mark.parametrize(("laws", "faults"), NINE_LAWS.values(), ids=NINE_LAWS)

@@ -22,6 +22,7 @@ from observer_rt.engine.learning.hypotheses import (
     INADEQUATE,
     LIFT_LATE,
     QUICK,
+    SHIFTED,
     STATED,
     Kind,
     Moving,
@@ -193,7 +194,8 @@ class Weighing:
             self._fit(hypothesis, reading, explanation, math.inf if is_new else log_of(kind) - best_of_all())
             if explanation.fit is not None:
                 for other in left:
-                    explanations[other].weigh(explanation.cost, self._reader.limits)
+                    if other is not SHIFTED:  # what is little shows from where nothing has changed
+                        explanations[other].weigh(explanation.cost, self._reader.limits)
         self._best = best_of_all()
         kept = {
             kind: explanation for kind, explanation in explanations.items() if log_of(kind) > self._best - c.REFINED

@@ -10,7 +10,7 @@ from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
-from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS
+from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.account import Account, Overdispersion
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilPulse, EdgeSearch, Energizing
@@ -36,6 +36,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
     covariance = 0.5 * (covariance + covariance.T)
     lowest, highest = SCALARS.bounds(PRESSURE_SCALE)
     belief = Belief(random.uniform(-0.01, 0.01, PARAMETERS), covariance, 0.6 * covariance)
+    belief.mean[Parameter.CONTROL_END] = -5.5  # a valve that shuts 0.55 ms early; late it may be by 0.4 ms
     in_force = np.clip(random.uniform(-0.01, 0.01, PARAMETERS), lowest, highest)
     noise = NoiseLevels(*(random.uniform(0.1, 1.0, 3) * [1e6, 1e6, 1e-6]).tolist())
     learned = LearnedInjector(

@@ -20,21 +20,11 @@ SLOW = [
 ]
 
 
-def went_well(name: str) -> None:
+@pytest.mark.parametrize("name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)])
+def test_a_fault_that_comes_and_goes(name: str) -> None:
     row = score_scenario(Task(name, 3, 0))
     assert not is_faulty(row), row
     assert row["in_time"]
-
-
-@pytest.mark.parametrize("name", QUICK)
-def test_a_fault_that_comes_and_goes(name: str) -> None:
-    went_well(name)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SLOW)
-def test_more_faults_that_come_and_go(name: str) -> None:
-    went_well(name)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.arrivals import Arrivals
-from observer_rt.daemon.input_watch import LOOKS, REPORTED_SHARES, FrameWatch
+from observer_rt.daemon.input_watch import LOOKS, REPORTED_AFTER, REPORTED_SHARES, FrameWatch
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.words import COUNTERS
@@ -69,13 +69,8 @@ def test_no_more_frames_are_useless_than_there_are(arrivals: Arrivals, counters:
 def test_frames_whose_fault_another_watch_reported_are_not_reported_again(
     arrivals: Arrivals, counters: Counters
 ) -> None:
-    watch = FrameWatch(arrivals, RATE)
-    assert (
-        messages_of_looks(
-            arrivals, watch, counters, {"frames": 1000, "crc_errors": 900}, 4 * LOOKS, is_explained=True
-        )
-        == []
-    )
+    watch, step = FrameWatch(arrivals, RATE), {"frames": 1000, "crc_errors": 900}
+    assert messages_of_looks(arrivals, watch, counters, step, 4 * LOOKS, is_explained=True) == []
 
 
 def test_an_outage_is_reported_with_its_length(arrivals: Arrivals, counters: Counters) -> None:
@@ -83,3 +78,5 @@ def test_an_outage_is_reported_with_its_length(arrivals: Arrivals, counters: Cou
     assert messages_of_looks(arrivals, watch, counters, {"frames": 1000, "lost_samples": 90}, 5) == []
     (message,) = messages_of_looks(arrivals, watch, counters, {"lost_samples": 20_000}, 1)
     assert message.startswith("samples of 0.2 s were lost at once\n  remedy: ")
+    silence = {"lost_samples": round(REPORTED_AFTER * RATE)}  # which is reported by itself
+    assert messages_of_looks(arrivals, watch, counters, silence, 1) == []

@@ -131,21 +131,14 @@ def test_a_crash_is_an_error_after_what_came_before() -> None:
 def test_errors_of_the_user_come_as_they_are() -> None:
     with pytest.raises(UserError) as raised:
         list(apart("refusing"))
-    assert (raised.value.location, raised.value.problem, raised.value.remedy) == (
-        "nothing",
-        "is damaged",
-        "write it again",
-    )
+    error = raised.value
+    assert (error.location, error.problem, error.remedy) == ("nothing", "is damaged", "write it again")
 
 
-def test_any_other_error_is_named() -> None:
-    with pytest.raises(WorkerError, match="ZeroDivisionError: integer"):
-        list(apart("failing"))
-
-
-def test_memory_is_bounded() -> None:
-    with pytest.raises(WorkerError, match="MemoryError"):
-        list(apart("greedy"))
+@pytest.mark.parametrize(("work", "error"), [("failing", "ZeroDivisionError: integer"), ("greedy", "MemoryError")])
+def test_any_other_error_is_named_and_memory_is_bounded(work: str, error: str) -> None:
+    with pytest.raises(WorkerError, match=error):
+        list(apart(work))
 
 
 def test_time_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,11 +1,13 @@
-"""The JSON document of an evaluated recording, read back."""
+"""The JSON document of an evaluated recording, read back, and its text on a screen."""
 
 import io
 import json
 from typing import Any
 
+from rich.console import Console
+
 from observer_rt.desk.evaluation.evaluate import Evaluation
-from observer_rt.desk.evaluation.results import write_document
+from observer_rt.desk.evaluation.results import print_evaluation, write_document
 from observer_rt.model.effective import Coefficients
 
 
@@ -15,3 +17,10 @@ def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
     write_document([evaluation], "hash", c, out)
     (recording,) = json.loads(out.getvalue(), parse_constant=int)["recordings"]
     return dict(recording)
+
+
+def screen_text(evaluation: Evaluation, c: Coefficients) -> str:
+    """Of a screen of 80 columns."""
+    screen = io.StringIO()
+    print_evaluation(evaluation, c, Console(file=screen, width=80, color_system=None))
+    return screen.getvalue()

@@ -1,5 +1,6 @@
 """Recordings through the observer: traces and results against the truth and against each other."""
 
+import copy
 import csv
 from dataclasses import replace
 from functools import cache
@@ -12,10 +13,11 @@ from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.evaluation.evaluate import History, evaluate
 from observer_rt.desk.simulation.schedule import Shot, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
+from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
-from tests.desk.evaluation.documents import recording_json
+from tests.desk.evaluation.documents import recording_json, screen_text
 
 BENCH = load_bench().exact
 NOMINAL = load_injector()
@@ -94,6 +96,16 @@ def test_window_of_a_result_holds_the_whole_injection() -> None:
         inside = truth.needle_lift[(truth.time >= result["start_s"]) & (truth.time <= result["end_s"])]
         assert (inside > 0.0).sum() == (lift > 0.0).sum()
         assert result["end_s"] - result["start_s"] < 3e-3
+
+
+@pytest.mark.parametrize("reason", [Reason.OUTSIDE_LEARNED_RANGE, Reason.TOO_FEW_EVENTS])
+def test_what_would_help_an_injection_outside_what_was_learned_is_said_of_no_other(reason: Reason) -> None:
+    evaluation = copy.copy(evaluated().evaluations[0])
+    *before, last = evaluation.injections
+    evaluation.injections = [*before, replace(last, report=replace(last.report, valid=False, reason=reason))]
+    text = screen_text(evaluation, C)
+    assert f"not valid for {reason.name}: {len(before) + 1}" in text
+    assert ("record some as short or as long" in text) is (reason is Reason.OUTSIDE_LEARNED_RANGE)
 
 
 def test_without_a_measurement_nothing_is_compared_with_it() -> None:

@@ -3,12 +3,17 @@
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
+from observer_rt.core.stream.stream import RAIL_BIN
 from observer_rt.daemon.log import line
 from observer_rt.engine.learning.interval import VolumeBudget
+from observer_rt.engine.learning.learned_range import NEAR
 from observer_rt.engine.stream.state import Reason
-from tests.daemon.samples import some_report
+from tests.daemon.samples import PRESSURE_SCALE, some_report
+from tests.engine.learning.worn_injector import worn_bench
+from tests.observed_plants import observed
 
 
 @pytest.mark.parametrize(
@@ -53,3 +58,9 @@ def test_without_an_interval_nothing_is_known_of_its_remainder() -> None:
     report = some_report(predicted_mass=20e-6, budget=None)
     assert math.isnan(report.remainder)
     assert report.remainder_text == ""
+
+
+def test_it_is_known_on_both_sides_of_the_rail_pressure_learned_at() -> None:
+    report = observed(worn_bench((50e6,) * 4, (1.4e-3,) * 4, 3)).reports[-1]
+    below, above = 50e6 - np.array(report.known_rails)
+    assert -(NEAR + RAIL_BIN) * PRESSURE_SCALE < above < 0.0 < below < (NEAR + RAIL_BIN) * PRESSURE_SCALE

@@ -1,10 +1,8 @@
 """Where the energizing is shown: `check`, the view, the status, the document of `evaluate`; and its mistakes."""
 
-import io
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
@@ -12,13 +10,12 @@ from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.check.findings import Level
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.logged import LoggedSignals
-from observer_rt.desk.evaluation.results import print_evaluation
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from tests.daemon.participants import BLOCK_ID, HeardDaemon, ScriptedLink, serving, until
 from tests.daemon.pulses import BED, EnergizingBy, durations, injected, misfired, pulse_bench, samples, triple_bench
-from tests.desk.evaluation.documents import recording_json
+from tests.desk.evaluation.documents import recording_json, screen_text
 from tests.device import EPOCH, frames_of, merged
 from tests.files.canlog.log_cases import sent_log, write_log
 
@@ -95,9 +92,7 @@ def test_document_of_a_log(tmp_path: Path) -> None:
         "mean_opening_delay_us": pytest.approx(first["opening_delay_us"]),
         "opening_delay_sigma_us": 0.0,
     }
-    screen = io.StringIO()
-    print_evaluation(evaluation, c, Console(file=screen, width=80, color_system=None))
-    assert "2 commands, 1 injections missing" in screen.getvalue()
+    assert "2 commands, 1 injections missing" in screen_text(evaluation, c)
 
 
 @pytest.mark.parametrize(("signal", "code"), [("Level", 3), ("LevelPlain", 0), ("Time", 20)])

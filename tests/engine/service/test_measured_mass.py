@@ -1,20 +1,17 @@
 """The optional input `measured_mass`: which injection a value belongs to, and where its comparison is shown."""
 
-import io
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.logged import LoggedSignals
-from observer_rt.desk.evaluation.results import print_evaluation
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.model.effects import effective_model
 from tests.daemon.participants import HeardDaemon, ScriptedLink
 from tests.daemon.slow_frames import bed, safe_bed, slow_bench
-from tests.desk.evaluation.documents import recording_json
+from tests.desk.evaluation.documents import recording_json, screen_text
 from tests.device import Result, Traffic, damaged, hand, inserted, run
 from tests.files.canlog.log_cases import sent_log, write_log
 
@@ -108,10 +105,8 @@ def test_evaluating_a_log_compares_it(scale: Scale, tmp_path: Path) -> None:
     c = effective_model(bench.injector.parameters).coefficients
     injections = recording_json(evaluation, c)["injections"]
     assert [one["measured_mass_mg"] for one in injections] == [None, pytest.approx(8.0), None]
-    screen = io.StringIO()
-    print_evaluation(evaluation, c, Console(file=screen, width=80, color_system=None))
     error = 100 * (injections[1]["mass_mg"] / 8.0 - 1)
-    row = next(line for line in screen.getvalue().splitlines() if line.startswith(" 2 "))
+    row = next(line for line in screen_text(evaluation, c).splitlines() if line.startswith(" 2 "))
     assert {"8.00", f"{error:.2f}"} <= set(row.split())
 
 

@@ -91,17 +91,17 @@ def test_mistakes_name_the_key(tmp_path: Path, old: str, new: str, key: str, sai
     assert said in f"{error.problem} {error.remedy}"
 
 
-def test_an_effect_given_twice(tmp_path: Path) -> None:
-    error = refusal(tmp_path, ERODED + LATE + ERODED)
-    assert error.location.endswith(": effects.2.id")
-    assert "twice" in error.problem
+SLOW = '\n[[effects]]\nid = "needle_lift_sensor_lag"\nparameters = { tau = { value = 16.0, unit = "us" } }\n'
 
 
-def test_an_effect_of_the_bench_is_stated_there(tmp_path: Path) -> None:
-    slow = '\n[[effects]]\nid = "needle_lift_sensor_lag"\nparameters = { tau = { value = 16.0, unit = "us" } }\n'
-    error = refusal(tmp_path, slow)
-    assert error.location.endswith(": effects.0.id")
-    assert "lag of the lift sensor in the bench file" in error.remedy
+@pytest.mark.parametrize(
+    ("text", "number", "said"),
+    [(ERODED + LATE + ERODED, 2, "twice"), (SLOW, 0, "lag of the lift sensor in the bench file")],
+)
+def test_an_effect_given_twice_or_of_the_bench(tmp_path: Path, text: str, number: int, said: str) -> None:
+    error = refusal(tmp_path, text)
+    assert error.location.endswith(f": effects.{number}.id")
+    assert said in f"{error.problem} {error.remedy}"
 
 
 @settings(max_examples=30)

@@ -243,25 +243,10 @@ def test_ten_cells_are_as_good_as_forty(sac_volume: float) -> None:
     states, rates = run(effective_model(coarse).coefficients, RATE, steps, 3e-3)
     fine = injector(sac_volume, damping=0.3, end_volume=1e-8, cells=36)
     every = 4
-    exact, exact_rates = _run_fine(effective_model(fine).coefficients, every, 3e-3)
+    exact, exact_rates = run(effective_model(fine).coefficients, every * RATE, 1, 3e-3)
     mass, exact_mass = np.sum(rates), np.sum(exact_rates[::every])
     assert mass == pytest.approx(exact_mass, rel=1.5e-3)
     assert np.sqrt(np.mean((states[:, 0] - exact[::every, 0]) ** 2)) < 6e-3  # of p_0; the dip is .15
-
-
-def _run_fine(c: Coefficients, every: int, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """As `run`, in steps of a fraction of those at RATE."""
-    x = np.zeros(c.states)
-    rest_state(x, RAIL, c)
-    step, network = 1.0 / RATE / every, constant_network()
-    states, rates = [x.copy()], [0.0]
-    for k in range(round(seconds * RATE) * every):
-        ends = area(k * step), area((k + 1) * step)
-        interval = Interval((RAIL, ends[0]), (RAIL, ends[1]), step, 1)
-        advance_state(x, interval, c, network)
-        states.append(x.copy())
-        rates.append(fault_with_rate(x, (RAIL, ends[1]), c, network)[1])
-    return np.array(states), np.array(rates)
 
 
 def test_travel_time() -> None:

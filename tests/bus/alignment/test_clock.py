@@ -99,6 +99,12 @@ def test_receivers_clock_set_anew_is_noticed_and_learned(step: float) -> None:
     assert abs(error(after, taken[-1] + step, taken.size - 1)) < 1e-9
 
 
+def test_the_usual_delay_is_the_greatest_of_the_first_four_windows() -> None:
+    taken = sent(0.85)
+    late = np.where(np.arange(taken.size) % 2, 40e3, 0.0) * np.where(taken > 3 * WINDOW, 2.0, 1.0)
+    assert fed(taken + DELAY + late)["usual"][0] == pytest.approx(80e3)
+
+
 def test_jitter_is_that_of_the_delays() -> None:
     random = np.random.default_rng(3)
     taken = sent(2.0)

@@ -11,7 +11,7 @@ import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.evaluation.evaluate import History, evaluate
-from observer_rt.desk.simulation.schedule import Shot, make_schedule
+from observer_rt.desk.simulation.schedule import Shot, energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.errors import UserError
@@ -147,6 +147,14 @@ def test_missing_samples_are_counted_and_left_out() -> None:
     assert np.isnan(evaluation.trace.injection_rate[9000:9300]).all()
     assert not evaluation.trace.valid[9000:9300].any()
     assert not np.isnan(evaluation.trace.injection_rate[9302:]).any()
+
+
+def test_a_pilot_valve_goes_by_the_energizing_of_a_recording() -> None:
+    schedule = make_schedule([100e6], 8, 0.05, [1.1e-3])
+    effects = sized("orifice_area", v_H=0.1), sized("control_flow", c=4e-6)
+    seen = simulate(NOMINAL, schedule, 50e3, effects, SimulatedNoise(), seed=8).recording
+    (evaluation,) = evaluate(BENCH, [replace(seen, energizing=energized(schedule, seen.time))]).evaluations
+    assert 60e-6 * evaluation.reports[-1].indicators["control_flow"].value == pytest.approx(4e-6, rel=0.1)
 
 
 def test_trace_file(tmp_path: Path) -> None:

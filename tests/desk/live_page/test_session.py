@@ -89,6 +89,15 @@ def test_a_saved_injection_is_a_recording_by_a_name_that_is_free(tmp_path: Path)
     assert (tmp_path / "injection_left_7.csv").read_text() == "mine"
 
 
+def test_of_many_new_injections_the_newest_come_with_their_curves(tmp_path: Path) -> None:
+    many = [ShownInjection(count, 5, {}, {}, {"time_ms": np.zeros(1, np.float32)}) for count in range(1, 13)]
+    with watching_at(bench_file(tmp_path, "many"), {"": said(*many)}) as view:
+        until(lambda: view.readers[0].count == len(many))
+        message = Session(view, Saver(tmp_path)).message() or b""
+    news = [(one["count"], one["curves"]) for one in text_of(message)["injectors"][0]["news"]]
+    assert news == [*((count, []) for count in range(1, 5)), *((count, ["time_ms"]) for count in range(5, 13))]
+
+
 class SlowSaver(Saver):
     """Has not saved anything yet."""
 

@@ -55,17 +55,13 @@ def test_window_of_a_slow_opening_begins_at_the_foot_of_its_ramp() -> None:
     assert int(stream.injections[0]["start_index"]) == 998 - 15
 
 
-@pytest.mark.parametrize(("later", "events"), [(GAP - 1, 1), (GAP + 4, 2)])
-def test_event_gap_parts_events(later: int, events: int) -> None:
-    """An opening within the gap since the first one belongs to the same event."""
-    stream = run({1000: 50, 1000 + later: 50}, 8000, events_required=0)
-    assert stream.count("event", "number") == events
-
-
-@pytest.mark.parametrize(("shut", "events"), [(3 * MS - 5, 1), (3 * MS + 5, 2)])
-def test_event_that_has_lasted_its_gap_ends_where_the_needle_was_shut_long_enough(shut: int, events: int) -> None:
-    """Only then x^ begins the next one anew, from x~."""
-    stream = run({1000: GAP, 1000 + GAP + shut: 50}, 8000)
+@pytest.mark.parametrize(
+    ("opened", "later", "events"),
+    [(50, GAP - 1, 1), (50, GAP + 4, 2), (GAP, GAP + 3 * MS - 5, 1), (GAP, GAP + 3 * MS + 5, 2)],
+)
+def test_event_gap_and_a_needle_shut_long_enough_part_events(opened: int, later: int, events: int) -> None:
+    """An opening within the gap since the first one is of that event. Shut for so long, x^ begins anew, from x~."""
+    stream = run({1000: opened, 1000 + later: 50}, 8000, events_required=0)
     assert stream.count("event", "number") == events
 
 

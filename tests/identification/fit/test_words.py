@@ -1,6 +1,7 @@
 """What a fit says of what it leaves: where, and no cause that was not tried."""
 
 import re
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -71,3 +72,8 @@ def test_an_entry_far_from_the_truth_is_named() -> None:
     assert verdict_words(done).startswith("adequate")
     assert "IMPLAUSIBLE: fluid.bulk_modulus_line" in verdict_words(done)
     assert any("check line.volume (K_L counts only as K_L/V_L), line.length" in line for line in oddities(done))
+    assert not any("is at the end of the range tried" in line for line in oddities(done))
+    calibration = copy(done.fitted.calibration)
+    calibration.free = tuple(replace(one, highest=1.005 * one.of(done.injector)) for one in calibration.free)
+    near = oddities(replace(done, fitted=replace(done.fitted, calibration=calibration)))
+    assert sum("is at the end of the range tried" in line for line in near) == len(free)

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.identification.likelihood.appearance import healthy_remainder
 from observer_rt.identification.likelihood.likelihood import (
     GAIN_ERROR,
     JointLikelihood,
@@ -102,6 +103,13 @@ def test_a_wrong_shape_of_the_rate_counts_in_full() -> None:
     moved = [replace(one, injection_rate=np.roll(np.asarray(one.injection_rate), 5)) for one in healthy]
     likelihood = joint_likelihood(measurements(moved), NOMINAL_MODEL)
     assert _statistic(likelihood) > _statistic(HEALTHY) + 10_000.0
+
+
+def test_of_two_recordings_each_is_compared_with_the_shape_of_the_other() -> None:
+    """By a shape that it had a part in, the one that is worn would look healthier."""
+    pair = [recordings()[0], recordings((sized("orifice_area", v_H=0.05),))[0]]
+    remainder = healthy_remainder(joint_likelihood(measurements(pair), NOMINAL_MODEL), NOMINAL_MODEL, ())
+    assert (remainder.colour.opening or 0.0) > 3.5
 
 
 def test_a_skew_beyond_the_margin_has_no_solution() -> None:

@@ -102,6 +102,8 @@ def test_a_late_line_pressure_moves_the_inputs_and_not_the_output() -> None:
     assert late.openings[0] == straight.openings[0] + 3
 
 
-def test_samples_of_all_phases_are_judged() -> None:
-    batch = batch_of(HEALTHY, Rows(HEALTHY), TrueInputs(HEALTHY, InputTerms(), C), 0, 0.0, C)
+def test_samples_of_all_phases_are_judged_from_the_first_that_counts() -> None:
+    rows = Rows(HEALTHY)
+    assert rows.samples[rows.counted].tolist() == [n for e in HEALTHY.events for n in range(e.counted, e.end)]
+    batch = batch_of(HEALTHY, rows, TrueInputs(HEALTHY, InputTerms(), C), 0, 0.0, C)
     assert set(phases(HEALTHY, batch)) == set(Phase)

@@ -131,6 +131,7 @@ def test_words() -> None:
         "line_pressure: outflow from the line's closed end [mm3/ms] = c * sqrt(line_pressure), c = 0.4 (0.3 to 0.5)"
     )
     assert str(term("nozzle_flow", "0.1*open")).endswith("through the nozzle = 0.1 * open")
+    assert str(Term(TermEquation.NOZZLE_FLOW, parse("c*open"))).endswith("c * open, c = 1")
     assert [equation.number for equation in TermEquation] == list(range(10))
 
 

@@ -35,16 +35,14 @@ def test_white_innovations_are_adequate() -> None:
     assert worst(_pool()).ratio <= 1.0
 
 
-@pytest.mark.parametrize("phase", [Phase.OPENING, Phase.AFTER])
-def test_the_phase_with_too_large_innovations_is_named(phase: Phase) -> None:
-    result = worst(_pool(scale=1.3, phase=phase))
+@pytest.mark.parametrize(
+    ("phase", "scale", "shift"), [(Phase.OPENING, 1.3, 0), (Phase.AFTER, 1.3, 0), (Phase.OPEN, 1, 0.4)]
+)
+def test_the_phase_with_too_large_innovations_or_a_lasting_shift_is_named(
+    phase: Phase, scale: float, shift: float
+) -> None:
+    result = worst(_pool(scale=scale, phase=phase, shift=shift))
     assert result.phase is phase
-    assert result.ratio > 1.0
-
-
-def test_a_small_lasting_shift_shows_in_the_means_of_blocks() -> None:
-    result = worst(_pool(shift=0.4))
-    assert result.phase is Phase.OPEN
     assert result.ratio > 1.0
 
 

@@ -89,19 +89,20 @@ def test_the_interval_is_that_of_a_nozzle_that_leaves_as_much(measured: tuple[Me
     assert share == pytest.approx(0.05, rel=0.2)  # of a mass, by a nozzle of 5 % more
 
 
-def test_what_closes_less_than_two_thirds_is_refused(measured: tuple[Measurement, ...]) -> None:
-    (proposal,) = with_parts([_proposal(left=0.6 * GAP)], measured, MODEL)
-    assert proposal.part is not None
-    assert proposal.part.refusal is not None
-    assert "not two thirds" in proposal.part.refusal.reason
-
-
-def test_a_rival_with_another_mass_is_a_reason_to_refuse(measured: tuple[Measurement, ...]) -> None:
-    first, second = _proposal(), _proposal(mass=-12.0 * LOST)
-    judged, _ = with_parts([first, second], measured, MODEL)
+@pytest.mark.parametrize(
+    ("proposals", "said"),
+    [
+        ([_proposal(left=0.6 * GAP)], "not two thirds"),
+        ([_proposal(), _proposal(mass=-12.0 * LOST)], "would inject -11 mg"),
+    ],
+)
+def test_what_closes_too_little_or_has_a_rival_with_another_mass_is_refused(
+    measured: tuple[Measurement, ...], proposals: list[Proposal], said: str
+) -> None:
+    judged, *_ = with_parts(proposals, measured, MODEL)
     assert judged.part is not None
     assert judged.part.refusal is not None
-    assert "would inject -11 mg" in judged.part.refusal.reason
+    assert said in judged.part.refusal.reason
 
 
 @pytest.mark.parametrize("changes", [{"adequate": True}, {"held_out": (float("nan"), float("nan"))}])

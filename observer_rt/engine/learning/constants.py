@@ -51,8 +51,5 @@ FAR_FLOW = 0.02  # change of a flow, beyond which a volume is not followed along
 LEAST_OF_MIXED = 0.25  # of the lead's own variance, that hypotheses between them leave at least; M
 LEAST_PART = 0.005  # weight, below which a hypothesis is no part of an interval; I
 
-# What a model does not know of a volume.
-LARGEST_SCORE = 5.0  # of an event as believed, whose mean is 1; M
-
 AHEAD = 2.0  # events by which what is carried is ahead of what was learned: it is carried during the second; P
 # fmt: on

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -91,7 +92,7 @@ class _FoundExplanation:
     prior: Belief
     held: HeldBelief
     offered: NDArray[np.float64]
-    log: float = -math.inf
+    log: float = field(init=False)
     cost: Linearisation = field(init=False)
     scale: int = field(init=False)  # row of NOISE
     theta: Theta = field(init=False)
@@ -103,14 +104,12 @@ class _FoundExplanation:
         return at_scale(self.held.prior, NOISE[self.scale])
 
     def weigh(self, cost: Linearisation, limits: Limits) -> None:
-        """Evidence by a cost as it is linearised, over all scales, kept where it is more than before."""
+        """Evidence by a cost as it is linearised, over all scales."""
         by_whole = evidences(cost, [self.held.prior], limits)[0]
         covariance, _ = inverse_of(self.held.prior.information + cost.information)
         logs = self.offered + scale_densities(by_whole.theta, covariance)
-        log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
-        if log <= self.log:
-            return
-        self.cost, self.log, self.scale = cost, log, int(np.argmax(logs))
+        self.cost, self.scale = cost, int(np.argmax(logs))
+        self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
         self.theta = mean_at_scale(by_whole.theta, covariance, NOISE[self.scale])
 
     def fitted(self, fitter: EventFitter, start: Linearisation, steps: int, limits: Limits) -> None:
@@ -121,7 +120,7 @@ class _FoundExplanation:
         for _ in range(c.SCALE_FITS):
             scale = self.scale
             self.fit = fitter.fit(start, self.likeliest, steps)
-            start, self.log = self.fit.linearisation, -math.inf
+            start = self.fit.linearisation
             self.weigh(start, limits)
             if self.scale == scale:
                 break
@@ -195,7 +194,9 @@ class Weighing:
             if explanation.fit is not None:
                 for other in left:
                     if other is not SHIFTED:  # what is little shows from where nothing has changed
-                        explanations[other].weigh(explanation.cost, self._reader.limits)
+                        nearer = copy(explanations[other])
+                        nearer.weigh(explanation.cost, self._reader.limits)
+                        explanations[other] = max(explanations[other], nearer, key=lambda each: each.log)
         self._best = best_of_all()
         kept = {
             kind: explanation for kind, explanation in explanations.items() if log_of(kind) > self._best - c.REFINED
@@ -281,7 +282,6 @@ class Weighing:
         best = int(np.argmin(values))
         if values[best] >= first.value:
             return False
-        late.log = -math.inf
         late.weigh(reading.cost.linearised(starts[best]), self._reader.limits)
         return True
 

@@ -30,7 +30,7 @@ from observer_rt.foundation.outputs import replacing
 from observer_rt.foundation.records import Count, NotAsExpectedError, kept_names, plain, restored
 from observer_rt.model.parameters import InjectorParameters
 
-VERSION = 10
+VERSION = 11
 BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; else put the right file back"
 ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
 LARGEST_FILE = 1 << 22  # bytes, far more than any state takes: a hypothesis is 20 kB, of earlier versions .3 MB
@@ -51,9 +51,8 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
     lowest, highest = SCALARS.bounds(pressure_scale)
     if np.any(knowledge.in_force < lowest) or np.any(knowledge.in_force > highest):
         return "the parameters in force lie beyond what an injector can do"
-    for learned in state.account.beliefs:
-        if problem := _problem_of_belief(learned, np.maximum(-lowest, highest)):
-            return problem
+    if problem := _problem_of_belief(state.learned, np.maximum(-lowest, highest)):
+        return problem
     if odd := state.noise.implausible:
         return f"the noise of the {odd[0].replace('_', ' ')} is {getattr(state.noise, odd[0]):g} (SI units)"
     lift = knowledge.lift
@@ -296,7 +295,7 @@ def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
         state = _state_in(ArrayTexts(content.arrays).put_in(content.state), start)
         if content.columns != SCALARS.names:
             raise _UnusableError("it is of a version that learned other parameters")
-        if any(not each.active <= set(SCALARS.gate.columns) for each in state.account.beliefs):
+        if not state.learned.active <= set(SCALARS.gate.columns):
             raise _UnusableError("it leaves out a parameter that cannot be left out")
         return Knowledge(state, content.in_force, content.phi_version, content.lift)
     except (ValueError, OverflowError, RecursionError, LookupError, TypeError, AttributeError) as error:

@@ -16,7 +16,7 @@ from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilPulse, EdgeSearch, Energizing
 from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail, TimeJitter
 from observer_rt.engine.learning.disturbances.masks import OutlierSearch
-from observer_rt.engine.learning.hypotheses import Mode, Possibility, Velocity
+from observer_rt.engine.learning.hypotheses import Mode, Velocity
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge, LearningState
@@ -59,10 +59,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
     )
     state = LearningState(
         account=Account(
-            (
-                Possibility(-0.1, learned, Mode.QUICK, Velocity(np.ones(2), np.ones((PARAMETERS, 2)), np.eye(2))),
-                Possibility(-2.4, learned, Mode.PASSING),
-            )
+            learned, {Mode.QUICK: 0.9, Mode.PASSING: 0.1}, Velocity(np.ones(2), np.ones((PARAMETERS, 2)), np.eye(2))
         ),
         noise=noise,
         events=events,

@@ -146,20 +146,20 @@ def remove(*keys: str | int) -> Change:
     return change
 
 
-LEARNED = ("state", "account", "hypotheses", 0, "learned")
+LEARNED = ("state", "account", "learned")
 MEAN = (*LEARNED, "belief", "mean")
 COVARIANCE = (*LEARNED, "belief", "covariance")
 NOT_RESTORED = {
-    "older version": (lambda document: document.update(version=1), r"version 1, not 10 (observer_rt "),
-    "newer version": (lambda document: document.update(version=11), "format is version 11, not 10"),
+    "older version": (lambda document: document.update(version=1), r"version 1, not 11 (observer_rt "),
+    "newer version": (lambda document: document.update(version=12), "format is version 12, not 11"),
     "another parameter": (put("columns", 0, value="lag"), "other parameters"),
     "a parameter too few": (put("columns", value=list(SCALARS.names[:-1])), "other parameters"),
     "model": (put("model_sha256", value="0" * 64), "another injector model"),
     "short mean": (put(*MEAN, value=[0.0] * (PARAMETERS - 1)), "learned.belief.mean: shape"),
     "flat covariance": (put(*COVARIANCE, value=[1.0] * PARAMETERS), "shape"),
     "no such text": (put(*COVARIANCE, value={"array": 99}), "not as expected"),
-    "ragged": (put(*COVARIANCE, value=[[1.0], [1.0, 2.0]]), "(account.hypotheses.0.learned.belief.covariance"),
-    "text": (put(*MEAN, value="none"), "not as expected (account.hypotheses.0.learned.belief.mean"),
+    "ragged": (put(*COVARIANCE, value=[[1.0], [1.0, 2.0]]), "(account.learned.belief.covariance"),
+    "text": (put(*MEAN, value="none"), "not as expected (account.learned.belief.mean"),
     "nan": (put(*MEAN, 0, value=float("nan")), "not as expected"),
     "too large a number": (put(*MEAN, 0, value=10**400), "not as expected"),
     "negative error": (put(*LEARNED, "belief", "error_covariance", 2, 2, value=-1.0), "error's covariance"),
@@ -172,7 +172,7 @@ NOT_RESTORED = {
     "active network": (put(*LEARNED, "active", value=[int(Parameter.NOZZLE_BIAS)]), "left out"),
     "active fraction": (
         put(*LEARNED, "active", value=[float(Parameter.SENSOR_LAG)]),
-        "not as expected (account.hypotheses.0.learned.active",
+        "not as expected (account.learned.active",
     ),
     "endless filter": (put(*LEARNED, "colour", "whitening", "taps", value=[0.1] * 30), "no filter"),
     "high pass that grows": (put(*LEARNED, "colour", "whitening", "forgetting", value=1.5), "high pass"),

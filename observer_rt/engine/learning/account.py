@@ -4,15 +4,15 @@ A quasi-likelihood: what an event says of the parameters counts for less by the 
 to differ (McCullagh, Nelder, Generalized Linear Models, 2nd ed., section 4.5).
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.prediction_error import Linearisation
-from observer_rt.engine.learning.hypotheses import Possibility
+from observer_rt.engine.learning.hypotheses import Mode, Velocity
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 
 Vector = NDArray[np.float64]
@@ -26,29 +26,11 @@ _ROUNDS = 10  # in which the factor settles
 
 @dataclass(frozen=True, eq=False)
 class Account:
-    """Hypotheses, the one that is carried first: one belief in its modes."""
+    """What is believed, and the probabilities of the modes in which it may go on; velocity of wear that moves on."""
 
-    hypotheses: tuple[Possibility, ...]
-
-    @classmethod
-    def of(cls, learned: LearnedInjector) -> "Account":
-        """Account with one hypothesis: it is so."""
-        return cls((Possibility(0.0, learned),))
-
-    @property
-    def lead(self) -> Possibility:
-        """The hypothesis that is carried."""
-        return self.hypotheses[0]
-
-    @property
-    def beliefs(self) -> tuple[LearnedInjector, ...]:
-        """All that is believed."""
-        return tuple(each.learned for each in self.hypotheses)
-
-    def map(self, change: Callable[[LearnedInjector], LearnedInjector]) -> "Account":
-        """Account in which every hypothesis believes what the change makes of it."""
-        changed = {id(h.learned): change(h.learned) for h in self.hypotheses}
-        return Account(tuple(replace(h, learned=changed[id(h.learned)]) for h in self.hypotheses))
+    learned: LearnedInjector
+    modes: Mapping[Mode, float] = field(default_factory=lambda: {Mode.STEADY: 1.0})
+    velocity: Velocity | None = None
 
 
 def _within(factor: float) -> float:

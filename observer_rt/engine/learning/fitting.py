@@ -9,7 +9,6 @@ fault leaves them as loud, in some phase and over some length of blocks, as they
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -126,22 +125,21 @@ class EventFitter:
 
 
 class Evidence(NamedTuple):
-    """Logarithm of the marginal likelihood, but for what all priors share, and the mean (m,) of theta after it."""
+    """Logarithm of the marginal likelihood, but for what all priors share; mean (m,), covariance (m, m) after it."""
 
     log: float
     theta: Theta
+    covariance: Table
 
 
-def evidences(cost: Linearisation, priors: Sequence[Belief], limits: Limits) -> list[Evidence]:
-    """Integrates exp(-cost) over Gaussian priors, the cost a parabola round where it was linearised.
+def evidence_of(cost: Linearisation, prior: Belief, limits: Limits) -> Evidence:
+    """Integrates exp(-cost) over a Gaussian prior, the cost a parabola round where it was linearised.
 
     What that promises beyond the limits, or further off than slopes hold, is fiction: no more than `BEYOND` of it
     counts. Raises numpy.linalg.LinAlgError when singular.
     """
-    thetas, results = integrate_cost(cost, limits, priors)
-    widths, least, allowed = results.T
-    logs = -np.maximum(least, allowed - BEYOND) - widths
-    return [Evidence(log, theta) for log, theta in zip(logs.tolist(), thetas, strict=True)]
+    theta, covariance, width, least, allowed = integrate_cost(cost, limits, prior)
+    return Evidence(-max(least, allowed - BEYOND) - width, theta, covariance)
 
 
 def nearly_white(clipped: PhaseStatistics, temper: float, healthy: Healthy) -> float:

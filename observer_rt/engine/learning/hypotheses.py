@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gating import Belief, symmetric
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning import constants as c
-from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effective import LAG_UNIT
 
@@ -61,14 +60,19 @@ class Moving:
         )
 
 
-def moving(belief: Belief, drift: Matrix, velocity: Velocity | None) -> Moving:
-    """Moves a belief on by one event; drift: usual standard deviations (m,); velocity: None, where it begins."""
+def moving(belief: Belief, drift: Matrix, velocity: Velocity | None, goes_on: float = 1.0) -> Moving:
+    """Moves a belief on by one event; drift: usual standard deviations (m,); velocity: None, where it begins.
+
+    goes_on: probability that it is that velocity, and that it does not begin with this event.
+    """
     usual = drift[list(FLOWS)]
+    begun = np.diag((c.SPEED * usual) ** 2)
     if velocity is None:
-        velocity = Velocity(np.zeros(2), np.zeros((drift.size, 2)), np.diag((c.SPEED * usual) ** 2))
-    else:
-        turned = velocity.covariance + np.diag((c.TURNS * usual) ** 2)
-        velocity = Velocity(velocity.mean, velocity.across, turned)
+        velocity = Velocity(np.zeros(2), np.zeros((drift.size, 2)), begun)
+    else:  # the moments of the mixture of both
+        spread = np.diag((c.TURNS * usual) ** 2) + (1.0 - goes_on) * np.outer(velocity.mean, velocity.mean)
+        turned = goes_on * (velocity.covariance + spread) + (1.0 - goes_on) * begun
+        velocity = Velocity(goes_on * velocity.mean, goes_on * velocity.across, turned)
     flows = list(FLOWS)
     mean, across, moved = belief.mean.copy(), velocity.across.copy(), np.zeros_like(belief.covariance)
     mean[flows] += velocity.mean
@@ -169,16 +173,6 @@ def transitions(mode: Mode, is_prior: bool) -> Iterator[tuple[Kind, float]]:
         begins |= {kind: kind.rate for kind in NEW}
     yield BEFORE, max(1.0 - sum(begins.values()), 1e-3)
     yield from begins.items()
-
-
-@dataclass(frozen=True, eq=False)
-class Possibility:
-    """A possible explanation of an event: the logarithm of its weight, and the belief by it; velocity: of wear."""
-
-    log_weight: float
-    learned: LearnedInjector
-    mode: Mode = Mode.STEADY
-    velocity: Velocity | None = None
 
 
 def is_alike(first: Belief, second: Belief) -> bool:

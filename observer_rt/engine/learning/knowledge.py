@@ -34,7 +34,7 @@ from observer_rt.foundation.records import NOT_KEPT, Count
 class LearningState:
     """All that goes from one event to the next."""
 
-    account: Account  # hypotheses about the injector, with their probabilities
+    account: Account
     noise: NoiseLevels
     events: Count = 0  # learned from
     interval: float = 0.0  # of the samples [s]; 0 before the first event
@@ -49,12 +49,12 @@ class LearningState:
 
     @property
     def learned(self) -> LearnedInjector:
-        """The injector as the hypothesis in force believes it to be."""
-        return self.account.lead.learned
+        """What is believed of the injector."""
+        return self.account.learned
 
     def map(self, change: Callable[[LearnedInjector], LearnedInjector]) -> "LearningState":
-        """State after a change of the injector in every hypothesis."""
-        return replace(self, account=self.account.map(change))
+        """State after a change of what is believed."""
+        return replace(self, account=replace(self.account, learned=change(self.learned)))
 
     def begun(self, interval: float, overdispersion: float) -> "LearningState":
         """State to begin a run with, whose samples have this interval [s].
@@ -65,7 +65,7 @@ class LearningState:
         if math.isclose(self.interval, interval, rel_tol=SAME_RATE):
             return replace(self, standstill=None)
         return LearningState(
-            account=Account.of(self.learned.begun(interval)),
+            account=Account(self.learned.begun(interval)),
             noise=self.noise,
             events=self.events,
             interval=interval,
@@ -77,7 +77,7 @@ def no_state(noise: NoiseLevels, pressure_scale: float) -> LearningState:
     """State before any event: phi = 0, with the prior. pressure_scale: p_0 [Pa]."""
     theta = np.zeros(SCALARS.width)
     belief = prior_belief(theta.copy(), np.diag(SCALARS.prior(pressure_scale) ** 2))
-    return LearningState(Account.of(LearnedInjector(belief, theta)), noise)
+    return LearningState(Account(LearnedInjector(belief, theta)), noise)
 
 
 class Adoption(StrEnum):

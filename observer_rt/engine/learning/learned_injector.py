@@ -13,6 +13,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.evidence import weigh_scales
 from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief, GatedBelief, held_at, symmetric
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
@@ -25,9 +26,10 @@ from observer_rt.model.network import HIDDEN, OF_NOZZLE
 Vector = NDArray[np.float64]
 NONE, SMALL, WHOLE = 1e-3, 0.1, math.sqrt(0.999)  # of the prior: no law at all, small ones, any
 _PRIOR = SCALARS.prior(1.0)[WEIGHTS]
-_SQUARES = np.repeat(
-    [*itertools.product((NONE**2, SMALL**2, WHOLE**2), repeat=2)], (OF_NOZZLE, HIDDEN - OF_NOZZLE), axis=1
-)
+_SCALES = np.array([NONE, SMALL, WHOLE]) ** 2
+_NOISES = _SCALES / (1.0 - _SCALES)
+_SQUARES = np.repeat([*itertools.product(_SCALES, repeat=2)], (OF_NOZZLE, HIDDEN - OF_NOZZLE), axis=1)
+_WIDTHS = -0.5 * np.log1p(-_SQUARES).sum(axis=1)
 NOISE = _SQUARES / (1.0 - _SQUARES)
 """Variances (scales, HIDDEN) with which weights of each scale were 0, in units of the prior's."""
 _ALL = np.arange(HIDDEN)
@@ -39,15 +41,7 @@ def scale_densities(mean: Vector, covariance: Vector) -> Vector:
     A prior smaller by s is the whole one after each weight was measured to be 0 with s^2/(1 - s^2) of its variance; s
     is as likely as that. Raises numpy.linalg.LinAlgError when not positive definite.
     """
-    own = mean[WEIGHTS] / _PRIOR
-    bordered = np.empty((len(NOISE), HIDDEN + 1, HIDDEN + 1))
-    bordered[:, :HIDDEN, :HIDDEN] = covariance[WEIGHTS[:, None], WEIGHTS] / np.outer(_PRIOR, _PRIOR)
-    bordered[:, _ALL, _ALL] += NOISE
-    bordered[:, HIDDEN, :HIDDEN] = own  # the last row of the root is the mean, made white
-    bordered[:, HIDDEN, HIDDEN] = 1.0 + 2.0 * own @ own / NONE**2
-    roots = np.linalg.cholesky(bordered)[:, :, :HIDDEN]
-    densities = -0.5 * (np.log1p(-_SQUARES) + roots[:, HIDDEN] ** 2) - np.log(roots[:, _ALL, _ALL])
-    return np.asarray(densities.sum(axis=1), np.float64)
+    return np.asarray(_WIDTHS + weigh_scales(mean, covariance, WEIGHTS, _PRIOR, OF_NOZZLE, _NOISES).ravel())
 
 
 @lru_cache(8)
@@ -74,7 +68,9 @@ def at_scale(belief: Belief, noise: Vector) -> Belief:
 
 def mean_at_scale(mean: Vector, covariance: Vector, noise: Vector) -> Vector:
     """The mean (m,) of `at_scale`."""
-    return np.asarray(mean - _gain(covariance, noise)[0] @ (mean[WEIGHTS] / _PRIOR), np.float64)
+    across = covariance[WEIGHTS]
+    away = np.linalg.solve(across[:, WEIGHTS] + np.diag(noise * _PRIOR**2), mean[WEIGHTS])
+    return np.asarray(mean - away @ across, np.float64)
 
 
 def _gain(covariance: Vector, noise: Vector) -> tuple[Vector, Vector]:

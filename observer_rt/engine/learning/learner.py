@@ -84,7 +84,7 @@ def _learned(state: LearningState, event: ClosedEvent, reader: EventReader) -> O
     if objection is not None:
         return _failed(state, event, objection, reader)
     offset = offset_between(state.standstill, standstill)
-    if standstill.samples >= STANDSTILL_ENOUGH and any(each.is_prior for each in state.account.beliefs):
+    if standstill.samples >= STANDSTILL_ENOUGH and state.learned.is_prior:
         state = state.map(lambda learned: _with_first_offset(learned, standstill.offset))
     state = replace(state, standstill=standstill)
     return outcome_of(explain(state, event, offset, reader), event, reader)
@@ -125,8 +125,6 @@ def _with_noise(state: LearningState, noise: NoiseLevels) -> LearningState:
 
 def _with_first_offset(learned: LearnedInjector, offset: float) -> LearnedInjector:
     """Where nothing was learned yet, the first event is explained from the offset at rest [p_0]."""
-    if not learned.is_prior:
-        return learned
     mean, theta = learned.belief.mean.copy(), learned.theta.copy()
     mean[Parameter.LINE_PRESSURE_OFFSET] = theta[Parameter.LINE_PRESSURE_OFFSET] = offset
     return replace(learned, belief=replace(learned.belief, mean=mean), theta=theta)

@@ -16,6 +16,7 @@ from nbclient import NotebookClient
 FOLDER = Path(__file__).parents[3] / "docs" / "notebooks"
 NOTEBOOKS = sorted(path.name for path in FOLDER.glob("*.ipynb"))
 LARGEST = 1_500_000  # bytes of a file
+PROGRESS = re.compile(r"^\w+: \d+%$", re.MULTILINE)  # said where a cell takes long, and nowhere else
 OF_THIS_RUN = re.compile(r"(?<![\w<.])/\w[\w.-]*/|\b[A-Z]:\\|\b0x[0-9a-f]{6,}")  # absolute paths, and addresses
 
 
@@ -24,9 +25,12 @@ def kept(name: str) -> Any:
 
 
 def run(name: str, folder: Path) -> Any:
-    """A notebook with what its cells show. Raises CellExecutionError for a cell that fails."""
+    """A notebook with what its cells show in the end. Raises CellExecutionError for a cell that fails."""
     notebook = kept(name)
     NotebookClient(notebook, timeout=900, record_timing=False, resources={"metadata": {"path": folder}}).execute()
+    for cell in notebook.cells:
+        if cell.cell_type == "code":
+            cell.outputs = [each for each in cell.outputs if not PROGRESS.search(texts([each]))]
     return notebook
 
 

@@ -70,7 +70,7 @@ def test_report_does_all_and_again_only_what_changed(tmp_path: Path) -> None:
     page = (tmp_path / "results" / "report.html").read_text(encoding="utf-8")
     assert "orifice_area" in page
     assert "What makes a mass uncertain" in page
-    assert len(re.findall(r"<tr><td>worn.parquet</td>", page)) == 2
+    assert len(re.findall(r"<tr><td>worn.parquet</td>", page)) == 4  # each injection, from the first on
     assert (tmp_path / "results" / "discovery" / "amended.toml").exists()
     assert all("up to date" in line for line in made(tmp_path, "report")[:-1])
     record(tmp_path / "recordings" / "worn.parquet", worn=0.1, seed=4)

@@ -13,7 +13,7 @@ from observer_rt.engine.estimation.phases import PHASES, Phase, phase_statistics
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.learning.adequacy import CLIP
 from observer_rt.engine.learning.constants import BEYOND
-from observer_rt.engine.learning.fitting import Evidence, Limits, at_fault, evidences, nearly_white
+from observer_rt.engine.learning.fitting import Evidence, Limits, at_fault, evidence_of, nearly_white
 from observer_rt.engine.learning.healthy import NOT_FITTED
 
 FAR = np.full(2, 1e3)
@@ -37,7 +37,7 @@ def prior(mean: list[float], sigma: list[float], correlation: float) -> Belief:
 
 
 def evidence(cost: Linearisation, belief: Belief, limits: Limits) -> Evidence:
-    return evidences(cost, [belief], limits)[0]
+    return evidence_of(cost, belief, limits)
 
 
 def integral(cost: Linearisation, belief: Belief) -> tuple[float, NDArray[np.float64]]:

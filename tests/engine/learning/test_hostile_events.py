@@ -50,8 +50,7 @@ def test_hostile_events_are_refused_at_worst(hostile: list[Window]) -> None:
         outcome = learner.learn(window, still, in_force)
         assert np.isfinite(outcome.knowledge.in_force).all()
         in_force = outcome.knowledge.in_force
-        for learned in learner.state.account.beliefs:
-            np.linalg.cholesky(learned.belief.covariance)
+        np.linalg.cholesky(learner.state.learned.belief.covariance)
 
 
 @pytest.mark.filterwarnings("error")

@@ -44,7 +44,7 @@ def event(v_h: float, seed: int | None = None) -> Window:
 def knowledge_with(belief: Belief, in_force: Vector) -> Knowledge:
     fresh = no_knowledge(NOISE, NOMINAL.scaling.pressure)
     learned = replace(fresh.state.learned, belief=belief, theta=in_force, is_prior=False)
-    state = replace(fresh.state, account=Account.of(learned), events=5)
+    state = replace(fresh.state, account=Account(learned), events=5)
     return Knowledge(state, in_force, phi_version=3)
 
 

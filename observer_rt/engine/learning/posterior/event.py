@@ -1,6 +1,5 @@
-"""One event, explained by all hypotheses of an account, and the beliefs after it."""
+"""One event, explained as all that it may be, and the account after it."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -14,14 +13,15 @@ from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
+from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import pooled
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, is_same, resting_segments
 from observer_rt.engine.learning.disturbances.masks import Sigmas
-from observer_rt.engine.learning.hypotheses import UNLIKE_BEFORE, Mode, Possibility, is_alike
+from observer_rt.engine.learning.hypotheses import UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector, shrink
 from observer_rt.engine.learning.learned_range import EventPoint, operating_point, remembered
-from observer_rt.engine.learning.posterior.explaining import Explanation, Offers, Weighing, offered
+from observer_rt.engine.learning.posterior.explaining import Explanation, Weighing
 from observer_rt.engine.learning.posterior.reader import (
     ClosedEvent,
     EventReader,
@@ -44,8 +44,8 @@ class Noise(NamedTuple):
     colour: Colour | None
 
 
-Continued = tuple[Explanation, Possibility]
-"""An explanation of an event, and the hypothesis that goes on from it."""
+Continued = tuple[Explanation, LearnedInjector]
+"""An explanation of an event, and what is believed after it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,24 +57,20 @@ class Believing:
     point: EventPoint
     _noises: dict[tuple[int, int], Noise] = field(default_factory=dict)
 
-    def after(self, explanation: Explanation) -> Possibility:
-        """The hypothesis that goes on from an explanation. Raises numpy.linalg.LinAlgError when singular."""
-        hypothesis, kind = explanation.hypothesis, explanation.kind
-        log_weight = math.log(explanation.weight)
-        if kind.mode.is_good:
-            learned = self._learned(explanation)
-            velocity = None if explanation.moving is None else explanation.moving.after(learned.belief)
-            return Possibility(log_weight, learned, kind.mode, velocity)
-        learned = hypothesis.learned
+    def after(self, explanation: Explanation) -> LearnedInjector:
+        """What is believed after an explanation. Raises numpy.linalg.LinAlgError when singular."""
+        learned = explanation.before
+        if explanation.is_good:
+            return self._learned(explanation)
         if not learned.is_prior:
-            learned = replace(learned, belief=explanation.prior)
-        elif kind.mode is Mode.LASTING:  # else a wrong ring-down is taken for the colour of the noise
-            noise = self._noise(explanation)
-            learned = replace(learned, at_rest=noise.at_rest, colour=noise.colour)
-        return Possibility(log_weight, learned, kind.mode)
+            return replace(learned, belief=explanation.prior)
+        if explanation.kind.mode is Mode.PASSING:  # else a wrong ring-down is taken for the colour of the noise
+            return learned
+        noise = self._noise(explanation)
+        return replace(learned, at_rest=noise.at_rest, colour=noise.colour)
 
     def _learned(self, explanation: Explanation) -> LearnedInjector:
-        before, cost, limits = explanation.hypothesis.learned, explanation.cost, self.reader.limits
+        before, cost, limits = explanation.before, explanation.cost, self.reader.limits
         held, reading, fit = explanation.held, explanation.reading, explanation.fit
         statistics = reading.healthy.relative(reading.leaves(explanation.theta, fit))
         temper = self.reader.temper_in(self.state, before, statistics, reading.cost.temper)
@@ -98,8 +94,8 @@ class Believing:
         )
 
     def _noise(self, explanation: Explanation) -> Noise:
-        """Noise while the needle is shut, by the hypothesis and by the event."""
-        learned, reading, fit = explanation.hypothesis.learned, explanation.reading, explanation.fit
+        """Noise while the needle is shut, by what was believed and by the event."""
+        learned, reading, fit = explanation.before, explanation.reading, explanation.fit
         key = id(learned.at_rest), id(reading)
         if key not in self._noises:
             unfiltered = reading.unfiltered if fit is None else fit.unfiltered
@@ -116,38 +112,34 @@ def noise_after(
     return Noise(at_rest, at_rest.colour(learned.colour, reader.interval, follows.sigmas.innovation))
 
 
-def carried_on(continued: Sequence[Continued]) -> list[Continued]:
-    """Explanations that are carried on, the likeliest first: one belief for each mode, equal ones merged.
+def account_after(continued: Sequence[Continued]) -> tuple[Explanation, Account]:
+    """The explanation that is carried, and the account after an event, whose explanations come the likeliest first.
 
-    The first of the result is carried by the observer: it explains the event, if one of them does.
+    All that say the same as the likeliest are one belief, in their modes; of these the first that explains the event
+    is carried.
     """
-    merged: list[Continued] = []
-    for explanation, belief in continued:
-        for i, (first, other) in enumerate(merged):
-            if other.mode is belief.mode and is_alike(other.learned.belief, belief.learned.belief):
-                weight = float(np.logaddexp(other.log_weight, belief.log_weight))
-                merged[i] = first, replace(other, log_weight=weight)
-                break
-        else:
-            merged.append((explanation, belief))
-    merged.sort(key=lambda each: -each[1].log_weight)
-    best = merged[0][1].learned
-    kept = [
-        (explanation, each)
-        for explanation, each in merged
-        if is_alike(best.belief, each.learned.belief) and is_same(best.colour, each.learned.colour)
-    ]
-    total = float(np.logaddexp.reduce([each.log_weight for _, each in kept]))
-    kept.sort(key=lambda each: not each[0].is_good)
-    return [(explanation, replace(each, log_weight=each.log_weight - total)) for explanation, each in kept]
+
+    def is_one(first: Continued, second: Continued) -> bool:
+        return is_alike(first[1].belief, second[1].belief) and is_same(first[1].colour, second[1].colour)
+
+    def support(of: Continued) -> float:
+        return sum(each[0].weight for each in continued if each[0].kind.mode is of[0].kind.mode and is_one(of, each))
+
+    best = max(continued, key=support)
+    kept = [each for each in continued if is_one(best, each)]
+    lead, learned = next((each for each in kept if each[0].is_good), kept[0])
+    total, modes = sum(each.weight for each, _ in kept), dict[Mode, float]()
+    for each, _ in kept:
+        modes[each.kind.mode] = modes.get(each.kind.mode, 0.0) + each.weight / total
+    moving = next((each.moving for each, _ in kept if each.moving is not None), None)
+    return lead, Account(learned, modes, None if moving is None else moving.after(learned.belief))
 
 
 class ExplainedEvent(NamedTuple):
     """An event as far as it is understood.
 
     state: before it, but for what was seen of the range's ends; recorded: its window; unmasked: without the coil;
-    window: without outliers, too; explanations: the likeliest first; carried: those that are carried on, the leading
-    one first.
+    window: without outliers, too; explanations: the likeliest first; lead: the one carried; account: after it.
     """
 
     state: LearningState
@@ -156,7 +148,8 @@ class ExplainedEvent(NamedTuple):
     window: Window
     point: EventPoint
     explanations: list[Continued]
-    carried: list[Continued]
+    lead: Explanation
+    account: Account
 
     @property
     def fault_weight(self) -> float:
@@ -170,12 +163,10 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
     Raises numpy.linalg.LinAlgError where nothing is finite.
     """
     window = unmasked = state.energizing.current.undone(event.window)
-    likeliest = sorted(state.account.hypotheses, key=lambda each: -each.log_weight)
     reads = _Reads(state, event, window, offset, reader)
-    for hypothesis, offers in zip(likeliest, offered(likeliest), strict=True):
-        reads.weigh(hypothesis, offers)
-    if likeliest[0].learned.is_prior:
-        reads.weigh_coloured(likeliest[0])
+    reads.weigh(state.learned)
+    if state.learned.is_prior:
+        reads.weigh_coloured(state.learned)
     explanations = reads.weighing.explanations()
     state, window = reads.state, reads.window
     lead = next((i for i, each in enumerate(explanations) if each.is_good), None)
@@ -184,11 +175,11 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
     point = operating_point(window, reader.interval)
     believing = Believing(reader, state, point)
     continued = [(each, believing.after(each)) for each in explanations]
-    return ExplainedEvent(state, event.window, unmasked, window, point, continued, carried_on(continued))
+    return ExplainedEvent(state, event.window, unmasked, window, point, continued, *account_after(continued))
 
 
 class _Reads:
-    """An event read by hypothesis after hypothesis; what stands out by the first reading does not count in any."""
+    """An event as it is read; what stands out by the first reading does not count in another."""
 
     def __init__(
         self, state: LearningState, event: ClosedEvent, window: Window, offset: float | None, reader: EventReader
@@ -196,41 +187,34 @@ class _Reads:
         self.state, self.window = state, window
         self._event, self._offset, self._reader = event, offset, reader
         self._phases = phases_of(window, round(EDGE / reader.interval), round(AFTERGLOW / reader.interval))
-        self._readings: list[EventReading] = []
+        self._first: EventReading | None = None
         self.weighing = Weighing(reader)
 
-    def weigh(self, hypothesis: Possibility, offers: Offers) -> None:
-        """Explain the event by a hypothesis, where that is finite. Raises numpy.linalg.LinAlgError when singular."""
-        learned = hypothesis.learned
-        steps = self._reader.limits.longest_step
-        reading = next((each for each in self._readings if each.is_near(learned, steps)), None)
-        if reading is None:
-            reading = self._read(learned)
-            if not np.isfinite(reading.first.value):
-                return
-            if not self._readings and not learned.is_prior:  # else there is nothing to stand out from
-                sigmas = reading.follows.sigmas_in(learned)
-                self.state, masked = self._reader.masked(self.state, self.window, reading.innovations, sigmas)
-                if masked is not self.window:
-                    self.window = masked
-                    reading = self._read(learned)
-            self._readings.append(reading)
-        self.weighing.add(hypothesis, reading, offers)
-
-    def weigh_coloured(self, hypothesis: Possibility) -> None:
-        """Explain the event in the colour that noise at rest shows in it, where nothing is known of it before."""
-        fit = self.weighing.fit_of(hypothesis)
-        if fit is None:
+    def weigh(self, learned: LearnedInjector) -> None:
+        """Explain the event by what is believed, where finite. Raises numpy.linalg.LinAlgError when singular."""
+        reading = self._read(learned)
+        if not np.isfinite(reading.first.value):
             return
-        reader, first = self._reader, self._readings[0]
-        colour = noise_after(hypothesis.learned, self.window, fit.unfiltered, first.follows, reader).colour
-        if colour is not None and hypothesis.learned.colour is None:
-            coloured = replace(hypothesis.learned, colour=colour, theta=fit.linearisation.theta)
-            hypothesis = replace(hypothesis, learned=coloured)
-            self.weigh(hypothesis, *offered([hypothesis]))
+        if self._first is None and not learned.is_prior:  # else there is nothing to stand out from
+            sigmas = reading.follows.sigmas_in(learned)
+            self.state, masked = self._reader.masked(self.state, self.window, reading.innovations, sigmas)
+            if masked is not self.window:
+                self.window = masked
+                reading = self._read(learned)
+        self._first = self._first or reading
+        self.weighing.add(replace(self.state.account, learned=learned), reading)
+
+    def weigh_coloured(self, learned: LearnedInjector) -> None:
+        """Explain the event in the colour that noise at rest shows in it, where nothing is known of it before."""
+        fit, first, reader = self.weighing.likeliest_fit, self._first, self._reader
+        if fit is None or first is None or learned.colour is not None:
+            return
+        colour = noise_after(learned, self.window, fit.unfiltered, first.follows, reader).colour
+        if colour is not None:
+            self.weigh(replace(learned, colour=colour, theta=fit.linearisation.theta))
 
     def _read(self, learned: LearnedInjector) -> EventReading:
-        """Reads the event round what a hypothesis believes."""
+        """Reads the event round what is believed."""
         state, event, reader, offset = self.state, self._event, self._reader, self._offset
         schedule = reader.gains(learned.theta, state.noise, event.constants)
         follows = Follows(

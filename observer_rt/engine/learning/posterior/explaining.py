@@ -1,7 +1,7 @@
-"""Explains an event by every hypothesis and every kind of event, and computes the weights of these explanations."""
+"""Explains an event as every kind that it may be, and computes the weights of these explanations."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief, HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning import constants as c
+from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
-from observer_rt.engine.learning.fitting import EventFit, EventFitter, Limits, evidences, nearly_white
+from observer_rt.engine.learning.fitting import EventFit, EventFitter, Limits, evidence_of, nearly_white
 from observer_rt.engine.learning.hypotheses import (
     AT_FAULT,
     BEFORE,
@@ -25,29 +25,34 @@ from observer_rt.engine.learning.hypotheses import (
     QUICK,
     SHIFTED,
     STATED,
+    STAYS,
     Kind,
+    Mode,
     Moving,
-    Possibility,
     moving,
     transitions,
 )
-from observer_rt.engine.learning.learned_injector import NOISE, at_scale, mean_at_scale, scale_densities
+from observer_rt.engine.learning.learned_injector import (
+    NOISE,
+    LearnedInjector,
+    at_scale,
+    mean_at_scale,
+    scale_densities,
+)
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
 from observer_rt.model.effective import LAG_UNIT
-
-_OWN = (BEFORE, QUICK)
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """An event explained as one kind, given one hypothesis: the prior, and the theta that explains it best.
+    """An event explained as one kind: the prior, and the theta that explains it best.
 
-    log_weight: logarithm of its weight; weight: normalised over all explanations. held: the prior, with the gain as
-    the samples at rest say; scale: row of `NOISE`, likeliest of its weights. cost: linearised about theta (m,); fit:
-    None where theta was not fitted. moving: drift of the wear, if any.
+    before: what was believed; log_weight: logarithm of its weight; weight: normalised over all explanations; held:
+    the prior, with the gain as the samples at rest say; scale: row of `NOISE`, likeliest of its weights; cost:
+    linearised about theta (m,); fit: None where theta was not fitted; moving: drift of the wear, if any.
     """
 
-    hypothesis: Possibility
+    before: LearnedInjector
     kind: Kind
     log_weight: float
     reading: EventReading
@@ -68,7 +73,7 @@ class Explanation:
     @cached_property
     def score_as_believed(self) -> float | None:
         """Score of the event before the fit; None if it was not expected so, or nothing was learned before."""
-        if self.kind not in BELIEVED or self.hypothesis.learned.is_prior:
+        if self.kind not in BELIEVED or self.before.is_prior:
             return None
         return self.reading.first.score(self.held.prior.covariance)
 
@@ -77,7 +82,7 @@ class Explanation:
         if self.fit is not None:
             return self
         likeliest = at_scale(self.held.prior, NOISE[self.scale])
-        fit = fitter_of(self.hypothesis, self.reading, reader).fit(self.cost, likeliest, c.STEPS)
+        fit = fitter_of(self.before, self.reading, reader).fit(self.cost, likeliest, c.STEPS)
         return replace(self, fit=fit, cost=fit.linearisation, theta=fit.linearisation.theta)
 
 
@@ -105,12 +110,11 @@ class _FoundExplanation:
 
     def weigh(self, cost: Linearisation, limits: Limits) -> None:
         """Evidence by a cost as it is linearised, over all scales."""
-        by_whole = evidences(cost, [self.held.prior], limits)[0]
-        covariance, _ = inverse_of(self.held.prior.information + cost.information)
-        logs = self.offered + scale_densities(by_whole.theta, covariance)
+        by_whole = evidence_of(cost, self.held.prior, limits)
+        logs = self.offered + scale_densities(by_whole.theta, by_whole.covariance)
         self.cost, self.scale = cost, int(np.argmax(logs))
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
-        self.theta = mean_at_scale(by_whole.theta, covariance, NOISE[self.scale])
+        self.theta = mean_at_scale(by_whole.theta, by_whole.covariance, NOISE[self.scale])
 
     def fitted(self, fitter: EventFitter, start: Linearisation, steps: int, limits: Limits) -> None:
         """Fit it at its likeliest scale; again, where from there another one is the likeliest.
@@ -128,51 +132,39 @@ class _FoundExplanation:
         self.theta = self.cost.theta
 
 
-def fitter_of(hypothesis: Possibility, reading: EventReading, reader: EventReader) -> EventFitter:
-    """The fitter of an event that starts from a hypothesis."""
-    return EventFitter(reading.cost, hypothesis.learned.active, reader.limits)
+def fitter_of(before: LearnedInjector, reading: EventReading, reader: EventReader) -> EventFitter:
+    """The fitter of an event that starts from what is believed."""
+    return EventFitter(reading.cost, before.active, reader.limits)
 
 
-Offers = Mapping[Kind, float]
-"""Kinds of an event, and logarithms of their weights before it."""
-
-
-def offered(hypotheses: Sequence[Possibility]) -> list[Offers]:
-    """Offers of hypotheses that share one belief and differ by their mode, the likeliest first.
-
-    Each offers that its mode goes on. All other kinds do not depend on the mode: the likeliest offers them for all.
-    """
-    logs = [
-        {kind: each.log_weight + math.log(rate) for kind, rate in transitions(each.mode, each.learned.is_prior)}
-        for each in hypotheses
-    ]
-    of_all = {
-        kind: float(np.logaddexp.reduce([each[kind] for each in logs if kind in each]))
-        for kind in {kind: None for each in logs for kind in each}
-        if kind not in _OWN
-    }
-    own = [{kind: log for kind, log in each.items() if kind in _OWN} for each in logs]
-    return [own[0] | of_all, *own[1:]]
+def offered(account: Account) -> Mapping[Kind, float]:
+    """Kinds of the next event, and logarithms of their probabilities."""
+    offers: dict[Kind, float] = {}
+    for mode, weight in account.modes.items():
+        for kind, rate in transitions(mode, account.learned.is_prior):
+            offers[kind] = offers.get(kind, 0.0) + weight * rate
+    return {kind: math.log(probability) for kind, probability in offers.items()}
 
 
 class Weighing:
-    """Computes the weights of all explanations, one hypothesis after another, the likeliest first."""
+    """Computes the weights of all explanations."""
 
     def __init__(self, reader: EventReader) -> None:
         self._reader = reader
         self._best = -math.inf
         self._all: list[Explanation] = []
 
-    def add(self, hypothesis: Possibility, reading: EventReading, logs: Offers) -> None:
-        """Explain the event by each kind that a hypothesis offers. Raises numpy.linalg.LinAlgError if singular."""
-        moved, priors = self._priors(hypothesis, logs)
-        belief, explanations = hypothesis.learned.belief, dict[Kind, _FoundExplanation]()
+    def add(self, account: Account, reading: EventReading) -> None:
+        """Explain the event by each kind that an account offers. Raises numpy.linalg.LinAlgError if singular."""
+        learned, logs = account.learned, offered(account)
+        moved, priors = self._priors(account, logs)
+        belief, explanations = learned.belief, dict[Kind, _FoundExplanation]()
         likely = scale_densities(belief.mean, belief.covariance)
         likely -= np.logaddexp.reduce(likely)
         for kind, prior in priors.items():
             held = reading.resting.held(prior)
-            offered = likely - scale_densities(held.prior.mean, held.prior.covariance)
-            explanations[kind] = _FoundExplanation(prior, held, offered)
+            by_prior = scale_densities(held.prior.mean, held.prior.covariance)
+            explanations[kind] = _FoundExplanation(prior, held, likely - by_prior)
             explanations[kind].weigh(reading.first, self._reader.limits)
         before = explanations[BEFORE]
 
@@ -187,10 +179,10 @@ class Weighing:
             kind = max(left, key=lambda kind: (kind is BEFORE, kind is not LIFT_LATE, log_of(kind)))
             left.remove(kind)
             explanation = explanations[kind]
-            is_new = hypothesis.learned.is_prior
+            is_new = learned.is_prior
             if kind is LIFT_LATE:  # after those that it looks like: they begin where it is far behind them
                 is_new = self._start_late(reading, explanation, is_new) or is_new
-            self._fit(hypothesis, reading, explanation, math.inf if is_new else log_of(kind) - best_of_all())
+            self._fit(learned, reading, explanation, math.inf if is_new else log_of(kind) - best_of_all())
             if explanation.fit is not None:
                 for other in left:
                     if other is not SHIFTED:  # what is little shows from where nothing has changed
@@ -216,12 +208,12 @@ class Weighing:
                 continue
             self._all.append(
                 Explanation(
-                    hypothesis,
+                    learned,
                     kind,
                     logs[kind] - reading.level + log,
                     reading,
                     explanation.prior,
-                    self._to_learn_from(hypothesis, kind, explanation, reading),
+                    self._to_learn_from(learned, kind, explanation, reading),
                     explanation.scale,
                     explanation.cost,
                     explanation.theta,
@@ -230,9 +222,10 @@ class Weighing:
                 )
             )
 
-    def fit_of(self, hypothesis: Possibility) -> EventFit | None:
-        """The likeliest fit of the event by a hypothesis; None without one."""
-        fitted = [each for each in self._all if each.hypothesis is hypothesis and each.fit is not None]
+    @property
+    def likeliest_fit(self) -> EventFit | None:
+        """The likeliest fit of the event; None without one."""
+        fitted = [each for each in self._all if each.fit is not None]
         return max(fitted, key=lambda each: each.log_weight).fit if fitted else None
 
     def explanations(self) -> list[Explanation]:
@@ -245,25 +238,23 @@ class Weighing:
         order = np.argsort(-weights, kind="stable")
         return [replace(self._all[i], weight=float(weights[i])) for i in order if weights[i] >= c.LIVE]
 
-    def _priors(
-        self, hypothesis: Possibility, kinds: Collection[Kind]
-    ) -> tuple[Moving | None, Mapping[Kind, Belief]]:
+    def _priors(self, account: Account, offers: Mapping[Kind, float]) -> tuple[Moving | None, Mapping[Kind, Belief]]:
         """The belief before the event by kind, and the drift of the wear."""
-        learned, reader = hypothesis.learned, self._reader
+        learned, reader = account.learned, self._reader
         before = learned.belief.drifted(reader.drift)
         if learned.is_prior:
             before = before.narrowed(STATED, c.FILED)
-        priors = {kind: self._widened(before, kind) for kind in kinds if kind.mode.is_good}
+        priors = {kind: self._widened(before, kind) for kind in offers if kind.mode.is_good}
         if QUICK not in priors:
             return None, priors
-        moved = moving(priors[QUICK], reader.drift, hypothesis.velocity)
+        goes_on = account.modes.get(Mode.QUICK, 0.0) * STAYS[Mode.QUICK] / math.exp(offers[QUICK])
+        moved = moving(priors[QUICK], reader.drift, account.velocity, min(goes_on, 1.0))
         return moved, priors | {QUICK: moved.belief}
 
     def _to_learn_from(
-        self, hypothesis: Possibility, kind: Kind, explanation: _FoundExplanation, reading: EventReading
+        self, learned: LearnedInjector, kind: Kind, explanation: _FoundExplanation, reading: EventReading
     ) -> HeldBelief:
         """The prior to learn from: the first event is explained as the files say, and teaches all of theta."""
-        learned = hypothesis.learned
         if not learned.is_prior:
             return explanation.held
         return reading.resting.held(self._widened(learned.belief, kind))
@@ -294,10 +285,10 @@ class Weighing:
         return nearly_white(reading.leaves(alike.theta, alike.fit), reading.cost.temper, reading.healthy)
 
     def _fit(
-        self, hypothesis: Possibility, reading: EventReading, explanation: _FoundExplanation, behind: float
+        self, learned: LearnedInjector, reading: EventReading, explanation: _FoundExplanation, behind: float
     ) -> None:
         """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""
-        first, is_new = explanation.cost, hypothesis.learned.is_prior
+        first, is_new = explanation.cost, learned.is_prior
         far = float((np.abs(explanation.theta - first.theta) / self._reader.limits.longest_step).max())
         falls = first.value - first.expected(explanation.theta)
         if not (far > c.NEAR or falls > c.FALLS or is_new):
@@ -305,5 +296,5 @@ class Weighing:
         if behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0):
             return
         steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
-        fitter = fitter_of(hypothesis, reading, self._reader)
+        fitter = fitter_of(learned, reading, self._reader)
         explanation.fitted(fitter, first, steps, self._reader.limits)

@@ -53,14 +53,13 @@ class LookAlikes:
 
 def look_alikes_in(explained: ExplainedEvent, reader: EventReader) -> LookAlikes:
     """Look-alikes in an event that was explained."""
-    explanation, lead = explained.carried[0]
-    state = _with_range(explained, reader)
+    explanation, state = explained.lead, _with_range(explained, reader)
     if not explanation.is_good or explanation.fit is None:
         return LookAlikes(state, (), begins_anew=False)
     if explained.fault_weight < 0.5:
         state = _followed(state, explained, explanation, reader)
     state, is_disturbed, begins_anew = _with_coil(state, explained, explanation, reader)
-    objections = _objections(state, explained.window, lead.learned, is_disturbed, reader)
+    objections = _objections(state, explained.window, explained.account.learned, is_disturbed, reader)
     return LookAlikes(state, objections, begins_anew)
 
 
@@ -74,8 +73,7 @@ def _with_phase(objection: Objection, explained: ExplainedEvent) -> Objection:
     """An objection to an event that is not explained, with the phase in which that shows."""
     if objection.reason not in UNEXPLAINED or objection.phase is not None:
         return objection
-    explanation, _ = explained.carried[0]
-    reading = explanation.reading
+    explanation, reading = explained.lead, explained.lead.reading
     left = reading.healthy.relative(reading.leaves(explanation.theta, explanation.fit))
     return replace(objection, phase=inadequate_phase(left))
 
@@ -85,9 +83,8 @@ def _with_range(explained: ExplainedEvent, reader: EventReader) -> LearningState
 
     Events in which that showed were at fault by their clipped samples.
     """
-    explanation, _ = explained.carried[0]
-    state, reading = explained.state, explanation.reading
-    sigmas = reading.follows.sigmas_in(explanation.hypothesis.learned)
+    state, explanation, reading = explained.state, explained.lead, explained.lead.reading
+    sigmas = reading.follows.sigmas_in(explanation.before)
     innovations = reading.innovations_at(explanation.theta, explanation.fit)
     outliers = state.outliers.after(explained.window, innovations, sigmas, reader.burn_in)
     range_ends = state.range_ends.after(explained.unmasked, sigmas)
@@ -129,7 +126,7 @@ def _with_coil(
 
     Then what was learned so far was of other line pressures than those that come.
     """
-    reading, learned, fit = explanation.reading, explanation.hypothesis.learned, explanation.fit
+    reading, learned, fit = explanation.reading, explanation.before, explanation.fit
     assert fit is not None
     unaware = replace(reading.follows, offset=None)
     energizing, is_disturbed = state.energizing.after(
@@ -144,7 +141,7 @@ def _with_coil(
     begins_anew = energizing.is_known and not state.energizing.is_known
     state = replace(state, energizing=energizing)
     if begins_anew:
-        believed = explained.carried[0][1].learned
+        believed = explained.account.learned
         believed = replace(
             believed,
             belief=believed.belief.widened(reader.wide),
@@ -152,7 +149,7 @@ def _with_coil(
             colour=None,
             at_rest=RestingNoise(),
         )
-        state = replace(state, account=Account.of(believed))
+        state = replace(state, account=Account(believed))
     return state, is_disturbed, begins_anew
 
 

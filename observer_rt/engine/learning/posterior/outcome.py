@@ -16,9 +16,16 @@ from observer_rt.core.learning.predictor import follow
 from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window, level_of
 from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of
 from observer_rt.engine.learning import constants as c
-from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.hypotheses import BELIEVED, FLOWS, SENSOR_CHANGED, STAYS, UNLIKE_BEFORE, Velocity
+from observer_rt.engine.learning.hypotheses import (
+    BELIEVED,
+    FLOWS,
+    QUICK,
+    SENSOR_CHANGED,
+    STAYS,
+    UNLIKE_BEFORE,
+    Velocity,
+)
 from observer_rt.engine.learning.interval import Resimulation, resimulated
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import UNSEEN, extrapolation_sigma, known_flow
@@ -122,7 +129,7 @@ def shares_of(mass: EventMass, explained: ExplainedEvent, systematic: float) -> 
 
     systematic: share that the model gets wrong of a healthy injector, or far from where it was learned.
     """
-    by_belief = mass.variance(explained.carried[0][1].learned.gated.covariance)
+    by_belief = mass.variance(explained.account.learned.gated.covariance)
     by_stated = by_belief + mass.by_inputs + systematic**2
     moved, mixed = _between(mass, by_belief, explained)
     total = max(by_stated + mixed, c.LEAST_OF_MIXED * by_stated)
@@ -131,7 +138,7 @@ def shares_of(mass: EventMass, explained: ExplainedEvent, systematic: float) -> 
 
 def _between(mass: EventMass, by_belief: float, explained: ExplainedEvent) -> tuple[float, float]:
     """Share by which explanations have another mean than the leading one, and the variance they have beyond its."""
-    good = [(each.weight, one.learned) for each, one in explained.explanations if each.is_good]
+    good = [(each.weight, learned) for each, learned in explained.explanations if each.is_good]
     total = sum(weight for weight, _ in good)
     parts = [(weight / total, learned) for weight, learned in good if weight >= c.LEAST_PART * total]
     moves = [mass.moved_far(learned.theta) for _, learned in parts]
@@ -164,34 +171,33 @@ def verdict_of(
     explained: ExplainedEvent, mass: EventMass, shares: Shares, contradictions: Sequence[Objection], wide: Theta
 ) -> EventVerdict:
     """Verdicts; contradictions: what no theta can hold; wide: standard deviations (m,) of the prior."""
-    lead = explained.carried[0]
-    agree = 0.0
+    lead, learned, agree = explained.lead, explained.account.learned, 0.0
     against: dict[Reason, float] = {}
-    for explanation, hypothesis in explained.explanations:
-        agrees = explanation.is_good and abs(mass.moved(hypothesis.learned.theta)) <= shares.agreement
+    for explanation, after in explained.explanations:
+        agrees = explanation.is_good and abs(mass.moved(after.theta)) <= shares.agreement
         goes_on = 0.0 if explanation.is_good else 1.0 - STAYS[explanation.kind.mode]
         agree += explanation.weight * (agrees or goes_on)
-        is_leading = explanation is lead[0] and explanation.kind.reason is not None
+        is_leading = explanation is lead and explanation.kind.reason is not None
         if not agrees or is_leading:
-            reason = _reason_of(explanation, hypothesis.learned.theta, wide)
+            reason = _reason_of(explanation, after.theta, wide)
             against[reason] = against.get(reason, 0.0) + explanation.weight
     most = (Objection(max(against, key=lambda reason: against[reason], default=Reason.OUTSIDE_LEARNED_RANGE)),)
     forward, own = tuple(contradictions), tuple(contradictions)
-    if agree < c.AGREED or not lead[0].is_good or lead[0].kind in UNLIKE_BEFORE:  # the next one is to confirm it
+    if agree < c.AGREED or not lead.is_good or lead.kind in UNLIKE_BEFORE:  # the next one is to confirm it
         forward += most
     if explained.fault_weight > 1.0 - c.AGREED:
         own += most
     elif c.SURELY * shares.total > c.WRONG:
         own += most if agree < c.AGREED else (Objection(Reason.OUTSIDE_LEARNED_RANGE),)
-    is_change = lead[0].is_good and lead[0].kind not in BELIEVED
-    change = _reason_of(lead[0], lead[1].learned.theta, wide) if is_change else Reason.NONE
+    is_change = lead.is_good and lead.kind not in BELIEVED
+    change = _reason_of(lead, learned.theta, wide) if is_change else Reason.NONE
     return EventVerdict(forward, own, change)
 
 
 def _reason_of(explanation: Explanation, theta: Theta, wide: Theta) -> Reason:
     """Reason of an event that is what an explanation says, after which theta (m,) is believed."""
     if explanation.kind is SENSOR_CHANGED:
-        moved = np.abs(theta - explanation.hypothesis.learned.theta) / wide
+        moved = np.abs(theta - explanation.before.theta) / wide
         is_lag = moved[Parameter.SENSOR_LAG] > moved[Parameter.LINE_PRESSURE_OFFSET]
         return Reason.SENSOR_LAG if is_lag else Reason.PRESSURE_OFFSET
     return explanation.kind.reason or Reason.SUDDEN_CHANGE
@@ -199,8 +205,8 @@ def _reason_of(explanation: Explanation, theta: Theta, wide: Theta) -> Reason:
 
 def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReader) -> Outcome:
     """Outcome of an event that was explained. Raises numpy.linalg.LinAlgError when singular."""
-    explanation, lead = explained.carried[0]
-    learned, setting = lead.learned, explanation.reading.follows.setting
+    explanation, learned, velocity = explained.lead, explained.account.learned, explained.account.velocity
+    setting = explanation.reading.follows.setting
     # before anything was learned the best explanation is carried, though it is not believed
     theta = explanation.theta if learned.is_prior else learned.theta
     covariance = learned.gated.covariance
@@ -208,15 +214,16 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     mass = mass_of(explained.window, setting, theta, again)
     look_alikes = look_alikes_in(explained, reader)
     systematic = math.hypot(
-        reader.healthy.mass_share,
-        UNSEEN * extrapolation_sigma(explained.point, explanation.hypothesis.learned.learned_at),
+        reader.healthy.mass_share, UNSEEN * extrapolation_sigma(explained.point, explanation.before.learned_at)
     )
     shares = shares_of(mass, explained, systematic)
     verdict = verdict_of(explained, mass, shares, look_alikes.objections, reader.wide)
     state, forward = look_alikes.state, named(look_alikes.state, verdict.forward, explained)
     if not look_alikes.begins_anew:
-        state = replace(state, account=Account(tuple(one for _, one in explained.carried)))
-    in_force = theta if lead.velocity is None else _ahead(theta, explanation, lead.velocity, reader)
+        state = replace(state, account=explained.account)
+    in_force = theta
+    if explanation.kind is QUICK and velocity is not None:
+        in_force = _ahead(theta, explanation, velocity, reader)
     by_coil = look_alikes.state.energizing.current.unsure
     covariance = covariance + _apart(explained, mass, shares.agreement) + by_coil
     again = replace(
@@ -247,9 +254,9 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
 def _apart(explained: ExplainedEvent, mass: EventMass, within: float) -> NDArray[np.float64]:
     """Covariance (m, m) by hypotheses that agree on the mass with another theta."""
     total = np.zeros((mass.theta.size, mass.theta.size))
-    for explanation, belief in explained.explanations:
-        away = belief.learned.theta - mass.theta
-        if explanation.is_good and abs(mass.moved(belief.learned.theta)) <= within:
+    for explanation, learned in explained.explanations:
+        away = learned.theta - mass.theta
+        if explanation.is_good and abs(mass.moved(learned.theta)) <= within:
             total += explanation.weight * np.outer(away, away)
     return total
 

@@ -29,8 +29,7 @@ from observer_rt.engine.estimation.scalars import (
     with_gain,
 )
 from observer_rt.engine.learning.adequacy import BURN_IN, CLIP, tempering
-from observer_rt.engine.learning.constants import NEAR
-from observer_rt.engine.learning.disturbances.colour import LAGS, SEGMENT, is_same
+from observer_rt.engine.learning.disturbances.colour import LAGS, SEGMENT
 from observer_rt.engine.learning.disturbances.masks import Sigmas, mask_of
 from observer_rt.engine.learning.fitting import EventFit, Limits, at_fault
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
@@ -279,11 +278,6 @@ class EventReading:
     def level(self) -> float:
         """Nats that the noise level adds: it differs from colour to colour, and densities must share one unit."""
         return self.cost.terms * math.log(self.cost.sigma) / self.cost.temper
-
-    def is_near(self, learned: LearnedInjector, longest_step: Theta) -> bool:
-        """Whether the linearisation also serves another belief; longest_step (m,): up to which slopes hold."""
-        away = np.abs(learned.theta - self.learned.theta)
-        return is_same(learned.colour, self.learned.colour) and bool(np.all(away <= NEAR * longest_step))
 
     def innovations_at(self, theta: Theta, fit: EventFit | None) -> NDArray[np.float64]:
         """Innovations (n,) at theta (m,): those of its fit, to first order without one."""

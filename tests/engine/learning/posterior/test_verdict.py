@@ -7,7 +7,8 @@ import pytest
 
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
-from observer_rt.engine.learning.hypotheses import BEFORE, Possibility
+from observer_rt.engine.learning.account import Account
+from observer_rt.engine.learning.hypotheses import BEFORE
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
@@ -31,9 +32,8 @@ NONE: Any = None
 def test_a_mass_is_valid_that_is_known_to_three_percent(shares: Shares, reasons: list[Reason]) -> None:
     by_nozzle = np.eye(WIDE.size)[Parameter.NOZZLE_BIAS]
     mass = EventMass(NONE, NONE, NEW.theta, 1e-8, by_nozzle, 0.0, 1)
-    so = Possibility(0.0, NEW)
-    explanation = Explanation(so, BEFORE, 0.0, NONE, NONE, NONE, NONE, NONE, NEW.theta, None, None, 1.0)
-    explained = ExplainedEvent(NONE, NONE, NONE, NONE, NONE, *[[(explanation, so)]] * 2)
+    explanation = Explanation(NEW, BEFORE, 0.0, NONE, NONE, NONE, NONE, NONE, NEW.theta, None, None, 1.0)
+    explained = ExplainedEvent(NONE, NONE, NONE, NONE, NONE, [(explanation, NEW)], explanation, Account(NEW))
     verdict = verdict_of(explained, mass, shares, (), WIDE)
     assert [objection.reason for objection in verdict.own] == reasons
     assert not verdict.forward

@@ -26,7 +26,7 @@ _ROUNDS = 10  # in which the factor settles
 
 @dataclass(frozen=True, eq=False)
 class Account:
-    """What is believed, and the probabilities of the modes in which it may go on; velocity of wear that moves on."""
+    """The belief, and the probabilities of the modes in which it goes on; velocity of wear that moves on."""
 
     learned: LearnedInjector
     modes: Mapping[Mode, float] = field(default_factory=lambda: {Mode.STEADY: 1.0})

@@ -49,11 +49,11 @@ class LearningState:
 
     @property
     def learned(self) -> LearnedInjector:
-        """What is believed of the injector."""
+        """The belief about injector and noise."""
         return self.account.learned
 
     def map(self, change: Callable[[LearnedInjector], LearnedInjector]) -> "LearningState":
-        """State after a change of what is believed."""
+        """State after a change of the belief."""
         return replace(self, account=replace(self.account, learned=change(self.learned)))
 
     def begun(self, interval: float, overdispersion: float) -> "LearningState":

@@ -28,12 +28,16 @@ _RAILS = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)  # p_0, middles of the bins of 
 FULL = 0.95  # p_S over p_L of a sac that is full
 _LONG = 0.8  # the same, mean of a long injection
 NEAR = 0.5 * REACH[0]  # p_0 of rail pressure, within which an event shows the flow
-_SHOWN = 0.95  # of the time it is open; then its needle falls
+FULL_LIFT = 0.9  # of the widest seat area, below which a needle falls
+LONGER = 30e-6  # s, by which events of one operating point differ
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
 
 
 class EventPoint(NamedTuple):
-    """Operating point: rail pressure [p_0] at the opening, logarithm of the longest one's time [s], widest area."""
+    """Operating point: rail pressure [p_0] at the opening, widest area, logarithm of the time [s] the needle is up.
+
+    Until it falls, and in the longest opening.
+    """
 
     rail_pressure: float
     open_time: float
@@ -44,8 +48,11 @@ def operating_point(window: Window, interval: float) -> EventPoint:
     """Operating point of an event; interval of its samples [s]."""
     area = window.inputs[:, 1]
     shut = np.flatnonzero(np.concatenate(([True], area <= 0.0, [True])))
-    longest = max(int(np.diff(shut).max()) - 1, 1)
-    return EventPoint(float(window.inputs[window.opening, 0]), math.log(longest * interval), float(np.max(area)))
+    longest = int(np.argmax(np.diff(shut)))
+    opened = np.maximum(area[shut[longest] : max(shut[longest + 1] - 1, 1)], 0.0)
+    widest = float(np.max(opened))
+    up = int(np.flatnonzero(opened >= FULL_LIFT * widest)[-1]) + 1
+    return EventPoint(float(window.inputs[window.opening, 0]), math.log(up * interval), widest)
 
 
 def extrapolation_sigma(point: EventPoint, learned_at: Sequence[EventPoint]) -> float:
@@ -118,7 +125,7 @@ def known_flow(
         return NOWHERE
     fullness = max(filled, _LONG) if sigma(1.0) <= enough(filled) else filled
     is_near = np.array([np.abs(_RAILS - each.rail_pressure) <= NEAR for each in learned_at])
-    shown = _SHOWN * np.exp([each.open_time for each in learned_at])
+    shown = np.exp([each.open_time for each in learned_at]) + LONGER
     until = np.where(is_near, shown[:, None], 0.0).max(axis=0)
     own_bin = min(int(point.rail_pressure / RAIL_BIN), RAIL_BINS - 1)
     until[own_bin] = max(until[own_bin], shown[-1])

@@ -28,9 +28,8 @@ def run(name: str, folder: Path) -> Any:
     """A notebook with what its cells show in the end. Raises CellExecutionError for a cell that fails."""
     notebook = kept(name)
     NotebookClient(notebook, timeout=900, record_timing=False, resources={"metadata": {"path": folder}}).execute()
-    for cell in notebook.cells:
-        if cell.cell_type == "code":
-            cell.outputs = [each for each in cell.outputs if not PROGRESS.search(texts([each]))]
+    for cell in (each for each in notebook.cells if each.cell_type == "code"):
+        cell.outputs = [each for each in cell.outputs if not PROGRESS.search(texts([each]))]
     return notebook
 
 

@@ -13,6 +13,7 @@ from observer_rt.engine.estimation.predictor import InputVariance, OpenLoop
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_range import (
+    LONGER,
     NEAR,
     NOWHERE,
     REACH,
@@ -91,7 +92,7 @@ def test_a_flow_known_well_is_known_where_an_event_was_open_for_as_long() -> Non
     expected = np.zeros(RAIL_BINS)
     for point in points:
         is_near = np.abs(middles - point.rail_pressure) <= NEAR
-        expected[is_near] = np.maximum(expected[is_near], 0.95 * math.exp(point.open_time))
+        expected[is_near] = np.maximum(expected[is_near], math.exp(point.open_time) + LONGER)
     assert np.array(result.until) == pytest.approx(expected)
     assert 1.35 - NEAR - RAIL_BIN < result.rail_from < 1.35 < result.rail_to < 1.35 + NEAR + RAIL_BIN
 

@@ -156,7 +156,7 @@ def test_the_first_injection_is_followed(laws: Laws, faults: Faults) -> None:
         assert abs(by_filters / true - 1.0) < abs(by_model / true - 1.0)
 
 
-@pytest.mark.parametrize("share", [0.05, 0.1])
+@pytest.mark.parametrize("share", [-0.1, 0.05, 0.1])
 @pytest.mark.parametrize("times", [1, 2])
 def test_no_rate_is_valid_and_wrong_at_a_new_combination_of_known_points(share: float, times: int) -> None:
     """A nozzle by the product of two laws, of rail pressure and time, so that no sum of curves holds it."""
@@ -175,7 +175,7 @@ def test_no_rate_is_valid_and_wrong_at_a_new_combination_of_known_points(share: 
     ("points", "shares"),
     [
         (((50e6, 1.4e-3),) * 4 + ((150e6, 1.4e-3),) * 4, (0.9, 0.0, 0.9)),
-        (((100e6, 0.25e-3),) * 4 + ((100e6, 1.4e-3),) * 4, (1.0, 0.3, 0.9)),
+        (((100e6, 0.25e-3),) * 4 + ((100e6, 1.4e-3),) * 4, (1.0, 0.15, 0.9)),
     ],
     ids=["another rail pressure", "longer"],
 )

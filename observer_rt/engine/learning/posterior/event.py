@@ -45,7 +45,7 @@ class Noise(NamedTuple):
 
 
 Continued = tuple[Explanation, LearnedInjector]
-"""An explanation of an event, and what is believed after it."""
+"""An explanation of an event, and the belief after it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class Believing:
     _noises: dict[tuple[int, int], Noise] = field(default_factory=dict)
 
     def after(self, explanation: Explanation) -> LearnedInjector:
-        """What is believed after an explanation. Raises numpy.linalg.LinAlgError when singular."""
+        """The belief after an explanation. Raises numpy.linalg.LinAlgError when singular."""
         learned = explanation.before
         if explanation.is_good:
             return self._learned(explanation)
@@ -129,8 +129,9 @@ def account_after(continued: Sequence[Continued]) -> tuple[Explanation, Account]
     kept = [each for each in continued if is_one(best, each)]
     lead, learned = next((each for each in kept if each[0].is_good), kept[0])
     total, modes = sum(each.weight for each, _ in kept), dict[Mode, float]()
-    for each, _ in kept:
-        modes[each.kind.mode] = modes.get(each.kind.mode, 0.0) + each.weight / total
+    for explanation, _ in kept:
+        mode = explanation.kind.mode
+        modes[mode] = modes.get(mode, 0.0) + explanation.weight / total
     moving = next((each.moving for each, _ in kept if each.moving is not None), None)
     return lead, Account(learned, modes, None if moving is None else moving.after(learned.belief))
 
@@ -191,7 +192,7 @@ class _Reads:
         self.weighing = Weighing(reader)
 
     def weigh(self, learned: LearnedInjector) -> None:
-        """Explain the event by what is believed, where finite. Raises numpy.linalg.LinAlgError when singular."""
+        """Explain the event by a belief, where that is finite. Raises numpy.linalg.LinAlgError when singular."""
         reading = self._read(learned)
         if not np.isfinite(reading.first.value):
             return
@@ -214,7 +215,7 @@ class _Reads:
             self.weigh(replace(learned, colour=colour, theta=fit.linearisation.theta))
 
     def _read(self, learned: LearnedInjector) -> EventReading:
-        """Reads the event round what is believed."""
+        """Reads the event round a belief."""
         state, event, reader, offset = self.state, self._event, self._reader, self._offset
         schedule = reader.gains(learned.theta, state.noise, event.constants)
         follows = Follows(

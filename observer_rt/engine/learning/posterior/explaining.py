@@ -133,7 +133,7 @@ class _FoundExplanation:
 
 
 def fitter_of(before: LearnedInjector, reading: EventReading, reader: EventReader) -> EventFitter:
-    """The fitter of an event that starts from what is believed."""
+    """The fitter of an event that starts from a belief."""
     return EventFitter(reading.cost, before.active, reader.limits)
 
 

@@ -57,13 +57,13 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
             sigma=float(random.uniform(5e-4, 2e-3)),
         ),
     )
+    velocity = Velocity(np.ones(2), np.ones((PARAMETERS, 2)), np.eye(2))
     state = LearningState(
-        account=Account(
-            learned, {Mode.QUICK: 0.9, Mode.PASSING: 0.1}, Velocity(np.ones(2), np.ones((PARAMETERS, 2)), np.eye(2))
-        ),
+        account=Account(learned, {Mode.QUICK: 0.9, Mode.PASSING: 0.1}, velocity),
         noise=noise,
         events=events,
         interval=1e-5,
+        changes=1.5,
         slow_rail=SlowRail(1.0, 2.0),
         jitter=TimeJitter(np.arange(5.0), 0.04),
         outliers=OutlierSearch((((3, 0.9),),), ((5, 6),)),

@@ -17,6 +17,10 @@ NOT_AS_FILED = 1 / 20  # line, lag of a sensor, delay of the lift, each by itsel
 FAULT_BEGINS, FAULT_STAYS = 1 / 100, 0.5  # of an event
 INADEQUATE_BEGINS, INADEQUATE_STAYS = 1 / 1000, 0.9  # of the model
 
+# From so many changes of the flow on, each older event counting for so much, it is a law that no event teaches; M:
+# three among ten events, where a nozzle goes by rail pressure times time; one jump is one.
+OFTEN, CHANGES_REMEMBERED = 2.0, 0.9
+
 # How far theta may have moved.
 QUICKER = 8.0  # usual drifts an event, of quick wear beside its velocity; M
 SPEED, TURNS = 6.0, 0.5  # usual drifts an event: prior of the velocity, and its own change; M

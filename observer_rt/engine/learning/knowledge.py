@@ -38,6 +38,7 @@ class LearningState:
     noise: NoiseLevels
     events: Count = 0  # learned from
     interval: float = 0.0  # of the samples [s]; 0 before the first event
+    changes: float = 0.0  # of the flow, older ones counting less
     slow_rail: SlowRail = field(default_factory=SlowRail)
     jitter: TimeJitter = field(default_factory=TimeJitter)
     outliers: OutlierSearch = field(default_factory=OutlierSearch)

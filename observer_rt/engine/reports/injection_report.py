@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, ShownIndicator
+from observer_rt.engine.learning.constants import OFTEN
 from observer_rt.engine.learning.indicators import Indicators, indicators_of
 from observer_rt.engine.learning.interval import VolumeBudget, corrected_rate, rate_sigma, volume_budget, volume_in
 from observer_rt.engine.learning.knowledge import EventRecord
@@ -63,7 +64,7 @@ class InjectionReport:
     `commanded`: None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which
     the flow was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty
     where nothing was learned from it. calibration: of the level; budget: of the volume's uncertainty, where its
-    event was learned from.
+    event was learned from. recurs: the flow has changed in some of the events before, too.
     """
 
     number: int
@@ -93,6 +94,7 @@ class InjectionReport:
     posterior: Sequence[tuple[str, float]] = ()
     calibration: StatedAccuracy = EXACT
     budget: VolumeBudget | None = None
+    recurs: bool = False
 
     @property
     def posterior_text(self) -> str:
@@ -133,7 +135,8 @@ class InjectionReport:
             return ""
         side = "above" if self.remainder > 0.0 else "below"
         reference = "what was learned" if self.phi_version else "the model"
-        return f"flow {100.0 * abs(self.remainder):.0f} % {side} {reference}"
+        again = "; it changes again and again, so run discover" if self.recurs else ""
+        return f"flow {100.0 * abs(self.remainder):.0f} % {side} {reference}{again}"
 
     def without_courses(self) -> "InjectionReport":
         """This report without the courses of rates over its window, which take most of its memory."""
@@ -221,6 +224,7 @@ def report_of(
         posterior=outcome.posterior if belongs and outcome is not None else (),
         calibration=judged.fuel.constants.calibration,
         budget=budget,
+        recurs=outcome is not None and outcome.knowledge.state.changes > OFTEN,
     )
 
 

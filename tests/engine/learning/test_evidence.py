@@ -13,7 +13,7 @@ from observer_rt.engine.estimation.phases import PHASES, Phase, phase_statistics
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.learning.adequacy import CLIP
 from observer_rt.engine.learning.constants import BEYOND
-from observer_rt.engine.learning.fitting import Evidence, Limits, at_fault, evidence_of, nearly_white
+from observer_rt.engine.learning.fitting import Limits, at_fault, evidence_of, nearly_white
 from observer_rt.engine.learning.healthy import NOT_FITTED
 
 FAR = np.full(2, 1e3)
@@ -34,10 +34,6 @@ def parabola(entries: list[float]) -> Linearisation:
 def prior(mean: list[float], sigma: list[float], correlation: float) -> Belief:
     covariance = np.outer(sigma, sigma) * np.array([[1.0, correlation], [correlation, 1.0]])
     return prior_belief(np.array(mean), covariance)
-
-
-def evidence(cost: Linearisation, belief: Belief, limits: Limits) -> Evidence:
-    return evidence_of(cost, belief, limits)
 
 
 def integral(cost: Linearisation, belief: Belief) -> tuple[float, NDArray[np.float64]]:
@@ -62,7 +58,7 @@ def integral(cost: Linearisation, belief: Belief) -> tuple[float, NDArray[np.flo
 )
 def test_it_is_the_integral(entries: list[float], mean: list[float], sigma: list[float], correlation: float) -> None:
     cost, belief = parabola(entries), prior(mean, sigma, correlation)
-    result, (log, theta) = evidence(cost, belief, ANYWHERE), integral(cost, belief)
+    result, (log, theta) = evidence_of(cost, belief, ANYWHERE), integral(cost, belief)
     assert result.log == pytest.approx(log, abs=1e-3)
     np.testing.assert_allclose(result.theta, theta, atol=1e-3)
 
@@ -70,7 +66,7 @@ def test_it_is_the_integral(entries: list[float], mean: list[float], sigma: list
 def test_a_prior_pays_for_its_width() -> None:
     """Where the event says nothing that the narrow one does not say as well."""
     cost = Linearisation(np.zeros(2), 0.0, np.zeros(2), 100.0 * np.eye(2))
-    narrow, wide = (evidence(cost, prior([0.0, 0.0], [s, s], 0.0), ANYWHERE).log for s in (0.1, 1.0))
+    narrow, wide = (evidence_of(cost, prior([0.0, 0.0], [s, s], 0.0), ANYWHERE).log for s in (0.1, 1.0))
     assert narrow - wide == pytest.approx(math.log(101.0 / 2.0), rel=1e-6)
 
 
@@ -82,7 +78,7 @@ def test_a_prior_pays_for_its_width() -> None:
 def test_of_what_lies_beyond_little_is_believed(limits: Limits) -> None:
     cost = Linearisation(np.zeros(2), 50.0, np.array([-40.0, 0.0]), 20.0 * np.eye(2))
     belief = prior([0.0, 0.0], [1.0, 1.0], 0.0)
-    result, free = evidence(cost, belief, limits), evidence(cost, belief, ANYWHERE)
+    result, free = evidence_of(cost, belief, limits), evidence_of(cost, belief, ANYWHERE)
     reached = np.clip(free.theta / max(1.0, float(np.max(free.theta / limits.longest_step))), None, limits.highest)
     total = cost.expected(reached) + 0.5 * float(reached @ reached)
     price = free.log + cost.expected(free.theta) + 0.5 * float(free.theta @ free.theta)

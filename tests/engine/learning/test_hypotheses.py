@@ -39,12 +39,9 @@ def test_it_moves_its_columns_and_no_other(kind: Kind) -> None:
     assert kind is LIFT_LATE or np.all(widths <= WIDE)
 
 
-def test_every_column_may_change() -> None:
-    assert {column for kind in NEW for column in kind.columns} == set(range(SCALARS.width))
-
-
-def test_names_tell_them_apart() -> None:
+def test_every_column_may_change_by_a_kind_of_its_own_name() -> None:
     assert len({kind.name for kind in HYPOTHESES}) == len(HYPOTHESES)
+    assert {column for kind in NEW for column in kind.columns} == set(range(SCALARS.width))
 
 
 def test_a_surer_belief_is_not_alike() -> None:

@@ -1,6 +1,7 @@
 """An injection that what was learned does not reach, or not tell: its line says by how much, and what would help."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from observer_rt.engine.stream.state import Reason
 from tests.daemon.samples import PRESSURE_SCALE, some_report
 from tests.engine.learning.worn_injector import worn_bench
 from tests.observed_plants import observed
+from tests.plants.laws import NO_LAWS, Laws
 
 
 @pytest.mark.parametrize(
@@ -52,12 +54,14 @@ def test_how_far_its_flow_is_from_what_was_learned(share: float, sigma: float, v
     assert report.remainder == pytest.approx(share, nan_ok=True)
     assert report.remainder_text == text
     assert f" valid{text and f', {text}'}, command" in line(report)
+    assert some_report(predicted_mass=20e-6, budget=None).remainder_text == ""
 
 
-def test_without_an_interval_nothing_is_known_of_its_remainder() -> None:
-    report = some_report(predicted_mass=20e-6, budget=None)
-    assert math.isnan(report.remainder)
-    assert report.remainder_text == ""
+@pytest.mark.parametrize(("laws", "is_said"), [(Laws(rail_and_time=0.1), True), (NO_LAWS, False)])
+def test_a_law_that_no_event_teaches_is_one_for_discover(laws: Laws, is_said: bool) -> None:
+    bench = worn_bench((60e6, 100e6, 140e6) * 6, ((0.6e-3,) * 3 + (1.9e-3,) * 3) * 3, 5)
+    said = ["run discover" in each.remainder_text for each in observed(replace(bench, laws=laws)).reports]
+    assert (any(said[:6]), any(said[6:])) == (False, is_said)
 
 
 def test_it_is_known_on_both_sides_of_the_rail_pressure_learned_at() -> None:

@@ -220,7 +220,9 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     verdict = verdict_of(explained, mass, shares, look_alikes.objections, reader.wide)
     state, forward = look_alikes.state, named(look_alikes.state, verdict.forward, explained)
     if not look_alikes.begins_anew:
-        state = replace(state, account=explained.account)
+        changed = sum(each.weight for each, _ in explained.explanations if each.kind in UNLIKE_BEFORE)
+        changes = c.CHANGES_REMEMBERED * state.changes + changed
+        state = replace(state, account=explained.account, changes=changes)
     in_force = theta
     if explanation.kind is QUICK and velocity is not None:
         in_force = _ahead(theta, explanation, velocity, reader)

@@ -146,10 +146,6 @@ class EventCost:
         """(n, m) of the innovations, and with the colour of the noise, where J was last linearised."""
         self.unfiltered = self.innovations = NO_RATE
 
-    def beyond_noise(self, value: float) -> float:
-        """chi2 of the innovations beyond that of noise, where J is `value`."""
-        return 2.0 * self.temper * value - self.terms
-
     @property
     def terms(self) -> int:
         """Number of squares that J sums."""

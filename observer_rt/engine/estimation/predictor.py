@@ -51,12 +51,16 @@ class Window(NamedTuple):
         """The window with its lift so many samples earlier, on straight lines between samples and knots."""
         if samples == 0.0:
             return self
-        count, area = self.inputs.shape[0], self.inputs[:, 1]
-        places = np.arange(count, dtype=np.float64)
+        count, moved = self.inputs.shape[0], self.inputs[:, 1].copy()
         bent = np.flatnonzero(self.knots[:, 0])
         bends, bent_areas = bent + self.knots[bent, 0], self.knots[bent, 1]
-        order = np.argsort(np.append(places, bends), kind="stable")
-        moved = np.interp(places + samples, np.append(places, bends)[order], np.append(area, bent_areas)[order])
+        is_open, margin = np.append(np.flatnonzero(moved), bent), math.ceil(abs(samples)) + 1
+        if is_open.size:  # beyond, all is 0
+            near = slice(max(int(is_open.min()) - margin, 0), int(is_open.max()) + margin + 1)
+            places = np.arange(count, dtype=np.float64)[near]
+            at, area = np.append(places, bends), np.append(moved[near], bent_areas)
+            order = np.argsort(at, kind="stable")
+            moved[near] = np.interp(places + samples, at[order], area[order])
         knots, before = np.zeros_like(self.knots), np.floor(bends - samples).astype(np.int64)
         within = (before >= 0) & (before < count)
         knots[before[within]] = np.column_stack((bends - samples - before, bent_areas))[within]

@@ -58,10 +58,9 @@ def theta_limits(c: Coefficients) -> Limits:
 
 @dataclass(frozen=True)
 class EventFit:
-    """One event fitted: the active columns, the cost round the estimate, its prior.
+    """One event fitted: the active columns, and the cost round the estimate.
 
-    innovations: at the estimate (n,), unfiltered: with the colour of the noise; slopes: where it was last linearised
-    (n, m).
+    innovations: at the estimate (n,); unfiltered: with the noise's colour; slopes (n, m): where last linearised.
     """
 
     active: frozenset[int]
@@ -69,7 +68,6 @@ class EventFit:
     innovations: NDArray[np.float64]
     unfiltered: NDArray[np.float64]
     slopes: NDArray[np.float64]
-    prior: Belief
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,7 @@ class EventFitter:
             if abs(before - here_total) < TOLERANCE:
                 break
         cost = self.cost
-        return EventFit(active, here, cost.innovations, cost.unfiltered, cost.slopes, prior)
+        return EventFit(active, here, cost.innovations, cost.unfiltered, cost.slopes)
 
     def _within_reach(self, here: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """The target, or the point towards it up to which the slopes hold; within bounds."""

@@ -76,7 +76,7 @@ def test_chi2_beyond_noise_is_that_of_the_innovations_however_much_they_are_temp
 ) -> None:
     window = simulated_event(nominal, HEALTHY, event_inputs(), seed=3)
     cost = EventCost(window, nominal.setting, SIGMA, BURN_IN, temper=temper)
-    beyond = cost.beyond_noise(cost.value(HEALTHY))
+    beyond = 2.0 * temper * cost.value(HEALTHY) - cost.terms
     z = innovations_at(nominal, window, HEALTHY)[BURN_IN:] / SIGMA
     assert cost.terms == z.size
     assert beyond == pytest.approx(z @ z - z.size, rel=1e-9)

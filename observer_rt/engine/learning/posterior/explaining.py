@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
-from observer_rt.engine.estimation.scalars import Parameter, Theta
+from observer_rt.engine.estimation.scalars import WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
@@ -163,8 +163,11 @@ class Weighing:
         likely -= np.logaddexp.reduce(likely)
         for kind, prior in priors.items():
             held = reading.resting.held(prior)
-            by_prior = scale_densities(held.prior.mean, held.prior.covariance)
-            explanations[kind] = _FoundExplanation(prior, held, likely - by_prior)
+            if explanations and held.column is None and WEIGHTS[0] not in kind.columns:
+                scales = explanations[BEFORE].offered  # the first one, with the same prior of the weights
+            else:
+                scales = likely - scale_densities(held.prior.mean, held.prior.covariance)
+            explanations[kind] = _FoundExplanation(prior, held, scales)
             explanations[kind].weigh(reading.first, self._reader.limits)
         before = explanations[BEFORE]
 

@@ -72,6 +72,8 @@ def _array(text: str) -> NDArray[np.float64]:
     if kind != _ROOT:
         return values.reshape(shape)
     size = shape[-1]
+    if shape[-2:] != (size, size):
+        raise ValueError("a root is not square")
     lower = values.reshape(*shape[:-2], size * (size + 1) // 2)  # before a matrix of any size is made
     root = np.zeros(shape)
     root[..., *np.tril_indices(size)] = lower

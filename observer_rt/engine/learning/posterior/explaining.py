@@ -103,11 +103,6 @@ class _FoundExplanation:
     theta: Theta = field(init=False)
     fit: EventFit | None = None
 
-    @property
-    def likeliest(self) -> Belief:
-        """The prior at the likeliest scale."""
-        return at_scale(self.held.prior, NOISE[self.scale])
-
     def weigh(self, cost: Linearisation, limits: Limits) -> None:
         """Evidence by a cost as it is linearised, over all scales."""
         by_whole = evidence_of(cost, self.held.prior, limits)
@@ -123,7 +118,7 @@ class _FoundExplanation:
         """
         for _ in range(c.SCALE_FITS):
             scale = self.scale
-            self.fit = fitter.fit(start, self.likeliest, steps)
+            self.fit = fitter.fit(start, at_scale(self.held.prior, NOISE[scale]), steps)
             start = self.fit.linearisation
             self.weigh(start, limits)
             if self.scale == scale:

@@ -297,7 +297,7 @@ cdef void _mend_open_lift(Observer* observer, int64_t position) noexcept nogil:
         first = position - 1 - width
         before = _lift(observer, first - 1)
         if min(before, after) < memory.dead_band.lift_on:
-            return
+            continue
         slope = (after - before) / (width + 1)
         noise = observer.channels[LIFT].noise
         close = STRAIGHT * noise

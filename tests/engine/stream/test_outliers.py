@@ -224,7 +224,7 @@ def test_a_needle_that_moved_while_its_lift_was_held_makes_its_event_not_valid()
     assert not (rows["reason"][4530:4600] == Reason.INPUT_FROZEN).any()
 
 
-@pytest.mark.parametrize("height", [6e-6, -6e-6])
+@pytest.mark.parametrize("height", [6e-6, -6e-6, -300e-6])
 @pytest.mark.parametrize("at", [4510, 4700])
 def test_a_spike_of_an_open_lift_is_replaced_on_its_ramp_and_at_the_stop(at: int, height: float) -> None:
     clean, spiked = signals(), signals()

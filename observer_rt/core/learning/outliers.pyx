@@ -1,12 +1,9 @@
-"""Finds outliers in an event: leaps, spikes, a held signal, bursts of noise, and values at the end of a range."""
+"""Finds outliers in an event: a held signal, bursts of noise, and values at the end of a range."""
 
 from libc.math cimport INFINITY, NAN, fabs, sqrt
 from libc.stdint cimport int64_t
 
 from numpy import empty, zeros
-
-# Spikes.
-cdef int64_t MOST_SHARP = 3  # samples: width of the widest spike
 
 # Stretches over which a signal was held.
 cdef int64_t SHORTEST = 8, LONGEST = 64  # samples
@@ -33,22 +30,6 @@ cdef int64_t FEWEST = 6  # samples at a level, below which nothing is concluded
 cdef double MOVING = 10.0  # standard deviations that the signal must span: at rest it reaches no end
 
 globals().update(BETTER=BETTER, LENGTH=LENGTH, AT_LEVEL=AT_LEVEL, FEWEST=FEWEST)
-
-
-def largest_of(const double[:] innovations, int64_t first) -> tuple[float, float]:
-    """Largest leap of innovations (n,), and largest mean of up to MOST_SHARP times the root of their number."""
-    cdef int64_t n = innovations.shape[0], k, width
-    cdef double leap = 0.0, mean = 0.0
-    cdef double[::1] total = zeros(n + 1)
-    with nogil:
-        for k in range(max(first, <int64_t> 0), n):
-            total[k + 1] = total[k] + innovations[k]
-            if k + 1 < n:
-                leap = max(leap, fabs(innovations[k + 1] - innovations[k]))
-            for width in range(1, MOST_SHARP + 1):
-                if k + 1 - first >= width:
-                    mean = max(mean, fabs(total[k + 1] - total[k + 1 - width]) / sqrt(<double> width))
-    return leap, mean
 
 
 cdef struct Sums:

@@ -7,24 +7,16 @@ what the injector does; and of many in one event the model is to blame.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.outliers import LENGTH, find_held, find_loud, largest_of
+from observer_rt.core.learning.outliers import LENGTH, find_held, find_loud
 from observer_rt.engine.estimation.predictor import Window
 
 GAUSSIAN = 1.4826  # standard deviation over the median of the sizes
 FEWEST = 16  # samples that tell a level
 
-LEAP = 8.0  # standard deviations of the innovations from one sample to the next
-WIDEST_SPIKE = 8  # samples
-SHARP = 5.5  # standard deviations of the mean of a spike that leaps less: of noise one in 10,000 events
-SHARP_WIDTHS = (1, 2, 3)  # samples of it
-BESIDE = 5  # samples before it, and after it
-NO_SPIKE = 3.0  # standard deviations of their mean: a wrong model leaves more than three samples
-MOST_SPIKES = 12  # in an event
 BEYOND = 3.0  # standard deviations, within which a value counts as the highest or lowest
 DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
 MOST = 0.35  # share of an event in bursts, beyond which its noise is just not known
@@ -75,51 +67,6 @@ def median(values: NDArray[np.float64]) -> float:
 def mask_of(window: Window) -> NDArray[np.bool_]:
     """Samples of a window (n,) that do not count."""
     return window.masked if len(window.masked) else np.zeros(len(window.output), np.bool_)
-
-
-def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
-    """Samples [start, end) of innovations (n,), from `first` on, that leap away and soon back."""
-    if largest_of(innovations, first)[0] <= LEAP * sigma:
-        return []
-    steps = np.diff(innovations)
-    leaps = [int(k) for k in np.flatnonzero(np.abs(steps) > LEAP * sigma) if k >= first]
-    spikes: list[tuple[int, int]] = []
-    for leap, back in pairwise(leaps):
-        is_apart = not spikes or leap >= spikes[-1][1]
-        if is_apart and back - leap <= WIDEST_SPIKE and steps[leap] * steps[back] < 0.0:
-            spikes.append((leap + 1, back + 1))
-    return spikes
-
-
-def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
-    """Finds spikes below the leap test, by comparison with their neighbours: [start, end) each.
-
-    Where the innovations are larger than they should be, so must be the spikes. Of many the model is to blame.
-    """
-    if largest_of(innovations, first)[1] < SHARP * sigma:  # nor is anything sharp by a larger one
-        return []
-    counted = innovations[first:]
-    sigma = max(sigma, robust_sigma(counted))
-    counted = counted / sigma
-    left, spikes = counted.copy(), list[tuple[int, int]]()
-    for _ in range(MOST_SPIKES + 1):
-        total = np.concatenate(([0.0], np.cumsum(left)))
-        deviates = {width: _spread((total[width:] - total[:-width]) / np.sqrt(width)) for width in SHARP_WIDTHS}
-        width = max(SHARP_WIDTHS, key=lambda width: float(np.max(np.abs(deviates[width]))))
-        start = int(np.argmax(np.abs(deviates[width])))
-        height, end = float(deviates[width][start]), start + width
-        if abs(height) < SHARP:
-            return spikes
-        neighbours = np.concatenate((counted[max(start - BESIDE, 0) : start], counted[end : end + BESIDE]))
-        if np.sign(height) * neighbours.sum() < NO_SPIKE * np.sqrt(neighbours.size):
-            spikes.append((first + start, first + end))
-        left[start:end] = 0.0
-    return []
-
-
-def _spread(deviates: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Deviates by what most of them are, if that is more than 1: the sums of coloured noise are larger."""
-    return deviates / max(1.0, robust_sigma(deviates))
 
 
 @dataclass(frozen=True)
@@ -189,11 +136,6 @@ class OutlierSearch:
         for burst in bursts_of(window.output, sigmas.noise):
             if not self._is_usual(burst, window.opening):
                 mask[burst.start : burst.end] = True
-        for spikes_in in (spikes_of, sharp_spikes_of):
-            spikes = spikes_in(np.where(mask, 0.0, innovations), sigmas.innovation, first)
-            if len(spikes) <= MOST_SPIKES:
-                for start, end in spikes:
-                    mask[start:end] = True
         return mask if (mask & ~before).any() else None
 
     def after(self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> "OutlierSearch":

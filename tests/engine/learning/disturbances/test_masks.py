@@ -1,4 +1,4 @@
-"""Stretches and spikes that only the model shows, and signals that only look like them."""
+"""Stretches that only the model shows, and signals that only look like them."""
 
 import numpy as np
 import pytest
@@ -95,14 +95,9 @@ def test_two_stretches_of_half_a_millisecond_are_two() -> None:
 
 
 def test_of_a_noise_louder_than_known_nothing_is_masked() -> None:
-    """By its level as it is, not as it is believed: ten times louder it would be full of spikes and stretches."""
+    """By its level as it is, not as it is believed: ten times louder it would be full of stretches."""
     random = np.random.default_rng(3)
     for _ in range(20):
         innovations = np.convolve(random.normal(size=COUNT + 3), np.ones(4), "valid") * 5.0 * SIGMAS.innovation
         window = window_of(truth() + innovations)._replace(resting=np.arange(COUNT) > COUNT // 2)
         assert OutlierSearch().masked(window, innovations, SIGMAS, FIRST) is None
-        spiked = innovations.copy()
-        spiked[900] += 300.0 * SIGMAS.innovation
-        mask = OutlierSearch().masked(window, spiked, SIGMAS, FIRST)
-        assert mask is not None
-        assert np.flatnonzero(mask).tolist() == [900]

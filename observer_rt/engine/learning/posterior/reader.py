@@ -51,7 +51,7 @@ _OFFSET, _GAIN = int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSUR
 _BOTH = [_OFFSET, _GAIN]
 
 COLOURED_RAIL = 1.5  # times the noise of a sample: slow noise of the rail beyond it counts as coloured
-RAIL_TEMPER = 2.0  # factor on the variance of an event under such noise
+RAIL_TEMPER = 2.0  # factor on the variance of an event under such noise; M: without, rates of 2 in 39 are wrong
 
 
 @dataclass(frozen=True, eq=False)

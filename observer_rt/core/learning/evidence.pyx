@@ -1,7 +1,6 @@
 """Marginal likelihoods for Gaussian priors of a cost that is a parabola, in closed form."""
 
-from libc.math cimport NAN, fabs, fmax, fmin, isnan, sqrt
-from libc.math cimport log as libc_log
+from libc.math cimport NAN, fabs, fmax, fmin, isnan, log, sqrt
 from libc.stdint cimport int64_t
 
 from numpy import array, empty, isfinite, outer, zeros
@@ -56,13 +55,13 @@ def weigh_scales(mean, covariance, weights, sizes, int64_t first, noises) -> NDA
     bordered[:w, :w] = covariance[weights[:, None], weights] / outer(sizes, sizes)
     bordered[w, :w] = mean[weights] / sizes
     cdef double[:, ::1] rows = bordered, one = empty((w + 1, w + 1)), both = empty((w + 1, w + 1))
-    cdef double log
+    cdef double by_first
     for i in range(len(noises)):
         one[:] = rows
-        log = _eliminate(one, 0, first, noises[i])
+        by_first = _eliminate(one, 0, first, noises[i])
         for j in range(len(noises)):
             both[:] = one
-            densities[i, j] = log + _eliminate(both, first, w, noises[j])
+            densities[i, j] = by_first + _eliminate(both, first, w, noises[j])
     if not isfinite(densities).all():
         raise LinAlgError("matrix is not positive definite")
     return densities
@@ -74,7 +73,7 @@ cdef double _eliminate(double[:, ::1] rows, int64_t first, int64_t last, double 
     Returns the logarithm of how likely the last row is by these columns; NaN: not positive definite.
     """
     cdef int64_t size = rows.shape[0], i, j, k
-    cdef double log = 0.0, pivot, factor
+    cdef double density = 0.0, pivot, factor
     for k in range(first, last):
         rows[k, k] += noise
     for k in range(first, last):
@@ -87,8 +86,8 @@ cdef double _eliminate(double[:, ::1] rows, int64_t first, int64_t last, double 
             factor = rows[i, k]
             for j in range(k + 1, i + 1):
                 rows[i, j] -= factor * rows[k, j]
-        log -= libc_log(pivot) + 0.5 * rows[size - 1, k] * rows[size - 1, k]
-    return log
+        density -= log(pivot) + 0.5 * rows[size - 1, k] * rows[size - 1, k]
+    return density
 
 
 cdef double _expected(

@@ -1,6 +1,6 @@
 """Finds outliers in an event: a held signal, bursts of noise, and values at the end of a range."""
 
-from libc.math cimport INFINITY, NAN, fabs, sqrt
+from libc.math cimport INFINITY, fabs
 from libc.stdint cimport int64_t
 
 from numpy import empty, zeros

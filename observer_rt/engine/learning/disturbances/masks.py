@@ -48,12 +48,7 @@ def loudness(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, f
     resting = innovations[first:][window.resting[first:]]
     if resting.size < FEWEST:
         return 1.0
-    return max(1.0, robust_sigma(resting) / sigmas.innovation)
-
-
-def robust_sigma(values: NDArray[np.float64]) -> float:
-    """Standard deviation of most values (n,) about 0, however far a few of them are."""
-    return GAUSSIAN * median(np.abs(values))
+    return max(1.0, GAUSSIAN * median(np.abs(resting)) / sigmas.innovation)
 
 
 def median(values: NDArray[np.float64]) -> float:

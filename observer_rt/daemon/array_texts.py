@@ -62,6 +62,8 @@ def _text(array: NDArray[np.float64]) -> str:
 def _array(text: str) -> NDArray[np.float64]:
     kind, shown, data = text.split()
     shape = tuple(map(int, shown.split("x")))
+    if min(shape) < 1:
+        raise ValueError("an array has no numbers")
     try:
         numbers = zlib.decompressobj().decompress(b85decode(data), _MOST)
     except zlib.error as error:

@@ -62,8 +62,6 @@ def _text(array: NDArray[np.float64]) -> str:
 def _array(text: str) -> NDArray[np.float64]:
     kind, shown, data = text.split()
     shape = tuple(map(int, shown.split("x")))
-    if min(shape) < 1:
-        raise ValueError("an array has no numbers")
     try:
         numbers = zlib.decompressobj().decompress(b85decode(data), _MOST)
     except zlib.error as error:
@@ -74,8 +72,8 @@ def _array(text: str) -> NDArray[np.float64]:
     if kind != _ROOT:
         return values.reshape(shape)
     size = shape[-1]
-    if shape[-2:] != (size, size):
-        raise ValueError("a root is not square")
+    if shape[-2:] != (size, size) or not values.size:
+        raise ValueError("a root is not square, or has no numbers")
     lower = values.reshape(*shape[:-2], size * (size + 1) // 2)  # before a matrix of any size is made
     root = np.zeros(shape)
     root[..., *np.tril_indices(size)] = lower

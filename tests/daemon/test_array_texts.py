@@ -17,8 +17,7 @@ def test_a_covariance_stays_one_however_little_is_left_of_it(size: int, seed: in
     random = np.random.default_rng(seed)
     root = random.normal(size=(size, size)) * np.geomspace(1.0, 10.0**-decades, size)
     covariance = root @ root.T + 1e-13 * np.eye(size)
-    vector = random.normal(size=4 * size)
-    texts = ArrayTexts()
+    vector, texts = random.normal(size=4 * size), ArrayTexts()
     said = json.loads(json.dumps(texts.take_out({"a": [covariance, vector], "b": covariance.copy(), "c": None})))
     assert len(texts.texts) == 2
     again = ArrayTexts(texts.texts).put_in(said)
@@ -31,6 +30,7 @@ def test_a_covariance_stays_one_however_little_is_left_of_it(size: int, seed: in
 
 
 @example("root 999999999x0 0")
+@example("root 0 0")
 @example("root 0x1000000x1000000 0")
 @given(st.text() | st.from_regex(r"(exact|root) -?\d{1,9}(x-?\d{1,9}){0,2} [0-9a-zA-Z!#]*", fullmatch=True))
 def test_a_text_that_is_no_array_is_an_error_and_takes_no_memory(text: str) -> None:

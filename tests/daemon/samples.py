@@ -12,10 +12,8 @@ from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.account import Account, Overdispersion
-from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilPulse, EdgeSearch, Energizing
 from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail, TimeJitter
-from observer_rt.engine.learning.disturbances.masks import OutlierSearch
 from observer_rt.engine.learning.hypotheses import Mode, Velocity
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.interval import VolumeBudget
@@ -66,8 +64,6 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         changes=1.5,
         slow_rail=SlowRail(1.0, 2.0),
         jitter=TimeJitter(np.arange(5.0), 0.04),
-        outliers=OutlierSearch((((3, 0.9),),), ((5, 6),)),
-        range_ends=EndsOfRange(((0.7,), (1.3, 1.4))),
         overdispersion=Overdispersion(12.0, 11.0),
         held_rail=HeldRail(0.95, 1),
         energizing=Energizing(

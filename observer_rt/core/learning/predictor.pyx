@@ -1,8 +1,9 @@
 """The identification system x~ and the observer x^ over an event's samples, with their derivatives by theta."""
 
+from libc.math cimport floor
 from libc.stdint cimport int64_t
 
-from numpy import array, zeros
+from numpy import array, zeros, zeros_like
 
 from observer_rt.core.learning.matrices cimport propagate
 from observer_rt.core.model.hydraulics cimport Seat, seat_area_slope
@@ -196,6 +197,34 @@ def follow(
             if k >= first:
                 flows.take(k, &x[0], &it.forced, &g.tangent)
     return state
+
+
+def move_lift(
+    const double[:, :] inputs, const double[:, :] knots, double samples
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Inputs (n, 2) and knots (n, 2), or (0, 2), of a window whose lift comes so many samples earlier.
+
+    It is straight between samples and knots, and stays beyond them as it is at either end.
+    """
+    cdef int64_t n = inputs.shape[0], bent = knots.shape[0], k, before
+    cdef double place, share, first, last
+    moved, bends = array(inputs), zeros_like(knots)
+    cdef double[:, :] of_moved = moved, of_bends = bends
+    for k in range(n):
+        place = min(max(k + samples, 0.0), n - 1.0)
+        before = min(<int64_t> place, n - 2)
+        first, last, share = inputs[before, 1], inputs[before + 1, 1], place - before
+        if before < bent and knots[before, 0] > share:
+            last, share = knots[before, 1], share / knots[before, 0]
+        elif before < bent and knots[before, 0] > 0.0:
+            first, share = knots[before, 1], (share - knots[before, 0]) / (1.0 - knots[before, 0])
+        of_moved[k, 1] = first + share * (last - first)
+    for k in range(bent):
+        place = k + knots[k, 0] - samples
+        if knots[k, 0] > 0.0 and 0.0 <= place < bent:
+            before = <int64_t> floor(place)
+            of_bends[before, 0], of_bends[before, 1] = place - before, knots[k, 1]
+    return moved, bends
 
 
 def propagate_noise(

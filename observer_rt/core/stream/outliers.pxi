@@ -286,13 +286,15 @@ cdef void _mend(Observer* observer, int64_t position, int64_t number) noexcept n
 cdef void _mend_open_lift(Observer* observer, int64_t position) noexcept nogil:
     """Put the straight line that an open needle moves on in the place of the few values that leapt away from it.
 
-    A needle stops as suddenly as a spike begins, and turns round; but it does not go on where it would have been.
+    A needle stops as suddenly as a spike begins, and turns round; but it does not go on where it would have been, nor
+    leap there and back.
     """
-    cdef bint is_straight
+    cdef bint is_straight, is_leap
     if not observer.constants.timing.filtered or not _follows(observer, position, REACH + 4):
         return
     memory = observer.memory
     after, last = _lift(observer, position - 1), _lift(observer, position)
+    quickest = observer.constants.quickest + memory.dead_band.lift_on
     for width in range(1, REACH + 1):
         first = position - 1 - width
         before = _lift(observer, first - 1)
@@ -304,7 +306,8 @@ cdef void _mend_open_lift(Observer* observer, int64_t position) noexcept nogil:
         is_straight = (
             abs(before - _lift(observer, first - 2) - slope) < close and abs(last - after - slope) < close
         )
-        if is_straight and _least_away(observer, first, width, before, slope) > AWAY * noise:
+        is_leap = abs(_lift(observer, first) - before) > quickest and abs(after - _lift(observer, position - 2)) > quickest
+        if (is_straight or is_leap) and _least_away(observer, first, width, before, slope) > AWAY * noise:
             for k in range(width):
                 row = &observer.ring[(first + k) & MASK]
                 _replace(row, LIFT, before + slope * (k + 1) + memory.resting_lift.zero)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.predictor import follow, propagate_noise
+from observer_rt.core.learning.predictor import follow, move_lift, propagate_noise
 from observer_rt.core.model.model import SENSOR_NUMBERS
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import SCALARS, LearnedModel, Parameter, by_theta, learned_of
@@ -51,22 +51,11 @@ class Window(NamedTuple):
         """The window with its lift so many samples earlier, on straight lines between samples and knots."""
         if samples == 0.0:
             return self
-        count, moved = self.inputs.shape[0], self.inputs[:, 1].copy()
-        bent = np.flatnonzero(self.knots[:, 0])
-        bends, bent_areas = bent + self.knots[bent, 0], self.knots[bent, 1]
-        is_open, margin = np.append(np.flatnonzero(moved), bent), math.ceil(abs(samples)) + 1
-        if is_open.size:  # beyond, all is 0
-            near = slice(max(int(is_open.min()) - margin, 0), int(is_open.max()) + margin + 1)
-            places = np.arange(count, dtype=np.float64)[near]
-            at, area = np.append(places, bends), np.append(moved[near], bent_areas)
-            order = np.argsort(at, kind="stable")
-            moved[near] = np.interp(places + samples, at[order], area[order])
-        knots, before = np.zeros_like(self.knots), np.floor(bends - samples).astype(np.int64)
-        within = (before >= 0) & (before < count)
-        knots[before[within]] = np.column_stack((bends - samples - before, bent_areas))[within]
+        inputs, knots = move_lift(self.inputs, self.knots, samples)
+        last = self.resting.size - 1
         return self._replace(
-            inputs=np.column_stack((self.inputs[:, 0], moved)),
-            resting=self.resting[np.clip(np.arange(self.resting.size) + round(samples), 0, self.resting.size - 1)],
+            inputs=inputs,
+            resting=self.resting[np.minimum(np.maximum(np.arange(last + 1) + round(samples), 0), last)],
             opening=max(self.opening - math.ceil(samples), 1),
             knots=knots,
         )

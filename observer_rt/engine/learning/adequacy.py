@@ -82,18 +82,6 @@ def pooled(before: PhaseStatistics, event: PhaseStatistics) -> PhaseStatistics:
     return before.capped(REMEMBERED).faded(POOLING, event)
 
 
-def of_standstill(statistics: PhaseStatistics) -> PhaseStatistics:
-    """Statistics of the standstill, without those of the other phases."""
-    kept = np.arange(len(Phase)) == Phase.STANDSTILL
-    by_block = kept[:, None]
-    return PhaseStatistics(
-        statistics.squares * kept,
-        statistics.samples * kept,
-        statistics.block_squares * by_block,
-        statistics.blocks * by_block,
-    )
-
-
 def tempering(statistics: PhaseStatistics) -> float:
     """Factor on the variance of an event's innovations: above 1 when they are coloured, or louder than believed."""
     beyond = statistics.quotients > _TEMPERS_ABOVE

@@ -17,14 +17,12 @@ from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.account import Account, Overdispersion, of_healthy
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import Energizing
 from observer_rt.engine.learning.disturbances.colour import SlowRail, TimeJitter
-from observer_rt.engine.learning.disturbances.masks import OutlierSearch
 from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_injector import LearnedInjector
-from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
+from observer_rt.engine.learning.learned_range import EVERYWHERE, Elsewhere, KnownFlow
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift, Standstill
 from observer_rt.engine.stream.state import Constants, Reason
 from observer_rt.foundation.records import NOT_KEPT, Count
@@ -39,10 +37,9 @@ class LearningState:
     events: Count = 0  # learned from
     interval: float = 0.0  # of the samples [s]; 0 before the first event
     changes: float = 0.0  # of the flow, older ones counting less
+    elsewhere: Elsewhere = field(default_factory=Elsewhere)
     slow_rail: SlowRail = field(default_factory=SlowRail)
     jitter: TimeJitter = field(default_factory=TimeJitter)
-    outliers: OutlierSearch = field(default_factory=OutlierSearch)
-    range_ends: EndsOfRange = field(default_factory=EndsOfRange)
     overdispersion: Overdispersion = field(default_factory=Overdispersion)
     held_rail: HeldRail = field(default_factory=HeldRail)
     energizing: Energizing = field(default_factory=Energizing)

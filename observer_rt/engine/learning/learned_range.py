@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,8 @@ _LONG = 0.8  # the same, mean of a long injection
 NEAR = 0.5 * REACH[0]  # p_0 of rail pressure, within which an event shows the flow
 FULL_LIFT = 0.9  # of the widest seat area, below which a needle falls
 LONGER = 30e-6  # s, by which events of one operating point differ
+HOLDS = 0.015  # of a mass, within which what was learned holds at a new point
+FAILS, FADING = 0.05, 0.95  # share of new points at which it may fail; weight of those before one
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
 
 
@@ -75,6 +78,32 @@ def remembered(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[Eve
     return (*learned_at, point)[-REMEMBERED:]
 
 
+def is_new(point: EventPoint, learned_at: Sequence[EventPoint]) -> bool:
+    """Whether no event showed the flow at the rail pressure of a point for as long as its needle is up."""
+    longest = (
+        math.exp(each.open_time) for each in learned_at if abs(point.rail_pressure - each.rail_pressure) <= NEAR
+    )
+    return math.exp(point.open_time) > max(longest, default=0.0) + LONGER
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """Events at new operating points at which what was learned held, and at which it did not; older count less."""
+
+    held: float = 0.0
+    failed: float = 0.0
+
+    def after(self, holds: bool) -> "Elsewhere":
+        """Adds an event."""
+        held, failed = FADING * self.held, FADING * self.failed
+        return Elsewhere(held + 1.0, failed) if holds else Elsewhere(held, failed + 1.0)
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether few of the next ones are expected to fail, by a Beta prior of one in four that counts as one."""
+        return (self.failed + 0.25) / (self.held + self.failed + 1.0) <= FAILS
+
+
 class KnownFlow(NamedTuple):
     """Range in which the flow is known well enough.
 
@@ -92,14 +121,18 @@ NOWHERE = KnownFlow(math.inf, -math.inf, (0.0,) * RAIL_BINS)
 
 
 def known_flow(
-    event: Resimulation, theta: NDArray[np.float64], covariance: NDArray[np.float64], learned_at: Sequence[EventPoint]
+    event: Resimulation,
+    theta: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    learned_at: Sequence[EventPoint],
+    elsewhere: Elsewhere,
 ) -> KnownFlow:
     """Range of the flow known by the state carried after events, theta (m,) with the error covariance (m, m).
 
     Of what the last of them injected it is known how it changes with theta. The fuller the sac, the more of that is
     the nozzle's doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is
     another. And it is known where an event showed rail pressure and time together, for what phi cannot hold, as a
-    product of both, shows nowhere else.
+    product of both, shows nowhere else; or anywhere, where what was learned has held at new points.
     """
     point = learned_at[-1]
     pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.open_time)
@@ -129,6 +162,8 @@ def known_flow(
     until = np.where(is_near, shown[:, None], 0.0).max(axis=0)
     own_bin = min(int(point.rail_pressure / RAIL_BIN), RAIL_BINS - 1)
     until[own_bin] = max(until[own_bin], shown[-1])
+    if elsewhere.is_trusted:
+        until[:] = math.inf
     is_known = sigma(fullness, by_nozzle[:-1] - full) <= enough(fullness)
     is_known[own_bin] = True
     unknown = np.flatnonzero(~is_known | (until == 0.0))

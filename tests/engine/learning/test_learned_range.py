@@ -17,9 +17,11 @@ from observer_rt.engine.learning.learned_range import (
     NEAR,
     NOWHERE,
     REACH,
+    Elsewhere,
     EventPoint,
     KnownFlow,
     extrapolation_sigma,
+    is_new,
     known_flow,
     remembered,
 )
@@ -63,10 +65,14 @@ def test_old_points_are_forgotten() -> None:
 
 
 POINT = EventPoint(1.0, -7.0, 0.5)
+UNTRIED, TRIED = Elsewhere(), Elsewhere(held=10.0)
 
 
 def flow_known_by(
-    sigmas: dict[int, float], rate: float = 50e-6, learned_at: tuple[EventPoint, ...] = (POINT,)
+    sigmas: dict[int, float],
+    rate: float = 50e-6,
+    learned_at: tuple[EventPoint, ...] = (POINT,),
+    elsewhere: Elsewhere = UNTRIED,
 ) -> KnownFlow:
     """After an event of a constant rate [m3/s], with independent errors of theta."""
     filled = 0.9  # p_S / p_L
@@ -79,7 +85,7 @@ def flow_known_by(
     for column, sigma in sigmas.items():
         covariance[column, column] = sigma**2
     event = Resimulation(run, InputVariance(nothing, nothing), covariance, 1e-5)
-    return known_flow(event, np.zeros(PARAMETERS), covariance, learned_at)
+    return known_flow(event, np.zeros(PARAMETERS), covariance, learned_at, elsewhere)
 
 
 WEIGHTS = range(Parameter.NOZZLE_WEIGHT, Parameter.BACK_PRESSURE)
@@ -95,6 +101,35 @@ def test_a_flow_known_well_is_known_where_an_event_was_open_for_as_long() -> Non
         expected[is_near] = np.maximum(expected[is_near], math.exp(point.open_time) + LONGER)
     assert np.array(result.until) == pytest.approx(expected)
     assert 1.35 - NEAR - RAIL_BIN < result.rail_from < 1.35 < result.rail_to < 1.35 + NEAR + RAIL_BIN
+
+
+def test_where_what_was_learned_has_held_at_new_points_it_is_known_at_others() -> None:
+    known = {Parameter.NOZZLE_BIAS: 0.005, Parameter.SEAT_BIAS: 0.005}
+    assert flow_known_by(known).rail_to < math.inf
+    assert set(flow_known_by(known, elsewhere=TRIED).until) == {math.inf}
+    of_pressure = flow_known_by(known | dict.fromkeys(WEIGHTS, 0.3), elsewhere=TRIED)
+    assert of_pressure.rail_to < math.inf
+
+
+def test_a_new_point_at_which_it_failed_is_remembered_for_longer_than_one_at_which_it_held() -> None:
+    tried = Elsewhere()
+    trusted = []
+    for holds in (*(True,) * 5, False, *(True,) * 60):
+        tried = tried.after(holds)
+        trusted.append(tried.is_trusted)
+    assert not any(trusted[:3])
+    assert trusted[4]
+    assert not any(trusted[5:20])
+    assert trusted[-1]
+
+
+@given(points, st.lists(points, max_size=16))
+def test_a_point_is_new_where_no_event_near_it_was_as_long(point: EventPoint, learned_at: list[EventPoint]) -> None:
+    longer = [each for each in learned_at if each.open_time >= point.open_time]
+    is_shown = any(abs(each.rail_pressure - point.rail_pressure) <= NEAR for each in longer)
+    assert not (is_shown and is_new(point, learned_at))
+    assert not is_new(point, [*learned_at, point])
+    assert is_new(point, [])
 
 
 @given(st.floats(1e-4, 0.3), st.floats(1.0, 3.0))

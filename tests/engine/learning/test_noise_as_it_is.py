@@ -49,6 +49,18 @@ def test_masses_are_right_and_valid(disturbance: Noise) -> None:
     assert sum(run[KNOWN_AFTER:].inside) >= EVENTS - KNOWN_AFTER - 1
 
 
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_masses_are_right_from_the_first_one_where_the_line_pressure_reaches_an_end_of_its_range(sign: float) -> None:
+    """What lies beyond is left out, and told from a needle or a nozzle by that it stays where it is."""
+
+    def clipped(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return sign * np.minimum(sign * values, np.max(sign * values) - 3e6)
+
+    run = seen(seen_as(LINE, lambda time, values: clipped(values)))
+    assert all(run.valid)
+    assert np.abs(run.errors).max() < 0.01
+
+
 def test_hum_does_not_hide_a_line_pressure_that_went_elsewhere() -> None:
     """The watch expects the hum, and no more than that; the event then tells that it is the sensor."""
     run = seen(added(hum), added(lambda time: np.where(time > time[-1] - 0.1, 3e6, 0.0)))

@@ -113,19 +113,33 @@ def test_what_lasts_less_than_forty_microseconds_is_no_opening(samples: int, rat
     assert stream.count("counts", "injections_begun") == opens
 
 
+LOW = np.maximum(18.0 - 3.0 * np.abs(np.arange(26) - 13.0), 0.0) * UM
+"""A needle that turns low above its seat: no straight line bridges a sample there, and none of them is a leap."""
+TURNS = 13  # samples from its beginning
+
+
 def with_dip(lift: float) -> NDArray[np.float64]:
-    """An open needle that turns round where its lift is another one for a sample: no straight line bridges it."""
-    moving = np.asarray((200.0 - 5.0 * np.abs(np.arange(50) - 20.0)) * UM, np.float64)
-    moving[20] = lift
+    """A low needle whose lift is another one for the sample where it turns."""
+    moving = LOW.copy()
+    moving[TURNS] = lift
     return moving
 
 
 def test_one_sample_is_not_enough_to_close() -> None:
-    assert open_samples(with_dip(0.0)) == [k for k in range(50) if k != 20]
+    without = open_samples(LOW)
+    assert TURNS in without
+    assert open_samples(with_dip(0.0)) == [k for k in without if k != TURNS]
 
 
 def test_negative_lift_of_an_open_needle_has_no_area() -> None:
-    assert 20 not in open_samples(with_dip(-5 * UM))
+    assert TURNS not in open_samples(with_dip(-1 * UM))
+
+
+def test_leap_of_a_turning_needle_is_bridged() -> None:
+    """No needle leaves 2 m/s and comes back in one sample: its injection would be parted in two."""
+    turning = np.asarray((200.0 - 5.0 * np.abs(np.arange(50) - 20.0)) * UM, np.float64)
+    turning[20] = 0.0
+    assert open_samples(turning) == list(range(50))
 
 
 def test_one_sample_of_a_steady_lift_is_bridged() -> None:

@@ -237,6 +237,15 @@ def test_a_spike_of_an_open_lift_is_replaced_on_its_ramp_and_at_the_stop(at: int
     assert np.abs(rows["needle_lift"] - wanted["needle_lift"]).max() < 6 * NOISE.needle_lift
 
 
+@pytest.mark.parametrize("at", [4538, 4539, 4540])
+def test_a_dropout_where_the_needle_turns_parts_no_injection(at: int) -> None:
+    channels = signals()
+    channels[LIFT] += lift_with(COUNT, at_4500=stroke(80, ramp=40))
+    channels[LIFT][at : at + 2] = 0.0
+    _, rows = observed(channels)
+    assert bridged(rows, LIFT) == [at, at + 1]
+
+
 @pytest.mark.parametrize("ramp", [5, 20, 40])
 def test_the_corners_of_a_stroke_are_no_spikes(ramp: int) -> None:
     channels = signals()

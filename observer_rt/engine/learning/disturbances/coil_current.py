@@ -30,6 +30,7 @@ SEEN_FOR = 0.25e-3  # s, until x~ has taken a step for its own
 FEWEST = 2  # samples of it: at a low sample rate no edge is seen
 STANDS_OUT = 4.5  # standard deviations
 OF_ONE_EVENT = 4.0  # of these at most, so that it must recur
+STANDS_OUT_ALONE = 6.0  # of these, in one event: its mass is not trusted, for a late lift looks alike
 COMMON = 0.6  # of it, up to which steps may stand out that are no edge: then the standstill is not understood at all
 REMEMBERED = 0.95  # weight of the events before an event
 CLIP = 4.0  # standard deviations for which an innovation counts at most, all else fitted
@@ -96,12 +97,12 @@ class EdgeSearch:
             REMEMBERED * before.unclipped + (products / sigma, squares / sigma**2),
         )
 
-    def edge(self, places: EdgePlaces) -> Edge | None:
-        """The step that stands out of the noise; None without one."""
+    def edge(self, places: EdgePlaces, least: float = STANDS_OUT) -> Edge | None:
+        """The step that stands out of the noise by so many standard deviations; None without one."""
         power = np.maximum(self.squares, np.finfo(np.float64).tiny)
         scores = np.abs(self.products) / np.sqrt(power)
         score, elsewhere = scores[: places.longest + 1].max(), scores[places.longest + 1 :].max()
-        if not (score > STANDS_OUT and elsewhere < COMMON * score):
+        if not (score > least and elsewhere < COMMON * score):
             return None
         products, squares = self.unclipped[:, : places.longest + 1]
         before = int(np.argmax(products**2 / np.maximum(squares, np.finfo(np.float64).tiny)))
@@ -318,6 +319,7 @@ class Energizing:
         edges = self.edges.after(sums, sigma)
         edge = edges.edge(places)
         if edge is None:
-            return Energizing(edges), self.is_known
+            stands_out = EdgeSearch(sums[0], sums[1], sums).edge(places, STANDS_OUT_ALONE) is not None
+            return Energizing(edges), self.is_known or stands_out
         current = self.current.after(window, edge, standardised, other(), pulse_ends(interval))
         return Energizing(edges, current), not self.is_known

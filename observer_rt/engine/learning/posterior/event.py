@@ -16,7 +16,7 @@ from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import pooled
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, is_same, resting_segments
-from observer_rt.engine.learning.disturbances.masks import Sigmas
+from observer_rt.engine.learning.disturbances.masks import Sigmas, without_stretches
 from observer_rt.engine.learning.hypotheses import UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector, shrink
@@ -139,18 +139,22 @@ def account_after(continued: Sequence[Continued]) -> tuple[Explanation, Account]
 class ExplainedEvent(NamedTuple):
     """An event as far as it is understood.
 
-    state: before it, but for what was seen of the range's ends; recorded: its window; unmasked: without the coil;
-    window: without outliers, too; explanations: the likeliest first; lead: the one carried; account: after it.
+    state: before it; recorded: its window; unmasked: without the coil; explanations: the likeliest first; lead: the
+    one carried; account: after it.
     """
 
     state: LearningState
     recorded: Window
     unmasked: Window
-    window: Window
     point: EventPoint
     explanations: list[Continued]
     lead: Explanation
     account: Account
+
+    @property
+    def window(self) -> Window:
+        """Window as the leading explanation has it, without the coil and what is off."""
+        return self.lead.reading.window
 
     @property
     def fault_weight(self) -> float:
@@ -163,71 +167,75 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
 
     Raises numpy.linalg.LinAlgError where nothing is finite.
     """
-    window = unmasked = state.energizing.current.undone(event.window)
-    reads = _Reads(state, event, window, offset, reader)
-    reads.weigh(state.learned)
+    window = state.energizing.current.undone(event.window)
+    reads = _Reads(state, event, offset, reader)
+    reads.weigh(state.learned, window)
     if state.learned.is_prior:
-        reads.weigh_coloured(state.learned)
+        reads.weigh_coloured(state.learned, window)
+    reads.weigh_masked()
     explanations = reads.weighing.explanations()
-    state, window = reads.state, reads.window
     lead = next((i for i, each in enumerate(explanations) if each.is_good), None)
     if lead is not None:  # it is carried, and run again
         explanations[lead] = explanations[lead].fitted(reader)
     point = operating_point(window, reader.interval)
     believing = Believing(reader, state, point)
     continued = [(each, believing.after(each)) for each in explanations]
-    return ExplainedEvent(state, event.window, unmasked, window, point, continued, *account_after(continued))
+    return ExplainedEvent(state, event.window, window, point, continued, *account_after(continued))
 
 
 class _Reads:
-    """An event as it is read; what stands out by the first reading does not count in another."""
+    """An event as it is read, round one belief and another, with all of its samples or without some."""
 
-    def __init__(
-        self, state: LearningState, event: ClosedEvent, window: Window, offset: float | None, reader: EventReader
-    ) -> None:
-        self.state, self.window = state, window
-        self._event, self._offset, self._reader = event, offset, reader
+    def __init__(self, state: LearningState, event: ClosedEvent, offset: float | None, reader: EventReader) -> None:
+        self._state, self._event, self._offset, self._reader = state, event, offset, reader
+        window = event.window
         self._phases = phases_of(window, round(EDGE / reader.interval), round(AFTERGLOW / reader.interval))
-        self._first: EventReading | None = None
         self.weighing = Weighing(reader)
 
-    def weigh(self, learned: LearnedInjector) -> None:
-        """Explain the event by a belief, where that is finite. Raises numpy.linalg.LinAlgError when singular."""
-        reading = self._read(learned)
-        if not np.isfinite(reading.first.value):
-            return
-        if self._first is None and not learned.is_prior:  # else there is nothing to stand out from
-            sigmas = reading.follows.sigmas_in(learned)
-            self.state, masked = self._reader.masked(self.state, self.window, reading.innovations, sigmas)
-            if masked is not self.window:
-                self.window = masked
-                reading = self._read(learned)
-        self._first = self._first or reading
-        self.weighing.add(replace(self.state.account, learned=learned), reading)
+    def weigh(self, learned: LearnedInjector, window: Window, off: float = 0.0) -> None:
+        """Explain a window by a belief, where that is finite; off: nats of samples that were left out of it.
 
-    def weigh_coloured(self, learned: LearnedInjector) -> None:
+        Raises numpy.linalg.LinAlgError when singular.
+        """
+        reading = self._read(learned, window, off)
+        if np.isfinite(reading.first.value):
+            self.weighing.add(replace(self._state.account, learned=learned), reading)
+
+    def weigh_coloured(self, learned: LearnedInjector, window: Window) -> None:
         """Explain the event in the colour that noise at rest shows in it, where nothing is known of it before."""
-        fit, first, reader = self.weighing.likeliest_fit, self._first, self._reader
-        if fit is None or first is None or learned.colour is not None:
+        likeliest = self.weighing.likeliest_fit
+        if likeliest is None or likeliest.fit is None or learned.colour is not None:
             return
-        colour = noise_after(learned, self.window, fit.unfiltered, first.follows, reader).colour
+        fit, reader = likeliest.fit, self._reader
+        colour = noise_after(learned, window, fit.unfiltered, likeliest.reading.follows, reader).colour
         if colour is not None:
-            self.weigh(replace(learned, colour=colour, theta=fit.linearisation.theta))
+            self.weigh(replace(learned, colour=colour, theta=fit.linearisation.theta), window)
 
-    def _read(self, learned: LearnedInjector) -> EventReading:
+    def weigh_masked(self) -> None:
+        """Explain the event without stretches that stand out of its likeliest explanation."""
+        best = self.weighing.likeliest
+        if best is None:
+            return
+        reading, innovations = best.reading, best.reading.innovations_at(best.theta, best.fit)
+        sigmas = reading.follows.sigmas_in(best.before)
+        masked = without_stretches(reading.window, innovations, sigmas, self._reader.burn_in)
+        if masked is not None:
+            self.weigh(best.before, masked.window, masked.nats)
+
+    def _read(self, learned: LearnedInjector, window: Window, off: float) -> EventReading:
         """Reads the event round a belief."""
-        state, event, reader, offset = self.state, self._event, self._reader, self._offset
+        state, event, reader, offset = self._state, self._event, self._reader, self._offset
         schedule = reader.gains(learned.theta, state.noise, event.constants)
         follows = Follows(
             setting_of(event.constants, schedule),
             Sigmas(schedule.innovation_sigma, state.noise.line_pressure / reader.pressure_scale),
             offset,
         )
-        cost = reader.cost_of(state, learned, self.window, follows)
-        first, resting = self._linearised(learned, cost)
+        cost = reader.cost_of(state, learned, window, follows)
+        first, resting = self._linearised(learned, window, cost)
         return EventReading(
             learned,
-            self.window,
+            window,
             schedule,
             follows,
             cost,
@@ -238,11 +246,14 @@ class _Reads:
             self._phases,
             reader.healthy,
             resting,
+            off,
         )
 
-    def _linearised(self, learned: LearnedInjector, cost: EventCost) -> tuple[Linearisation, RestingPressure]:
+    def _linearised(
+        self, learned: LearnedInjector, window: Window, cost: EventCost
+    ) -> tuple[Linearisation, RestingPressure]:
         """Linearises a cost at the belief, with offset and gain as rest says where these are others."""
-        reader, window = self._reader, self.window
+        reader = self._reader
         first = cost.linearised(learned.theta)
         resting = resting_pressure(window, cost, learned.theta, reader.interval, reader.pressure_scale)
         move = resting.held(learned.belief).prior.mean - learned.belief.mean

@@ -221,10 +221,15 @@ class Weighing:
             )
 
     @property
-    def likeliest_fit(self) -> EventFit | None:
-        """The likeliest fit of the event; None without one."""
+    def likeliest(self) -> Explanation | None:
+        """The likeliest explanation so far; None without any."""
+        return max(self._all, key=lambda each: each.log_weight, default=None)
+
+    @property
+    def likeliest_fit(self) -> Explanation | None:
+        """The likeliest with a fit."""
         fitted = [each for each in self._all if each.fit is not None]
-        return max(fitted, key=lambda each: each.log_weight).fit if fitted else None
+        return max(fitted, key=lambda each: each.log_weight, default=None)
 
     def explanations(self) -> list[Explanation]:
         """Explanations of sufficient weight, the likeliest first. Raises numpy.linalg.LinAlgError without any."""

@@ -1,6 +1,6 @@
 """Look-alikes of wear that theta cannot hold: each is tested by itself, whatever the posterior says.
 
-The ends of the line pressure's range, outliers, the coil, sensors whose gains differ, an inertance taken for wear.
+The coil, sensors whose gains differ, an inertance taken for wear.
 What they are followed by moves only while events are explained.
 """
 
@@ -19,7 +19,6 @@ from observer_rt.engine.learning.adequacy import (
     inadequate_phase,
     is_no_law,
     looks_like_inertance,
-    of_standstill,
     sensor_objections,
 )
 from observer_rt.engine.learning.disturbances.colour import RestingNoise, resting_segments
@@ -53,7 +52,7 @@ class LookAlikes:
 
 def look_alikes_in(explained: ExplainedEvent, reader: EventReader) -> LookAlikes:
     """Look-alikes in an event that was explained."""
-    explanation, state = explained.lead, _with_range(explained, reader)
+    explanation, state = explained.lead, explained.state
     if not explanation.is_good or explanation.fit is None:
         return LookAlikes(state, (), begins_anew=False)
     if explained.fault_weight < 0.5:
@@ -63,10 +62,9 @@ def look_alikes_in(explained: ExplainedEvent, reader: EventReader) -> LookAlikes
     return LookAlikes(state, objections, begins_anew)
 
 
-def named(state: LearningState, against: Sequence[Objection], explained: ExplainedEvent) -> tuple[Objection, ...]:
-    """Objections to an event, with phases, those of the line pressure's range first."""
-    against = tuple(_with_phase(each, explained) for each in against)
-    return (Objection(Reason.INPUT_CLIPPED), *against) if state.range_ends.is_known and against else against
+def named(against: Sequence[Objection], explained: ExplainedEvent) -> tuple[Objection, ...]:
+    """Objections to an event, with phases."""
+    return tuple(_with_phase(each, explained) for each in against)
 
 
 def _with_phase(objection: Objection, explained: ExplainedEvent) -> Objection:
@@ -76,27 +74,6 @@ def _with_phase(objection: Objection, explained: ExplainedEvent) -> Objection:
     explanation, reading = explained.lead, explained.lead.reading
     left = reading.healthy.relative(reading.leaves(explanation.theta, explanation.fit))
     return replace(objection, phase=inadequate_phase(left))
-
-
-def _with_range(explained: ExplainedEvent, reader: EventReader) -> LearningState:
-    """Adds an event to outliers and ends of the range.
-
-    Events in which that showed were at fault by their clipped samples.
-    """
-    state, explanation, reading = explained.state, explained.lead, explained.lead.reading
-    sigmas = reading.follows.sigmas_in(explanation.before)
-    innovations = reading.innovations_at(explanation.theta, explanation.fit)
-    outliers = state.outliers.after(explained.window, innovations, sigmas, reader.burn_in)
-    range_ends = state.range_ends.after(explained.unmasked, sigmas)
-    is_new = range_ends.is_known and not state.range_ends.is_known
-    state = replace(state, outliers=outliers, range_ends=range_ends)
-    return state.map(_but_clipped) if is_new else state
-
-
-def _but_clipped(learned: LearnedInjector) -> LearnedInjector:
-    """The belief about noise, without clipped samples."""
-    statistics = of_standstill(learned.statistics)
-    return replace(learned, statistics=statistics, colour=None, at_rest=RestingNoise())
 
 
 def _followed(

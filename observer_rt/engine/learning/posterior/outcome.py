@@ -28,7 +28,7 @@ from observer_rt.engine.learning.hypotheses import (
 )
 from observer_rt.engine.learning.interval import Resimulation, resimulated
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
-from observer_rt.engine.learning.learned_range import UNSEEN, extrapolation_sigma, known_flow
+from observer_rt.engine.learning.learned_range import HOLDS, UNSEEN, extrapolation_sigma, is_new, known_flow
 from observer_rt.engine.learning.posterior.event import Continued, ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.look_alikes import look_alikes_in, named
@@ -218,11 +218,14 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     )
     shares = shares_of(mass, explained, systematic)
     verdict = verdict_of(explained, mass, shares, look_alikes.objections, reader.wide)
-    state, forward = look_alikes.state, named(look_alikes.state, verdict.forward, explained)
+    state, forward = look_alikes.state, named(verdict.forward, explained)
     if not look_alikes.begins_anew:
         changed = sum(each.weight for each, _ in explained.explanations if each.kind in UNLIKE_BEFORE)
         changes = c.CHANGES_REMEMBERED * state.changes + changed
         state = replace(state, account=explained.account, changes=changes)
+    before = explanation.before
+    if explanation.is_good and before.learned_at and is_new(explained.point, before.learned_at):
+        state = replace(state, elsewhere=state.elsewhere.after(abs(mass.moved_far(before.theta)) <= HOLDS))
     in_force = theta
     if explanation.kind is QUICK and velocity is not None:
         in_force = _ahead(theta, explanation, velocity, reader)
@@ -241,13 +244,13 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         knowledge=Knowledge(state, in_force),
         schedule=reader.gains(theta, state.noise, event.constants),
         forward=forward,
-        objections=named(state, verdict.own, explained),
+        objections=named(verdict.own, explained),
         estimate=theta,
         covariance=covariance,
         resimulated=again,
         outliers=int(explained.window.masked.sum()) - int(explained.unmasked.masked.sum()),
         loudest=state.jitter.loudest(explained.window, explanation.reading.follows.sigmas.innovation),
-        known_flow=known_flow(again, theta, covariance, (*learned.learned_at, explained.point)),
+        known_flow=known_flow(again, theta, covariance, (*learned.learned_at, explained.point), state.elsewhere),
         change=verdict.change,
         posterior=posterior_of(explained.explanations),
     )

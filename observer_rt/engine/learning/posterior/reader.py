@@ -209,19 +209,6 @@ class EventReader:
             self.healthy.expected(window, follows.setting.coefficients, self.interval),
         )
 
-    def masked(
-        self, state: LearningState, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas
-    ) -> tuple[LearningState, Window]:
-        """State, and window with outliers by the innovations (n,) and samples at an end of the range masked."""
-        range_ends, ended = state.range_ends.masked(window, innovations, sigmas, self.burn_in)
-        if (ended & ~mask_of(window)).any():
-            window = window._replace(masked=ended)
-        innovations = np.where(ended, 0.0, innovations)
-        mask = state.outliers.masked(window, innovations, sigmas, self.burn_in)
-        if mask is not None:
-            window = window._replace(masked=mask)
-        return replace(state, range_ends=range_ends), window
-
     def temper_in(
         self, state: LearningState, learned: LearnedInjector, statistics: PhaseStatistics, temper: float
     ) -> float:
@@ -257,7 +244,7 @@ class EventReading:
 
     schedule: gains by the noise at rest; innovations (n,): whitened; unfiltered (n,): with the colour of the noise;
     slopes (n, m): of the innovations; phases (n,); healthy: residuals of a healthy injector; resting: line pressure
-    at rest around the event.
+    at rest around the event; off: nats of the samples that were left out of the window, as what they are.
     """
 
     learned: LearnedInjector
@@ -272,12 +259,13 @@ class EventReading:
     phases: NDArray[np.int8]
     healthy: Healthy
     resting: RestingPressure
+    off: float = 0.0
     _left: dict[bytes, PhaseStatistics] = field(default_factory=dict)
 
     @cached_property
     def level(self) -> float:
-        """Nats that the noise level adds: it differs from colour to colour, and densities must share one unit."""
-        return self.cost.terms * math.log(self.cost.sigma) / self.cost.temper
+        """Nats that noise level and samples left out add, for densities must share one unit."""
+        return (self.cost.terms * math.log(self.cost.sigma) + self.off) / self.cost.temper
 
     def innovations_at(self, theta: Theta, fit: EventFit | None) -> NDArray[np.float64]:
         """Innovations (n,) at theta (m,): those of its fit, to first order without one."""

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.learning.disturbances.coil_current import (
+    STANDS_OUT_ALONE,
     EdgeSearch,
     OtherColumns,
     edge_places,
@@ -47,6 +48,18 @@ def test_a_step_below_the_noise_is_found_over_the_events(height: float, unsaid: 
     result = edges_found(20, height)
     assert not any(result[:unsaid])
     assert all(result[said:])
+
+
+def test_a_large_step_stands_out_of_one_event_and_noise_of_none() -> None:
+    response = response_from(OPENING - PLACES.longest)[:OPENING]
+
+    def stands_out(seed: int, height: float) -> bool:
+        innovations = np.random.default_rng(seed).normal(size=COUNT) + height * response_from(OPENING - DELAY)
+        sums = sums_at_rest(innovations[:OPENING], response, PLACES)
+        return EdgeSearch(sums[0], sums[1], sums).edge(PLACES, STANDS_OUT_ALONE) is not None
+
+    assert all(stands_out(seed, 3.0) for seed in range(100))
+    assert not any(stands_out(seed, 0.0) for seed in range(1000))
 
 
 def test_place_and_height_of_a_step_are_told() -> None:

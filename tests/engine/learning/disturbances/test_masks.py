@@ -1,103 +1,137 @@
-"""Stretches that only the model shows, and signals that only look like them."""
+"""Stretches of a line pressure that are held, clipped or loud: what is found, and what only looks like them."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.outliers import LENGTH, PRICE, find_held, find_loud
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.masks import OutlierSearch, Sigmas, frozen_stretches
+from observer_rt.engine.learning.disturbances.masks import Masked, Sigmas, without_stretches
 
 NOISE = 0.0015  # of p_0
 SIGMAS = Sigmas(innovation=1.2 * NOISE, noise=NOISE)
 COUNT, OPENING, FIRST = 1500, 100, 50
+BURST = slice(500, 700)
 
 
-def truth(rail: float = 1.0) -> NDArray[np.float64]:
+def truth() -> NDArray[np.float64]:
     """A line that swings after an injection, over the rail pressure and below it."""
     k = np.arange(COUNT) - OPENING
     swing = -0.15 * np.sin(2.0 * np.pi * k / 130.0) * np.exp(-k / 600.0)
-    return rail + np.where(k > 0, swing, 0.0)
+    return 1.0 + np.where(k > 0, swing, 0.0)
 
 
-def window_of(output: NDArray[np.float64], rail: float = 1.0) -> Window:
-    inputs = np.column_stack([np.full(COUNT, rail), np.zeros(COUNT)])
-    return Window(inputs, output, np.zeros(COUNT, np.bool_), np.zeros(4), OPENING)
+def noise(seed: int, burst: float = 0.0, at: slice = BURST) -> NDArray[np.float64]:
+    sigmas = np.full(COUNT, NOISE)
+    sigmas[at] = np.hypot(NOISE, burst)
+    return np.asarray(np.random.default_rng(seed).normal(size=COUNT) * sigmas, np.float64)
 
 
-def held(start: int, samples: int, rail: float = 1.0, seed: int = 1) -> tuple[Window, NDArray[np.float64]]:
-    """A window with some samples held before noise is added, and the innovations of a right model."""
-    y = truth(rail)
-    y[start : start + samples] = y[start]
-    noise = np.random.default_rng(seed).normal(size=COUNT) * NOISE
-    return window_of(y + noise, rail), y + noise - truth(rail)
+def without(y: NDArray[np.float64], innovations: NDArray[np.float64] | None = None) -> Masked | None:
+    """Of a window with such a line pressure (n,), against a right model."""
+    resting = np.arange(COUNT) > COUNT // 2
+    window = Window(np.column_stack([np.ones(COUNT), np.zeros(COUNT)]), y, resting, np.zeros(4), OPENING)
+    return without_stretches(window, y - truth() if innovations is None else innovations, SIGMAS, FIRST)
 
 
-def test_a_stretch_that_is_held_is_masked_with_some_samples_before_it() -> None:
-    window, innovations = held(300, 20)
-    mask = OutlierSearch().masked(window, innovations, SIGMAS, FIRST)
-    assert mask is not None
-    masked = np.flatnonzero(mask)
-    assert 285 < masked[0] <= 302
-    assert masked[-1] == 319
-    assert masked.size == masked[-1] - masked[0] + 1
-
-
-def test_noise_is_not_masked() -> None:
-    for seed in range(50):
-        window, innovations = held(0, 1, seed=seed)
-        assert OutlierSearch().masked(window, innovations, SIGMAS, FIRST) is None
-
-
-def test_what_is_masked_already_is_not_found_again() -> None:
-    window, innovations = held(300, 20)
-    search = OutlierSearch()
-    mask = search.masked(window, innovations, SIGMAS, FIRST)
-    assert mask is not None
-    masked = window._replace(masked=mask)
-    assert search.masked(masked, np.where(mask, 0.0, innovations), SIGMAS, FIRST) is None
+def spans(masked: Masked | None) -> list[tuple[int, int]]:
+    if masked is None:
+        return []
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], masked.window.masked.astype(np.int8), [0]))))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 @pytest.mark.parametrize(
-    ("start", "length", "is_extreme", "expected"),
-    [(300, 20, False, [True, True, False, False]), (int(np.argmax(truth())), 25, True, [True, False])],
+    "held", [[(300, 320)], [(150, 200), (500, 550)], [(180, 205), (260, 285), (340, 365), (420, 445)]]
 )
-def test_at_the_same_place_in_event_after_event_it_is_no_outlier(
-    start: int, length: int, is_extreme: bool, expected: list[bool]
+def test_what_is_held_ahead_of_the_noise_is_found(held: list[tuple[int, int]]) -> None:
+    y = truth()
+    for start, end in held:
+        y[start:end] = y[start]
+    found = spans(without(y + noise(1)))
+    assert len(found) == len(held)
+    for (start, end), (first, last) in zip(held, found, strict=True):
+        assert start - 6 <= first <= start + 8  # it begins as the truth does
+        assert abs(last - end) <= 2
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_what_lies_beyond_an_end_of_the_range_is_found(sign: float) -> None:
+    limit = 1.0 + sign * 0.08
+    is_beyond = sign * truth() > sign * limit
+    masked = without(np.where(is_beyond, limit, truth()) + noise(2))
+    assert masked is not None
+    assert masked.window.masked[is_beyond].all()
+    assert np.count_nonzero(masked.window.masked & ~is_beyond) < 0.3 * np.count_nonzero(is_beyond)
+
+
+@pytest.mark.parametrize("burst", [3.0, 10.0])
+def test_a_burst_is_found_to_a_few_samples(burst: float) -> None:
+    for seed in range(10):
+        ((start, end),) = spans(without(truth() + noise(seed, burst * NOISE)))
+        assert abs(start - BURST.start) < LENGTH // 2
+        assert abs(end - BURST.stop) < LENGTH // 2
+
+
+def test_noise_at_its_level_has_no_stretch() -> None:
+    for seed in range(50):
+        assert without(truth() + noise(seed)) is None
+
+
+def test_neither_a_spike_nor_a_step_is_a_stretch() -> None:
+    y = truth() + noise(1)
+    y[300] += 100.0 * NOISE
+    y[900:] += 100.0 * NOISE
+    assert without(y, noise(1)) is None
+
+
+def test_noise_that_is_louder_all_the_time_is_no_stretch() -> None:
+    for seed in range(20):
+        louder = 5.0 * np.convolve(noise(seed), np.ones(4), "same")
+        assert sum(end - start for start, end in spans(without(truth() + louder, louder))) < 0.03 * COUNT
+    assert without(truth() + noise(2, 5.0 * NOISE, slice(0, COUNT))) is None
+
+
+def test_what_is_masked_already_is_in_no_stretch() -> None:
+    y = truth()
+    y[300:320] = y[300]
+    first = without(y + noise(1))
+    assert first is not None
+    innovations = np.where(first.window.masked, 0.0, y + noise(1) - truth())
+    assert without_stretches(first.window, innovations, SIGMAS, FIRST) is None
+
+
+def test_a_wrong_model_of_what_moves_is_no_stretch() -> None:
+    assert without(truth() + noise(3), noise(3) + 0.2 * (truth() - 1.0)) is None
+
+
+def chi2_of_constant(y: NDArray[np.float64]) -> float:
+    return float(np.sum((y - y.mean()) ** 2))
+
+
+@given(arrays(np.float64, 24, elements=st.floats(-4.0, 4.0)), arrays(np.float64, 24, elements=st.floats(-9.0, 9.0)))
+def test_held_stretches_are_the_best_of_all_ways_to_part_an_event(
+    y: NDArray[np.float64], deviates: NDArray[np.float64]
 ) -> None:
-    """Where it is the event's extreme, a second time at that level it is the end of the range, or the truth."""
-    search = OutlierSearch()
-    for seed, is_masked in enumerate(expected):
-        window, innovations = held(start, length, seed=seed)
-        assert [s.is_extreme for s in frozen_stretches(window, innovations, SIGMAS, FIRST)] == [is_extreme]
-        assert (search.masked(window, innovations, SIGMAS, FIRST) is not None) == is_masked
-        search = search.after(window, innovations, SIGMAS, FIRST)
+    """Against plain recursion over the ends of the last stretch."""
+    n, best = y.size, np.zeros(y.size + 1)
+    for end in range(1, n + 1):
+        best[end] = best[end - 1]
+        for start in range(end - 7):
+            half = 0.5 * chi2_of_constant(y[start:end])
+            if half < 0.5 * (end - start) + 4.0 * np.sqrt(0.5 * (end - start)):
+                best[end] = max(best[end], best[start] + 0.5 * chi2_of_constant(deviates[start:end]) - half - PRICE)
+    found = find_held(y, deviates, np.zeros(n, np.bool_), 1.0, 0)
+    worth = sum(0.5 * chi2_of_constant(deviates[int(a) : int(b)]) - nats for a, b, nats in found)
+    assert worth == pytest.approx(best[n], abs=1e-9)
+    assert all(earlier[1] <= later[0] for later, earlier in pairwise(found))
 
 
-def test_many_stretches_speak_against_the_model() -> None:
-    y = truth()
-    for start in (180, 260, 340, 420):
-        y[start : start + 25] = y[start]
-    noise = np.random.default_rng(1).normal(size=COUNT) * NOISE
-    window, innovations = window_of(y + noise), y + noise - truth()
-    assert len(frozen_stretches(window, innovations, SIGMAS, FIRST)) == 4
-    assert OutlierSearch().masked(window, innovations, SIGMAS, FIRST) is None
-
-
-def test_two_stretches_of_half_a_millisecond_are_two() -> None:
-    y = truth()
-    for start in (150, 500):
-        y[start : start + 50] = y[start]
-    noise = np.random.default_rng(1).normal(size=COUNT) * NOISE
-    left = y + noise - truth()
-    for end in (200, 550):  # as x~ comes back, which was drawn to what was held
-        left[end : end + 12] -= 0.5 * left[end - 1] * np.exp(-np.arange(12) / 5.0)
-    assert len(frozen_stretches(window_of(y + noise), left, SIGMAS, FIRST)) == 2
-
-
-def test_of_a_noise_louder_than_known_nothing_is_masked() -> None:
-    """By its level as it is, not as it is believed: ten times louder it would be full of stretches."""
-    random = np.random.default_rng(3)
-    for _ in range(20):
-        innovations = np.convolve(random.normal(size=COUNT + 3), np.ones(4), "valid") * 5.0 * SIGMAS.innovation
-        window = window_of(truth() + innovations)._replace(resting=np.arange(COUNT) > COUNT // 2)
-        assert OutlierSearch().masked(window, innovations, SIGMAS, FIRST) is None
+def test_a_loud_stretch_costs_what_its_loudness_says() -> None:
+    (start, end, nats) = find_loud(truth() + noise(4, 3.0 * NOISE), NOISE)[0]
+    assert nats == pytest.approx(PRICE + 0.5 * (end - start) * (1.0 + np.log(7.0)), rel=0.15)

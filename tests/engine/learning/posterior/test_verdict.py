@@ -33,7 +33,7 @@ def test_a_mass_is_valid_that_is_known_to_three_percent(shares: Shares, reasons:
     by_nozzle = np.eye(WIDE.size)[Parameter.NOZZLE_BIAS]
     mass = EventMass(NONE, NONE, NEW.theta, 1e-8, by_nozzle, 0.0, 1)
     explanation = Explanation(NEW, BEFORE, 0.0, NONE, NONE, NONE, NONE, NONE, NEW.theta, None, None, 1.0)
-    explained = ExplainedEvent(NONE, NONE, NONE, NONE, NONE, [(explanation, NEW)], explanation, Account(NEW))
+    explained = ExplainedEvent(NONE, NONE, NONE, NONE, [(explanation, NEW)], explanation, Account(NEW))
     verdict = verdict_of(explained, mass, shares, (), WIDE)
     assert [objection.reason for objection in verdict.own] == reasons
     assert not verdict.forward

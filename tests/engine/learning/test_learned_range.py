@@ -104,10 +104,10 @@ def test_a_flow_known_well_is_known_where_an_event_was_open_for_as_long() -> Non
 
 
 def test_where_what_was_learned_has_held_at_new_points_it_is_known_at_others() -> None:
-    known = {Parameter.NOZZLE_BIAS: 0.005, Parameter.SEAT_BIAS: 0.005}
-    assert flow_known_by(known).rail_to < math.inf
-    assert set(flow_known_by(known, elsewhere=TRIED).until) == {math.inf}
-    of_pressure = flow_known_by(known | dict.fromkeys(WEIGHTS, 0.3), elsewhere=TRIED)
+    sigmas: dict[int, float] = {Parameter.NOZZLE_BIAS: 0.005, Parameter.SEAT_BIAS: 0.005}
+    assert flow_known_by(sigmas).rail_to < math.inf
+    assert set(flow_known_by(sigmas, elsewhere=TRIED).until) == {math.inf}
+    of_pressure = flow_known_by(sigmas | dict.fromkeys(WEIGHTS, 0.3), elsewhere=TRIED)
     assert of_pressure.rail_to < math.inf
 
 

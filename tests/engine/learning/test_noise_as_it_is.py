@@ -51,7 +51,7 @@ def test_masses_are_right_and_valid(disturbance: Noise) -> None:
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_masses_are_right_from_the_first_one_where_the_line_pressure_reaches_an_end_of_its_range(sign: float) -> None:
-    """What lies beyond is left out, and told from a needle or a nozzle by that it stays where it is."""
+    """What lies beyond is left out, and differs from a needle or a nozzle in that it stays where it is."""
 
     def clipped(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return sign * np.minimum(sign * values, np.max(sign * values) - 3e6)

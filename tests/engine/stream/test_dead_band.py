@@ -113,7 +113,7 @@ def test_what_lasts_less_than_forty_microseconds_is_no_opening(samples: int, rat
     assert stream.count("counts", "injections_begun") == opens
 
 
-LOW = np.maximum(18.0 - 3.0 * np.abs(np.arange(26) - 13.0), 0.0) * UM
+LOW: NDArray[np.float64] = np.maximum(18.0 - 3.0 * np.abs(np.arange(26) - 13.0), 0.0) * UM
 """A needle that turns low above its seat: no straight line bridges a sample there, and none of them is a leap."""
 TURNS = 13  # samples from its beginning
 

@@ -33,7 +33,7 @@ class Sigmas:
 
 
 @dataclass(frozen=True, eq=False)
-class Masked:
+class CleanWindow:
     """An event without its stretches that are off: the window, and nats of their samples as what they are."""
 
     window: Window
@@ -64,8 +64,10 @@ def mask_of(window: Window) -> NDArray[np.bool_]:
     return window.masked if len(window.masked) else np.zeros(len(window.output), np.bool_)
 
 
-def without_stretches(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> Masked | None:
-    """The event without what is better explained as held or loud than by its innovations (n,); None: all is not.
+def without_stretches(
+    window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+) -> CleanWindow | None:
+    """The event without samples better explained as held or loud than by their innovations (n,); None: all count.
 
     Those before sample `first` do not count.
     """
@@ -82,7 +84,7 @@ def without_stretches(window: Window, innovations: NDArray[np.float64], sigmas: 
     if not 0 < masked <= MOST * mask.size:
         return None
     more = masked - float(np.sum(spans[:, 1] - spans[:, 0]))
-    return Masked(window._replace(masked=mask), float(spans[:, 2].sum()) + max(0.5 * more, 0.0))
+    return CleanWindow(window._replace(masked=mask), float(spans[:, 2].sum()) + max(0.5 * more, 0.0))
 
 
 def _beyond(y: NDArray[np.float64], level: float, noise: float) -> NDArray[np.bool_]:

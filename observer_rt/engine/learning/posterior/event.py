@@ -153,7 +153,7 @@ class ExplainedEvent(NamedTuple):
 
     @property
     def window(self) -> Window:
-        """Window as the leading explanation has it, without the coil and what is off."""
+        """Window as the leading explanation has it, without the coil and without stretches that are off."""
         return self.lead.reading.window
 
     @property

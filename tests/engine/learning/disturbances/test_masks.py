@@ -1,4 +1,4 @@
-"""Stretches of a line pressure that are held, clipped or loud: what is found, and what only looks like them."""
+"""Stretches of a line pressure that are held, clipped or loud, and those that only look like them."""
 
 from itertools import pairwise
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.outliers import LENGTH, PRICE, find_held, find_loud
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.masks import Masked, Sigmas, without_stretches
+from observer_rt.engine.learning.disturbances.masks import CleanWindow, Sigmas, without_stretches
 
 NOISE = 0.0015  # of p_0
 SIGMAS = Sigmas(innovation=1.2 * NOISE, noise=NOISE)
@@ -32,14 +32,14 @@ def noise(seed: int, burst: float = 0.0, at: slice = BURST) -> NDArray[np.float6
     return np.asarray(np.random.default_rng(seed).normal(size=COUNT) * sigmas, np.float64)
 
 
-def without(y: NDArray[np.float64], innovations: NDArray[np.float64] | None = None) -> Masked | None:
+def without(y: NDArray[np.float64], innovations: NDArray[np.float64] | None = None) -> CleanWindow | None:
     """Of a window with such a line pressure (n,), against a right model."""
     resting = np.arange(COUNT) > COUNT // 2
     window = Window(np.column_stack([np.ones(COUNT), np.zeros(COUNT)]), y, resting, np.zeros(4), OPENING)
     return without_stretches(window, y - truth() if innovations is None else innovations, SIGMAS, FIRST)
 
 
-def spans(masked: Masked | None) -> list[tuple[int, int]]:
+def spans(masked: CleanWindow | None) -> list[tuple[int, int]]:
     if masked is None:
         return []
     edges = np.flatnonzero(np.diff(np.concatenate(([0], masked.window.masked.astype(np.int8), [0]))))
@@ -53,9 +53,9 @@ def test_what_is_held_ahead_of_the_noise_is_found(held: list[tuple[int, int]]) -
     y = truth()
     for start, end in held:
         y[start:end] = y[start]
-    found = spans(without(y + noise(1)))
-    assert len(found) == len(held)
-    for (start, end), (first, last) in zip(held, found, strict=True):
+    stretches = spans(without(y + noise(1)))
+    assert len(stretches) == len(held)
+    for (start, end), (first, last) in zip(held, stretches, strict=True):
         assert start - 6 <= first <= start + 8  # it begins as the truth does
         assert abs(last - end) <= 2
 
@@ -126,10 +126,10 @@ def test_held_stretches_are_the_best_of_all_ways_to_part_an_event(
             half = 0.5 * chi2_of_constant(y[start:end])
             if half < 0.5 * (end - start) + 4.0 * np.sqrt(0.5 * (end - start)):
                 best[end] = max(best[end], best[start] + 0.5 * chi2_of_constant(deviates[start:end]) - half - PRICE)
-    found = find_held(y, deviates, np.zeros(n, np.bool_), 1.0, 0)
-    worth = sum(0.5 * chi2_of_constant(deviates[int(a) : int(b)]) - nats for a, b, nats in found)
+    stretches = find_held(y, deviates, np.zeros(n, np.bool_), 1.0, 0)
+    worth = sum(0.5 * chi2_of_constant(deviates[int(a) : int(b)]) - nats for a, b, nats in stretches)
     assert worth == pytest.approx(best[n], abs=1e-9)
-    assert all(earlier[1] <= later[0] for later, earlier in pairwise(found))
+    assert all(earlier[1] <= later[0] for later, earlier in pairwise(stretches))
 
 
 def test_a_loud_stretch_costs_what_its_loudness_says() -> None:

@@ -114,7 +114,7 @@ REASONS: Mapping[Reason, Words] = {
     ),
     Reason.INPUT_CLIPPED: Words("an input stays at the end of its range", "check the range of sensor and amplifier"),
     Reason.LIFT_SENSOR_LAG: Words(
-        "the needle lift seems to be recorded late",
+        "the needle lift seems to be recorded late, which masses allow for",
         "run `observer-rt discover`: a changed nozzle looks alike; if it names needle_lift_sensor_lag, state lag_us "
         "(docs/time.md)",
     ),

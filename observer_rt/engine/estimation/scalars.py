@@ -315,7 +315,8 @@ SCALARS = Scalars((
            change=lambda line, a: line._replace(displaced=line.displaced + line.a1 * a)),
     # It does not drift: an event that shows another one moves it, and no other.
     Scalar("lift_delay", Parameter.LIFT_DELAY, prior=1e-10, drift=0.0, longest_step=30e-6, bounds=(-0.2e-3, 0.2e-3),
-           counted=ScalarUnit.TIME),
+           counted=ScalarUnit.TIME, shown=ShownIndicator("needle_lift_sensor_lag", lambda _: LAG_UNIT,
+                       label="needle lift late by", unit=("s", 1.0), screen_unit=("us", MICROSECOND))),
 ))
 # fmt: on
 

@@ -31,6 +31,7 @@ _OF_LIVE_RATE = frozenset(
         Reason.CONTRADICTED,
         Reason.SUDDEN_CHANGE,
         Reason.PRESSURE_OFFSET,
+        Reason.LIFT_SENSOR_LAG,
         *_NOT_KNOWN_YET,
     }
 )

@@ -88,6 +88,7 @@ NONE = Reason.NONE
             InjectionFacts(Reason.OUTSIDE_LEARNED_RANGE, Reason.LIFT_SENSOR_LAG, NONE, False, True),
             Reason.LIFT_SENSOR_LAG,
         ),
+        (InjectionFacts(Reason.LIFT_SENSOR_LAG, NONE, NONE, False, True), NONE),
         (InjectionFacts(Reason.SAMPLES_LOST, Reason.NOT_LEARNED, NONE, False), Reason.SAMPLES_LOST),
         (InjectionFacts(Reason.INPUT_FROZEN, NONE, NONE, False, True), Reason.INPUT_FROZEN),
         (InjectionFacts(NONE, Reason.NOT_JUDGED, Reason.INPUT_FROZEN, False), Reason.INPUT_FROZEN),

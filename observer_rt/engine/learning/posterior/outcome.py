@@ -16,7 +16,7 @@ from observer_rt.core.learning.predictor import follow
 from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window, level_of
 from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of
 from observer_rt.engine.learning import constants as c
-from observer_rt.engine.learning.adequacy import Objection
+from observer_rt.engine.learning.adequacy import Objection, tempering
 from observer_rt.engine.learning.hypotheses import (
     BELIEVED,
     FLOWS,
@@ -39,7 +39,6 @@ from observer_rt.foundation.units import Z_95
 LEAD = 15  # samples before the opening
 LEAST = 1e-13  # m3, of which shares are taken
 FURTHER = 20  # samples after the last rate, by which another theta's may end later
-
 SHOWN = 0.005  # probability, below which nothing is said
 
 
@@ -182,7 +181,9 @@ def verdict_of(
             reason = _reason_of(explanation, after.theta, wide)
             against[reason] = against.get(reason, 0.0) + explanation.weight
     most = (Objection(max(against, key=lambda reason: against[reason], default=Reason.OUTSIDE_LEARNED_RANGE)),)
-    forward, own = tuple(contradictions), tuple(contradictions)
+    forward = own = tuple(contradictions)
+    if tempering(learned.statistics) == 1.0:  # the delay explains all of a late lift
+        own = tuple(each for each in contradictions if each.reason is not Reason.LIFT_SENSOR_LAG)
     if agree < c.AGREED or not lead.is_good or lead.kind in UNLIKE_BEFORE:  # the next one is to confirm it
         forward += most
     if explained.fault_weight > 1.0 - c.AGREED:

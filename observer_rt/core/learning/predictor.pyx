@@ -114,7 +114,7 @@ cdef class _FlowRecord:
 
 
 def follow(
-    window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, :] slopes,
+    window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, ::1] slopes,
     Terms terms=None, run=None
 ) -> NDArray[np.float64]:
     """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).

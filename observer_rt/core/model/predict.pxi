@@ -9,56 +9,54 @@ cdef double predict(
     Terms of the sensor are not in it. sensor: numbers of its law (SENSOR_NUMBERS,); gradient: advanced with x, NULL: none.
     """
     cdef double lag = sensor[0], before = x[0], indicated_before = indicated[0], moved, shown
-    cdef LaggedSlopes slopes
+    cdef Tangent* t = NULL if gradient == NULL else &gradient.tangent
     c, interval = &forced.coefficients, &forced.interval
-    if gradient == NULL:
-        begin_mean(x, NULL, c)
-        advance_over(x, interval, forced.knot, c, &forced.network, NULL)
-        moved = lagged(indicated_before, before, x[0], interval.length, lag)
-    else:
-        memcpy(gradient.before, gradient.tangent.by, gradient.tangent.m * sizeof(double))
-        begin_mean(x, &gradient.tangent, c)
-        advance_over(x, interval, forced.knot, c, &forced.network, &gradient.tangent)
-        moved = lagged(indicated_before, before, x[0], interval.length, lag)
-        slopes = lagged_slopes(indicated_before, before, x[0], interval.length, lag)
-        _predict_gradient(gradient, &slopes, late, interval.length, lag, moved - indicated_before, c.is_mean)
+    if t != NULL:
+        memcpy(gradient.before, t.by, t.m * sizeof(double))
+    begin_mean(x, t, c)
+    advance_over(x, interval, forced.knot, c, &forced.network, t)
+    moved = lagged(indicated_before, before, x[0], interval.length, lag)
     indicated[0] = moved
     if c.is_mean:
         shown = recorded_mean(indicated_before, moved, x[c.states - 1] / interval.length, lag / interval.length, late)
     else:
         shown = recorded(indicated_before, moved, late)
     if gradient != NULL:
-        _add_gain(gradient, sensor[SENSOR_GAIN], shown)
+        slopes = lagged_slopes(indicated_before, before, x[0], interval.length, lag)
+        _predict_gradient(gradient, &slopes, late, interval.length, sensor, moved - indicated_before, shown, c.is_mean)
     return (1.0 + sensor[SENSOR_GAIN]) * shown
 
 
 cdef void _predict_gradient(
-    Gradient* g, const LaggedSlopes* slopes, double late, double interval, double lag, double rise, bint is_mean
+    Gradient* g, const LaggedSlopes* slopes, double late, double interval, const double* numbers, double rise,
+    double shown, bint is_mean
 ) noexcept nogil:
-    """Advance the gradient through the sensor by its slopes; rise: of the indicated pressure in this sample."""
-    cdef const double* first = g.tangent.by
-    cdef const double* last = g.tangent.by + (g.tangent.n - 1) * g.tangent.m
-    cdef double before, predicted, integrated, shown, lag_share = lag / interval
-    cdef int64_t j, number
-    for j in range(g.tangent.m):
-        before = g.indicated[j]
-        predicted = slopes.by_indicated * before + slopes.by_start * g.before[j] + slopes.by_end * first[j]
+    """Advance the gradient through the sensor, of these numbers, by its slopes; what is recorded is linear in all it is of.
+
+    rise: of the indicated pressure in this sample; shown: pressure recorded at a gain of 0.
+    """
+    cdef int64_t parts = g.tangent.m // WIDTH, j, number
+    cdef const Columns* first = <const Columns*> g.tangent.by
+    cdef const Columns* last = first + (g.tangent.n - 1) * parts
+    cdef const Columns* start = <const Columns*> g.before
+    cdef const Columns* sensor = <const Columns*> g.sensor
+    cdef Columns* indicated = <Columns*> g.indicated
+    cdef Columns* error = <Columns*> g.error
+    cdef Columns before
+    cdef double gain = 1.0 + numbers[SENSOR_GAIN], share = numbers[0] / interval
+    cdef double by_before, by_now, by_mean = 0.0
+    if is_mean:
+        by_before, by_now = recorded_mean(1.0, 0.0, 0.0, share, late), recorded_mean(0.0, 1.0, 0.0, share, late)
+        by_mean = recorded_mean(0.0, 0.0, 1.0, share, late) / interval
+    else:
+        by_before, by_now = recorded(1.0, 0.0, late), recorded(0.0, 1.0, late)
+    for j in range(parts):
+        before = indicated[j]
+        indicated[j] = slopes.by_indicated * before + slopes.by_start * start[j] + slopes.by_end * first[j]
         for number in range(<int64_t> SENSOR_NUMBERS):
-            predicted = predicted + slopes.by_number[number] * g.sensor[number * g.tangent.m + j]
-        if is_mean:
-            integrated = last[j] - rise * g.sensor[j]
-            shown = recorded_mean(before, predicted, integrated / interval, lag_share, late)
-        else:
-            shown = recorded(before, predicted, late)
-        g.error[j] = -1.0 * shown
-        g.indicated[j] = predicted
-
-
-cdef inline void _add_gain(Gradient* g, double gain, double shown) noexcept nogil:
-    """Add gain and offset of the sensor to the gradient of the innovation; shown: pressure recorded at a gain of 0."""
-    cdef int64_t j
-    for j in range(g.tangent.m):
-        g.error[j] = (1.0 + gain) * g.error[j] - shown * g.sensor[SENSOR_GAIN * g.tangent.m + j]
+            indicated[j] = indicated[j] + slopes.by_number[number] * sensor[number * parts + j]
+        error[j] = -gain * (by_before * before + by_now * indicated[j] + by_mean * (last[j] - rise * sensor[j]))
+        error[j] = error[j] - shown * sensor[SENSOR_GAIN * parts + j]
     g.error[g.offset] -= 1.0
 
 
@@ -80,7 +78,7 @@ cdef void correct(double* x, double* indicated, double innovation, const double*
 
 
 cdef inline void _add_times(double factor, const double* values, double* result, int64_t count) noexcept nogil:
-    """Add a multiple of values (count,) to a result."""
+    """Add a multiple of columns of a tangent (count,) to a result."""
     cdef int64_t j
-    for j in range(count):
-        result[j] = result[j] + factor * values[j]
+    for j in range(count // <int64_t> WIDTH):
+        (<Columns*> result)[j] = (<Columns*> result)[j] + factor * (<const Columns*> values)[j]

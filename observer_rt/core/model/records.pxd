@@ -10,11 +10,11 @@ cdef enum:
     MOST_COEFFICIENTS = 24  # of a line
     SAC = 2  # place of p_S in x
     MEMORIES = 3  # states of a wave's line that remember its flow
-    WIDTH = 8  # columns of a tangent reckoned together; tangents are a multiple of it wide
+    WIDTH = 4  # columns of a tangent reckoned together, as a register holds; tangents are a multiple of it wide
 
 cdef extern from *:
     """
-    typedef double columns_of_a_tangent __attribute__((vector_size(64), aligned(8), may_alias));
+    typedef double columns_of_a_tangent __attribute__((vector_size(32), aligned(8), may_alias));
     """
     ctypedef double Columns "columns_of_a_tangent"  # WIDTH numbers as one: the compiler makes no vectors of a loop over them
 

@@ -1,12 +1,14 @@
 """Marginal likelihoods for Gaussian priors of a cost that is a parabola, in closed form."""
 
-from libc.math cimport NAN, fabs, fmax, fmin, isnan, log, sqrt
+from libc.math cimport NAN, fabs, fmax, fmin, isfinite, isnan, log
 from libc.stdint cimport int64_t
+from libc.string cimport memcpy
 
-from numpy import array, empty, isfinite, outer, zeros
+from numpy import array, empty, empty_like, zeros
 from numpy.linalg import LinAlgError
 
 from observer_rt.core.learning.matrices cimport add_moved, invert, whole
+from observer_rt.core.model.records cimport WIDTH, Columns
 
 
 def integrate_cost(cost, limits, prior) -> tuple[NDArray[np.float64], NDArray[np.float64], float, float, float]:
@@ -43,50 +45,83 @@ def integrate_cost(cost, limits, prior) -> tuple[NDArray[np.float64], NDArray[np
     return array(theta), array(after[:m, :m]), width, least, total
 
 
-def weigh_scales(mean, covariance, weights, sizes, int64_t first, noises) -> NDArray[np.float64]:
+def weigh_scales(mean, covariance, weights, sizes, int64_t first, const double[::1] noises) -> NDArray[np.float64]:
     """Logarithms of how likely weights are to be 0 by a mean (m,) and a covariance (m, m), for every pair of noises (k,).
 
     (k, k): row i by noise i of the `first` weights, those of one flow, column j by noise j of the others. weights (w,):
     columns of theta; sizes (w,): of their priors, in whose units noises are variances. Raises numpy.linalg.LinAlgError
     when not positive definite.
     """
-    cdef int64_t w = len(weights), i, j
-    bordered, densities = zeros((w + 1, w + 1)), empty((len(noises), len(noises)))
-    bordered[:w, :w] = covariance[weights[:, None], weights] / outer(sizes, sizes)
-    bordered[w, :w] = mean[weights] / sizes
-    cdef double[:, ::1] rows = bordered, one = empty((w + 1, w + 1)), both = empty((w + 1, w + 1))
+    cdef double[:, ::1] rows = _bordered(mean, covariance, weights, sizes), one = empty_like(rows), both = empty_like(rows)
+    cdef int64_t w = rows.shape[0] - 1, k = noises.shape[0], i, j
     cdef double by_first
-    for i in range(len(noises)):
-        one[:] = rows
+    densities = empty((k, k))
+    cdef double[:, ::1] result = densities
+    for i in range(k):
+        memcpy(&one[0, 0], &rows[0, 0], rows.nbytes)
         by_first = _eliminate(one, 0, first, noises[i])
-        for j in range(len(noises)):
-            both[:] = one
-            densities[i, j] = by_first + _eliminate(both, first, w, noises[j])
-    if not isfinite(densities).all():
-        raise LinAlgError("matrix is not positive definite")
+        for j in range(k):
+            memcpy(&both[0, 0], &one[0, 0], rows.nbytes)
+            result[i, j] = by_first + _eliminate(both, first, w, noises[j])
+            if not isfinite(result[i, j]):
+                raise LinAlgError("matrix is not positive definite")
     return densities
 
 
-cdef double _eliminate(double[:, ::1] rows, int64_t first, int64_t last, double noise) noexcept nogil:
-    """Cholesky's factor of columns first .. last of rows (w + 1, w + 1), in place, with a noise on their diagonal.
+def move_to_nothing(mean, covariance, weights, sizes, int64_t first, const double[::1] noise) -> NDArray[np.float64]:
+    """The mean (m,) once weights were measured to be 0, arguments as of `weigh_scales`; noise (w,), two numbers."""
+    cdef double[:, ::1] rows = _bordered(mean, covariance, weights, sizes)
+    cdef const double[:, ::1] across = covariance
+    cdef const double[::1] scale = sizes
+    cdef const int64_t[::1] columns = weights
+    cdef int64_t w = rows.shape[0] - 1, i, j
+    cdef double pull
+    moved = array(mean)
+    cdef double[::1] result = moved
+    if isnan(_eliminate(rows, 0, first, noise[0]) + _eliminate(rows, first, w, noise[w - 1])):
+        raise LinAlgError("matrix is not positive definite")
+    for i in range(w - 1, -1, -1):
+        for j in range(i + 1, w):
+            rows[i, w] -= rows[i, j] * rows[j, w]
+        rows[i, w] /= rows[i, i]
+        pull = rows[i, w] / scale[i]
+        for j in range(result.shape[0]):
+            result[j] -= pull * across[columns[i], j]
+    return moved
 
-    Returns the logarithm of how likely the last row is by these columns; NaN: not positive definite.
+
+cdef _bordered(
+    const double[::1] mean, const double[:, ::1] covariance, const int64_t[::1] weights, const double[::1] sizes
+):
+    """Upper half of the weights' covariance, beside it their mean, in units of sizes; in whole vectors."""
+    cdef int64_t w = weights.shape[0], i, j
+    result = zeros((w + 1, whole(w + 1)))
+    cdef double[:, ::1] rows = result
+    for i in range(w):
+        for j in range(i, w):
+            rows[i, j] = covariance[weights[i], weights[j]] / (sizes[i] * sizes[j])
+        rows[i, w] = mean[weights[i]] / sizes[i]
+    return result
+
+
+cdef double _eliminate(double[:, ::1] rows, int64_t first, int64_t last, double noise) noexcept nogil:
+    """Eliminate columns first .. last of `_bordered` rows, in place, with a noise on their diagonal.
+
+    Returns the logarithm of how likely the mean is by these columns; NaN: not positive definite.
     """
-    cdef int64_t size = rows.shape[0], i, j, k
-    cdef double density = 0.0, pivot, factor
+    cdef int64_t size = rows.shape[0], parts = rows.shape[1] // WIDTH, i, j, k
+    cdef Columns* values = <Columns*> &rows[0, 0]
+    cdef double density = 0.0, factor
     for k in range(first, last):
         rows[k, k] += noise
     for k in range(first, last):
         if not rows[k, k] > 0.0:
             return NAN
-        pivot = sqrt(rows[k, k])
-        for i in range(k, size):  # the row holds the column from here on, so that both are read along their lines
-            rows[k, i] = rows[i, k] = rows[i, k] / pivot
-        for i in range(k + 1, size):
-            factor = rows[i, k]
-            for j in range(k + 1, i + 1):
-                rows[i, j] -= factor * rows[k, j]
-        density -= log(pivot) + 0.5 * rows[size - 1, k] * rows[size - 1, k]
+        for i in range(k + 1, size - 1):
+            factor = rows[k, i] / rows[k, k]
+            for j in range(i // WIDTH, parts):
+                values[i * parts + j] = values[i * parts + j] - factor * values[k * parts + j]
+        density -= 0.5 * (log(rows[k, k]) + rows[k, size - 1] * rows[k, size - 1] / rows[k, k])
     return density
 
 

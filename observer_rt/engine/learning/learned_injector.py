@@ -13,7 +13,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.evidence import weigh_scales
+from observer_rt.core.learning.evidence import move_to_nothing, weigh_scales
 from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief, GatedBelief, held_at, symmetric
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
@@ -68,9 +68,7 @@ def at_scale(belief: Belief, noise: Vector) -> Belief:
 
 def mean_at_scale(mean: Vector, covariance: Vector, noise: Vector) -> Vector:
     """The mean (m,) of `at_scale`."""
-    across = covariance[WEIGHTS]
-    away = np.linalg.solve(across[:, WEIGHTS] + np.diag(noise * _PRIOR**2), mean[WEIGHTS])
-    return np.asarray(mean - away @ across, np.float64)
+    return move_to_nothing(mean, covariance, WEIGHTS, _PRIOR, OF_NOZZLE, noise)
 
 
 def _gain(covariance: Vector, noise: Vector) -> tuple[Vector, Vector]:

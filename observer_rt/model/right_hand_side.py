@@ -39,7 +39,7 @@ class Tangent(NamedTuple):
 
     by: NDArray[np.float64]
     moved: NDArray[np.float64]  # (n, m)
-    by_state: NDArray[np.float64]  # (4, n, n), of x' by x at the stages of a step
+    by_state: NDArray[np.float64]  # (4, n, COLUMNS), of x' by x at the stages of a lump's step
     by_number: NDArray[np.float64]  # (4, n, m), of x' by the numbers of line and valve, x held
     by_flow: NDArray[np.float64]  # (4, n, 2), of x' by q_H, q_S
     of_flows: NDArray[np.float64]  # (4, 2, m), of q_H, q_S by the numbers of phi, x held
@@ -60,7 +60,7 @@ def tangent_of(c: Coefficients, theta: ByTheta, columns: int) -> Tangent:
     return Tangent(
         np.zeros((n, m)),
         np.zeros((n, m)),
-        np.zeros((4, n, n)),
+        np.zeros((4, n, COLUMNS)),
         np.zeros((4, n, m)),
         np.zeros((4, n, 2)),
         np.zeros((4, 2, m)),

@@ -77,8 +77,8 @@ cdef inline void lump_slopes(
     inflow = inflow - drained(x[0], &line.softness, line.servo, line.displaced, u)
     by_state[0] = by_pressure * inflow - soft * (line.leak + drained_slope(x[0], &line.softness, line.servo, u))
     by_state[1] = soft * line.a1
-    by_state[n] = -line.a3
-    by_state[n + 1] = -2.0 * line.a4 * fabs(x[1])
+    by_state[WIDTH] = -line.a3
+    by_state[WIDTH + 1] = -2.0 * line.a4 * fabs(x[1])
     by_flow[0] = -soft * line.a2_nozzle
     by_flow[1] = -soft * line.a2_seat
     first[LUMP_A1] = soft * (x[1] - line.outflow)
@@ -92,7 +92,7 @@ cdef inline void lump_slopes(
     second[LUMP_A3] = u.rail - line.loss - x[0]
     second[LUMP_A4] = -x[1] * fabs(x[1])
     if n == 4:
-        by_state[3 * n] = 1.0
+        by_state[3 * WIDTH] = 1.0
 
 
 cdef inline void right_hand_side(
@@ -117,7 +117,7 @@ cdef inline void tangent_rates(
     Of those by the numbers, which are 0 at first, only what may differ from 0 is written.
     """
     cdef FlowSlopes flows
-    cdef double* by_state = t.by_state + stage * n * n
+    cdef double* by_state = t.by_state + stage * n * WIDTH
     cdef double* by_number = t.by_number + stage * n * t.m
     cdef double* by_flow = t.by_flow + stage * n * 2
     cdef double* of_flows = t.of_flows + stage * 2 * t.m
@@ -125,18 +125,20 @@ cdef inline void tangent_rates(
     cdef bint at_rest = is_at_rest(x, u)
     cdef int64_t row, i, k
     theta = &t.theta
-    memset(by_state, 0, n * n * sizeof(double))
-    memset(&flows, 0, sizeof(flows))
-    if not at_rest:
+    memset(by_state, 0, n * WIDTH * sizeof(double))
+    if at_rest:
+        flows.q_h = flows.q_s = 0.0
+    else:
         flow_slopes(x, u, c, network, &flows)
         flow_numbers(x, u, &flows, t, of_flows, of_flows + t.m)
     lump_slopes(x, u, flows.q_h, flows.q_s, &c.line.lump, t, by_state, by_flow, n)
-    by_flow[2 * SAC], by_flow[2 * SAC + 1] = -c.sac.a6, c.sac.a5
     if at_rest:
         memset(by_flow, 0, 2 * n * sizeof(double))
-    for row in range(n):
-        for i in range(3):
-            by_state[row * n + i] += by_flow[2 * row] * flows.h_x[i] + by_flow[2 * row + 1] * flows.s_x[i]
+    else:
+        by_flow[2 * SAC], by_flow[2 * SAC + 1] = -c.sac.a6, c.sac.a5
+        for row in range(0, 3, 2):  # p_L and p_S
+            for i in range(3):
+                by_state[row * WIDTH + i] += by_flow[2 * row] * flows.h_x[i] + by_flow[2 * row + 1] * flows.s_x[i]
     for k in range(theta.pairs):  # each acts on the flow or on the pressure, nothing of the line on the sac
         i = theta.coefficients[k]
         if i == LUMP_A3 or i == LUMP_A4:
@@ -200,45 +202,50 @@ cdef inline void _move_tangent(Tangent* t, double step, int n) noexcept nogil:
     That is linear in the derivatives before it, and in how x' goes with the numbers at its stages, so that a column
     costs a few products; those of phi act through two flows.
     """
-    cdef double[4][16] after  # of a stage's rates (n, n)
-    cdef double[16] whole  # of the state
+    cdef Columns[4][4] after  # of a stage's rates, a row each
+    cdef Columns[4] whole  # of the state
     cdef double[4][2][4] through  # a flow at a stage
     cdef Columns[4] start
     cdef Columns[4] result
     cdef Columns along
-    cdef double total
+    cdef const Columns* by_state
+    cdef double* of_row
     cdef bint flows = False
     cdef int stage, row, i, j, k
     cdef int64_t chunk, column
-    for i in range(n * n):
-        after[3][i] = whole[i] = 0.0
-    for i in range(n):
-        after[3][i * n + i], whole[i * n + i] = step / 6.0, 1.0
+    memset(after[3], 0, sizeof(whole))
+    memset(whole, 0, sizeof(whole))
+    for row in range(n):
+        (<double*> &after[3][row])[row], (<double*> &whole[row])[row] = step / 6.0, 1.0
     for stage in range(3, -1, -1):
+        by_state = <const Columns*> t.by_state + stage * n
         for row in range(n):
-            for i in range(n):
-                total = 0.0
-                for k in range(n):
-                    total += after[stage][row * n + k] * t.by_state[(stage * n + k) * n + i]
-                whole[row * n + i] += total
-                if stage > 0:
-                    after[stage - 1][row * n + i] = (step if stage == 3 else 0.5 * step) * total
+            of_row = <double*> &after[stage][row]
+            along = of_row[0] * by_state[0]
+            for k in range(1, n):
+                along = along + of_row[k] * by_state[k]
+            whole[row] = whole[row] + along
             if stage > 0:
-                after[stage - 1][row * n + row] += step / 6.0 if stage == 1 else step / 3.0
-            for j in range(2):
-                total = 0.0
-                for k in range(n):
-                    total += after[stage][row * n + k] * t.by_flow[(stage * n + k) * 2 + j]
-                through[stage][j][row] = total
-                flows = flows or total != 0.0
+                after[stage - 1][row] = (step if stage == 3 else 0.5 * step) * along
+                (<double*> &after[stage - 1][row])[row] += step / 6.0 if stage == 1 else step / 3.0
+        flows = flows or t.by_flow[(stage * n + SAC) * 2] != 0.0
+    if flows:
+        for stage in range(4):
+            for row in range(n):
+                of_row = <double*> &after[stage][row]
+                for j in range(2):
+                    through[stage][j][row] = 0.0
+                    for k in range(n):
+                        through[stage][j][row] += of_row[k] * t.by_flow[(stage * n + k) * 2 + j]
     for chunk in range(t.m // <int64_t> WIDTH):
         part, column = t.parts[chunk], chunk * <int64_t> WIDTH
         for row in range(n):
             start[row] = (<Columns*> (t.by + row * t.m + column))[0]
         for row in range(n):
-            result[row] = whole[row * n] * start[0]
+            of_row = <double*> &whole[row]
+            result[row] = of_row[0] * start[0]
             for i in range(1, n):
-                result[row] = result[row] + whole[row * n + i] * start[i]
+                result[row] = result[row] + of_row[i] * start[i]
         for k in range(2):
             if not (flows and part & (BY_SEAT if k else BY_NOZZLE)):
                 continue
@@ -251,7 +258,7 @@ cdef inline void _move_tangent(Tangent* t, double step, int n) noexcept nogil:
                 for i in range(2):  # p_L and Q_L
                     along = (<Columns*> (t.by_number + (stage * n + i) * t.m + column))[0]
                     for row in range(n):
-                        result[row] = result[row] + after[stage][row * n + i] * along
+                        result[row] = result[row] + (<double*> &after[stage][row])[i] * along
         for row in range(n):
             (<Columns*> (t.by + row * t.m + column))[0] = result[row]
 

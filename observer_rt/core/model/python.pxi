@@ -64,7 +64,7 @@ cdef class Carried:
         t.n, t.m, t.size = by.shape[0], by.shape[1], by_coefficient.shape[1]
         fits = (
             moved.shape[0] == t.n and moved.shape[1] == t.m and t.m % WIDTH == 0
-            and by_state.shape[0] == 4 and by_state.shape[1] == t.n and by_state.shape[2] == t.n
+            and by_state.shape[0] == 4 and by_state.shape[1] == t.n and by_state.shape[2] == WIDTH
             and by_number.shape[0] == 4 and by_number.shape[1] == t.n and by_number.shape[2] == t.m
             and by_flow.shape[0] == 4 and by_flow.shape[1] == t.n and by_flow.shape[2] == 2
             and of_flows.shape[0] == 4 and of_flows.shape[1] == 2 and of_flows.shape[2] == t.m

@@ -159,7 +159,7 @@ cdef struct Tangent:
     const int64_t* neurons  # (CURVES,)
     double* by  # (n, m)
     double* moved  # (n, m)
-    double* by_state  # (4, n, n), of x' by x at the stages of a step
+    double* by_state  # (4, n, WIDTH), of x' by x at the stages of a lump's step
     double* by_number  # (4, n, m), of x' by the numbers of line and valve, x held
     double* by_flow  # (4, n, 2), of x' by q_H, q_S
     double* of_flows  # (4, 2, m), of q_H, q_S by the numbers of phi, x held

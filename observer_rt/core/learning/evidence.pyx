@@ -1,6 +1,6 @@
 """Marginal likelihoods for Gaussian priors of a cost that is a parabola, in closed form."""
 
-from libc.math cimport NAN, fabs, fmax, fmin, isfinite, isnan, log
+from libc.math cimport INFINITY, NAN, fabs, fmax, fmin, isfinite, isnan, log
 from libc.stdint cimport int64_t
 from libc.string cimport memcpy
 
@@ -11,11 +11,11 @@ from observer_rt.core.learning.matrices cimport add_moved, invert, whole
 from observer_rt.core.model.records cimport WIDTH, Columns
 
 
-def integrate_cost(cost, limits, prior) -> tuple[NDArray[np.float64], NDArray[np.float64], float, float, float]:
-    """Integrate a `Linearisation` over a prior, a `Belief`: mean (m,) and covariance (m, m) after it, and three numbers.
+def integrate_cost(cost, limits, prior, double beyond) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """Integrate a `Linearisation` over a prior, a `Belief`: logarithm, mean (m,) and covariance (m, m) after it.
 
-    What the prior pays for its width, the least sum of cost and distance from it, and the least that is within
-    `Limits` and reach of the slopes, all in nats. Raises numpy.linalg.LinAlgError when singular.
+    The least sum of cost and distance from the prior is lower by `beyond` [nats] at most than it is within `Limits` and
+    reach of the slopes. Raises numpy.linalg.LinAlgError when singular.
     """
     cdef const double[::1] centre = cost.theta, slope = cost.gradient, mean = prior.mean
     cdef const double[:, ::1] curve = cost.information, before
@@ -42,86 +42,68 @@ def integrate_cost(cost, limits, prior) -> tuple[NDArray[np.float64], NDArray[np
     total = _expected(value, slope, curve, centre, step, away, gradient)
     total += _expected(0.0, nothing, before, mean, step, away, gradient)
     total = fmin(total, value + _expected(0.0, nothing, before, mean, centre, away, gradient))
-    return array(theta), array(after[:m, :m]), width, least, total
+    return -max(least, total - beyond) - width, array(theta), array(after[:m, :m])
 
 
-def weigh_scales(mean, covariance, weights, sizes, int64_t first, const double[::1] noises) -> NDArray[np.float64]:
-    """Logarithms of how likely weights are to be 0 by a mean (m,) and a covariance (m, m), for every pair of noises (k,).
+def weigh_scales(
+    const double[::1] mean, const double[:, ::1] covariance, const int64_t[::1] weights, const double[::1] sizes,
+    int64_t first, const double[::1] noises, double[::1] logs
+) -> NDArray[np.float64]:
+    """Add to logs (k k,) how likely weights are to be 0 by a mean (m,) and a covariance (m, m), for all pairs of noises (k,).
 
-    (k, k): row i by noise i of the `first` weights, those of one flow, column j by noise j of the others. weights (w,):
-    columns of theta; sizes (w,): of their priors, in whose units noises are variances. Raises numpy.linalg.LinAlgError
-    when not positive definite.
+    One noise is of the `first` weights, those of one flow, the other, which changes faster, of the others. weights (w,):
+    columns of theta; sizes (w,): of their priors, in whose units noises are variances. Returns the mean (m,) once they
+    were measured to be 0 with the likeliest pair. Raises numpy.linalg.LinAlgError when not positive definite.
     """
-    cdef double[:, ::1] rows = _bordered(mean, covariance, weights, sizes), one = empty_like(rows), both = empty_like(rows)
-    cdef int64_t w = rows.shape[0] - 1, k = noises.shape[0], i, j
-    cdef double by_first
-    densities = empty((k, k))
-    cdef double[:, ::1] result = densities
-    for i in range(k):
-        memcpy(&one[0, 0], &rows[0, 0], rows.nbytes)
-        by_first = _eliminate(one, 0, first, noises[i])
-        for j in range(k):
-            memcpy(&both[0, 0], &one[0, 0], rows.nbytes)
-            result[i, j] = by_first + _eliminate(both, first, w, noises[j])
-            if not isfinite(result[i, j]):
-                raise LinAlgError("matrix is not positive definite")
-    return densities
-
-
-def move_to_nothing(mean, covariance, weights, sizes, int64_t first, const double[::1] noise) -> NDArray[np.float64]:
-    """The mean (m,) once weights were measured to be 0, arguments as of `weigh_scales`; noise (w,), two numbers."""
-    cdef double[:, ::1] rows = _bordered(mean, covariance, weights, sizes)
-    cdef const double[:, ::1] across = covariance
-    cdef const double[::1] scale = sizes
-    cdef const int64_t[::1] columns = weights
-    cdef int64_t w = rows.shape[0] - 1, i, j
-    cdef double pull
+    cdef int64_t w = weights.shape[0], k = noises.shape[0], i, j
+    # upper half of the weights' covariance, beside it their mean, in units of the sizes
+    cdef double[:, ::1] rows = zeros((w + 1, whole(w + 1))), one = empty_like(rows), both = empty_like(rows)
+    cdef double[:, ::1] likeliest = empty_like(rows)
+    cdef double by_first, best = -INFINITY
     moved = array(mean)
     cdef double[::1] result = moved
-    if isnan(_eliminate(rows, 0, first, noise[0]) + _eliminate(rows, first, w, noise[w - 1])):
-        raise LinAlgError("matrix is not positive definite")
-    for i in range(w - 1, -1, -1):
-        for j in range(i + 1, w):
-            rows[i, w] -= rows[i, j] * rows[j, w]
-        rows[i, w] /= rows[i, i]
-        pull = rows[i, w] / scale[i]
-        for j in range(result.shape[0]):
-            result[j] -= pull * across[columns[i], j]
-    return moved
-
-
-cdef _bordered(
-    const double[::1] mean, const double[:, ::1] covariance, const int64_t[::1] weights, const double[::1] sizes
-):
-    """Upper half of the weights' covariance, beside it their mean, in units of sizes; in whole vectors."""
-    cdef int64_t w = weights.shape[0], i, j
-    result = zeros((w + 1, whole(w + 1)))
-    cdef double[:, ::1] rows = result
     for i in range(w):
         for j in range(i, w):
             rows[i, j] = covariance[weights[i], weights[j]] / (sizes[i] * sizes[j])
         rows[i, w] = mean[weights[i]] / sizes[i]
-    return result
+    for i in range(k * k):
+        if i % k == 0:
+            memcpy(&one[0, 0], &rows[0, 0], rows.nbytes)
+            by_first = _eliminate(one, 0, first, noises[i // k])
+        memcpy(&both[0, 0], &one[0, 0], rows.nbytes)
+        logs[i] += by_first + _eliminate(both, first, w, noises[i % k])
+        if not isfinite(logs[i]):
+            raise LinAlgError("matrix is not positive definite")
+        if logs[i] > best:
+            best, both, likeliest = logs[i], likeliest, both
+    for i in range(w - 1, -1, -1):
+        for j in range(i + 1, w):
+            likeliest[i, w] -= likeliest[i, j] * likeliest[j, w]
+        likeliest[i, w] /= likeliest[i, i]
+        for j in range(result.shape[0]):
+            result[j] -= likeliest[i, w] / sizes[i] * covariance[weights[i], j]
+    return moved
 
 
 cdef double _eliminate(double[:, ::1] rows, int64_t first, int64_t last, double noise) noexcept nogil:
-    """Eliminate columns first .. last of `_bordered` rows, in place, with a noise on their diagonal.
+    """Eliminate columns first .. last of the upper half of rows (w + 1, ..), in place, with a noise on their diagonal.
 
-    Returns the logarithm of how likely the mean is by these columns; NaN: not positive definite.
+    Returns the logarithm of how likely the last column is by these; NaN: not positive definite.
     """
     cdef int64_t size = rows.shape[0], parts = rows.shape[1] // WIDTH, i, j, k
     cdef Columns* values = <Columns*> &rows[0, 0]
-    cdef double density = 0.0, factor
+    cdef double density = 0.0, share, factor
     for k in range(first, last):
         rows[k, k] += noise
     for k in range(first, last):
         if not rows[k, k] > 0.0:
             return NAN
+        share = 1.0 / rows[k, k]
         for i in range(k + 1, size - 1):
-            factor = rows[k, i] / rows[k, k]
+            factor = share * rows[k, i]
             for j in range(i // WIDTH, parts):
                 values[i * parts + j] = values[i * parts + j] - factor * values[k * parts + j]
-        density -= 0.5 * (log(rows[k, k]) + rows[k, size - 1] * rows[k, size - 1] / rows[k, k])
+        density -= 0.5 * (log(rows[k, k]) + share * rows[k, size - 1] * rows[k, size - 1])
     return density
 
 

@@ -14,22 +14,16 @@ cdef inline int64_t whole(int64_t columns) noexcept nogil:
 cdef inline void propagate(
     double[:, ::1] transition, double[:, ::1] covariance, double[:, ::1] moved, double[:, ::1] scratch
 ) noexcept nogil:
-    """transition @ covariance into `moved`, and that @ transition.T into `covariance`; all (m, m).
+    """transition @ covariance into `moved`, and that @ transition.T, symmetric, into `covariance`; all (m, m).
 
     The transition of a line of cells is nearly empty, and always on the left here.
     """
     cdef int64_t m = covariance.shape[0], i, j
-    cdef double kept
     multiply(transition, covariance, moved)
     for i in range(m):
         for j in range(m):
             scratch[i, j] = moved[j, i]
     multiply(transition, scratch, covariance)
-    for i in range(m):
-        for j in range(i):
-            kept = covariance[i, j]
-            covariance[i, j] = covariance[j, i]
-            covariance[j, i] = kept
 
 
 cdef inline void multiply(double[:, ::1] left, double[:, ::1] right, double[:, ::1] result) noexcept nogil:

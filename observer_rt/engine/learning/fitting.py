@@ -136,8 +136,7 @@ def evidence_of(cost: Linearisation, prior: Belief, limits: Limits) -> Evidence:
     What that promises beyond the limits, or further off than slopes hold, is fiction: no more than `BEYOND` of it
     counts. Raises numpy.linalg.LinAlgError when singular.
     """
-    theta, covariance, width, least, allowed = integrate_cost(cost, limits, prior)
-    return Evidence(-max(least, allowed - BEYOND) - width, theta, covariance)
+    return Evidence(*integrate_cost(cost, limits, prior, BEYOND))
 
 
 def nearly_white(clipped: PhaseStatistics, temper: float, healthy: Healthy) -> float:

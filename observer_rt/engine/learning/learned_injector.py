@@ -13,7 +13,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.evidence import move_to_nothing, weigh_scales
+from observer_rt.core.learning.evidence import weigh_scales
 from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief, GatedBelief, held_at, symmetric
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
@@ -35,13 +35,15 @@ NOISE = _SQUARES / (1.0 - _SQUARES)
 _ALL = np.arange(HIDDEN)
 
 
-def scale_densities(mean: Vector, covariance: Vector) -> Vector:
+def weighed_scales(mean: Vector, covariance: Vector, offered: Vector | float = 0.0) -> tuple[Vector, Vector]:
     """Logarithms of how likely each scale is by a mean (m,) and covariance (m, m) with the whole prior.
 
     A prior smaller by s is the whole one after each weight was measured to be 0 with s^2/(1 - s^2) of its variance; s
-    is as likely as that. Raises numpy.linalg.LinAlgError when not positive definite.
+    is as likely as that, and as `offered` says. And the mean (m,) at the likeliest. Raises numpy.linalg.LinAlgError
+    when not positive definite.
     """
-    return np.asarray(_WIDTHS + weigh_scales(mean, covariance, WEIGHTS, _PRIOR, OF_NOZZLE, _NOISES).ravel())
+    logs = _WIDTHS + offered
+    return logs, weigh_scales(mean, covariance, WEIGHTS, _PRIOR, OF_NOZZLE, _NOISES, logs)
 
 
 @lru_cache(8)
@@ -50,7 +52,7 @@ def shrink(belief: Belief) -> Belief:
 
     The mean of s^2 is taken: what no event excited varies as the mixture of all scales does.
     """
-    densities = scale_densities(belief.mean, belief.covariance)
+    densities, _ = weighed_scales(belief.mean, belief.covariance)
     weights = np.exp(densities - densities.max())
     squares = weights @ _SQUARES / weights.sum()
     return at_scale(belief, squares / (1.0 - squares))
@@ -58,25 +60,15 @@ def shrink(belief: Belief) -> Belief:
 
 def at_scale(belief: Belief, noise: Vector) -> Belief:
     """The belief after each weight was measured to be 0, with a variance (HIDDEN,) in units of its prior's."""
-    gain, across = _gain(belief.covariance, noise)
+    across = belief.covariance[WEIGHTS] / _PRIOR[:, None]  # in units of the weights' prior
+    variance = across[:, WEIGHTS] / _PRIOR
+    variance[_ALL, _ALL] += noise
+    gain = (inverse_of(variance)[0] @ across).T
     by_error = gain @ (belief.error_covariance[WEIGHTS] / _PRIOR[:, None])
     error = belief.error_covariance - by_error - by_error.T
     error += (by_error[:, WEIGHTS] / _PRIOR + gain * noise) @ gain.T
     mean = belief.mean - gain @ (belief.mean[WEIGHTS] / _PRIOR)
     return Belief(mean, symmetric(belief.covariance - gain @ across), symmetric(error))
-
-
-def mean_at_scale(mean: Vector, covariance: Vector, noise: Vector) -> Vector:
-    """The mean (m,) of `at_scale`."""
-    return move_to_nothing(mean, covariance, WEIGHTS, _PRIOR, OF_NOZZLE, noise)
-
-
-def _gain(covariance: Vector, noise: Vector) -> tuple[Vector, Vector]:
-    """Gain (m, HIDDEN) of weights measured to be 0, their covariance with all (HIDDEN, m), in units of the prior."""
-    across = covariance[WEIGHTS] / _PRIOR[:, None]
-    variance = across[:, WEIGHTS] / _PRIOR
-    variance[_ALL, _ALL] += noise
-    return (inverse_of(variance)[0] @ across).T, across
 
 
 @dataclass(frozen=True, eq=False)

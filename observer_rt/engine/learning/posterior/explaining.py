@@ -32,13 +32,7 @@ from observer_rt.engine.learning.hypotheses import (
     moving,
     transitions,
 )
-from observer_rt.engine.learning.learned_injector import (
-    NOISE,
-    LearnedInjector,
-    at_scale,
-    mean_at_scale,
-    scale_densities,
-)
+from observer_rt.engine.learning.learned_injector import NOISE, LearnedInjector, at_scale, weighed_scales
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
 from observer_rt.model.effective import LAG_UNIT
 
@@ -106,12 +100,11 @@ class _FoundExplanation:
     def weigh(self, cost: Linearisation, limits: Limits) -> None:
         """Evidence by a cost as it is linearised, over all scales."""
         by_whole = evidence_of(cost, self.held.prior, limits)
-        logs = self.offered + scale_densities(by_whole.theta, by_whole.covariance)
+        logs, self.theta = weighed_scales(by_whole.theta, by_whole.covariance, self.offered)
         self.cost, self.scale = cost, int(np.argmax(logs))
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
-        self.theta = mean_at_scale(by_whole.theta, by_whole.covariance, NOISE[self.scale])
 
-    def fitted(self, fitter: EventFitter, start: Linearisation, steps: int, limits: Limits) -> None:
+    def fitted(self, fitter: EventFitter, start: Linearisation, steps: int) -> None:
         """Fit it at its likeliest scale; again, where from there another one is the likeliest.
 
         What that promises and no fit has kept counts for no more than `BEYOND`.
@@ -120,7 +113,7 @@ class _FoundExplanation:
             scale = self.scale
             self.fit = fitter.fit(start, at_scale(self.held.prior, NOISE[scale]), steps)
             start = self.fit.linearisation
-            self.weigh(start, limits)
+            self.weigh(start, fitter.limits)
             if self.scale == scale:
                 break
         self.log -= max(self.cost.value - self.cost.expected(self.theta) - c.BEYOND, 0.0)
@@ -154,14 +147,14 @@ class Weighing:
         learned, logs = account.learned, offered(account)
         moved, priors = self._priors(account, logs)
         belief, explanations = learned.belief, dict[Kind, _FoundExplanation]()
-        likely = scale_densities(belief.mean, belief.covariance)
+        likely, _ = weighed_scales(belief.mean, belief.covariance)
         likely -= np.logaddexp.reduce(likely)
         for kind, prior in priors.items():
             held = reading.resting.held(prior)
             if explanations and held.column is None and WEIGHTS[0] not in kind.columns:
                 scales = explanations[BEFORE].offered  # the first one, with the same prior of the weights
             else:
-                scales = likely - scale_densities(held.prior.mean, held.prior.covariance)
+                scales = likely - weighed_scales(held.prior.mean, held.prior.covariance)[0]
             explanations[kind] = _FoundExplanation(prior, held, scales)
             explanations[kind].weigh(reading.first, self._reader.limits)
         before = explanations[BEFORE]
@@ -292,12 +285,11 @@ class Weighing:
     ) -> None:
         """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""
         first, is_new = explanation.cost, learned.is_prior
-        far = float((np.abs(explanation.theta - first.theta) / self._reader.limits.longest_step).max())
         falls = first.value - first.expected(explanation.theta)
-        if not (far > c.NEAR or falls > c.FALLS or is_new):
-            return
         if behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0):
             return
+        far = float((np.abs(explanation.theta - first.theta) / self._reader.limits.longest_step).max())
+        if not (far > c.NEAR or falls > c.FALLS or is_new):
+            return
         steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
-        fitter = fitter_of(learned, reading, self._reader)
-        explanation.fitted(fitter, first, steps, self._reader.limits)
+        explanation.fitted(fitter_of(learned, reading, self._reader), first, steps)

@@ -28,6 +28,7 @@ from observer_rt.model.effective import Coefficients
 FAR = 10.0  # times the limits, that a mean may be beyond them by linear slopes
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # a step that lowers the cost by less, in units of chi2 / 2, is the last
+ROUNDING = 1e-9  # by which a step of nothing may seem to raise the cost [chi2 / 2]
 AGREEMENT = 0.05  # of expected and actual cost [chi2 / 2]: within it a linearisation is not repeated
 
 Table = NDArray[np.float64]
@@ -100,7 +101,7 @@ class EventFitter:
             target = self._within_reach(here.theta, best)
             value = self.cost.value(target)
             as_expected = abs(value - here.expected(target)) < AGREEMENT
-            if as_expected and total(target, value) <= here_total:
+            if as_expected and total(target, value) <= here_total + ROUNDING:
                 here = here.moved(target, value)
                 break
             ahead = self.cost.linearised(target)

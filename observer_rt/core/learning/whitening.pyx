@@ -90,7 +90,7 @@ def weigh(
     cdef int64_t m = gradient.shape[0], parts = (m + WIDTH - 1) // WIDTH, start = first, at = 0, i, j, k
     cdef double[:, ::1] rows = zeros((ROWS, parts * WIDTH)), total = zeros((m, parts * WIDTH))
     cdef double spread = sigma * sqrt(<double> together), error, z
-    cdef double[ROWS] scale
+    cdef double[ROWS] scale, factors
     cdef double* row
     cdef Columns* sums
     cdef const Columns* parts_of = <const Columns*> &rows[0, 0]
@@ -118,10 +118,12 @@ def weigh(
                 continue
             for i in range(m):
                 sums = <Columns*> &total[i, 0]
+                for k in range(ROWS):
+                    factors[k] = scale[k] * rows[k, i]
                 for j in range(i // WIDTH + 1):  # what is beyond the diagonal is alike
                     sums[j] = sums[j] + (
-                        scale[0] * rows[0, i] * parts_of[j] + scale[1] * rows[1, i] * parts_of[parts + j]
-                        + scale[2] * rows[2, i] * parts_of[2 * parts + j] + scale[3] * rows[3, i] * parts_of[3 * parts + j]
+                        factors[0] * parts_of[j] + factors[1] * parts_of[parts + j]
+                        + factors[2] * parts_of[2 * parts + j] + factors[3] * parts_of[3 * parts + j]
                     )
             scale[0] = scale[1] = scale[2] = scale[3] = 0.0
             at = 0

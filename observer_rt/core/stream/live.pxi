@@ -28,8 +28,8 @@ cdef void _prepare_live(Stepping* s) noexcept nogil:
     t.n, t.m, t.size = s.coefficients.states, LIVE_COLUMNS, s.coefficients.size
     t.by, t.moved, t.by_state, t.by_number = live.by, live.moved, live.by_state, live.by_number
     t.by_flow, t.of_flows, t.by_coefficient = live.by_flow, live.of_flows, live.by_coefficient
-    live.parts = BY_NOZZLE | BY_SEAT
-    t.parts, t.neurons = &live.parts, NO_NEURONS
+    memset(live.parts, BY_NOZZLE | BY_SEAT, sizeof(live.parts))
+    t.parts, t.neurons = live.parts, NO_NEURONS
     t.theta.nozzle_bias, t.theta.seat_bias = OF_NOZZLE, OF_SEAT
     t.theta.nozzle, t.theta.valve, t.theta.valve_sizes = SPARE, SPARE, NO_SIZES
     g = &live.gradient

@@ -3,7 +3,7 @@
 from libc.stdint cimport int64_t
 
 from observer_rt.core.model.model cimport Terms
-from observer_rt.core.model.records cimport Coefficients, Forced, Forcing, Gradient, Network
+from observer_rt.core.model.records cimport WIDTH, Coefficients, Forced, Forcing, Gradient, Network
 from observer_rt.core.model.sensor cimport SENSOR_NUMBERS
 from observer_rt.core.model.valve cimport Stroke, Strokes
 from observer_rt.core.stream.state cimport MOST_COEFFICIENTS, Observer
@@ -16,7 +16,8 @@ cdef enum:
     OF_NOZZLE = 3  # .. what the nozzle passes more, as a share,
     OF_SEAT = 4  # .. the seat,
     SHOWN = 5  # .. the indicated pressure
-    LIVE_COLUMNS = 8
+    LIVE_PARTS = 2
+    LIVE_COLUMNS = LIVE_PARTS * WIDTH  # of all states, and one to spare
 
 
 cdef struct Filter:
@@ -38,7 +39,7 @@ cdef struct Live:
     double[2] bias  # b of the network with what is passed more
     Network network
     Gradient gradient
-    unsigned char parts
+    unsigned char[LIVE_PARTS] parts
     double[4 * LIVE_COLUMNS] by
     double[4 * LIVE_COLUMNS] moved
     double[4 * 4 * 4] by_state

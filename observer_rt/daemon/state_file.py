@@ -149,6 +149,9 @@ def model_hash(parameters: InjectorParameters) -> str:
     if parameters.fluid.reference_temperature is None:  # then there is no law of the temperature either
         for key in ("reference_temperature", "thermal_expansion", "bulk_modulus_slope"):
             del content["fluid"][key]
+    del content["fluid"]["fuel"]  # its values are in the other keys
+    if parameters.fluid.bulk_modulus_by_pressure == 0.0:  # the model that it was before there was any
+        del content["fluid"]["bulk_modulus_by_pressure"]
     for key in SERVO_KEYS:  # a file without is the model that it was before there were any
         if content["line"][key] is None:
             del content["line"][key]

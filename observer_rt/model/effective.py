@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.units import MILLIMETRE
+from observer_rt.model.fuel import USUAL_PRESSURE
 from observer_rt.model.hydraulics import (
     Nozzle,
     Sac,
@@ -40,7 +41,7 @@ class Coefficients(NamedTuple):
     flow_scale: float  # Q_0, m3/s
     area_scale: float  # A_0, m2
     chamber_pressure: float  # p_C, Pa
-    density: float  # rho_C, kg/m3, turns injected volume into mass
+    density: float  # rho_C, kg/m3, at which volume is counted: it turns injected volume into mass
     compression: float  # p_0/K_L, of the nominal line
 
     @property
@@ -67,7 +68,7 @@ def coefficients(parameters: InjectorParameters, departures: Departures = NO_DEP
         area_scale=parameters.scaling.area,
         chamber_pressure=parameters.chamber.pressure,
         density=parameters.fluid.density_nozzle,
-        compression=parameters.scaling.pressure / parameters.fluid.bulk_modulus_line,
+        compression=parameters.scaling.pressure / parameters.fluid.in_line.stiffness(USUAL_PRESSURE),
     )
 
 

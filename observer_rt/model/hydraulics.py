@@ -10,6 +10,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from observer_rt.core.model.laws import seat_area
+from observer_rt.model.fuel import parabola
 
 if TYPE_CHECKING:
     from observer_rt.model.parameters import Departures, InjectorParameters
@@ -48,8 +49,9 @@ def control_flow_at_scale(parameters: "InjectorParameters") -> float:
 
 
 def jet_velocity(parameters: "InjectorParameters") -> float:
-    """Velocity of a jet at p_0 [m/s]."""
-    return math.sqrt(2 * parameters.scaling.pressure / parameters.fluid.density_nozzle)
+    """Velocity of a jet at p_0 into the chamber, times the fuel's density there over rho_0 [m/s]."""
+    denser = parameters.fluid.in_sac.density(parameters.chamber.pressure)
+    return math.sqrt(2 * parameters.scaling.pressure / parameters.fluid.density_nozzle * denser)
 
 
 class Seat(NamedTuple):
@@ -61,10 +63,14 @@ class Seat(NamedTuple):
     half_cone_angle: float  # rad
     loss: float  # a of alpha_S (1 - a exp(-x_N/x_c)), 0 for a constant coefficient
     loss_lift: float  # x_c, m
+    density_slope: float  # how the flow grows with the root of the density in the sac, by x_3
+    density_bend: float
 
 
 def seat_of(parameters: "InjectorParameters", departures: "Departures") -> Seat:
     """The seat of an injector."""
+    fuel, scale = parameters.fluid.in_sac, parameters.scaling.pressure
+    denser = parabola(lambda pressure: math.sqrt(fuel.density(pressure)), parameters.chamber.pressure, scale)
     return Seat(
         transition=TRANSITION_PRESSURE / parameters.scaling.pressure,
         area_scale=parameters.scaling.area,
@@ -72,6 +78,8 @@ def seat_of(parameters: "InjectorParameters", departures: "Departures") -> Seat:
         half_cone_angle=math.radians(parameters.seat.cone_angle / 2),
         loss=departures.seat_loss,
         loss_lift=departures.seat_loss_lift,
+        density_slope=denser.slope,
+        density_bend=denser.bend,
     )
 
 
@@ -95,12 +103,15 @@ class Nozzle(NamedTuple):
     vapour_margin: float  # (p_C - p_v)/p_0
     chamber_rise: float  # of p_C while the needle is open, in units of p_0
     chamber_rise_with_seat: float  # the same for every unit of u_2
+    jet_slope: float  # how much slower the jet is for the fuel's density before it, by the pressure difference
+    jet_bend: float
 
 
 def nozzle_of(parameters: "InjectorParameters", departures: "Departures") -> Nozzle:
     """The nozzle of an injector."""
-    p_0 = parameters.scaling.pressure
+    p_0, p_c = parameters.scaling.pressure, parameters.chamber.pressure
     nozzle = parameters.nozzle
+    jet = parabola(lambda pressure: parameters.fluid.in_sac.jet(p_c, pressure - p_c), p_c, p_0)
     return Nozzle(
         transition=TRANSITION_PRESSURE / p_0,
         flow=nozzle.flow_coefficient * nozzle.area * jet_velocity(parameters),
@@ -111,17 +122,23 @@ def nozzle_of(parameters: "InjectorParameters", departures: "Departures") -> Noz
         / p_0
         * parameters.scaling.area
         / full_lift_area(parameters),
+        jet_slope=jet.slope,
+        jet_bend=jet.bend,
     )
 
 
 class Sac(NamedTuple):
-    """Coefficients of the sac [1/s]; the law is linear, they are its slopes."""
+    """Coefficients of the sac [1/s] at the pressure of the chamber; the law is linear, they are its slopes."""
 
     a5: float  # filled through the seat
     a6: float  # drained through the nozzle
+    stiffness_slope: float  # how stiffness grows with x_3
+    stiffness_bend: float
 
 
 def sac_of(parameters: "InjectorParameters", nozzle_flow: float, seat_flow: float) -> Sac:
     """The sac of an injector; nozzle_flow, seat_flow: Q_H and Q_S [m3/s] at a normalised flow of 1."""
-    stiffness = parameters.fluid.bulk_modulus_sac / parameters.nozzle.sac_volume / parameters.scaling.pressure
-    return Sac(stiffness * seat_flow, stiffness * nozzle_flow)
+    scale = parameters.scaling.pressure
+    filling = parabola(parameters.fluid.in_sac.filling, parameters.chamber.pressure, scale)
+    stiffness = filling.value / parameters.nozzle.sac_volume / scale
+    return Sac(stiffness * seat_flow, stiffness * nozzle_flow, filling.slope, filling.bend)

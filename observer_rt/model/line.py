@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import LUMP
+from observer_rt.model.fuel import USUAL_PRESSURE, parabola
 from observer_rt.model.hydraulics import control_flow_at_scale
 
 if TYPE_CHECKING:
     from observer_rt.model.parameters import Departures, InjectorParameters
-
-STIFFNESS_PRESSURE = 100e6  # Pa, at which a pressure-dependent bulk modulus is K_L
 
 
 def stiffened(line: Any, r: float) -> Any:
@@ -49,8 +48,9 @@ def at_closed_end(
     parameters: "InjectorParameters", departures: "Departures", stiffness: float, nozzle_flow: float, seat_flow: float
 ) -> dict[str, float]:
     """Coefficients of any line's closed end, where p_L rises by stiffness [p_0/m3]; flows: as of `LumpLine.of`."""
-    scale, chamber = parameters.scaling, parameters.chamber.pressure
-    modulus = parameters.fluid.bulk_modulus_line
+    scale, chamber, fuel = parameters.scaling, parameters.chamber.pressure, parameters.fluid.in_line
+    modulus = fuel.stiffness(USUAL_PRESSURE)
+    filling = parabola(fuel.filling, USUAL_PRESSURE, scale.pressure)
     drained_by_nozzle = parameters.line_outflow == "nozzle"
     return {
         "a1": stiffness * scale.flow,
@@ -58,8 +58,9 @@ def at_closed_end(
         "a2_seat": 0.0 if drained_by_nozzle else stiffness * seat_flow,
         "leak": stiffness * departures.leakage * scale.pressure,
         "air": departures.air * modulus / scale.pressure,
-        "stiffness_slope": departures.stiffness_slope * scale.pressure / modulus,
-        "stiffness_pressure": (STIFFNESS_PRESSURE - chamber) / scale.pressure,
+        "stiffness_slope": departures.stiffness_slope * scale.pressure / modulus + filling.slope,
+        "stiffness_bend": filling.bend,
+        "stiffness_pressure": (USUAL_PRESSURE - chamber) / scale.pressure,
         "chamber_pressure": chamber / scale.pressure,
         "servo": stiffness * control_flow_at_scale(parameters),
         "displaced": stiffness * (parameters.line.displacement or 0.0),
@@ -76,8 +77,9 @@ class _LumpCoefficients(NamedTuple):
     a4: float  # line friction
     leak: float  # line drained by p_L - p_C, 0 for a tight injector
     air: float  # K g / p_0: how much entrained air softens the line, 0 without any
-    stiffness_slope: float  # n p_0/K_L: how K_L grows with the line pressure, 0 when it does not
-    stiffness_pressure: float  # where it is K_L, normalised as x_1
+    stiffness_slope: float  # (n + ..) p_0/K_L: how stiffness grows with the line pressure, 0 when it does not
+    stiffness_bend: float  # likewise with the square of it
+    stiffness_pressure: float  # where it is that of a1, normalised as x_1
     chamber_pressure: float  # p_C/p_0
     servo: float  # drained by the control flow at p_0
     displaced: float  # by 1 m/s of the needle
@@ -102,11 +104,14 @@ class LumpLine(_LumpCoefficients):
     ) -> "LumpLine":
         """The line of an injector; nozzle_flow, seat_flow: Q_H and Q_S [m3/s] at a normalised flow of 1."""
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
-        compliance = fluid.bulk_modulus_line / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
+        compliance = fluid.in_line.filling(USUAL_PRESSURE) / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
         return cls(
             **at_closed_end(parameters, departures, compliance, nozzle_flow, seat_flow),
             a3=line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow),
-            a4=line.loss_factor * scaling.flow / (2 * line.area * line.length),
+            a4=line.loss_factor
+            * scaling.flow
+            / (2 * line.area * line.length)
+            / fluid.in_line.density(USUAL_PRESSURE),
         )
 
     @property

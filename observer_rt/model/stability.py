@@ -7,6 +7,7 @@ from observer_rt.core.model.model import steps_in
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.effective import Coefficients, EffectiveModel, coefficients
+from observer_rt.model.fuel import HIGHEST_PRESSURE
 from observer_rt.model.hydraulics import full_lift_area
 from observer_rt.model.line import stiffened
 from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
@@ -59,6 +60,8 @@ def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> 
     line = model.coefficients.line
     if not isinstance(line, WaveLine):
         return 0.0
+    if line.stiffness_bend != 0.0:
+        return line.strain(interval)
     normalised = OVERSHOOT * highest_pressure / model.coefficients.pressure_scale
     stiffer = max(0.0, line.stiffness_slope * (normalised - line.stiffness_pressure))
     return float(stiffened(line, stiffer).strain(interval))
@@ -67,14 +70,18 @@ def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> 
 def fastest_rate(parameters: InjectorParameters, departures: Departures = NO_DEPARTURES) -> float:
     """Upper bound of the fastest rate [1/s] in a model, at full lift and any pressure.
 
-    The orifice laws are steepest, 1/sqrt(t), at zero pressure difference; seat and nozzle act in parallel.
+    The orifice laws are steepest, 1/sqrt(t), at zero pressure difference; seat and nozzle act in parallel. Fuel is
+    stiffest, and passes the seat densest, at the highest pressure.
     """
     return _fastest_rate(parameters, coefficients(parameters, departures))
 
 
 def _fastest_rate(parameters: InjectorParameters, c: Coefficients) -> float:
     area = full_lift_area(parameters) / c.area_scale * (1.0 + max(-c.seat.loss, 0.0))
-    seat = (c.sac.a5 + c.line.a2_seat) * area  # a seat that drains the line is faster
+    fuel, chamber = parameters.fluid.in_sac, parameters.chamber.pressure
+    stiffer = fuel.filling(HIGHEST_PRESSURE) / fuel.filling(chamber)
+    stiffer *= math.sqrt(fuel.density(HIGHEST_PRESSURE) / fuel.density(chamber))
+    seat = (stiffer * c.sac.a5 + c.line.a2_seat) * area  # a seat that drains the line is faster
     of_sac = (seat + c.sac.a6) / math.sqrt(c.seat.transition)
     return float(max(of_sac, c.line.fastest))
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import MEMORIES, STEP, WAVE, fading_of, pull_of, steps_in, value_across_joint
 from observer_rt.foundation.units import MICROSECOND
+from observer_rt.model.fuel import HIGHEST_PRESSURE, USUAL_PRESSURE
 from observer_rt.model.line import at_closed_end, register
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ class _WaveCoefficients(NamedTuple):
     leak: float  # end cell, drained by p_L - p_C
     air: float  # as of the lump, and the following
     stiffness_slope: float
+    stiffness_bend: float
     stiffness_pressure: float
     chamber_pressure: float
     cells: float  # n
@@ -105,11 +107,12 @@ class WaveLine(_WaveCoefficients):
     ) -> "WaveLine":
         """As of `LumpLine`."""
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
-        compliance = fluid.bulk_modulus_line / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
+        compliance = fluid.in_line.filling(USUAL_PRESSURE) / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
         inertia = line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow)
         memory = math.sqrt(line.wall_viscosity or 0.0) / (0.5 * line.diameter)
         inertia /= 1.0 + memory * FASTER
-        of_loss = scaling.flow / (2 * line.area * line.length)  # of a loss factor over the whole line
+        # of a loss factor over the whole line
+        of_loss = scaling.flow / (2 * line.area * line.length) / fluid.in_line.density(USUAL_PRESSURE)
         damping = DAMPING if line.damping is None else line.damping
         cells = line.cells or cells_for(parameters, STEP)
         ratio, far = _parts(line)
@@ -134,6 +137,14 @@ class WaveLine(_WaveCoefficients):
     def crossing(self) -> float:
         """Rate [1/s] at which sound crosses cells."""
         return math.sqrt(self.a3 * self.b)  # of either part
+
+    @property
+    def stiffest(self) -> float:
+        """Stiffness over that of b at the highest pressure; 1 of constant fuel."""
+        if self.stiffness_bend == 0.0:
+            return 1.0
+        above = (HIGHEST_PRESSURE / USUAL_PRESSURE - 1.0) * (self.stiffness_pressure + self.chamber_pressure)
+        return 1.0 + above * (self.stiffness_slope + self.stiffness_bend * above)
 
     @property
     def mode(self) -> float:
@@ -166,7 +177,7 @@ class WaveLine(_WaveCoefficients):
     def strain(self, interval: float) -> float:
         """As of `LumpLine`."""
         step = interval / steps_in(interval)
-        return float((self.crossing * step) ** 2 + 2.0 * self.damping * step)
+        return float(self.stiffest * (self.crossing * step) ** 2 + 2.0 * self.damping * step)
 
     def stepping(self, interval: float) -> str:
         """As of `LumpLine`."""
@@ -290,14 +301,17 @@ def cells_for(parameters: "InjectorParameters", step: float) -> int:
     """Cells for a step [s] in which errors cancel best.
 
     Cells make short waves slower, by 1 - c^2 of what they would without steps, c the share of a cell that sound
-    crosses in one; damping, taken at the start of a step, makes them faster, by 6 nu step/h^2 of the same.
+    crosses in one; damping, taken at the start of a step, makes them faster, by 6 nu step/h^2 of the same. They are
+    stable at the highest pressure.
     """
     fluid, line = parameters.fluid, parameters.line
-    along = math.sqrt(fluid.bulk_modulus_line * line.area / (line.volume * fluid.density_line * line.length))
+    filling, highest = (fluid.in_line.filling(pressure) for pressure in (USUAL_PRESSURE, HIGHEST_PRESSURE))
+    along = math.sqrt(filling * line.area / (line.volume * fluid.density_line * line.length))
     along *= math.sqrt(math.prod(_of_parts(*_parts(line))))
+    fastest = along * math.sqrt(highest / filling)
     damping = DAMPING if line.damping is None else line.damping
     wanted = 1.0 / math.sqrt((along * step) ** 2 + 6.0 * damping * step / line.length**2)
-    stable = math.sqrt(STABLE / ((along * step) ** 2 + 2.0 * damping * step / line.length**2))
+    stable = math.sqrt(STABLE / ((fastest * step) ** 2 + 2.0 * damping * step / line.length**2))
     return max(FEWEST_CELLS, min(MOST_CELLS, round(wanted), int(stable)))
 
 

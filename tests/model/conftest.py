@@ -1,7 +1,7 @@
 """Shared by the tests of the model: an injector in both outflow forms, and trajectories over given inputs."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -11,11 +11,12 @@ from observer_rt.config.bench import load_injector
 from observer_rt.core.model.model import advance_state
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import Network, constant_network
-from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from observer_rt.model.parameters import Fluid, InjectorParameters, LineOutflow
 from tests.intervals import Interval
 
 State = tuple[float, float, float]
 Trajectory = Callable[..., NDArray[np.float64]]
+GAUSS = [(0.5 + 0.5 * at, 0.5 * w) for at, w in zip(*np.polynomial.legendre.leggauss(5), strict=True)]
 
 
 @pytest.fixture(params=list(LineOutflow), ids=str)
@@ -49,6 +50,11 @@ def integrate() -> Trajectory:
     return run
 
 
+def filled(injector: InjectorParameters, fuel: str | None) -> InjectorParameters:
+    """The injector with another fuel."""
+    return injector.model_copy(update={"fluid": Fluid.model_validate({"fuel": fuel})}) if fuel else injector
+
+
 def advanced(x: State, interval: Interval, c: Coefficients, network: Network) -> State:
     """`advance_state` without a tangent, as a function of the state."""
     return advanced_over(x, interval, (0.0, 0.0), c, network)
@@ -64,30 +70,39 @@ def advanced_over(
 
 
 def physical_rates(
-    x: tuple[float, float, float], u: tuple[float, float], v_h: float, v_s: float, injector: InjectorParameters
+    x: Sequence[float], u: Sequence[float], v_h: float, v_s: float, injector: InjectorParameters
 ) -> tuple[tuple[float, float, float], float]:
-    """(19)-(23) in SI units with wear, normalised at the end; and Q_H [m3/s]."""
+    """(19)-(23) in SI units with wear, normalised at the end; and Q_H [m3/s]. Fuel that stiffens is so everywhere."""
     fluid, line, seat, nozzle = injector.fluid, injector.line, injector.seat, injector.nozzle
     p_0, q_0, area_0 = injector.scaling.pressure, injector.scaling.flow, injector.scaling.area
-    p_c = injector.chamber.pressure
+    p_c, k_1 = injector.chamber.pressure, fluid.bulk_modulus_by_pressure
     p_l, q_l, p_s = x[0] * p_0 + p_c, x[1] * q_0, x[2] * p_0 + p_c
     p_r, area_s = u[0] * p_0 + p_c, u[1] * area_0
     area_l = math.pi / 4 * line.diameter**2
     area_h = nozzle.holes * math.pi / 4 * nozzle.hole_diameter**2
 
-    def orifice(drop: float) -> float:
-        return drop / math.sqrt(math.hypot(drop, 0.5e6)) * math.sqrt(2 / fluid.density_nozzle)
+    def denser(pressure: float, modulus: float) -> float:
+        return (1 + k_1 * pressure / modulus) ** (1 / k_1) if k_1 else 1.0
 
-    q_s = (1 + v_s) * seat.flow_coefficient * area_s * orifice(p_l - p_s)
-    q_h = (1 + v_h) * nozzle.flow_coefficient * area_h * orifice(p_s - p_c)
+    def filling(pressure: float, modulus: float) -> float:
+        return (modulus + k_1 * pressure) / denser(pressure, modulus)
+
+    def orifice(before: float, behind: float) -> float:
+        drop, modulus = before - behind, fluid.bulk_modulus_sac
+        lightness = sum(w / denser(behind + drop * at, modulus) for at, w in GAUSS)  # Bernoulli's integral of dp/rho
+        speed = drop / math.sqrt(math.hypot(drop, 0.5e6)) * math.sqrt(2 / fluid.density_nozzle * lightness)
+        return denser(behind, modulus) * speed
+
+    q_s = (1 + v_s) * seat.flow_coefficient * area_s * orifice(p_l, p_s)
+    q_h = (1 + v_h) * nozzle.flow_coefficient * area_h * orifice(p_s, p_c)
     drain = q_s if injector.line_outflow is LineOutflow.SEAT else q_h
     rates = (
-        fluid.bulk_modulus_line / line.volume * (q_l - drain) / p_0,
+        filling(p_l, fluid.bulk_modulus_line) / line.volume * (q_l - drain) / p_0,
         (
             area_l / (fluid.density_line * line.length) * (p_r - p_l)
-            - line.loss_factor / (2 * area_l * line.length) * q_l * abs(q_l)
+            - line.loss_factor / (2 * area_l * line.length) * q_l * abs(q_l) / denser(p_l, fluid.bulk_modulus_line)
         )
         / q_0,
-        fluid.bulk_modulus_sac / nozzle.sac_volume * (q_s - q_h) / p_0,
+        filling(p_s, fluid.bulk_modulus_sac) / nozzle.sac_volume * (q_s - q_h) / p_0,
     )
     return rates, q_h

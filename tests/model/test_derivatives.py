@@ -1,5 +1,5 @@
 """The derivatives beside the laws against differences of the laws, over the whole domain: shut to beyond full lift,
-reversed flow, pressures next to equal, cavitation, a chamber pressure that rises, air and a stiffness that bends."""
+reversed flow, pressures next to equal, cavitation, a chamber pressure that rises, air and fuel that stiffens."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -19,7 +19,7 @@ from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.line import LumpLine
 from observer_rt.model.parameters import LineOutflow
 from observer_rt.model.right_hand_side import tangent_of
-from tests.model.conftest import State
+from tests.model.conftest import State, filled
 
 FULL_LIFT = 1.39  # u_2
 STEP = 1e-6
@@ -40,7 +40,8 @@ def models(draw: st.DrawFn) -> Coefficients:
     effects = [sized(name, **{key: draw(values)}) for name, (key, values) in sizes.items() if draw(st.booleans())]
     if draw(st.booleans()):
         effects.append(sized("chamber_pressure_rise", dp=draw(st.floats(0.0, 40e6)), s=draw(st.floats(0.0, 1.0))))
-    return effective_model(load_injector().model_copy(update={"line_outflow": form}), effects).coefficients
+    injector = filled(load_injector(), draw(st.sampled_from([None, "en590"])))
+    return effective_model(injector.model_copy(update={"line_outflow": form}), effects).coefficients
 
 
 @st.composite
@@ -69,7 +70,8 @@ def away_from_kinks(x: State, u: tuple[float, float], c: Coefficients, learned: 
     rise = c.nozzle.chamber_rise + c.nozzle.chamber_rise_with_seat * u[1] + learned if u[1] > 0.0 else 0.0
     assume(abs((c.nozzle.vapour_margin + rise) - c.nozzle.critical_excess * (x[2] - rise)) > 1e-4)
     assume(abs(x[0] + c.line.chamber_pressure - 0.01) > 1e-4)
-    assume(abs(1.0 + c.line.stiffness_slope * (x[0] - c.line.stiffness_pressure) - 0.05) > 1e-4)
+    bend = np.polyval([c.line.stiffness_bend, c.line.stiffness_slope, 0.95], x[0] - c.line.stiffness_pressure)
+    assume(abs(bend) > 1e-4)
     assume(abs(x[1]) > 1e-4)
     ends = zip((x[2], x[0] - x[2]), (REACH[0], REACH[5]), strict=True)  # of the network's curves
     assume(all(abs(value) > 1e-4 and abs(value - reach) > 1e-4 for value, reach in ends))
@@ -99,7 +101,7 @@ def test_lump_by_coefficients(c: Coefficients, x: State, u: tuple[float, float],
         return rates_of_change(np.array(x), u, changed, network)[:2]
 
     bending = {"air"} if c.line.air == 0.0 else set()  # one-sided: air cannot be negative
-    bending |= {"stiffness_pressure", "chamber_pressure"}  # nothing changes them
+    bending |= {"stiffness_pressure", "stiffness_bend", "chamber_pressure"}  # nothing changes them
     bending |= {"outflow", "loss"}  # terms do, theta does not
     for i, name in enumerate(LumpLine._fields):
         if name not in bending:

@@ -14,7 +14,7 @@ from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.stability import substeps_needed
 from tests.intervals import Interval
-from tests.model.conftest import State, Trajectory, physical_rates
+from tests.model.conftest import State, Trajectory, filled, physical_rates
 
 NO_FAULT = constant_network()
 SAMPLE = 1e-5  # s
@@ -92,6 +92,21 @@ def test_injection_agrees_with_an_independent_integration(
     assert np.abs(usual - expected)[:, 2].max() < 5e-3
 
 
+@pytest.mark.parametrize(("fuel", "rail"), [("en590", 0.35), ("en590", 1.45), ("n-dodecane", 0.95)])
+def test_parabolas_inject_what_the_exact_laws_do(
+    injector: InjectorParameters, integrate: Trajectory, fuel: str, rail: float
+) -> None:
+    """Density and stiffness everywhere those of the pressure there, friction's density too: .06 % of the mass."""
+    injector, inputs = filled(injector, fuel), stroke(401, SAMPLE) * np.array([rail / RAIL, 1.0])
+    c = coefficients(injector)
+    states = integrate(inputs, (rail, 0.0, 0.0), SAMPLE, substeps_needed(injector, 100e3), c)
+    expected = _by_scipy(injector, inputs, 0.0, 0.0)
+    volume = sum(fault_with_rate(x, u, c, NO_FAULT)[1] for x, u in zip(states, inputs, strict=True))
+    exact = sum(physical_rates(x, u, 0.0, 0.0, injector)[1] for x, u in zip(expected, inputs, strict=True))
+    assert volume == pytest.approx(exact, rel=7e-4)
+    assert np.abs(states - expected)[:, 0].max() < 0.005 * np.ptp(expected[:, 0])
+
+
 def _by_scipy(
     injector: InjectorParameters, inputs: NDArray[np.float64], v_h: float, v_s: float
 ) -> NDArray[np.float64]:
@@ -101,7 +116,7 @@ def _by_scipy(
         u = float(np.interp(time, grid, inputs[:, 0])), float(np.interp(time, grid, inputs[:, 1]))
         return physical_rates((x[0], x[1], x[2]), u, v_h, v_s, injector)[0]
 
-    start: State = (RAIL, 0.0, 0.0)
+    start: State = (float(inputs[0, 0]), 0.0, 0.0)
     pieces = [np.array([start])]
     corners = [0, 50, 75, 200, 225, len(inputs) - 1]  # where the inputs bend
     for first, last in pairwise(corners):

@@ -6,7 +6,7 @@ from libc.stdint cimport int64_t
 from numpy import array, zeros, zeros_like
 
 from observer_rt.core.learning.matrices cimport propagate
-from observer_rt.core.model.hydraulics cimport Seat, seat_area_slope
+from observer_rt.core.model.hydraulics cimport Seat, sac_stiffness, seat_area_slope
 from observer_rt.core.model.model cimport (
     Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, flow_numbers, flow_slopes, predict, rate_after,
     servos_over, shown_under_terms, trusted_under_terms, under_terms
@@ -87,7 +87,7 @@ cdef class _FlowRecord:
         cdef int64_t n = t.n, m = self.slopes.shape[1], i, j
         cdef FlowSlopes flows
         cdef Inputs u = forced.interval.end
-        cdef double nozzle_flow = forced.coefficients.nozzle.flow
+        cdef double nozzle_flow = forced.coefficients.nozzle.flow, relaxation
         cdef double* slopes = &self.slopes[k, 0]
         cdef double* gradient = &self.gradient[k, 0]
         c = &forced.coefficients
@@ -108,9 +108,10 @@ cdef class _FlowRecord:
             for i in range(3):
                 slopes[j] += gradient[i] * t.by[i * t.m + j]
         # the sac by itself: how its pressure's rate of change goes with that pressure, and with the area
-        self.relaxation[k] = c.sac.a6 * flows.h_x[2] - c.sac.a5 * flows.s_x[2]
+        relaxation = c.sac.a6 * flows.h_x[2] - c.sac.a5 * flows.s_x[2]
+        self.relaxation[k] = relaxation * sac_stiffness(x[SAC], &c.sac)
         if u.area > 0.0:
-            self.by_area[k] = (c.sac.a5 * flows.s_area - c.sac.a6 * flows.h_area) / self.relaxation[k]
+            self.by_area[k] = (c.sac.a5 * flows.s_area - c.sac.a6 * flows.h_area) / relaxation
 
 
 def follow(

@@ -61,7 +61,7 @@ cdef double _solve_end(
     cdef double p_0 = x[0], flow = x[1], s_0 = x[SAC], p = x[0], s = x[SAC]
     cdef double inflow = line.a1 * (flow - line.outflow)
     cdef double lowest = min(s_0, p_0, 0.0) - SPARE, highest = max(s_0, p_0, 0.0) + SPARE
-    cdef double nozzle, seat, by_sac, by_drop, through_nozzle, through_seat, q_h, q_s
+    cdef double nozzle, seat, by_sac, by_drop, through_nozzle, through_seat, q_h, q_s, fill, soften, seat_by_sac
     cdef double h_s, s_p, s_s, line_error, sac_error, pp, ps, sp, ss, whole, by_p, by_s, unused
     cdef int64_t iteration
     inflow -= drained(p_0, &line.softness, line.servo, line.displaced, u)  # explicit: the root hardly changes in a step
@@ -72,14 +72,16 @@ cdef double _solve_end(
         through_seat = seat_law(p, s, u.area, &c.seat)
         q_h, q_s = through_nozzle * nozzle, through_seat * seat
         h_s = nozzle_law_slopes(s, u.area, network.nozzle, &c.nozzle).by_sac * nozzle + through_nozzle * by_sac
-        s_p = seat_law_slopes(p, s, u.area, &c.seat, &unused) * seat + through_seat * by_drop
-        s_s = -s_p
+        s_p = seat_law_slopes(p, s, u.area, &c.seat, &unused, &seat_by_sac) * seat + through_seat * by_drop
+        s_s = seat_by_sac * seat - through_seat * by_drop
+        fill = sac_step * sac_stiffness(0.5 * (s_0 + s), sac)
+        soften = 0.5 * sac_step * bent_slope(0.5 * (s_0 + s), sac.stiffness_slope, sac.stiffness_bend)
         line_error = p - p_0 - line_step * (inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s)
-        sac_error = s - s_0 - sac_step * (sac.a5 * q_s - sac.a6 * q_h)
+        sac_error = s - s_0 - fill * sac_rate(q_h, q_s, sac)
         pp = 1.0 + line_step * (line.leak + line.a2_seat * s_p)
         ps = line_step * (line.a2_nozzle * h_s + line.a2_seat * s_s)
-        sp = -sac_step * sac.a5 * s_p
-        ss = 1.0 + sac_step * (sac.a6 * h_s - sac.a5 * s_s)
+        sp = -fill * sac.a5 * s_p
+        ss = 1.0 + fill * (sac.a6 * h_s - sac.a5 * s_s) - soften * sac_rate(q_h, q_s, sac)
         whole = pp * ss - ps * sp
         by_p = (ps * sac_error - ss * line_error) / whole
         by_s = (sp * line_error - pp * sac_error) / whole
@@ -109,8 +111,8 @@ cdef void _end_rows(
     cdef double* of_sac = t.by + SAC * t.m
     cdef double p = solved[0], flow = solved[1], soft = stiffness(x[0], &line.softness), fill = line_step * soft
     cdef double q_h = 0.0, q_s = 0.0, pp = 1.0 + fill * line.leak, ps = 0.0, sp = 0.0, ss = 1.0
-    cdef double h_flow = 0.0, s_flow = 0.0, line_by_h, sac_by_h, line_by_s, sac_by_s, inflow, net, by_pressure
-    cdef double by_air, by_slope, soften, by_flow, sac_by_flow, share, from_sac
+    cdef double h_flow = 0.0, s_flow = 0.0, middle, line_by_h, sac_by_h, line_by_s, sac_by_s, inflow, net, by_pressure
+    cdef double by_air, by_slope, soften, by_flow, sac_by_flow, share, from_sac, sac_fill = sac_step, sac_soften = 0.0
     cdef bint at_rest = is_at_rest(solved, u) and x[SAC] == 0.0
     cdef FlowSlopes flows
     cdef double* of_h = t.of_flows
@@ -125,13 +127,17 @@ cdef void _end_rows(
         h_flow, s_flow = flows.h_x[1], flows.s_x[1]
         pp += fill * (line.a2_nozzle * flows.h_x[0] + line.a2_seat * flows.s_x[0])
         ps = fill * (line.a2_nozzle * flows.h_x[2] + line.a2_seat * flows.s_x[2])
-        sp = -sac_step * (sac.a5 * flows.s_x[0] - sac.a6 * flows.h_x[0])
-        ss = 1.0 - sac_step * (sac.a5 * flows.s_x[2] - sac.a6 * flows.h_x[2])
-        line_by_h, sac_by_h = -fill * line.a2_nozzle, -sac_step * sac.a6
-        line_by_s, sac_by_s = -fill * line.a2_seat, sac_step * sac.a5
+        middle = 0.5 * (x[SAC] + solved[SAC])
+        sac_fill = sac_step * sac_stiffness(middle, sac)
+        sac_soften = 0.5 * sac_step * bent_slope(middle, sac.stiffness_slope, sac.stiffness_bend)
+        sac_soften *= sac_rate(q_h, q_s, sac)
+        sp = -sac_fill * (sac.a5 * flows.s_x[0] - sac.a6 * flows.h_x[0])
+        ss = 1.0 - sac_fill * (sac.a5 * flows.s_x[2] - sac.a6 * flows.h_x[2]) - sac_soften
+        line_by_h, sac_by_h = -fill * line.a2_nozzle, -sac_fill * sac.a6
+        line_by_s, sac_by_s = -fill * line.a2_seat, sac_fill * sac.a5
         for j in range(t.m):
             line_row[j] += line_by_h * of_h[j] + line_by_s * of_s[j]
-            sac_row[j] += sac_by_h * of_h[j] + sac_by_s * of_s[j]
+            sac_row[j] += sac_by_h * of_h[j] + sac_by_s * of_s[j] + sac_soften * of_sac[j]
     if line_step > 0.0:
         inflow = flow - line.outflow
         net = line.a1 * inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
@@ -154,7 +160,7 @@ cdef void _end_rows(
         for j in range(t.m):
             line_row[j] += soften * of_line[j] + by_flow * of_flow[j]
     memcpy(kept, of_line, t.m * sizeof(double))
-    sac_by_flow = sac_step * (sac.a5 * s_flow - sac.a6 * h_flow)
+    sac_by_flow = sac_fill * (sac.a5 * s_flow - sac.a6 * h_flow)
     share = 1.0 / (pp * ss - ps * sp)
     if at_rest:
         for j in range(t.m):

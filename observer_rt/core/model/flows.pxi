@@ -113,14 +113,14 @@ cdef void flow_slopes(
     cdef double nozzle_flow = nozzle_law(x[SAC], u.area, network.nozzle, &c.nozzle)
     cdef NozzleSlopes of_nozzle = nozzle_law_slopes(x[SAC], u.area, network.nozzle, &c.nozzle)
     cdef double seat_flow = seat_law(x[0], x[SAC], u.area, &c.seat)
-    cdef double h_sac, h_area, s_drop, s_area, by_area
+    cdef double h_sac, h_area, s_drop, s_area, by_area, by_sac
     cdef double nozzle = 1.0 + nozzle_change(x[SAC], u, network, &h_sac, &h_area)
     cdef double seat = 1.0 + seat_change(x[0] - x[SAC], u.area, network, &s_drop, &s_area)
-    cdef double by_drop = seat_law_slopes(x[0], x[SAC], u.area, &c.seat, &by_area) * seat + seat_flow * s_drop
+    cdef double by_line = seat_law_slopes(x[0], x[SAC], u.area, &c.seat, &by_area, &by_sac) * seat + seat_flow * s_drop
     cdef int64_t number
     result.q_h, result.q_s = nozzle_flow * nozzle, seat_flow * seat
     result.h_x[0], result.h_x[1], result.h_x[2] = 0.0, 0.0, nozzle_flow * h_sac + of_nozzle.by_sac * nozzle
-    result.s_x[0], result.s_x[1], result.s_x[2] = by_drop, 0.0, -by_drop
+    result.s_x[0], result.s_x[1], result.s_x[2] = by_line, 0.0, by_sac * seat - seat_flow * s_drop
     result.h_area = nozzle_flow * h_area + of_nozzle.by_area[0] * nozzle * of_nozzle.by_area[1]
     result.s_area = seat_flow * s_area + by_area * seat
     result.h_change = nozzle_flow

@@ -13,6 +13,8 @@ cdef struct Seat:
     double half_cone_angle  # rad
     double loss  # a of alpha_S (1 - a exp(-x_N/x_c)), 0 for a constant coefficient
     double loss_lift  # x_c, m
+    double density_slope  # how the flow grows with the root of the density in the sac, by x_3
+    double density_bend
 
 
 cdef struct Nozzle:
@@ -22,6 +24,8 @@ cdef struct Nozzle:
     double vapour_margin  # (p_C - p_v)/p_0
     double chamber_rise  # of p_C while the needle is open, in units of p_0
     double chamber_rise_with_seat  # the same for every unit of u_2
+    double jet_slope  # how much slower the jet is for the fuel's density before it, by the pressure difference
+    double jet_bend
 
 
 # Slopes of the nozzle's law; two factors each, for the order in which they are multiplied counts.
@@ -34,6 +38,18 @@ cdef struct NozzleSlopes:
 cdef struct Sac:
     double a5  # filled through the seat
     double a6  # drained through the nozzle
+    double stiffness_slope  # how stiffness grows with x_3
+    double stiffness_bend
+
+
+cdef inline double bent(double distance, double slope, double bend) noexcept nogil:
+    """A law of pressure over its value at an origin, by the distance from there: see model.fuel. 1 of constant fuel."""
+    return 1.0 + distance * (slope + bend * distance)
+
+
+cdef inline double bent_slope(double distance, double slope, double bend) noexcept nogil:
+    """Derivative of `bent`."""
+    return slope + 2.0 * bend * distance
 
 
 cdef inline double root(double difference, double transition) noexcept nogil:
@@ -54,14 +70,19 @@ cdef inline double root_slope(double difference, double transition) noexcept nog
 
 cdef inline double seat_law(double x_1, double x_3, double u_2, const Seat* seat) noexcept nogil:
     """Normalised seat flow q_S of (21)."""
-    return u_2 * root(x_1 - x_3, seat.transition)
+    return u_2 * root(x_1 - x_3, seat.transition) * bent(x_3, seat.density_slope, seat.density_bend)
 
 
-cdef inline double seat_law_slopes(double x_1, double x_3, double u_2, const Seat* seat, double* by_area) noexcept nogil:
-    """Derivative of `seat_law` with respect to the pressure difference x_1 - x_3; by_area: that to u_2."""
-    cdef double difference = x_1 - x_3
-    by_area[0] = root(difference, seat.transition)
-    return u_2 * root_slope(difference, seat.transition)
+cdef inline double seat_law_slopes(
+    double x_1, double x_3, double u_2, const Seat* seat, double* by_area, double* by_sac
+) noexcept nogil:
+    """Derivative of `seat_law` with respect to x_1; by_area: that to u_2, by_sac: that to x_3."""
+    cdef double difference = x_1 - x_3, denser = bent(x_3, seat.density_slope, seat.density_bend)
+    cdef double through = root(difference, seat.transition)
+    cdef double by_line = u_2 * root_slope(difference, seat.transition) * denser
+    by_area[0] = through * denser
+    by_sac[0] = u_2 * through * bent_slope(x_3, seat.density_slope, seat.density_bend) - by_line
+    return by_line
 
 
 cdef inline double seat_area(double lift, double seat_diameter, double half_cone_angle) noexcept nogil:
@@ -104,7 +125,7 @@ cdef inline double nozzle_law(double x_3, double u_2, const double* learned, con
     if rise != 0.0 and u_2 > 0.0:
         difference -= rise
         margin += rise
-    flow = root(difference, nozzle.transition)
+    flow = root(difference, nozzle.transition) * bent(difference, nozzle.jet_slope, nozzle.jet_bend)
     if nozzle.critical_excess != 0.0 and margin < nozzle.critical_excess * difference:
         flow *= sqrt((1.0 + margin / difference) / (1.0 + nozzle.critical_excess))
     return flow
@@ -115,17 +136,21 @@ cdef inline NozzleSlopes nozzle_law_slopes(
 ) noexcept nogil:
     """Derivatives of `nozzle_law` with respect to x_3, u_2 and what is learned."""
     cdef NozzleSlopes result
-    cdef double difference = x_3, margin = nozzle.vapour_margin, rise, slope, critical, loss, flow, by_margin, by_rise
+    cdef double difference = x_3, margin = nozzle.vapour_margin, rise, slope, critical, loss, flow, slower, by_margin
+    cdef double by_rise
     if u_2 > 0.0:
         rise = nozzle.chamber_rise + nozzle.chamber_rise_with_seat * u_2 + (learned[0] + learned[1] * u_2)
         difference -= rise
         margin += rise
-    slope = root_slope(difference, nozzle.transition)
+    flow = root(difference, nozzle.transition)
+    slower = bent(difference, nozzle.jet_slope, nozzle.jet_bend)
+    slope = root_slope(difference, nozzle.transition) * slower
+    slope += flow * bent_slope(difference, nozzle.jet_slope, nozzle.jet_bend)
+    flow *= slower
     by_rise = -slope
     if nozzle.critical_excess != 0.0 and margin < nozzle.critical_excess * difference:
         critical = 1.0 + nozzle.critical_excess
         loss = sqrt((1.0 + margin / difference) / critical)
-        flow = root(difference, nozzle.transition)
         by_margin = flow / (2.0 * critical * loss * difference)
         slope = slope * loss - by_margin * margin / difference
         by_rise = by_margin - slope
@@ -139,5 +164,10 @@ cdef inline NozzleSlopes nozzle_law_slopes(
 
 
 cdef inline double sac_rate(double q_h, double q_s, const Sac* sac) noexcept nogil:
-    """p_S' of (22), normalised [1/s]."""
+    """p_S' of (22) at the pressure of the chamber, normalised [1/s]; elsewhere `sac_stiffness` times it."""
     return sac.a5 * q_s - sac.a6 * q_h
+
+
+cdef inline double sac_stiffness(double x_3, const Sac* sac) noexcept nogil:
+    """Stiffness of the sac over that at the pressure of the chamber."""
+    return bent(x_3, sac.stiffness_slope, sac.stiffness_bend)

@@ -10,8 +10,8 @@ cdef enum:
     LUMP_LEAK = 5
     LUMP_AIR = 6
     LUMP_STIFFNESS_SLOPE = 7
-    LUMP_SERVO = 10
-    LUMP_DISPLACED = 11
+    LUMP_SERVO = 11
+    LUMP_DISPLACED = 12
 
 cdef double LOWEST_PRESSURE = 0.01  # of p_0, at which entrained air is taken to soften the line no further
 cdef double LOWEST_STIFFNESS = 0.05  # of K_L, below which a pressure-dependent bulk modulus does not fall
@@ -19,10 +19,10 @@ cdef double LINE_STEP = 0.1  # radians of the line's fastest motion an RK4 step 
 
 
 cdef inline double _fuel_stiffness(double x_1, const Softness* line) noexcept nogil:
-    """K(p_L)/K_L of the fuel without air."""
+    """Stiffness of the fuel without air, over that of a1."""
     if line.stiffness_slope == 0.0:
         return 1.0
-    return max(1.0 + line.stiffness_slope * (x_1 - line.stiffness_pressure), LOWEST_STIFFNESS)
+    return max(bent(x_1 - line.stiffness_pressure, line.stiffness_slope, line.stiffness_bend), LOWEST_STIFFNESS)
 
 
 cdef inline double stiffness(double x_1, const Softness* line) noexcept nogil:
@@ -45,7 +45,7 @@ cdef inline double stiffness_slopes(double x_1, const Softness* line, double* by
     cdef double by_pressure = fuel * fuel * line.air / square if absolute > LOWEST_PRESSURE else 0.0
     by_air[0] = -fuel * fuel * pressure / square
     by_slope[0] = by_fuel * (x_1 - line.stiffness_pressure)
-    return by_pressure + by_fuel * line.stiffness_slope
+    return by_pressure + by_fuel * bent_slope(x_1 - line.stiffness_pressure, line.stiffness_slope, line.stiffness_bend)
 
 
 cdef inline void lump_rates(
@@ -58,7 +58,7 @@ cdef inline void lump_rates(
         - drained(x[0], &line.softness, line.servo, line.displaced, u)
     )
     rate[1] = line.a3 * (u.rail - line.loss - x[0]) - line.a4 * x[1] * fabs(x[1])
-    rate[SAC] = sac_rate(q_h, q_s, &c.sac)
+    rate[SAC] = sac_stiffness(x[SAC], &c.sac) * sac_rate(q_h, q_s, &c.sac)
     if n == 4:
         rate[3] = x[0]
 
@@ -121,7 +121,7 @@ cdef inline void tangent_rates(
     cdef double* by_number = t.by_number + stage * n * t.m
     cdef double* by_flow = t.by_flow + stage * n * 2
     cdef double* of_flows = t.of_flows + stage * 2 * t.m
-    cdef double of_pressure = 0.0, of_flow = 0.0
+    cdef double of_pressure = 0.0, of_flow = 0.0, soft = sac_stiffness(x[SAC], &c.sac)
     cdef bint at_rest = is_at_rest(x, u)
     cdef int64_t row, i, k
     theta = &t.theta
@@ -135,7 +135,10 @@ cdef inline void tangent_rates(
     if at_rest:
         memset(by_flow, 0, 2 * n * sizeof(double))
     else:
-        by_flow[2 * SAC], by_flow[2 * SAC + 1] = -c.sac.a6, c.sac.a5
+        by_flow[2 * SAC], by_flow[2 * SAC + 1] = -soft * c.sac.a6, soft * c.sac.a5
+        by_state[SAC * WIDTH + SAC] = sac_rate(flows.q_h, flows.q_s, &c.sac) * bent_slope(
+            x[SAC], c.sac.stiffness_slope, c.sac.stiffness_bend
+        )
         for row in range(0, 3, 2):  # p_L and p_S
             for i in range(3):
                 by_state[row * WIDTH + i] += by_flow[2 * row] * flows.h_x[i] + by_flow[2 * row + 1] * flows.s_x[i]

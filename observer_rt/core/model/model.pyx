@@ -10,8 +10,8 @@ from libc.stdint cimport int64_t
 from libc.string cimport memcpy, memset
 
 from observer_rt.core.model.hydraulics cimport (
-    NOZZLE_NUMBERS, NozzleSlopes, Seat, normalised_area, nozzle_law, nozzle_law_slopes, sac_rate, seat_law,
-    seat_law_slopes
+    NOZZLE_NUMBERS, NozzleSlopes, Seat, bent, bent_slope, normalised_area, nozzle_law, nozzle_law_slopes, sac_rate,
+    sac_stiffness, seat_law, seat_law_slopes
 )
 from observer_rt.core.model.network cimport *
 from observer_rt.core.model.records cimport *

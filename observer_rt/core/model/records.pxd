@@ -22,8 +22,9 @@ cdef extern from *:
 # How a line softens, the same fields of every line.
 cdef struct Softness:
     double air  # K g / p_0: how much entrained air softens the line, 0 without any
-    double stiffness_slope  # n p_0/K_L: how K_L grows with the line pressure, 0 when it does not
-    double stiffness_pressure  # where it is K_L, normalised as x_1
+    double stiffness_slope  # how stiffness grows with the line pressure, 0 when it does not
+    double stiffness_bend  # likewise with the square of it
+    double stiffness_pressure  # where it is that of a1, normalised as x_1
     double chamber_pressure  # p_C/p_0
 
 

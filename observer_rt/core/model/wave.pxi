@@ -18,8 +18,8 @@ cdef enum:
     WAVE_LEAK = 11
     WAVE_AIR = 12
     WAVE_STIFFNESS_SLOPE = 13
-    WAVE_SERVO = 18
-    WAVE_DISPLACED = 19
+    WAVE_SERVO = 19
+    WAVE_DISPLACED = 20
     # rows of a tangent's scratch, of which the flows' take 0 and 1
     CHANGE_ROW = 2
     BEFORE_ROW = 3

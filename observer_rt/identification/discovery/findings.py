@@ -32,6 +32,7 @@ from observer_rt.identification.likelihood.operating_points import distinct
 from observer_rt.model.baseline import Remainder
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.fuel import USUAL_PRESSURE
 from observer_rt.model.parameters import EffectInForce
 from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.term import Term, Variable
@@ -65,7 +66,7 @@ def is_level_measured(nominal: EffectiveModel) -> bool:
 def is_like_inertance(nominal: EffectiveModel, amended: EffectiveModel) -> bool:
     """Whether nozzle flow and stiffness of the line were changed as if the line's inertance were another."""
     before, after = nominal.injector, amended.injector
-    stiffness = [one.fluid.bulk_modulus_line / one.line.volume for one in (before, after)]
+    stiffness = [one.fluid.in_line.stiffness(USUAL_PRESSURE) / one.line.volume for one in (before, after)]
     nozzle = after.nozzle.flow_coefficient / before.nozzle.flow_coefficient
     return looks_like_inertance(nozzle - 1.0, stiffness[1] / stiffness[0] - 1.0)
 

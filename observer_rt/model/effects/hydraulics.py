@@ -17,14 +17,24 @@ from observer_rt.model.effect import (
     scaled,
 )
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.fuel import USUAL_PRESSURE
 from observer_rt.model.hydraulics import valve_of
 from observer_rt.model.parameters import NO_DEPARTURES, LineOutflow
+
+
+def _bulk_modulus(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+    share, fluid = values[0], model.injector.fluid
+    of_modulus = fluid.in_line.stiffness(USUAL_PRESSURE) / fluid.bulk_modulus_line
+    stiffer = model.with_section("fluid", bulk_modulus_line=1.0 + share * of_modulus)
+    slope = model.departures.stiffness_slope + share * fluid.bulk_modulus_by_pressure
+    return stiffer.with_terms("departures", stiffness_slope=slope)
+
 
 BULK_MODULUS = Effect(
     id="bulk_modulus",
     component=Component.CLOSED_END,
     parameters=(parameter("r", -0.6, 1.0, 0.001, (-0.3, -0.12, 0.0, 0.15, 0.4)),),
-    apply=scaled("fluid", "bulk_modulus_line"),
+    apply=_bulk_modulus,
     sentence=(
         "The fuel in the line is stiffer, or softer, than the file says (another fuel, another "
         "temperature): K_L (1 + r)."

@@ -51,10 +51,10 @@ class Fuel(NamedTuple):
         """Velocity of a jet into a pressure, over that of fuel as dense all along its way as there."""
         if self.by_pressure == 0.0 or drop == 0.0:
             return 1.0
-        there = self.stiffness(behind)
+        stiffness = self.stiffness(behind)
         power = 1.0 - 1.0 / self.by_pressure
-        spent = ((1.0 + self.by_pressure * drop / there) ** power - 1.0) / power  # K_1 rho/K integral of dp/rho
-        return float((spent * there / (self.by_pressure * drop)) ** 0.5)
+        spent = ((1.0 + self.by_pressure * drop / stiffness) ** power - 1.0) / power  # K_1 rho/K integral of dp/rho
+        return float((spent * stiffness / (self.by_pressure * drop)) ** 0.5)
 
 
 class Parabola(NamedTuple):

@@ -29,12 +29,13 @@ from observer_rt.config.toml_file import Section, place_in, read_toml, validated
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.accuracy import EXACTLY_KNOWN
-from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.parameters import InjectorParameters, at_temperature
 from observer_rt.model.wave_line import with_cells
 
 PACKAGE_DATA = Path(str(files("observer_rt") / "data"))
 NOMINAL_INJECTOR = PACKAGE_DATA / "crin3_nominal.toml"
 EXAMPLE_BENCH = PACKAGE_DATA / "example_bench.toml"
+FUELS = PACKAGE_DATA / "fuels.toml"
 
 _Sections = TypeVar("_Sections", bound=Section)
 
@@ -145,13 +146,35 @@ class Bench:
 
 def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     """Read the parameters [SI] of an injector file. Raises `UserError` naming file, key, problem and remedy."""
-    parameters = with_cells(validated(InjectorParameters, read_toml(path), place_in(path), "injector"))
+    parameters = with_cells(_with_named_fuel(path, read_toml(path)))
     if parameters.effects or parameters.terms:
         from observer_rt.config.effects import check_effects, check_terms  # optional: [[effects]], [[terms]]
 
         check_effects(f"{path}: ", parameters.effects)
         check_terms(f"{path}: ", parameters)
     return parameters
+
+
+def _with_named_fuel(path: Path, document: dict[str, Any]) -> InjectorParameters:
+    """Parameters of a file's document, where its `[fluid]` may be a named fuel with some keys stated.
+
+    A `reference_temperature` stated is that of the fuel, whose other values are taken there.
+    """
+    stated, location = document.get("fluid"), place_in(path)
+    if not isinstance(stated, dict) or "fuel" not in stated:
+        return validated(InjectorParameters, document, location, "injector")
+    fuels, name = read_toml(FUELS), str(stated["fuel"])
+    if name not in fuels:
+        remedy = f"{did_you_mean(name, fuels)}known fuels: {', '.join(fuels)}"
+        raise UserError(location("fluid", "fuel"), f"{name!r} is no known fuel", remedy)
+    document = {**document, "fluid": {**fuels[name], **stated}}
+    parameters = validated(InjectorParameters, document, location, "injector")
+    fluid, kept = parameters.fluid, {key: getattr(parameters.fluid, key) for key in stated}
+    first = fluid.model_copy(update={"reference_temperature": fuels[name]["reference_temperature"]})
+    warmed = at_temperature(
+        parameters.model_copy(update={"fluid": first}), document["fluid"]["reference_temperature"]
+    )
+    return parameters.model_copy(update={"fluid": warmed.fluid.model_copy(update=kept)})
 
 
 def exact_text(path: Path) -> str:

@@ -70,7 +70,7 @@ class Seat(NamedTuple):
 def seat_of(parameters: "InjectorParameters", departures: "Departures") -> Seat:
     """The seat of an injector."""
     fuel, scale = parameters.fluid.in_sac, parameters.scaling.pressure
-    denser = parabola(lambda pressure: math.sqrt(fuel.density(pressure)), parameters.chamber.pressure, scale)
+    _, *denser = parabola(lambda pressure: math.sqrt(fuel.density(pressure)), parameters.chamber.pressure, scale)
     return Seat(
         transition=TRANSITION_PRESSURE / parameters.scaling.pressure,
         area_scale=parameters.scaling.area,
@@ -78,8 +78,8 @@ def seat_of(parameters: "InjectorParameters", departures: "Departures") -> Seat:
         half_cone_angle=math.radians(parameters.seat.cone_angle / 2),
         loss=departures.seat_loss,
         loss_lift=departures.seat_loss_lift,
-        density_slope=denser.slope,
-        density_bend=denser.bend,
+        density_slope=denser[0],
+        density_bend=denser[1],
     )
 
 
@@ -111,7 +111,7 @@ def nozzle_of(parameters: "InjectorParameters", departures: "Departures") -> Noz
     """The nozzle of an injector."""
     p_0, p_c = parameters.scaling.pressure, parameters.chamber.pressure
     nozzle = parameters.nozzle
-    jet = parabola(lambda pressure: parameters.fluid.in_sac.jet(p_c, pressure - p_c), p_c, p_0)
+    _, *jet = parabola(lambda pressure: parameters.fluid.in_sac.jet(p_c, pressure), p_c, p_0)
     return Nozzle(
         transition=TRANSITION_PRESSURE / p_0,
         flow=nozzle.flow_coefficient * nozzle.area * jet_velocity(parameters),
@@ -122,8 +122,8 @@ def nozzle_of(parameters: "InjectorParameters", departures: "Departures") -> Noz
         / p_0
         * parameters.scaling.area
         / full_lift_area(parameters),
-        jet_slope=jet.slope,
-        jet_bend=jet.bend,
+        jet_slope=jet[0],
+        jet_bend=jet[1],
     )
 
 
@@ -139,6 +139,6 @@ class Sac(NamedTuple):
 def sac_of(parameters: "InjectorParameters", nozzle_flow: float, seat_flow: float) -> Sac:
     """The sac of an injector; nozzle_flow, seat_flow: Q_H and Q_S [m3/s] at a normalised flow of 1."""
     scale = parameters.scaling.pressure
-    filling = parabola(parameters.fluid.in_sac.filling, parameters.chamber.pressure, scale)
-    stiffness = filling.value / parameters.nozzle.sac_volume / scale
-    return Sac(stiffness * seat_flow, stiffness * nozzle_flow, filling.slope, filling.bend)
+    filling, *bent = parabola(parameters.fluid.in_sac.filling, parameters.chamber.pressure, scale)
+    stiffness = filling / parameters.nozzle.sac_volume / scale
+    return Sac(stiffness * seat_flow, stiffness * nozzle_flow, *bent)

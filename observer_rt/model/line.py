@@ -50,7 +50,7 @@ def at_closed_end(
     """Coefficients of any line's closed end, where p_L rises by stiffness [p_0/m3]; flows: as of `LumpLine.of`."""
     scale, chamber, fuel = parameters.scaling, parameters.chamber.pressure, parameters.fluid.in_line
     modulus = fuel.stiffness(USUAL_PRESSURE)
-    filling = parabola(fuel.filling, USUAL_PRESSURE, scale.pressure)
+    _, slope, bend = parabola(fuel.filling, USUAL_PRESSURE, scale.pressure)
     drained_by_nozzle = parameters.line_outflow == "nozzle"
     return {
         "a1": stiffness * scale.flow,
@@ -58,8 +58,8 @@ def at_closed_end(
         "a2_seat": 0.0 if drained_by_nozzle else stiffness * seat_flow,
         "leak": stiffness * departures.leakage * scale.pressure,
         "air": departures.air * modulus / scale.pressure,
-        "stiffness_slope": departures.stiffness_slope * scale.pressure / modulus + filling.slope,
-        "stiffness_bend": filling.bend,
+        "stiffness_slope": departures.stiffness_slope * scale.pressure / modulus + slope,
+        "stiffness_bend": bend,
         "stiffness_pressure": (USUAL_PRESSURE - chamber) / scale.pressure,
         "chamber_pressure": chamber / scale.pressure,
         "servo": stiffness * control_flow_at_scale(parameters),

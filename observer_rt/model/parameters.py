@@ -14,14 +14,14 @@ file values were taken at. Areas, volumes and the vapour pressure stay.
 import math
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.baseline import Baseline, Remainder
-from observer_rt.model.fuel import Fuel, FuelName, fluid_of
+from observer_rt.model.fuel import Fuel
 from observer_rt.model.line import known_line
 from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.wave_line import FEWEST_CELLS, MOST_CELLS
@@ -37,7 +37,6 @@ Temperature = Annotated[float, Field(ge=200, le=500)]  # K; what is given in deg
 
 LOWEST_TEMPERATURE = 233.15  # K, -40 degC: below it the fuel waxes
 HIGHEST_TEMPERATURE = 423.15  # K, 150 degC: above it no feed line is run
-LEAST_STIFFENING, MOST_STIFFENING = 5.0, 20.0  # K_1 of a fuel that is not constant
 SMALLEST_FACTOR = 0.3  # of density or bulk modulus: beyond it the law no longer describes a fuel
 
 
@@ -56,31 +55,18 @@ class LineOutflow(StrEnum):
     SEAT = "seat"
 
 
-def _stiffening(number: float) -> float:
-    if number != 0.0 and not LEAST_STIFFENING <= number <= MOST_STIFFENING:
-        raise ValueError(
-            f"K_1 of fuels is {LEAST_STIFFENING:g} to {MOST_STIFFENING:g}; state that, or 0 of a constant fuel"
-        )
-    return number
-
-
 class Fluid(_Section):
-    fuel: FuelName | None = None  # whose values the keys have that a file leaves out
+    fuel: str | None = None  # of data/fuels.toml, whose values the keys have that a file leaves out
     density_line: Annotated[Positive, UnitName("kg/m3")]  # rho_L
     density_nozzle: Annotated[Positive, UnitName("kg/m3")]  # rho_C
     bulk_modulus_line: Annotated[Positive, UnitName("Pa")]  # K_L, or K_0 of it where K_1 is not 0
     bulk_modulus_sac: Annotated[Positive, UnitName("Pa")]  # K_C, likewise
-    bulk_modulus_by_pressure: Annotated[float, AfterValidator(_stiffening)] = 0.0  # K_1, -
+    bulk_modulus_by_pressure: Annotated[float, Field(ge=0, le=20)] = 0.0  # K_1, -
     vapour_pressure: Annotated[NonNegative, UnitName("Pa")]  # p_v
     # needed only on a bench that measures the temperature of the fuel
     reference_temperature: Annotated[Temperature | None, UnitName("K")] = None  # T_0 of the values above
     thermal_expansion: Annotated[float, Field(ge=0, le=2e-3), UnitName("1/K")] = 7e-4  # alpha
     bulk_modulus_slope: Annotated[float, Field(ge=-30e6, le=0), UnitName("Pa/K")] = -7e6  # dK/dT
-
-    @model_validator(mode="before")
-    @classmethod
-    def _of_named_fuel(cls, stated: Any) -> Any:
-        return fluid_of(stated["fuel"], stated) if isinstance(stated, dict) and "fuel" in stated else stated
 
     @property
     def in_line(self) -> Fuel:

@@ -139,14 +139,6 @@ class WaveLine(_WaveCoefficients):
         return math.sqrt(self.a3 * self.b)  # of either part
 
     @property
-    def stiffest(self) -> float:
-        """Stiffness over that of b at the highest pressure; 1 of constant fuel."""
-        if self.stiffness_bend == 0.0:
-            return 1.0
-        above = (HIGHEST_PRESSURE / USUAL_PRESSURE - 1.0) * (self.stiffness_pressure + self.chamber_pressure)
-        return 1.0 + above * (self.stiffness_slope + self.stiffness_bend * above)
-
-    @property
     def mode(self) -> float:
         """A quarter wave along the pipe."""
         return 0.5 * math.pi * self.crossing / self.cells
@@ -175,9 +167,11 @@ class WaveLine(_WaveCoefficients):
         return steps * (substeps if substeps <= MOST_OF_A_STEP else 1)
 
     def strain(self, interval: float) -> float:
-        """As of `LumpLine`."""
+        """As of `LumpLine`; where pressure stiffens the fuel, at the highest one."""
         step = interval / steps_in(interval)
-        return float(self.stiffest * (self.crossing * step) ** 2 + 2.0 * self.damping * step)
+        above = (HIGHEST_PRESSURE / USUAL_PRESSURE - 1.0) * (self.stiffness_pressure + self.chamber_pressure)
+        stiffer = above * (self.stiffness_slope + self.stiffness_bend * above) if self.stiffness_bend else 0.0
+        return float((1.0 + stiffer) * (self.crossing * step) ** 2 + 2.0 * self.damping * step)
 
     def stepping(self, interval: float) -> str:
         """As of `LumpLine`."""

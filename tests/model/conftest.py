@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import load_injector
+from observer_rt.config.bench import FUELS, load_injector
+from observer_rt.config.toml_file import read_toml
 from observer_rt.core.model.model import advance_state
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import Network, constant_network
@@ -52,7 +53,7 @@ def integrate() -> Trajectory:
 
 def filled(injector: InjectorParameters, fuel: str | None) -> InjectorParameters:
     """The injector with another fuel."""
-    return injector.model_copy(update={"fluid": Fluid.model_validate({"fuel": fuel})}) if fuel else injector
+    return injector.model_copy(update={"fluid": Fluid(**read_toml(FUELS)[fuel])}) if fuel else injector
 
 
 def advanced(x: State, interval: Interval, c: Coefficients, network: Network) -> State:

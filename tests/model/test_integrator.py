@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from observer_rt.config.bench import load_injector
 from observer_rt.core.model.model import advance_state, fault_with_rate
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.network import constant_network
@@ -93,12 +94,10 @@ def test_injection_agrees_with_an_independent_integration(
 
 
 @pytest.mark.parametrize(("fuel", "rail"), [("en590", 0.35), ("en590", 1.45), ("n-dodecane", 0.95)])
-def test_parabolas_inject_what_the_exact_laws_do(
-    injector: InjectorParameters, integrate: Trajectory, fuel: str, rail: float
-) -> None:
+def test_parabolas_inject_what_the_exact_laws_do(integrate: Trajectory, fuel: str, rail: float) -> None:
     """Density and stiffness everywhere those of the pressure there, friction's density too: .06 % of the mass."""
-    injector, inputs = filled(injector, fuel), stroke(401, SAMPLE) * np.array([rail / RAIL, 1.0])
-    c = coefficients(injector)
+    injector = filled(load_injector().model_copy(update={"line_outflow": LineOutflow.SEAT}), fuel)
+    inputs, c = stroke(401, SAMPLE) * np.array([rail / RAIL, 1.0]), coefficients(injector)
     states = integrate(inputs, (rail, 0.0, 0.0), SAMPLE, substeps_needed(injector, 100e3), c)
     expected = _by_scipy(injector, inputs, 0.0, 0.0)
     volume = sum(fault_with_rate(x, u, c, NO_FAULT)[1] for x, u in zip(states, inputs, strict=True))

@@ -24,6 +24,7 @@ from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import (
     INERTANCE,
     OPTIONAL_GROUPS,
+    STIFFENING,
     STRUCTURES,
     FreeParameter,
     Structure,
@@ -280,6 +281,8 @@ def _tried(
     as nothing explains the recordings: by a line that leaves much nothing is beyond doubt.
     """
     free = structure.free if level is FlowLevel.FILE else (*structure.free, INERTANCE)
+    if file.fluid.bulk_modulus_by_pressure > 0.0:
+        free = (*free, STIFFENING)
     fits = [one for one in earlier if isinstance(one, FittedStructure)]
     has: Sequence[FreeParameter] = ()
     if fits:

@@ -94,6 +94,8 @@ RATIO = FreeParameter("Z_2/Z_1", "line", "impedance_ratio", "-", 1.0, 0.2, 5.0, 
 JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5, 0.5)
 INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
 """Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass gives the level."""
+STIFFENING = FreeParameter("K_1", "fluid", "bulk_modulus_by_pressure", "-", 1.0, 5.0, 20.0, 10.5, 1.0, 1.0)
+"""Free where the file's fuel stiffens; its prior is that of fuels. K_0 is then that of `STIFFNESS`."""
 _TIME = 1e-4  # s
 CONTROL_FLOW = FreeParameter("c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 30e-6, 0.0, 4.0, MM3_PER_MS)
 CONTROL = (

@@ -16,6 +16,8 @@ from observer_rt.identification.fit.document import level_words, verdict_words
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import (
     INERTANCE,
+    STIFFENING,
+    STIFFNESS,
     STRUCTURES,
     Calibration,
     FreeParameter,
@@ -28,6 +30,7 @@ from observer_rt.identification.likelihood.open_loop import mass, simulated
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters, LineOutflow
 from tests.identification.fit.healthy import NOMINAL, POINTS, of_independent_plant, off_by_ten_percent, simulations
+from tests.model.conftest import filled
 from tests.plants.parameters import Injector
 
 LUMPS = tuple(one for one in STRUCTURES if one.line == "lump")
@@ -123,6 +126,14 @@ def test_flows_coefficients_and_sac_scale_with_the_inertance(by_pressures: Calib
         ratio = getattr(getattr(moved, section), key) / getattr(getattr(right, section), key)
         assert ratio == pytest.approx(share**power, rel=0.002), key
     assert _mass_error(moved) == pytest.approx(share - 1.0, abs=0.003)
+
+
+def test_how_a_fuel_stiffens_is_fitted() -> None:
+    file = filled(NOMINAL, "en590")
+    plant = with_values(file, (STIFFNESS, STIFFENING), np.array([1.35e9, 12.0]))
+    fluid = _fit(_measured(simulations(injector=plant)), file).injector.fluid
+    assert fluid.bulk_modulus_by_pressure == pytest.approx(12.0, abs=0.2)
+    assert fluid.bulk_modulus_line == pytest.approx(1.35e9, rel=0.01)
 
 
 def _linearised(*further: FreeParameter) -> tuple[Calibration, Quadratic]:

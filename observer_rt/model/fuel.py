@@ -24,7 +24,7 @@ USUAL_PRESSURE = 100e6  # Pa, to which the numbers of a line belong
 HIGHEST_PRESSURE = 240e6  # Pa, of the closed end of a line at 200 MPa when a needle shuts: no fuel gets stiffer
 
 
-class Fuel(NamedTuple):
+class Compressibility(NamedTuple):
     """How a fuel yields to pressure [Pa]."""
 
     modulus: float  # K_0, Pa

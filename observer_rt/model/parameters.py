@@ -21,7 +21,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.baseline import Baseline, Remainder
-from observer_rt.model.fuel import Fuel
+from observer_rt.model.fuel import Compressibility
 from observer_rt.model.line import known_line
 from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.wave_line import FEWEST_CELLS, MOST_CELLS
@@ -69,14 +69,14 @@ class Fluid(_Section):
     bulk_modulus_slope: Annotated[float, Field(ge=-30e6, le=0), UnitName("Pa/K")] = -7e6  # dK/dT
 
     @property
-    def in_line(self) -> Fuel:
+    def in_line(self) -> Compressibility:
         """How the fuel in the line yields to pressure."""
-        return Fuel(self.bulk_modulus_line, self.bulk_modulus_by_pressure)
+        return Compressibility(self.bulk_modulus_line, self.bulk_modulus_by_pressure)
 
     @property
-    def in_sac(self) -> Fuel:
+    def in_sac(self) -> Compressibility:
         """How the fuel in sac and nozzle does."""
-        return Fuel(self.bulk_modulus_sac, self.bulk_modulus_by_pressure)
+        return Compressibility(self.bulk_modulus_sac, self.bulk_modulus_by_pressure)
 
 
 class LineParameters(_Section):

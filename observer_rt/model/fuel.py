@@ -55,7 +55,7 @@ def parabola(law: Callable[[float], float], origin: float, scale: float) -> tupl
     Exact there and at two more pressures; scale: p_0 [Pa], the unit of d.
     """
     value, (first, second) = law(origin), (100e6 if origin < 50e6 else 20e6, 200e6)
-    one, other = (first - origin) / scale, (second - origin) / scale
-    secants = (law(first) / value - 1.0) / one, (law(second) / value - 1.0) / other
-    bend = (secants[1] - secants[0]) / (other - one)
-    return value, secants[0] - bend * one, bend
+    near, far = (first - origin) / scale, (second - origin) / scale
+    secants = (law(first) / value - 1.0) / near, (law(second) / value - 1.0) / far
+    bend = (secants[1] - secants[0]) / (far - near)
+    return value, secants[0] - bend * near, bend

@@ -136,21 +136,20 @@ cdef inline NozzleSlopes nozzle_law_slopes(
 ) noexcept nogil:
     """Derivatives of `nozzle_law` with respect to x_3, u_2 and what is learned."""
     cdef NozzleSlopes result
-    cdef double difference = x_3, margin = nozzle.vapour_margin, rise, slope, critical, loss, flow, slower, by_margin
-    cdef double by_rise
+    cdef double difference = x_3, margin = nozzle.vapour_margin, rise, slope, critical, loss, flow, by_margin, by_rise
     if u_2 > 0.0:
         rise = nozzle.chamber_rise + nozzle.chamber_rise_with_seat * u_2 + (learned[0] + learned[1] * u_2)
         difference -= rise
         margin += rise
-    flow = root(difference, nozzle.transition)
-    slower = bent(difference, nozzle.jet_slope, nozzle.jet_bend)
-    slope = root_slope(difference, nozzle.transition) * slower
-    slope += flow * bent_slope(difference, nozzle.jet_slope, nozzle.jet_bend)
-    flow *= slower
+    slope = root_slope(difference, nozzle.transition)
+    if nozzle.jet_slope != 0.0:
+        slope *= bent(difference, nozzle.jet_slope, nozzle.jet_bend)
+        slope += root(difference, nozzle.transition) * bent_slope(difference, nozzle.jet_slope, nozzle.jet_bend)
     by_rise = -slope
     if nozzle.critical_excess != 0.0 and margin < nozzle.critical_excess * difference:
         critical = 1.0 + nozzle.critical_excess
         loss = sqrt((1.0 + margin / difference) / critical)
+        flow = root(difference, nozzle.transition) * bent(difference, nozzle.jet_slope, nozzle.jet_bend)
         by_margin = flow / (2.0 * critical * loss * difference)
         slope = slope * loss - by_margin * margin / difference
         by_rise = by_margin - slope

@@ -149,7 +149,6 @@ COMMANDS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "evaluate": ("offline", "worn.csv --output trace.csv --plot worn.png"),
         "convert": ("logs", "bus.blf recording.csv --bench bench.toml"),
         "fit": ("models", "healthy_*.csv --model injector.toml --output fitted.toml --plot fit.png"),
-        "project": ("project", "report my_injector"),
         "reproduce": ("offline", "--out reproduced"),
     },
     "Discovery": {

@@ -50,7 +50,6 @@ REFUSED = {
     "jinja2": "discover injections.csv --out found",
     "tornado": "monitor --bench bench.toml",
     "distributed": "batch injections.csv --out results",
-    "markupsafe": "project report prj",
 }
 
 
@@ -94,7 +93,6 @@ def test_the_daemons_side_needs_no_extra(tmp_path: Path) -> None:
         "check --bench bench.toml",
         "convert injections.csv copy.csv",
         "effects",
-        "project new prj",
         *(f"{name} --help" for names in COMMANDS.values() for name in names),
     )
     assert "bus database" in run_without(tmp_path, 0, lines).stdout
@@ -102,8 +100,6 @@ def test_the_daemons_side_needs_no_extra(tmp_path: Path) -> None:
 
 def test_what_is_not_installed_is_named_with_its_extra(tmp_path: Path) -> None:
     (tmp_path / "injections.csv").touch()
-    (tmp_path / "prj").mkdir()
-    (tmp_path / "prj/project.toml").write_text('model = "injector.toml"')
     (tmp_path / "injections.mf4").write_bytes(b"MDF     4.10    " + bytes(100))
     said = run_without(tmp_path, 2, REFUSED.values()).stderr
     assert re.findall(r"observer-rt\[(\w+)\]", said) == [EXTRAS[library] for library in REFUSED]

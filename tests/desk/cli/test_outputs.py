@@ -37,7 +37,6 @@ CONTINUED = {
 }
 FILES = REPLACED | CONTINUED
 FOLDERS = {  # and the names in it that are written
-    ("project", "DIR"): ("project new {out}", ("injector.toml", "results/fit.json")),
     ("reproduce", "--out"): ("reproduce --out {out}", ("figure_3.png", "figure_4.png", "figure_5.png", "table.csv")),
     ("discover", "--out"): ("discover {worn} --out {out}", ("findings.json", "report.html", "amended.toml")),
     ("batch", "--out"): ("batch {worn} --out {out}", ("batch.json", "injections")),
@@ -139,9 +138,6 @@ def test_a_folder_of_somebody_else_is_left_alone(
                 (position / stranger).parent.mkdir(parents=True, exist_ok=True)
                 (position / stranger).write_bytes(content)
             asked = words(key, worn, str(position))
-            if "/" in name:  # of a project that is there
-                (position / "project.toml").write_text('model = "../model.toml"\nrecordings = ["../bench.toml"]\n')
-                asked[1] = "report"
             before = contents(folder)
             for consent in ([], ["--force"]) if key[0] in HAVE_FORCE else ([],):
                 if consent and key[0] == "reproduce" and content != b"mine\n":

@@ -29,6 +29,7 @@ from observer_rt.config.toml_file import Section, place_in, read_toml, validated
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.accuracy import EXACTLY_KNOWN
+from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters, at_temperature
 from observer_rt.model.wave_line import with_cells
 
@@ -63,6 +64,11 @@ class BenchInjector:
     def location(self, key: str) -> str:
         """Place in the bench file of `key` of this injector, such as `signals.rail_pressure.unit`, for messages."""
         return self.file.location(*key.split("."))
+
+    @property
+    def density(self) -> float:
+        """Density of the fuel [kg/m3], effects in force included."""
+        return effective_model(self.parameters).coefficients.density
 
     @property
     def state(self) -> Path | None:

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.config.toml_file import Section
@@ -22,10 +22,15 @@ class Meaning(StrEnum):
     MEAN = "mean"
 
 
+def _numbered(column: Any) -> Any:
+    """A number of a column as `#2`, which is no name in a text table; a name as it is."""
+    return f"#{column}" if isinstance(column, int) else column
+
+
 class ColumnConfig(Section):
     """A column of a CSV or Parquet file, or a channel of an MDF4 file: `(value * factor + offset)` is in `unit`."""
 
-    column: Annotated[str, Field(min_length=1)]  # its name
+    column: Annotated[str, Field(min_length=1), BeforeValidator(_numbered)]  # its name, or in text its number from 1
     unit: str | None = None  # None: as the file says
     factor: float = 1.0
     offset: float = 0.0
@@ -36,6 +41,11 @@ class ColumnConfig(Section):
         if self.factor == 0.0:
             raise ValueError("'factor' is 0, which leaves nothing of the values; state another, or leave it out")
         return self
+
+    @property
+    def number(self) -> int | None:
+        """Number of the column from 1, of a text table; None: it goes by its name."""
+        return int(self.column[1:]) if self.column[:1] == "#" and self.column[1:].isdecimal() else None
 
 
 class TimeConfig(ColumnConfig):

@@ -15,6 +15,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import hashes, read_measured, without_copies
+from observer_rt.model.effects import effective_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +38,13 @@ def inputs_of_recordings(
 ) -> DiscoverInputs:
     """Inputs from recordings; model None: that of the bench file. Raises `UserError` for files that cannot serve."""
     start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
-    baseline = load_injector(start).baseline
+    injector = load_injector(start)
+    density = effective_model(injector).coefficients.density
     paths = without_copies(without_truths(recordings, console), console)
     references = without_copies(healthy, console)
-    read = partial(open_source, bench=decoder, from_channels=from_channel, console=console)
+    read = partial(open_source, bench=decoder, from_channels=from_channel, console=console, density=density)
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    measured = read_measured([*paths, *references], read, console, stated=stated, baseline=baseline)
+    measured = read_measured([*paths, *references], read, console, stated=stated, baseline=injector.baseline)
     return DiscoverInputs(start, measured[: len(paths)], hashes(paths), measured[len(paths) :])
 
 

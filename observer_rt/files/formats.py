@@ -101,15 +101,18 @@ def stamp_step(path: Path) -> int:
     return _of(path, LOGS).stamp_step
 
 
-def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalStream:
+def open_recording(path: Path, injector: BenchInjector | None = None, density: float | None = None) -> SignalStream:
     """Look through a recording and return the stream of its samples [SI], which is then read in parts.
 
     injector: whose `[recording]` describes a layout of the user's own; without it our own layouts, and others whose
-    headings say which column is which.
+    headings say which column is which. density: of the fuel [kg/m3], for a measured rate of mass; None: the
+    injector's.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
     kind = _of(path, SIGNALS)
     mapping = injector.config.recording if injector is not None else None
+    if density is None and injector is not None:
+        density = injector.density
     if path.name.endswith(TRUTH_SUFFIX):
         raise UserError(
             str(path), "is the truth behind a simulated recording, which is not for the observer", "leave it out"
@@ -118,13 +121,14 @@ def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalS
         stream: SignalStream
         if kind.is_own(path, mapping):
             table = kind.table(path, kind.mapping, is_own=True)
-            stream = EvenSignals(table) if len(table.rasters) == 1 else MappedSignals(table, 0.0)
+            is_even = len(table.rasters) == 1
+            stream = EvenSignals(table, density) if is_even else MappedSignals(table, 0.0, density)
         else:
             rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
             layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time)
             table = kind.table(path, layout)
             table.mapped_by = table.mapped_by if mapping else "by its heading"
-            stream = MappedSignals(table, rate)
+            stream = MappedSignals(table, rate, density)
             stream.notes = (*(() if mapping else (f"{path}: {in_words(layout)}",)), *stream.notes)
     if injector is not None:
         stated = mapping.meaning if mapping is not None else None

@@ -57,13 +57,17 @@ class HeldTable(ArrowTable):
 
 
 def signals_of(
-    table: Any, layout: RecordingConfig | Mapping[str, Any] | None = None, name: str = "table"
+    table: Any,
+    layout: RecordingConfig | Mapping[str, Any] | None = None,
+    name: str = "table",
+    density: float | None = None,
 ) -> SignalStream:
     """Signals of a table in memory [SI], with a survey of odd values.
 
     table: pandas DataFrame, or arrays (n,) by name in a dict; units in brackets or at the end of names,
     `p_Rail [bar]`, `lift_um`; an index of moments or floats is the time. layout: what `[recording]` of a bench file
-    says, None: what names and units say; with `rate_hz` no time is needed. name: in messages.
+    says, None: what names and units say; with `rate_hz` no time is needed. name: in messages; density: of the fuel
+    [kg/m3], for a rate of mass.
     Raises `UserError` with the layout to state where names and units do not say which column is which.
     """
     held, notes = _in_arrow(table), list[str]()
@@ -74,6 +78,6 @@ def signals_of(
         layout = validated(
             RecordingConfig, layout, lambda *keys: f"{name}, layout {'.'.join(map(str, keys))}", "bench"
         )
-    stream = MappedSignals(HeldTable(name, layout, held), 0.0)
+    stream = MappedSignals(HeldTable(name, layout, held), 0.0, density)
     stream.notes = (*notes, *stream.notes)
     return stream

@@ -53,6 +53,9 @@ _SPELLINGS = {  # in small letters, of units above
     "mm3_per_s": "mm3/s",
     "m3_per_s": "m3/s",
     "mm^3/ms": "mm3/ms",
+    "mg_per_ms": "mg/ms",
+    "g_per_s": "g/s",
+    "kg_per_s": "kg/s",
 }
 
 

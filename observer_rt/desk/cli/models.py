@@ -43,7 +43,8 @@ class FitOptions(ModelOptions):
     model: Annotated[Path, Option("Injector file to start from: geometry right, the rest within a factor of two.")]
     output: Annotated[Path, Option("Fitted injector file to write.")]
     mass: Annotated[
-        Path | None, Option("Measured mean masses (CSV: recording,mass_mg[,sigma_mg]), which fix the absolute level.")
+        Path | None,
+        Option("Measured mean masses (CSV: recording,mass_mg|rate_file[,sigma_mg]), which fix the absolute level."),
     ] = None
     plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase.")] = None
     force: shared.Force = False
@@ -61,6 +62,7 @@ def fit(options: FitOptions) -> None:
     from observer_rt.identification.fit.report import draw_fit, print_fit
     from observer_rt.identification.likelihood import reading
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
+    from observer_rt.model.effects import effective_model
 
     model, output, plot = options.model, options.output, options.plot
     decoder = options.decoder(model)
@@ -71,13 +73,15 @@ def fit(options: FitOptions) -> None:
         if path is not None:
             check_output(name, path, options.force, suffixes=suffixes)
     paths = reading.without_copies(without_truths(options.recordings, messages), messages)
-    read = partial(open_source, bench=decoder, from_channels=options.from_channel, console=messages)
+    density = effective_model(start).coefficients.density
+    from_channels = options.from_channel
+    read = partial(open_source, bench=decoder, from_channels=from_channels, console=messages, density=density)
     most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: a mass is the mean of all injections
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
     recordings = reading.read_measured(paths, read, messages, most, stated)
     reading.refuse_rates_missing([one.recording for one in recordings])
     refuse_clipped(recordings)
-    weighed = {} if options.mass is None else read_masses(options.mass, recordings)
+    weighed = {} if options.mass is None else read_masses(options.mass, recordings, density)
     warned = warnings(recordings)
     for line in (*map(reading.coverage, recordings), *(f"warning: {one}" for one in warned)):
         say(messages, line)

@@ -255,15 +255,19 @@ class _Stamps:
         ]
 
 
-def open_source(path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console) -> SignalStream:
+def open_source(
+    path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console, density: float | None = None
+) -> SignalStream:
     """Look through a file, and warn of odd values in it. from_channels: of a log, as `--from-channel` names them.
+
+    density: of the fuel [kg/m3], for a measured rate of mass; None: that of the bench's injector.
 
     Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
     without a bench file.
     """
     if not is_log(path):
         with progress_bar(console, f"looking through {path.name}", None):
-            source = open_recording(path, None if bench is None else bench.injector)
+            source = open_recording(path, None if bench is None else bench.injector, density)
     elif bench is None:
         raise UserError(
             "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"

@@ -134,7 +134,8 @@ class Injector:
             measured = self._measured(sources, notes, most)
             refuse_rates_missing([one.recording for one in measured])
             refuse_clipped(measured)
-            weighed = {} if masses is None else read_masses(path_of("masses", masses), measured)
+            density = self.bench.injector.density
+            weighed = {} if masses is None else read_masses(path_of("masses", masses), measured, density)
             doubted = warnings(measured)
             with progress_bar(screen, "fitting", 1.0) as progress:
                 sensors = calibration_of(self.bench.injector)

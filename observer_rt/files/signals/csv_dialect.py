@@ -27,14 +27,15 @@ _HEAD = 1 << 16  # bytes by which the encoding is detected
 _LOOKED_AT = 200  # lines: names and numbers must begin within them
 LONGEST_LINE = 1 << 18  # characters: some 20,000 columns
 _FEWEST = 3  # columns of numbers that a recording has
+_UNIT_APART = re.compile(r"(?<=\w)\s+(?=[\[(])")
 
 
 @dataclass(frozen=True)
 class Dialect:
     """Dialect of one file.
 
-    names, units: of all columns, a unit empty where the file states none; places: numbers of the mapped columns by
-    signal; heading: number of the line of names; first_row: lines before the first row; rows: first rows.
+    names, units: of all columns, a unit empty where the file states none; places: of the mapped columns by signal;
+    heading: number of the line of names, 0 without one; first_row: lines before the first row; rows: first rows.
     """
 
     encoding: str
@@ -50,7 +51,7 @@ class Dialect:
     def as_text(self) -> str:
         """Description of the dialect in a few words."""
         separator = _WORDS.get(self.separator, f"'{self.separator}'")
-        named = f"CSV, names in line {self.heading}"
+        named = f"CSV, names in line {self.heading}" if self.heading else "CSV without names"
         return f"{named}, separated by {separator}, decimal '{self.decimal}', {self.encoding}"
 
     def calendar(self, location: int, config: RecordingConfig | None = None) -> Calendar | None:
@@ -85,8 +86,8 @@ class _Trial:
         return self.name_count, numbers, len(self.above[self.heading]) if not numbers else 0
 
 
-def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False) -> Dialect:
-    """Dialect of a file that has the columns of a mapping; None: any columns of numbers.
+def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False, fewest: int = _FEWEST) -> Dialect:
+    """Dialect of a file that has the columns of a mapping; None: any `fewest` columns of numbers.
 
     is_own: the mapping is our own layout. Raises `UserError` if no line has the names, or no numbers follow.
     """
@@ -100,7 +101,10 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
             lines.append(line)
     refuse_long(path, lines, 0)
     lines = [line.rstrip("\r\n") for line in lines]
-    remedy = "give a file with the names of its columns in a line above the numbers"
+    remedy = (
+        "write the names of its columns in a line above the numbers, which may begin with #; or state in a bench "
+        "file, given by --bench, which is which by their numbers: [recording.rail_pressure] column = 2, and so on"
+    )
     if not any(line.strip() for line in lines):
         raise UserError(str(path), "is empty", remedy)
     wanted: dict[str, ColumnConfig] = {}
@@ -108,27 +112,30 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
     if config is not None:
         wanted |= dict(config.signals) | ({} if config.time is None else {TIME: config.time})
         stated, decimal = config.separator, config.decimal
-    trials = [_trial(lines, each, wanted) for each in ([stated] if stated else _WORDS)]
+    trials = [_trial(lines, each, wanted, fewest) for each in ([stated] if stated else _WORDS)]
     best = max(trials, key=lambda trial: trial.score)
     first = best.fitting[0] if best.fitting else len(lines)
     rows = tuple(best.cells[number] for number in best.fitting)
-    heading = best.heading if wanted else _likely_heading(best.above[:first], len(rows[0]) if rows else 0)
-    if not wanted and (not rows or heading < 0):
-        missing = "names above its numbers" if rows else f"{_FEWEST} numbers in a line"
+    heading = best.heading
+    if heading < 0:
+        heading = _likely_heading(best.above[:first], len(rows[0]) if rows else 0)
+    if best.heading < 0 and (not rows or (heading < 0 and not wanted)):
+        missing = "names above its numbers" if rows else f"{len(wanted) or fewest} numbers in a line"
         raise UserError(str(path), f"has no {missing} in its first {len(lines)} lines", remedy)
-    bare, behind = zip(*map(name_and_unit, best.above[heading]), strict=True)
+    cells = best.above[heading] if heading >= 0 else [f"#{number}" for number in range(1, len(rows[0]) + 1)]
+    bare, behind = zip(*map(name_and_unit, cells), strict=True)
     counts = Counter(bare)
-    names = [name if counts[name] == 1 else cell for name, cell in zip(bare, best.above[heading], strict=True)]
+    names = [name if counts[name] == 1 else cell for name, cell in zip(bare, cells, strict=True)]
     places: dict[str, int] = {}
     for signal, column in wanted.items():
-        if (at := _column_number(column, best.above[heading], f"{path}, line {heading + 1}")) is not None:
+        if (at := _column_number(column, cells, f"{path}, line {max(heading, 0) + 1}")) is not None:
             places[signal] = at
         elif not (is_own and signal in OPTIONAL):
             raise UserError(
-                f"{path}, line {heading + 1}",
-                f"column '{column.column}' is missing{hint(column.column, best.above[heading])}",
-                "name the columns in [recording] of the bench file as the file, which must have a line of names: it "
-                f"has {', '.join(best.above[heading][:40])}",
+                f"{path}, line {max(heading, 0) + 1}",
+                f"column '{column.column}' is missing{hint(column.column, cells)}",
+                "name the columns in [recording] of the bench file as the file has them, or state their numbers, as "
+                f"column = 2: it has {', '.join(cells[:40])}",
             )
     return Dialect(
         encoding,
@@ -163,21 +170,25 @@ def split_line(line: str, separator: str) -> list[str]:
         return line.split(separator)
 
 
-def _trial(lines: Sequence[str], separator: str, wanted: Mapping[str, ColumnConfig]) -> _Trial:
+def _trial(lines: Sequence[str], separator: str, wanted: Mapping[str, ColumnConfig], fewest: int) -> _Trial:
     cells = [split_line(line.split(COMMENT)[0], separator) for line in lines]
-    names = [split_line(line.lstrip("\ufeff").lstrip(COMMENT + " "), separator) for line in lines]
-    above = [[cell.strip() for cell in row] for row in names]
+    titles = [line.lstrip("\ufeff").lstrip(COMMENT + " ") for line in lines]
+    if separator == " ":  # a unit in brackets belongs to the name before it
+        titles = [_UNIT_APART.sub("", title) for title in titles]
+    above = [[cell.strip() for cell in split_line(title, separator)] for title in titles]
     counts = [sum(_column_number(column, row) is not None for column in wanted.values()) for row in above]
     name_count = max(counts)
-    heading = counts.index(name_count) if wanted else -1
-    found_at = [_column_number(column, above[heading]) for column in wanted.values()]
+    is_named = any(column.number is None for column in wanted.values())
+    heading = counts.index(name_count) if is_named else -1
+    widest = max(above, key=len) if heading < 0 else above[heading]
+    found_at = [_column_number(column, widest) for column in wanted.values()]
     places = [place for place in found_at if place is not None]
-    fewest = 1 if wanted else _FEWEST
+    fewest = 1 if is_named else len(wanted) or fewest
     fitting = []
     for number, row in enumerate(cells[heading + 1 :], heading + 1):
         mapped = [row[place] for place in places if place < len(row)] if places else row
         # between tabs the blank of a date and a time of day separates nothing
-        is_apart = separator != " " or not wanted or len(row) == len(above[heading])
+        is_apart = separator != " " or not is_named or len(row) == len(above[heading])
         # a cell that is no number is named when the line is read
         if is_apart and _count(mapped) >= fewest and (wanted or 2 * _count(row) > len(row)):
             fitting.append(number)
@@ -185,7 +196,9 @@ def _trial(lines: Sequence[str], separator: str, wanted: Mapping[str, ColumnConf
 
 
 def _column_number(column: ColumnConfig, names: Sequence[str], where: str = "") -> int | None:
-    """Number of a column, by its name with or without a unit; where: location of the names in error messages."""
+    """Place of a column, by its number, or its name with or without a unit; where: location of names in messages."""
+    if column.number is not None:
+        return column.number - 1 if 0 < column.number <= len(names) else None
     for cells in (list(names), [name_and_unit(name)[0] for name in names]):
         if where and cells.count(column.column) > 1:
             raise UserError(where, f"column '{column.column}' appears {cells.count(column.column)} times", "keep one")

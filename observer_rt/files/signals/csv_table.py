@@ -36,7 +36,10 @@ class CsvTable(FileTable):
         wanted = self._wanted()
         self.is_text = is_own
         self._dialect = dialect = dialect_of(path, config, is_own)
-        self.mapped = {name: wanted[name] for name in wanted if name in dialect.places}
+        self.mapped = {
+            name: wanted[name].model_copy(update={"column": dialect.names[place]} if wanted[name].number else None)
+            for name, place in dialect.places.items()
+        }
         self.layout = dialect.as_text()
         self.columns = dict(zip(dialect.names, dialect.units, strict=True))
         units = {name: dialect.units[place] for name, place in dialect.places.items() if place < len(dialect.units)}

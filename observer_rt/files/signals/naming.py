@@ -27,7 +27,7 @@ BY_HEADINGS = "by its headings"
 
 
 @dataclass(frozen=True)
-class _Choice:
+class Choice:
     """Heading of a signal, None: none or several; problem: empty where the choice is certain."""
 
     signal: str
@@ -41,7 +41,7 @@ def layout_of(location: str, headings: Sequence[Heading], brings_time: bool = Fa
 
     Raises `UserError` with the section to write where a signal has no heading or unit of its own, or several.
     """
-    choices = [_chosen(signal, headings) for signal in _ALIASES if signal != TIME or not brings_time]
+    choices = [chosen(signal, headings) for signal in _ALIASES if signal != TIME or not brings_time]
     needed = [each for each in choices if each.signal not in OPTIONAL or each.heading is not None]
     problems = [f"{each.signal}: {each.problem}" for each in needed if each.problem]
     if problems:
@@ -50,7 +50,7 @@ def layout_of(location: str, headings: Sequence[Heading], brings_time: bool = Fa
             f"its headings do not say which column is which signal: {'; '.join(problems)}",
             f"say it in a bench file, given by --bench:\n\n{_section(needed, headings)}\n",
         )
-    return RecordingConfig.model_validate({each.signal: dict(_entries(each)) for each in needed})
+    return RecordingConfig.model_validate({each.signal: dict(entries(each)) for each in needed})
 
 
 def in_words(layout: RecordingConfig) -> str:
@@ -88,21 +88,22 @@ def signals_named(name: str) -> set[str]:
     return signals - {"line_pressure"} if "rail_pressure" in signals and len(signals) > 1 else signals
 
 
-def _chosen(signal: str, headings: Sequence[Heading]) -> _Choice:
+def chosen(signal: str, headings: Sequence[Heading]) -> Choice:
+    """The heading that names a signal."""
     named = {each: _unit(signal, each) for each in headings if signal in signals_named(each.name)}
     fitting = {each: unit for each, unit in named.items() if unit or not each.unit}
     several = {each: unit for each, unit in fitting.items() if unit or each.is_calendar} or fitting
     if len(several) == 1:
         ((heading, unit),) = several.items()
         has_unit = unit or (signal == TIME and heading.is_calendar)
-        return _Choice(signal, heading, unit, "" if has_unit else f"'{heading.name}' has no unit")
+        return Choice(signal, heading, unit, "" if has_unit else f"'{heading.name}' has no unit")
     if named and not several:
         heading = next(iter(named))
-        return _Choice(signal, None, problem=f"'{heading.unit}' of '{heading.name}' is no unit of it")
+        return Choice(signal, None, problem=f"'{heading.unit}' of '{heading.name}' is no unit of it")
     shown = " or ".join(
         f"'{each.name}'" + ("" if each.group is None else f" of group {each.group}") for each in several
     )
-    return _Choice(signal, None, problem=f"could be {shown}" if several else "no heading names it")
+    return Choice(signal, None, problem=f"could be {shown}" if several else "no heading names it")
 
 
 def _unit(signal: str, heading: Heading) -> str:
@@ -113,7 +114,8 @@ def _unit(signal: str, heading: Heading) -> str:
     return next(filter(None, (known_unit(signal, end) for end in ends)), "")
 
 
-def _entries(choice: _Choice) -> Iterator[tuple[str, str | int]]:
+def entries(choice: Choice) -> Iterator[tuple[str, str | int]]:
+    """Keys of the column of a heading, with their values."""
     assert choice.heading is not None
     yield "column", choice.heading.name
     if choice.unit:
@@ -122,7 +124,7 @@ def _entries(choice: _Choice) -> Iterator[tuple[str, str | int]]:
         yield "group", choice.heading.group
 
 
-def _section(choices: Sequence[_Choice], headings: Sequence[Heading]) -> str:
+def _section(choices: Sequence[Choice], headings: Sequence[Heading]) -> str:
     """The `[recording]` section, with places to fill in."""
     among = f'"..."  # one of {", ".join(choice.name for choice in headings[:_SHOWN])}'
     lines = ["[recording]"]
@@ -132,7 +134,7 @@ def _section(choices: Sequence[_Choice], headings: Sequence[Heading]) -> str:
             end = "; or leave out this part, and state rate_hz" if choice.signal == TIME else ""
             lines += [f"column = {among}{end}"]
         else:
-            lines += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in _entries(choice)]
+            lines += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in entries(choice)]
         if not choice.unit and not (choice.heading is not None and choice.heading.is_calendar):
             lines += [f'unit = "..."  # one of {", ".join(UNITS[choice.signal])}']
     return "\n".join(lines)

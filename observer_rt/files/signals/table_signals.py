@@ -19,6 +19,7 @@ from observer_rt.foundation.units import (
     spelled,
 )
 
+MASS_RATE_UNITS = {"mg/ms": 1e-3, "g/s": 1e-3, "kg/s": 1.0}
 RATE_UNITS = {
     "m3/s": 1.0,
     "mm3/ms": MM3_PER_MS,
@@ -26,6 +27,7 @@ RATE_UNITS = {
     "m³/s": 1.0,
     "mm³/ms": MM3_PER_MS,
     "mm³/s": CUBIC_MILLIMETRE,
+    **MASS_RATE_UNITS,  # over the fuel's density
 }
 UNITS = {
     TIME: TIME_UNITS,
@@ -52,11 +54,14 @@ class _Scale(NamedTuple):
 
 
 class TableSignals(SignalStream):
-    """A table's columns as signals. Raises `UserError` for a unit that is missing or unknown."""
+    """A table's columns as signals. density: of the fuel [kg/m3], for a rate of mass; None: not known.
 
-    def __init__(self, table: Table) -> None:
+    Raises `UserError` for a unit that is missing or unknown, and a rate of mass without a density.
+    """
+
+    def __init__(self, table: Table, density: float | None = None) -> None:
         super().__init__(table.path)
-        self._table = table
+        self._table, self._density = table, density
         self._mapped = {
             name: column for name, column in table.mapped.items() if name != TIME or not table.brings_time
         }
@@ -65,8 +70,8 @@ class TableSignals(SignalStream):
         self.notes = tuple(table.notes)
         self.origin = table.origin
 
-    def _parts(self, raster: int) -> Iterator[TablePart]:
-        """Rows of a time axis in SI units, none empty, read anew."""
+    def parts(self, raster: int) -> Iterator[TablePart]:
+        """The rows of a time axis in SI units, none empty, read anew."""
         time_scale = self._scales.get(TIME, _Scale(1.0, 0.0, False))
         for part in self._table.parts(raster):
             if part.time.size:
@@ -99,15 +104,24 @@ class TableSignals(SignalStream):
         return spelling, said
 
     def _scale(self, name: str, column: ColumnConfig) -> _Scale:
-        unit = UNITS.get(name, {}).get(self._unit(name, column)[0], 1.0)
+        spelling = self._unit(name, column)[0]
+        unit = UNITS.get(name, {}).get(spelling, 1.0)
+        if spelling in MASS_RATE_UNITS and name in UNITS:
+            if self._density is None:
+                raise UserError(
+                    f"{self.path}, {self._table.label(name)}",
+                    f"is a rate of mass, in {spelling}, and the fuel's density is not known",
+                    "name the injector file (--model, or that of --bench), or state a unit of volume, and a factor",
+                )
+            unit /= self._density
         return _Scale(column.factor * unit, column.offset * unit, self._table.is_text and name != TIME)
 
 
 class EvenSignals(TableSignals):
     """A table of one time axis, in one stretch. Raises `UserError` for an uneven time or an infinite value."""
 
-    def __init__(self, table: Table) -> None:
-        super().__init__(table)
+    def __init__(self, table: Table, density: float | None = None) -> None:
+        super().__init__(table, density)
         grid, start = TimeGrid(), 0.0
         for part in self._filled_parts():
             if not grid.samples:
@@ -131,7 +145,7 @@ class EvenSignals(TableSignals):
     def _filled_parts(self) -> Iterator[TablePart]:
         """Iterate over all parts, joined so that none but the last is a single sample, which has no rate."""
         waiting: TablePart | None = None
-        for part in self._parts(0):
+        for part in self.parts(0):
             if waiting is not None:
                 before = waiting
                 signals = {

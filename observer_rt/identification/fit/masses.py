@@ -6,15 +6,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from observer_rt.files.signals.rate_table import mass_of_rate
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.likelihood.measurement import Measurement
 
-RECORDING, MASS, SIGMA = "recording", "mass_mg", "sigma_mg"
+RECORDING, MASS, RATE, SIGMA = "recording", "mass_mg", "rate_file", "sigma_mg"
 SHARE_SIGMA = 0.005  # of a mass whose uncertainty is not stated: a good injection analyser
 LARGEST_MASS = 2000.0  # mg
-_EXAMPLE = f"write {RECORDING},{MASS}[,{SIGMA}] with lines such as healthy_60.csv,31.4"
+_EXAMPLE = (
+    f"write {RECORDING},{MASS}[,{SIGMA}] with lines such as healthy_60.csv,31.4, or of a rate meter's tables "
+    f"{RECORDING},{RATE}[,{SIGMA}] with healthy_60.csv,tube_60.txt"
+)
 
 
 class MeanMass(NamedTuple):
@@ -28,11 +32,12 @@ class MeanMass(NamedTuple):
         return MeanMass(self.mass / level, self.sigma / level)
 
 
-def read_masses(path: Path, recordings: Sequence[Measurement]) -> dict[int, MeanMass]:
+def read_masses(path: Path, recordings: Sequence[Measurement], density: float) -> dict[int, MeanMass]:
     """Measured masses by the number of the recording.
 
-    CSV: `recording` (file name), `mass_mg` (mean of its injections, pilot and main as one), and, where there is such
-    a column, `sigma_mg` (standard deviation, else 0.5 %). Raises `UserError` naming the line.
+    CSV: `recording` (file name), `mass_mg` (mean of its injections, pilot and main as one) or `rate_file` (table of a
+    rate meter whose integral that mean is, by its path from this file), and, where there is such a column, `sigma_mg`
+    (standard deviation, else 0.5 %). density: of the fuel [kg/m3]. Raises `UserError` naming the line.
     """
     with file_errors(path), path.open(encoding="utf-8-sig", newline="") as file:
         try:
@@ -40,7 +45,7 @@ def read_masses(path: Path, recordings: Sequence[Measurement]) -> dict[int, Mean
         except (csv.Error, UnicodeDecodeError) as error:
             raise UserError(str(path), f"is no CSV: {error}", _EXAMPLE) from None
     header = rows[0] if rows else []
-    if sorted(header) not in (sorted((RECORDING, MASS)), sorted((RECORDING, MASS, SIGMA))):
+    if sorted({*header} - {SIGMA}) not in ([MASS, RECORDING], [RATE, RECORDING]) or len({*header}) < len(header):
         raise UserError(f"{path}, line 1", f"has the columns '{', '.join(header)}'", _EXAMPLE)
     masses: dict[int, MeanMass] = {}
     for line, cells in enumerate(rows[1:], start=2):
@@ -53,7 +58,11 @@ def read_masses(path: Path, recordings: Sequence[Measurement]) -> dict[int, Mean
         number = _recording(location, row[RECORDING], recordings)
         if number in masses:
             raise UserError(location, f"another line has the mass of {row[RECORDING]}", "give it once")
-        mass = _number(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
+        if MASS in row:
+            mass = _number(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
+        else:
+            integral = mass_of_rate(path.parent / row[RATE], density) / MILLIGRAM
+            mass = _number(f"{location}, {RATE} {row[RATE]}", f"{integral:.12g}", LARGEST_MASS)
         stated = row.get(SIGMA)
         sigma = _number(f"{location}, {SIGMA}", stated, mass) if stated else SHARE_SIGMA * mass
         masses[number] = MeanMass(mass * MILLIGRAM, sigma * MILLIGRAM)

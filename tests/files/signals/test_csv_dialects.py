@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from observer_rt.files.formats import open_recording
 from observer_rt.foundation.errors import UserError
-from tests.files.signals.foreign import RATE, bench, read, signals, write
+from tests.files.signals.foreign import COLUMNS, RATE, bench, read, signals, write
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 NAMES = ("t", "p_Rail", "lift", "p_Line")
@@ -103,6 +103,30 @@ def test_every_dialect_gives_the_same_signals(
     np.testing.assert_allclose(recording.rail_pressure, result["p_Rail"] * 1e5, rtol=1e-12)
     np.testing.assert_allclose(recording.needle_lift, result["lift"] * 1e-6, rtol=1e-12)
     np.testing.assert_allclose(recording.line_pressure, result["p_Line"] * 1e6, rtol=1e-12)
+
+
+@given(
+    order=st.permutations(["t", "p_Rail", "lift", "p_Line", "dm_dt"]),
+    separator=st.sampled_from([";", "\t", "|", " "]),
+    preamble=st.lists(st.sampled_from(["", "# t rail", "# LabVIEW;9", "Prüfstand 7"]), max_size=3),
+    unit=st.sampled_from([("g/s", 1e-3), ("mg/ms", 1e-3), ("kg/s", 1.0)]),
+)
+@reuse_folder
+def test_columns_go_by_number_and_a_rate_of_mass_by_the_models_density(
+    tmp_path: Path, order: list[str], separator: str, preamble: list[str], unit: tuple[str, float]
+) -> None:
+    rows = [dict(zip(NAMES, cells(k, NAMES, ".", None), strict=True)) | {"dm_dt": f"{k % 9}.5"} for k in range(30)]
+    path = write(tmp_path, "\n".join([*preamble, *(separator.join(row[n] for n in order) for row in rows), ""]))
+    text = COLUMNS + f'[recording.injection_rate]\ncolumn = "dm_dt"\nunit = "{unit[0]}"\n'
+    for number, name in enumerate(order, 1):
+        text = text.replace(f'column = "{name}"', f"column = {number}")
+    fitted = bench(tmp_path, text=text)
+    recording = read(path, fitted)
+    np.testing.assert_allclose(recording.line_pressure, signals(30)["p_Line"] * 1e6, rtol=1e-12)
+    np.testing.assert_allclose(recording.needle_lift, signals(30)["lift"] * 1e-6, rtol=1e-12)
+    assert recording.injection_rate is not None
+    rate = unit[1] * (np.arange(30) % 9 + 0.5) / fitted.injector.parameters.fluid.density_nozzle
+    np.testing.assert_allclose(recording.injection_rate, rate, rtol=1e-12)
 
 
 def test_further_columns_trailing_separators_and_comments_are_passed_over(tmp_path: Path) -> None:
@@ -261,7 +285,7 @@ def test_what_is_no_calendar_is_named(tmp_path: Path, time: str, cell: str | Non
 
 def test_a_file_without_names_is_told_to_have_some(tmp_path: Path) -> None:
     path = write(tmp_path, "\n".join([*lines(), ""]))
-    with pytest.raises(UserError, match="which must have a line of names"):
+    with pytest.raises(UserError, match="or state their numbers, as column = 2"):
         read(path, bench(tmp_path))
     with pytest.raises(UserError, match="has no names above its numbers"):
         open_recording(path)

@@ -17,6 +17,7 @@ FOUND = measurements(
         for number, one in enumerate(simulations([(60e6, 0.6e-3), (100e6, 0.6e-3)]))
     ]
 )
+DENSITY = 750.0
 MASSES = st.floats(0.1, 500.0).map(lambda value: round(value, 4))
 SAME_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -32,7 +33,7 @@ def _write(folder: Path, text: str) -> Path:
 def test_masses_are_read_back(tmp_path: Path, mass: float, sigma: float | None) -> None:
     header = "recording,mass_mg" if sigma is None else " sigma_mg, recording, mass_mg"
     row = f"h_1.csv,{mass}" if sigma is None else f"{sigma}, h_1.csv, {mass}"
-    read = read_masses(_write(tmp_path, f"{header}\n\n{row}\n"), FOUND)
+    read = read_masses(_write(tmp_path, f"{header}\n\n{row}\n"), FOUND, DENSITY)
     expected = 1e-6 * mass, 1e-6 * (0.005 * mass if sigma is None else sigma)
     assert read == {1: pytest.approx(expected)}
 
@@ -43,7 +44,7 @@ def test_any_text_is_read_or_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "masses.csv"
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     with pytest.raises(UserError, match=r"masses\.csv"):
-        read_masses(path, FOUND)
+        read_masses(path, FOUND, DENSITY)
 
 
 @pytest.mark.parametrize(
@@ -54,6 +55,8 @@ def test_any_text_is_read_or_refused(tmp_path: Path, text: str) -> None:
         ("recording,mass\nh_0.csv,3\n", "line 1.*recording, mass'.*recording,mass_mg"),
         ("recording,mass_mg,remark\nh_0.csv,3,x\n", "line 1.*remark.*recording,mass_mg"),
         ("recording,mass_mg,mass_mg\nh_0.csv,3,3\n", "line 1.*mass_mg, mass_mg"),
+        ("recording,mass_mg,rate_file\nh_0.csv,3,x\n", "line 1.*rate_file"),
+        ("recording,rate_file\nh_0.csv,tube.txt\n", r"tube\.txt"),
         ("recording,mass_mg\nother.csv,3\n", "line 2.*'other.csv' is none of the recordings"),
         ("recording,mass_mg\nh_0.csv,-3\n", "line 2, mass_mg.*'-3' is out of range"),
         ("recording,mass_mg\nh_0.csv,nan\n", "'nan' is out of range"),
@@ -65,14 +68,50 @@ def test_any_text_is_read_or_refused(tmp_path: Path, text: str) -> None:
 )
 def test_mistakes_are_named(tmp_path: Path, text: str, problem: str) -> None:
     with pytest.raises(UserError, match=f"(?s){problem}"):
-        read_masses(_write(tmp_path, text), FOUND)
+        read_masses(_write(tmp_path, text), FOUND, DENSITY)
 
 
 def test_a_path_names_a_recording_too(tmp_path: Path) -> None:
-    read = read_masses(_write(tmp_path, "recording,mass_mg\n/somewhere/h_1.csv,31.5\n"), FOUND)
+    read = read_masses(_write(tmp_path, "recording,mass_mg\n/somewhere/h_1.csv,31.5\n"), FOUND, DENSITY)
     assert read[1].mass == pytest.approx(31.5e-6)
 
 
 def test_a_table_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"absent\.csv"):
-        read_masses(tmp_path / "absent.csv", FOUND)
+        read_masses(tmp_path / "absent.csv", FOUND, DENSITY)
+
+
+UNITS = {"mg/ms": 1e-3, "g/s": 1e-3, "kg/s": 1.0, "mm3/ms": 1e-6 * DENSITY}
+
+
+@SAME_FILE
+@given(
+    unit=st.sampled_from(sorted(UNITS)),
+    separator=st.sampled_from(["\t", ";", " ", ", "]),
+    mark=st.sampled_from(["# ", "#", ""]),
+    rates=st.lists(st.floats(0.1, 99.0).map(lambda value: round(value, 3)), min_size=3, max_size=9),
+)
+def test_the_table_of_a_rate_meter_gives_its_integral(
+    tmp_path: Path, unit: str, separator: str, mark: str, rates: list[float]
+) -> None:
+    rows = [f"{0.01 * number:.2f}{separator}{rate}" for number, rate in enumerate(rates)]
+    text = "\n".join(["# Bosch tube, 2 shots", f"{mark}time [ms]{separator}rate [{unit}]", *rows, ""])
+    (tmp_path / "tube.txt").write_text(text, encoding="utf-8")
+    read = read_masses(_write(tmp_path, "recording,rate_file\nh_1.csv,tube.txt\n"), FOUND, DENSITY)
+    assert read[1].mass == pytest.approx(1e-5 * UNITS[unit] * (sum(rates) - 0.5 * (rates[0] + rates[-1])))
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("0.0\t1.0\n0.1\t1.0\n", "tube.txt.*has no names above its numbers.*in a line above the numbers"),
+        ("# time [ms], rate\n0.0,1.0\n0.1,1.0\n", r"line 1: injection_rate: 'rate' has no unit.*rate \[mg/ms\]"),
+        ("# time [ms], rate [mg/ms]\n0.0,1.0\n0.1,x\n", "line 3: column rate.*'x' is not a number"),
+        ("# time [ms], rate [mg/ms]\n0.1,1.0\n0.0,1.0\n", "line 3: the time does not rise"),
+        ("# time [ms], rate [mg/ms]\n0.1,1.0\n", "line 2: holds one row only"),
+    ],
+)
+def test_mistakes_of_a_rate_meters_table_are_named(tmp_path: Path, text: str, problem: str) -> None:
+    (tmp_path / "tube.txt").write_text(text, encoding="utf-8")
+    with pytest.raises(UserError, match=f"(?s){problem}"):
+        read_masses(_write(tmp_path, "recording,rate_file\nh_1.csv,tube.txt\n"), FOUND, DENSITY)

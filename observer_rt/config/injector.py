@@ -104,6 +104,7 @@ class SamplingConfig(Section):
     rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] = 100e3
     meaning: Meaning = Meaning.INSTANT
     bridge_ms: Annotated[float, Field(ge=0, le=5)] = 0.5  # of a signal that is frozen or drops out
+    rate_meter_ms: tuple[Annotated[float, Field(gt=0, le=2)], ...] | None = None  # its poles; None: `fit` finds them
 
 
 class ModelConfig(Section):

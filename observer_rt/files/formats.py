@@ -28,6 +28,7 @@ from observer_rt.foundation.console import check_suffix
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import replacing
+from observer_rt.foundation.units import MILLISECOND
 
 Format = LogFormat | SignalFormat
 F = TypeVar("F", bound=Format)
@@ -105,8 +106,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
     """Look through a recording and return the stream of its samples [SI], which is then read in parts.
 
     injector: whose `[recording]` describes a layout of the user's own; without it our own layouts, and others whose
-    headings say which column is which. density: of the fuel [kg/m3], for a measured rate of mass; None: the
-    injector's.
+    headings say which column is which. density: of the fuel [kg/m3], for rates of mass; None: the injector's.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
     kind = _of(path, SIGNALS)
@@ -121,8 +121,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
         stream: SignalStream
         if kind.is_own(path, mapping):
             table = kind.table(path, kind.mapping, is_own=True)
-            is_even = len(table.rasters) == 1
-            stream = EvenSignals(table, density) if is_even else MappedSignals(table, 0.0, density)
+            stream = EvenSignals(table) if len(table.rasters) == 1 else MappedSignals(table, 0.0)
         else:
             rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
             layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time)
@@ -133,6 +132,8 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
     if injector is not None:
         stated = mapping.meaning if mapping is not None else None
         stream.meaning = stated or injector.config.sampling.meaning
+        if (meter := injector.config.sampling.rate_meter_ms) is not None:
+            stream.meter = tuple(lag * MILLISECOND for lag in meter)
     if stream.meaning is Meaning.MEAN and isinstance(stream, MappedSignals) and stream.is_resampled:
         raise UserError(
             str(path),

@@ -1,7 +1,7 @@
 """An injection against the nominal model and, where there is one, the measurement: figures and curves."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +18,7 @@ from observer_rt.engine.reports.injection_report import (
     Output,
     injection_record,
 )
+from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS, Z_95
 from observer_rt.model.effective import Coefficients
@@ -129,9 +130,12 @@ def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficient
 
 
 def injection_result(
-    report: InjectionReport, samples: InjectionSamples, sample_rate: float, has_rate: bool
+    report: InjectionReport, samples: InjectionSamples, sample_rate: float, has_rate: bool, meter: Iterable[float]
 ) -> InjectionResult:
-    """Result over the window an injection was detected in; nan where not all of it is remembered."""
+    """Result over the window an injection was detected in; nan where not all of it is remembered.
+
+    meter: time constants [s] by which a measured rate is late; what it shows too late of a mass is the estimate's.
+    """
     trace, is_known = samples.trace, samples.is_whole
     measured = trace.measured_rate if has_rate and is_known else None
     nominal, rate = trace.nominal_rate, trace.injection_rate
@@ -139,8 +143,11 @@ def injection_result(
     def mass(rate: NDArray[np.float64]) -> float:
         return float(np.trapezoid(rate)) * (1.0 / sample_rate) * report.density
 
+    def shown(rate: NDArray[np.float64]) -> NDArray[np.float64]:
+        return shown_slowly(rate, 1.0 / sample_rate, *meter)
+
     def rmse(rate: NDArray[np.float64]) -> float:
-        return math.nan if measured is None or not rate.size else math.sqrt(np.mean((rate - measured) ** 2))
+        return math.nan if measured is None or not rate.size else math.sqrt(np.mean((shown(rate) - measured) ** 2))
 
     flowing = trace.corrected_rate_sigma[rate != 0.0]
     return InjectionResult(
@@ -148,7 +155,7 @@ def injection_result(
         start=samples.start,
         end=samples.end,
         nominal_mass=mass(nominal) if is_known else math.nan,
-        measured_mass=math.nan if measured is None else mass(measured),
+        measured_mass=math.nan if measured is None else mass(measured) + mass(rate) - mass(shown(rate)),
         rate_rmse=rmse(np.where(np.isnan(trace.corrected_rate), rate, trace.corrected_rate)),
         nominal_rate_rmse=rmse(nominal),
         rate_ci95_halfwidth=Z_95 * float(np.mean(flowing)) if flowing.size else math.nan,

@@ -57,7 +57,7 @@ class Evaluation:
         self.injections: list[InjectionResult] = []
         self.curves: dict[int, RateCurves] = {}
         """Curves of injections by their number, where any are drawn."""
-        self.source = source
+        self.source, self._meter = source, source.meter or ()
         self.samples = source.samples
         """Number of samples of the recording."""
         self._curves_of, self._keeps_all = curves_of, keeps_all
@@ -87,7 +87,7 @@ class Evaluation:
     def take_report(self, report: InjectionReport, samples: InjectionSamples) -> None:
         """Take the report of an injection with its samples."""
         kept = report.without_courses()
-        self.injections.append(injection_result(kept, samples, self.sample_rate, self.has_rate))
+        self.injections.append(injection_result(kept, samples, self.sample_rate, self.has_rate, self._meter))
         if self._curves_of is not None:
             self.curves[report.number] = rate_curves(report, samples, self._curves_of, self.has_rate)
             if not self._keeps_all and report.number > 3:

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.effects import effect_named, parameter_named, value_in_bounds
-from observer_rt.core.plant.plant import show_slowly
 from observer_rt.desk.simulation.plant import Progress, Truth, run_plant
 from observer_rt.desk.simulation.schedule import Schedule, strokes
-from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
+from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording, shown_slowly
 from observer_rt.files.signals.table_writers import (
     INJECTION_RATE,
     LINE_PRESSURE,
@@ -171,13 +170,6 @@ def _measure(
         line_pressure=PRESSURE.apply(line_pressure + line.normal(0.0, noise.line_pressure, n)),
         injection_rate=injection_rate,
     )
-
-
-def shown_slowly(values: NDArray[np.float64], interval: float, lag: float) -> NDArray[np.float64]:
-    """Values (n,) at every interval [s], at rest before, as a sensor of this lag [s] shows them."""
-    shown = np.empty_like(values)
-    show_slowly(values, interval, lag, shown)
-    return shown
 
 
 def parse_effects(texts: Sequence[str]) -> tuple[SizedEffect, ...]:

@@ -69,7 +69,7 @@ class MappedSignals(TableSignals):
         self.rate = table.config.rate_hz or rate or self._own_rate()
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
         self._main = min(range(len(self._axes)), key=lambda raster: self._axes[raster].period)
-        stamps = next(self.parts(self._main)).time
+        stamps = next(self._parts(self._main)).time
         if stamps.size >= FEWEST_FOR_RATE and (own := rate_of(stamps)) is not None:
             refuse_wrong_clock(self.path, own, self.rate, "the bench file")
         self._runs = self._usable_runs()
@@ -79,7 +79,7 @@ class MappedSignals(TableSignals):
         self.details = self._details()
 
     def _own_rate(self) -> float:
-        first = next(self.parts(0), None)
+        first = next(self._parts(0), None)
         rate = None if first is None else rate_of(first.time)
         if rate is None:
             if first is not None:
@@ -111,7 +111,7 @@ class MappedSignals(TableSignals):
 
     def chunks(self) -> Iterator[Chunk]:
         """Read all samples anew, every axis beside the others."""
-        rows = [_Rows(self.parts(raster)) for raster in range(len(self._axes))]
+        rows = [_Rows(self._parts(raster)) for raster in range(len(self._axes))]
         for number, (run, stretch) in enumerate(zip(self._runs, self.stretches, strict=True)):
             main = rows[self._main]
             while main.first + main.time.size <= run.first and main.read():
@@ -175,7 +175,7 @@ class MappedSignals(TableSignals):
     def _looked_at(self, raster: int) -> Iterator[TablePart]:
         """Rows of a time axis, their times and ranges noted or refused."""
         rows = 0
-        for part in self.parts(raster):
+        for part in self._parts(raster):
             bad = np.flatnonzero(~np.isfinite(part.time))
             if bad.size:
                 raise UserError(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.injector import Meaning
+from observer_rt.core.plant.plant import show_slowly
 from observer_rt.foundation.errors import UserError
 
 STEP_TOLERANCE = 0.2
@@ -163,6 +164,8 @@ class Recording:
     """File of the recording; None for one made in memory."""
     meaning: Meaning | None = field(default=None, kw_only=True)
     """Meaning of a sample; None: as the bench file states, without one an instant."""
+    meter: tuple[float, ...] | None = field(default=None, kw_only=True)
+    """Time constants [s] of the meter of the injection rate; None: not known, taken for none."""
     energizing: NDArray[np.float64] | None = field(default=None, kw_only=True)
     """More than 0.5 while the injector is energized; None where that was not recorded."""
     notes: tuple[str, ...] = field(default=(), kw_only=True)
@@ -231,6 +234,15 @@ class Chunk(Recording):
     def sample_rate(self) -> float:
         """Sample rate of the recording [Hz]."""
         return self.rate
+
+
+def shown_slowly(values: NDArray[np.float64], interval: float, *lags: float) -> NDArray[np.float64]:
+    """Values (n,) at every interval [s], at rest before, as what has these time constants [s] shows them."""
+    for lag in lags:
+        shown = np.empty(values.size)
+        show_slowly(np.ascontiguousarray(values), interval, lag, shown)
+        values = shown
+    return values
 
 
 def refuse_infinite(signals: Arrays, place_of_row: Callable[[int], str]) -> None:

@@ -44,6 +44,8 @@ class SignalStream(ABC):
         """Names of signals in the file, where they are not as in a recording."""
         self.meaning: Meaning | None = None
         """Meaning of a sample; None: as the bench file states, without one an instant."""
+        self.meter: tuple[float, ...] | None = None
+        """Time constants [s] of the meter of a measured rate; None: not known."""
         self.origin = 0.0
         """Moment of time 0 [s since 1970], where the file's stamps say it."""
         self.details: tuple[str, ...] = ()
@@ -90,7 +92,7 @@ class SignalStream(ABC):
 
     def collected(self) -> Recording:
         """Recording of all samples in memory, as `on_one_grid`."""
-        return replace(joined(list(self.on_one_grid())), meaning=self.meaning, notes=self.notes)
+        return replace(joined(list(self.on_one_grid())), meaning=self.meaning, meter=self.meter, notes=self.notes)
 
     def _grid(self, first: int, end: int) -> NDArray[np.float64]:
         """Times [s] of samples [first, end) of the one grid."""

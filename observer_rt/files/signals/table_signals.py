@@ -70,8 +70,8 @@ class TableSignals(SignalStream):
         self.notes = tuple(table.notes)
         self.origin = table.origin
 
-    def parts(self, raster: int) -> Iterator[TablePart]:
-        """The rows of a time axis in SI units, none empty, read anew."""
+    def _parts(self, raster: int) -> Iterator[TablePart]:
+        """Rows of a time axis in SI units, none empty, read anew."""
         time_scale = self._scales.get(TIME, _Scale(1.0, 0.0, False))
         for part in self._table.parts(raster):
             if part.time.size:
@@ -120,8 +120,8 @@ class TableSignals(SignalStream):
 class EvenSignals(TableSignals):
     """A table of one time axis, in one stretch. Raises `UserError` for an uneven time or an infinite value."""
 
-    def __init__(self, table: Table, density: float | None = None) -> None:
-        super().__init__(table, density)
+    def __init__(self, table: Table) -> None:
+        super().__init__(table)
         grid, start = TimeGrid(), 0.0
         for part in self._filled_parts():
             if not grid.samples:
@@ -145,7 +145,7 @@ class EvenSignals(TableSignals):
     def _filled_parts(self) -> Iterator[TablePart]:
         """Iterate over all parts, joined so that none but the last is a single sample, which has no rate."""
         waiting: TablePart | None = None
-        for part in self.parts(0):
+        for part in self._parts(0):
             if waiting is not None:
                 before = waiting
                 signals = {

@@ -158,7 +158,7 @@ def _errors(
     if rate is not None:
         inside = [_injecting(measurement, one) for one in runs]
         errors[RATE] = np.concatenate(
-            [(one.rate - rate[one.rate_samples])[part] for one, part in zip(runs, inside, strict=True)]
+            [(one.shown_rate - rate[one.rate_samples])[part] for one, part in zip(runs, inside, strict=True)]
         )
     return errors
 

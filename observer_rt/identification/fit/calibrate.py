@@ -19,7 +19,7 @@ from observer_rt.config.injector_file import InjectorFile, section_of
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.identification.fit.cross_validation import Fold, folds_of, share_between_samples, thinned
+from observer_rt.identification.fit.cross_validation import Fold, by_meter, folds_of, share_between_samples, thinned
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import (
     INERTANCE,
@@ -31,7 +31,14 @@ from observer_rt.identification.fit.problem import (
     values_of,
     with_values,
 )
-from observer_rt.identification.fit.residuals import Comparison, UnexplainedSignal, compared, pooled, rate_misfit
+from observer_rt.identification.fit.residuals import (
+    Comparison,
+    UnexplainedSignal,
+    compared,
+    pooled,
+    rate_meter,
+    rate_misfit,
+)
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
     ROUGH_EVENTS,
@@ -60,6 +67,7 @@ TOLERATED = 0.005  # of the swing of the line pressure: a smaller residual moves
 # Of a mass: impedance of the cells at the closed end, corners of the lift and the like.
 LEAST_MASS_SHARE = 1.2e-3
 RATE_MISFIT = 0.02  # of a measured rate, from which on its meter, and not the injector, has its shape
+METERED = 0.5  # of this misfit, from which on poles of the meter explain it
 ORIGIN = "observer-rt fit"
 BASELINE = "baseline"
 _DIGITS = 7
@@ -147,7 +155,8 @@ class CalibrationResult:
 
     file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
     parameters the recordings do not tell, as in the file; comparison: before and after; rate_misfit: of the shape of
-    a measured rate beside the model that explains the pressures and its integrals, as a share; not_observed: why the
+    a measured rate beside the model that explains the pressures and its integrals, as a share; meter: time constants
+    [s] of the rate's meter, stated or found; not_observed: why the
     observer could not learn with the fitted model, empty where it could; flow_level: of published masses over these,
     for the gain of a sensor was taken out before.
     """
@@ -160,6 +169,7 @@ class CalibrationResult:
     level: FlowLevel
     comparison: Comparison
     rate_misfit: float
+    meter: tuple[float, ...] = ()
     not_observed: str = ""
     flow_level: float = 1.0
 
@@ -260,12 +270,21 @@ def calibrate(
         )
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
     misfit = rate_misfit(choice.best.calibration, choice.best.judged)
-    fine = [replace(thinned(fold, FINE_EVENTS), rate_shape=misfit <= RATE_MISFIT) for fold in folds]
+    meter, has_shape = recordings[0].recording.meter, misfit <= RATE_MISFIT
+    if not has_shape and meter is None:  # found by the shape, it leaves that nothing to say
+        free = rate_meter([fold.measurement for fold in coarse], effective_model(choice.best.injector))
+        slow = [by_meter(fold, free) for fold in coarse]
+        calibration = choice.best.calibration
+        again = fitted(choice.best.structure, choice.best.injector, calibration.free, slow, ROUGH_ITERATIONS)
+        if isinstance(again, FittedStructure) and rate_misfit(again.calibration, again.judged) < METERED * misfit:
+            meter, misfit = free, rate_misfit(again.calibration, again.judged)
+            choice, folds = replace(choice, best=again), tuple(by_meter(fold, free) for fold in folds)
+    fine = [replace(thinned(fold, FINE_EVENTS), rate_shape=has_shape) for fold in folds]
     best, kept = settled(choice.best, file, fine)
     progress((len(structures) + 1) / steps)
     offsets = best.minimum.at.theta[len(best.calibration.free) :]
     comparison = compared(file, best.injector, offsets, best.calibration.folds)
-    return CalibrationResult(file, recordings, choice, best, kept, level, comparison, misfit)
+    return CalibrationResult(file, recordings, choice, best, kept, level, comparison, misfit, meter or ())
 
 
 def _tried(

@@ -74,6 +74,12 @@ def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeanMass])
     )
 
 
+def by_meter(fold: Fold, meter: tuple[float, ...]) -> Fold:
+    """A fold whose rate has a meter of these time constants [s]."""
+    recording = replace(fold.measurement.recording, meter=meter)
+    return replace(fold, measurement=replace(fold.measurement, recording=recording))
+
+
 def thinned(fold: Fold, most: int) -> Fold:
     """At most so many events of each operating point, spread evenly."""
     kept = [

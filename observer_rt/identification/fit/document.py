@@ -9,7 +9,7 @@ from pydantic import Field, PlainSerializer
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Document, DocumentPart, Number
-from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.fit.calibrate import (
     GATE,
     RATE_MISFIT,
@@ -127,6 +127,9 @@ def verdict_words(done: CalibrationResult) -> str:
             finding = "Not tried: whether the measured rate or the model has the wrong shape, which"
         off = f"is {done.rate_misfit:.1%} off (limit {RATE_MISFIT:.0%}), and only its integrals were fitted"
         words.append(f"{finding} {off}")
+    if done.meter:
+        poles = ", ".join(f"{lag / MILLISECOND:.3g}" for lag in done.meter)
+        words.append(f"Time constants of the rate's meter, [sampling] rate_meter_ms of a bench file: [{poles}]")
     odd = ", ".join(one.name for one in _beyond_physics(done))
     if odd and not done.inadequate:
         words.append(f"IMPLAUSIBLE: {odd}; correct the file and fit again")

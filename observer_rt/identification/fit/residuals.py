@@ -9,8 +9,10 @@ from typing import Annotated, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
+from scipy.optimize import least_squares
 
 from observer_rt.engine.estimation.phases import BLOCKS, Phase, PhaseStatistics
+from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
@@ -18,6 +20,8 @@ from observer_rt.identification.fit.cross_validation import Fold
 from observer_rt.identification.fit.problem import INERTANCE, Calibration
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 from observer_rt.identification.likelihood.likelihood import JudgedModel, Pool, RecordingLikelihood, Signal, pool_of
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.open_loop import simulated
 from observer_rt.identification.likelihood.windows import Rows
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import InjectorParameters
@@ -85,6 +89,28 @@ def rate_misfit(calibration: Calibration, judged: Sequence[JudgedModel]) -> floa
             beyond += fold.measurement.rate_noise**2 * max(float(z @ z) - z.size, 0.0)
             total += float(np.sum(rate[Rows(fold.measurement).rate_samples] ** 2))
     return math.sqrt(beyond / total) if total else 0.0
+
+
+def rate_meter(measured: Sequence[Measurement], model: EffectiveModel) -> tuple[float, float]:
+    """Time constants [s] of a meter of two poles with which a model's rate has the shape of the measured one.
+
+    Its gain is free: the level is not the meter's.
+    """
+    pairs = [
+        (one.interval, run.rate, one.recording.injection_rate[run.rate_samples])
+        for one in measured
+        if one.recording.injection_rate is not None
+        for run in simulated(one, model)
+    ]
+    rate = np.concatenate([each for _, _, each in pairs])
+
+    def missed(lags: NDArray[np.float64]) -> NDArray[np.float64]:
+        shown = np.concatenate([shown_slowly(each, interval, *lags) for interval, each, _ in pairs])
+        return np.asarray(rate - shown * (shown @ rate) / (shown @ shown))
+
+    found = least_squares(missed, (1.5e-4, 3e-5), bounds=(1e-6, 2e-3), x_scale=1e-4, diff_step=1e-3)
+    slow, quick = sorted(map(float, found.x), reverse=True)
+    return slow, quick
 
 
 @dataclass(frozen=True)

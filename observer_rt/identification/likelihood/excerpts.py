@@ -171,6 +171,7 @@ def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], injections: Foun
         begin += excerpt.samples
     names = ("rail_pressure", "needle_lift", "line_pressure", *source.optional)
     parts = [excerpt.part.signals for excerpt in excerpts] or [dict.fromkeys(names, np.zeros(0))]
-    recording = joined(parts, source.sample_rate, path=source.path, meaning=source.meaning, notes=source.notes)
+    of = {"path": source.path, "meaning": source.meaning, "meter": source.meter, "notes": source.notes}
+    recording = joined(parts, source.sample_rate, **of)
     openings = [opening for event in events for opening in event.openings]
     return measurement_of(recording, openings, tuple(events), injections)

@@ -22,6 +22,7 @@ from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
 from observer_rt.identification.likelihood.windows import (
     Rows,
     TrueInputs,
+    as_by_meter,
     batch_of,
     expected_of,
     followed,
@@ -119,10 +120,11 @@ class RecordingLikelihood:
             variance = 1.0 + self._lift_noise.variance(model.inputs.lift_lag)
             z /= np.sqrt(variance)
             log_sigma += 0.5 * float(np.mean(np.log(variance)))
-        rate_z, rate_log_sigma = self._judged_rate(rate[self._rows.rate_rows + late], model.inputs.lift_lag)
-        volumes = self._rows.volumes(rate)
-        volume_z = self._judged_volumes(volumes)
-        return JudgedModel(z, log_sigma, rate_z, volume_z, rate_log_sigma, model.coefficients.density * volumes)
+        masses = model.coefficients.density * self._rows.volumes(rate)
+        shown = as_by_meter(self.measurement, rate)
+        rate_z, rate_log_sigma = self._judged_rate(shown[self._rows.rate_rows + late], model.inputs.lift_lag)
+        volume_z = self._judged_volumes(self._rows.volumes(shown))
+        return JudgedModel(z, log_sigma, rate_z, volume_z, rate_log_sigma, masses)
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -210,7 +212,8 @@ class RecordingLikelihood:
         substeps = self._substeps_of(nominal)
         _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule, substeps)
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule, substeps)
-        return np.asarray(np.abs(other - rate)[self._rows.rate_rows + late], np.float64)
+        moved = as_by_meter(self.measurement, other - rate)
+        return np.asarray(np.abs(moved)[self._rows.rate_rows + late], np.float64)
 
     def _rate_sigma_at(self, lift_lag: float) -> NDArray[np.float64]:
         """Standard deviation of measured minus modelled rate (m,): its own noise and that of the restored lift."""
@@ -229,7 +232,7 @@ class RecordingLikelihood:
         return _without_gain_error(self._rate, rate, sigma), larger
 
     def _judged_volumes(self, volumes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Residuals of the measured rate's integrals, which a meter's own dynamics leave as they are."""
+        """Residuals of the measured rate's integrals beside those (events,) of the model's as the meter shows it."""
         measured = self.measurement.recording.injection_rate
         if measured is None:
             return np.zeros(0)

@@ -17,6 +17,7 @@ from observer_rt.identification.likelihood.measurement import JudgedEvent, Measu
 from observer_rt.identification.likelihood.windows import (
     Rows,
     TrueInputs,
+    as_by_meter,
     batch_of,
     followed,
     in_mass_window,
@@ -34,7 +35,8 @@ SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
 class SimulatedInjection:
     """A model on one event: n samples from the opening to the end of the ringing, SI.
 
-    samples, rate_samples: (n,) of the recording, that the line pressure and the rate belong to.
+    samples, rate_samples: (n,) of the recording, that the line pressure and the rate belong to; shown_rate: the rate
+    as its meter shows it.
     """
 
     event: JudgedEvent
@@ -42,6 +44,7 @@ class SimulatedInjection:
     line_pressure: NDArray[np.float64]
     rate_samples: NDArray[np.int64]
     rate: NDArray[np.float64]
+    shown_rate: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -99,8 +102,10 @@ def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulat
         window = slice(*batch.bounds[number : number + 2])
         first = event.openings[0].first - event.start
         samples = rows.samples[window][first:]
-        recorded = rate_as_recorded(measurement, rate[window])[first:]
-        result.append(SimulatedInjection(event, samples, pressure[window][first:], samples - late, recorded))
+        recorded = rate_as_recorded(measurement, rate[window])
+        shown = as_by_meter(measurement, recorded)[first:]
+        of_line = event, samples, pressure[window][first:]
+        result.append(SimulatedInjection(*of_line, samples - late, recorded[first:], shown))
     return tuple(result)
 
 
@@ -131,12 +136,13 @@ def consequence(measured: Sequence[Measurement], before: EffectiveModel, after: 
 
 
 def measured_mass(measurement: Measurement, injection: SimulatedInjection, density: float) -> float:
-    """Mass of an event by the measured rate [kg], nan without one."""
+    """Mass of an event by the measured rate [kg], nan without one; what its meter shows too late, by the model."""
     measured = measurement.recording.injection_rate
     if measured is None:
         return math.nan
-    inside = injection.rate_samples[in_mass_window(measurement, injection.event, injection.rate_samples)]
-    return float(np.trapezoid(measured[inside])) * measurement.interval * density
+    inside = in_mass_window(measurement, injection.event, injection.rate_samples)
+    late = (injection.rate - injection.shown_rate)[inside]
+    return float(np.trapezoid(measured[injection.rate_samples[inside]] + late)) * measurement.interval * density
 
 
 def noisier(measurement: Measurement, seed: int) -> Measurement:

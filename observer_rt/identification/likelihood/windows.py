@@ -18,6 +18,7 @@ from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.engine.learning.healthy import EventStretch, expected
 from observer_rt.engine.observer import SETTLE
+from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.identification.likelihood.channel_noise import rail_on_time
 from observer_rt.identification.likelihood.measurement import MARGIN, START_MEAN, JudgedEvent, Measurement, shut_mask
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
@@ -233,6 +234,11 @@ def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDA
     beyond = np.concatenate([rate[:1], rate, rate[-1:]])
     middle = 13.0 * (rate[1:] + rate[:-1]) - beyond[:-3] - beyond[3:]  # of the cubic through four samples
     return np.append(rate[:1], middle / 24.0)
+
+
+def as_by_meter(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A modelled injection rate (n,) at the samples as the meter shows it, at rest before: events lie far apart."""
+    return shown_slowly(rate, measurement.interval, *(measurement.recording.meter or ()))
 
 
 def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:

@@ -13,7 +13,7 @@ from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.desk.simulation.plant import Truth, run_plant
 from observer_rt.desk.simulation.schedule import make_schedule, strokes
-from observer_rt.desk.simulation.simulate import shown_slowly
+from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
 from tests.engine.sample_stream import NOISE, NOMINAL, RAIL, Stream

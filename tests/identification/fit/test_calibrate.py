@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import lsim
 
 from observer_rt.desk.simulation.simulate import Simulation
-from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.recording import Recording, shown_slowly
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.fit.calibrate import CalibrationResult, FlowLevel, calibrate
+from observer_rt.identification.fit.calibrate import RATE_MISFIT, CalibrationResult, FlowLevel, calibrate
 from observer_rt.identification.fit.cross_validation import folds_of
 from observer_rt.identification.fit.document import level_words, verdict_words
 from observer_rt.identification.fit.masses import MeanMass
@@ -197,14 +197,28 @@ def _by_a_meter(recording: Recording) -> Recording:
 
 
 def test_a_rate_of_a_meter_with_dynamics_gives_the_level_by_its_integral() -> None:
-    """Its shape would make sac and seat others; that it contradicts the pressures is said of the rate."""
+    """Its shape would make sac and seat others: what poles leave of it is not asked."""
     made = [_by_a_meter(one.recording) for one in simulations(measured_rate=True)]
     done = _fit(measurements(made), _wrong_inertance())
     assert done.inadequate == ()
     assert abs(_mass_error(done.injector)) < 0.01
     deviations = _deviations(done, NOMINAL)
     assert max(map(abs, deviations.values())) < 4.0
-    assert "The measured rate contradicts the pressures" in verdict_words(done)
+    assert done.meter
+
+
+@pytest.mark.parametrize("lags", [(0.2e-3,), (0.25e-3, 0.08e-3)])
+def test_the_poles_of_a_meter_are_found_and_not_taken_for_the_needle(lags: tuple[float, ...]) -> None:
+    made = []
+    for one in (each.recording for each in simulations(measured_rate=True)):
+        assert one.injection_rate is not None
+        made.append(replace(one, injection_rate=shown_slowly(one.injection_rate, one.time[1], *lags)))
+    done = _fit(measurements(made), _wrong_inertance())
+    assert (done.inadequate, done.rate_misfit < RATE_MISFIT) == ((), True)
+    assert sum(done.meter) == pytest.approx(sum(lags), rel=0.05)
+    assert abs(_mass_error(done.injector)) < 0.01
+    assert max(map(abs, _deviations(done, NOMINAL).values())) < 4.0
+    assert "rate_meter_ms of a bench file: [0.2" in verdict_words(done)
 
 
 @pytest.mark.slow

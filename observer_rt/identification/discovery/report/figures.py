@@ -72,7 +72,7 @@ def _draw_overlay(axes: Sequence[Axes], overlay: Overlay, amended: str) -> None:
             pressure = run.line_pressure[shown] / MEGAPASCAL
             axes[1].plot(time, pressure, color=colour, lw=1.1, ls=style, label=label)
             axes[2].plot(time, pressure - measured, color=colour, lw=0.8)
-            axes[3].plot(time, run.rate[shown] / MM3_PER_MS, color=colour, lw=1.1, ls=style)
+            axes[3].plot(time, run.shown_rate[shown] / MM3_PER_MS, color=colour, lw=1.1, ls=style)
 
 
 def gap_figure(findings: Findings) -> str:

@@ -231,6 +231,17 @@ def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
     assert printed(loop, tmp_path)[0].startswith("named: seat_area")
 
 
+def test_the_model_agrees_with_others_measurements_as_far_as_the_page_says(tmp_path: Path) -> None:
+    page = Page("docs/validation.md")
+    (tmp_path / "spray_a.toml").write_text(page.fenced("toml")[0])
+    made = "\n".join(printed("\n".join(page.fenced("python")), tmp_path))
+    spray, *masses = (float(number) for number in re.findall(r"([+-][\d.]+)%", made))
+    said = [float(number) for block in page.indented() for number in re.findall(r"([+-][\d.]+)%", block)]
+    np.testing.assert_allclose([spray, *masses], said, atol=1.0)
+    assert (abs(spray) < 2.0, np.abs(masses).reshape(3, 3)[:, 1].max() < 4.0) == (True, True)
+    assert (tmp_path / "validation.png").read_bytes().startswith(b"\x89PNG")
+
+
 @pytest.mark.slow
 def test_the_commands_on_several_injectors(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
@@ -22,15 +22,14 @@ class Meaning(StrEnum):
     MEAN = "mean"
 
 
-def _numbered(column: Any) -> Any:
-    """A number of a column as `#2`, which is no name in a text table; a name as it is."""
-    return f"#{column}" if isinstance(column, int) else column
+Column = Annotated[str, BeforeValidator(lambda name: f"#{name}" if isinstance(name, int) else name)]
+"""Its name; in text also its number from 1, as an integer or as `#2`, which is no name there."""
 
 
 class ColumnConfig(Section):
     """A column of a CSV or Parquet file, or a channel of an MDF4 file: `(value * factor + offset)` is in `unit`."""
 
-    column: Annotated[str, Field(min_length=1), BeforeValidator(_numbered)]  # its name, or in text its number from 1
+    column: Annotated[Column, Field(min_length=1)]
     unit: str | None = None  # None: as the file says
     factor: float = 1.0
     offset: float = 0.0

@@ -111,8 +111,6 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
     """
     kind = _of(path, SIGNALS)
     mapping = injector.config.recording if injector is not None else None
-    if density is None and injector is not None:
-        density = injector.density
     if path.name.endswith(TRUTH_SUFFIX):
         raise UserError(
             str(path), "is the truth behind a simulated recording, which is not for the observer", "leave it out"
@@ -127,7 +125,8 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
             layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time)
             table = kind.table(path, layout)
             table.mapped_by = table.mapped_by if mapping else "by its heading"
-            stream = MappedSignals(table, rate, density)
+            table.density = density if injector is None or density is not None else injector.density
+            stream = MappedSignals(table, rate)
             stream.notes = (*(() if mapping else (f"{path}: {in_words(layout)}",)), *stream.notes)
     if injector is not None:
         stated = mapping.meaning if mapping is not None else None

@@ -78,6 +78,8 @@ def signals_of(
         layout = validated(
             RecordingConfig, layout, lambda *keys: f"{name}, layout {'.'.join(map(str, keys))}", "bench"
         )
-    stream = MappedSignals(HeldTable(name, layout, held), 0.0, density)
+    mapped = HeldTable(name, layout, held)
+    mapped.density = density
+    stream = MappedSignals(mapped, 0.0)
     stream.notes = (*notes, *stream.notes)
     return stream

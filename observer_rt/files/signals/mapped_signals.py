@@ -63,9 +63,9 @@ class MappedSignals(TableSignals):
     `UserError` naming file, column or line for what cannot be read as a recording.
     """
 
-    def __init__(self, table: Table, rate: float, density: float | None = None) -> None:
+    def __init__(self, table: Table, rate: float) -> None:
         """rate: that of the mapping goes before it; 0: that of the first stamps."""
-        super().__init__(table, density)
+        super().__init__(table)
         self.rate = table.config.rate_hz or rate or self._own_rate()
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
         self._main = min(range(len(self._axes)), key=lambda raster: self._axes[raster].period)

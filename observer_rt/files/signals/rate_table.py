@@ -37,8 +37,8 @@ def mass_of_rate(path: Path, density: float) -> float:
     bad = np.flatnonzero(~np.isfinite(rate + time) | (np.diff(time, prepend=-np.inf) <= 0.0))
     if bad.size or time.size < 2:
         problem = "the time does not rise, or a value is missing" if bad.size else "holds one row only"
-        place = table.location(int(bad[0]) if bad.size else 0, 0)
-        raise UserError(place, problem, "give one row for each instant, in the order of time")
+        location = table.location(int(bad[0]) if bad.size else 0, 0)
+        raise UserError(location, problem, "give one row for each instant, in the order of time")
     unit = choices[RATE].unit
     factor = UNITS[TIME].get(choices[TIME].unit, 1.0) * UNITS[RATE][unit]
     return float(np.trapezoid(rate, time)) * factor * (1.0 if unit in MASS_RATE_UNITS else density)

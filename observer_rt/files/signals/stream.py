@@ -139,7 +139,7 @@ class HeldSignals(SignalStream):
         self.rate = recording.sample_rate
         self.stretches = (Stretch(float(recording.time[0]), recording.samples),)
         self.optional = tuple(name for name in OPTIONAL if name in recording.signals)
-        self.meaning = recording.meaning
+        self.meaning, self.meter = recording.meaning, recording.meter
         for first in range(0, recording.samples, SAMPLES_AT_ONCE):  # what is in the cache
             rows = slice(first, first + SAMPLES_AT_ONCE)
             self.survey.take_together({name: values[rows] for name, values in recording.signals.items()})

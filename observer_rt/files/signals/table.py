@@ -64,6 +64,8 @@ class Table(ABC):
         """Units of the mapped columns in the file; left out where it states none."""
         self.rasters: tuple[tuple[str, ...], ...] = ()
         """Names of the mapped signals by time axis."""
+        self.density: float | None = None
+        """Density of the fuel [kg/m3], for rates of mass; None: not known."""
         self.notes: list[str] = []
         self.origin = 0.0
         """Moment that times are counted from [s since 1970], where stamps of a calendar say it."""

@@ -54,14 +54,11 @@ class _Scale(NamedTuple):
 
 
 class TableSignals(SignalStream):
-    """A table's columns as signals. density: of the fuel [kg/m3], for a rate of mass; None: not known.
+    """A table's columns as signals. Raises `UserError` for a unit that is missing, unknown, or needs a density."""
 
-    Raises `UserError` for a unit that is missing or unknown, and a rate of mass without a density.
-    """
-
-    def __init__(self, table: Table, density: float | None = None) -> None:
+    def __init__(self, table: Table) -> None:
         super().__init__(table.path)
-        self._table, self._density = table, density
+        self._table = table
         self._mapped = {
             name: column for name, column in table.mapped.items() if name != TIME or not table.brings_time
         }
@@ -107,13 +104,13 @@ class TableSignals(SignalStream):
         spelling = self._unit(name, column)[0]
         unit = UNITS.get(name, {}).get(spelling, 1.0)
         if spelling in MASS_RATE_UNITS and name in UNITS:
-            if self._density is None:
+            if self._table.density is None:
                 raise UserError(
                     f"{self.path}, {self._table.label(name)}",
                     f"is a rate of mass, in {spelling}, and the fuel's density is not known",
                     "name the injector file (--model, or that of --bench), or state a unit of volume, and a factor",
                 )
-            unit /= self._density
+            unit /= self._table.density
         return _Scale(column.factor * unit, column.offset * unit, self._table.is_text and name != TIME)
 
 

@@ -108,8 +108,8 @@ def rate_meter(measured: Sequence[Measurement], model: EffectiveModel) -> tuple[
         shown = np.concatenate([shown_slowly(each, interval, *lags) for interval, each, _ in pairs])
         return np.asarray(rate - shown * (shown @ rate) / (shown @ shown))
 
-    found = least_squares(missed, (1.5e-4, 3e-5), bounds=(1e-6, 2e-3), x_scale=1e-4, diff_step=1e-3)
-    slow, quick = sorted(map(float, found.x), reverse=True)
+    best = least_squares(missed, (1.5e-4, 3e-5), bounds=(1e-6, 2e-3), x_scale=1e-4, diff_step=1e-3)
+    slow, quick = sorted(map(float, best.x), reverse=True)
     return slow, quick
 
 

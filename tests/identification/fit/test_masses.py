@@ -29,10 +29,10 @@ def _write(folder: Path, text: str) -> Path:
 
 
 @SAME_FILE
-@given(mass=MASSES, sigma=st.none() | st.just(0.1))
-def test_masses_are_read_back(tmp_path: Path, mass: float, sigma: float | None) -> None:
+@given(mass=MASSES, sigma=st.none() | st.just(0.1), name=st.sampled_from(["h_1.csv", "/somewhere/h_1.csv"]))
+def test_masses_are_read_back(tmp_path: Path, mass: float, sigma: float | None, name: str) -> None:
     header = "recording,mass_mg" if sigma is None else " sigma_mg, recording, mass_mg"
-    row = f"h_1.csv,{mass}" if sigma is None else f"{sigma}, h_1.csv, {mass}"
+    row = f"{name},{mass}" if sigma is None else f"{sigma}, {name}, {mass}"
     read = read_masses(_write(tmp_path, f"{header}\n\n{row}\n"), FOUND, DENSITY)
     expected = 1e-6 * mass, 1e-6 * (0.005 * mass if sigma is None else sigma)
     assert read == {1: pytest.approx(expected)}
@@ -71,11 +71,6 @@ def test_mistakes_are_named(tmp_path: Path, text: str, problem: str) -> None:
         read_masses(_write(tmp_path, text), FOUND, DENSITY)
 
 
-def test_a_path_names_a_recording_too(tmp_path: Path) -> None:
-    read = read_masses(_write(tmp_path, "recording,mass_mg\n/somewhere/h_1.csv,31.5\n"), FOUND, DENSITY)
-    assert read[1].mass == pytest.approx(31.5e-6)
-
-
 def test_a_table_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"absent\.csv"):
         read_masses(tmp_path / "absent.csv", FOUND, DENSITY)
@@ -84,21 +79,24 @@ def test_a_table_that_is_not_there_is_named(tmp_path: Path) -> None:
 UNITS = {"mg/ms": 1e-3, "g/s": 1e-3, "kg/s": 1.0, "mm3/ms": 1e-6 * DENSITY}
 
 
+def _by_tube(folder: Path, text: str) -> float:
+    (folder / "tube.txt").write_text(text, encoding="utf-8")
+    return read_masses(_write(folder, "recording,rate_file\nh_1.csv,tube.txt\n"), FOUND, DENSITY)[1].mass
+
+
 @SAME_FILE
 @given(
     unit=st.sampled_from(sorted(UNITS)),
     separator=st.sampled_from(["\t", ";", " ", ", "]),
     mark=st.sampled_from(["# ", "#", ""]),
-    rates=st.lists(st.floats(0.1, 99.0).map(lambda value: round(value, 3)), min_size=3, max_size=9),
+    rates=st.lists(st.floats(0.1, 20.0).map(lambda value: round(value, 3)), min_size=3, max_size=9),
 )
-def test_the_table_of_a_rate_meter_gives_its_integral(
+def test_a_rate_meters_table_gives_its_integral(
     tmp_path: Path, unit: str, separator: str, mark: str, rates: list[float]
 ) -> None:
     rows = [f"{0.01 * number:.2f}{separator}{rate}" for number, rate in enumerate(rates)]
     text = "\n".join(["# Bosch tube, 2 shots", f"{mark}time [ms]{separator}rate [{unit}]", *rows, ""])
-    (tmp_path / "tube.txt").write_text(text, encoding="utf-8")
-    read = read_masses(_write(tmp_path, "recording,rate_file\nh_1.csv,tube.txt\n"), FOUND, DENSITY)
-    assert read[1].mass == pytest.approx(1e-5 * UNITS[unit] * (sum(rates) - 0.5 * (rates[0] + rates[-1])))
+    assert _by_tube(tmp_path, text) == pytest.approx(1e-5 * UNITS[unit] * (sum(rates) - (rates[0] + rates[-1]) / 2))
 
 
 @pytest.mark.parametrize(
@@ -112,6 +110,5 @@ def test_the_table_of_a_rate_meter_gives_its_integral(
     ],
 )
 def test_mistakes_of_a_rate_meters_table_are_named(tmp_path: Path, text: str, problem: str) -> None:
-    (tmp_path / "tube.txt").write_text(text, encoding="utf-8")
     with pytest.raises(UserError, match=f"(?s){problem}"):
-        read_masses(_write(tmp_path, "recording,rate_file\nh_1.csv,tube.txt\n"), FOUND, DENSITY)
+        _by_tube(tmp_path, text)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.engine.estimation.gain import NoiseLevels as Levels
+from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import mass, measured_mass, noisier, simulated
 from observer_rt.model.effect import SizedEffect
@@ -48,11 +49,14 @@ def test_the_nominal_model_misses_what_is_hidden() -> None:
             assert np.sqrt(np.mean(missed**2)) > 0.3e6
 
 
-def test_mass_of_the_true_model_is_the_measured_mass() -> None:
+@pytest.mark.parametrize("meter", [(), (0.3e-3,)])
+def test_mass_of_the_true_model_is_the_measured_mass(meter: tuple[float, ...]) -> None:
     hidden = sized("orifice_area", v_H=0.2)
     model = effective_model(NOMINAL, (hidden,))
     density = model.coefficients.density
-    for measurement in measurements(recordings((hidden,), measured_rate=True)):
+    for made in recordings((hidden,), measured_rate=True):
+        shown = shown_slowly(made.signals["injection_rate"], float(made.time[1]), *meter)
+        (measurement,) = measurements([replace(made, injection_rate=shown, meter=meter)])
         for run in simulated(measurement, model):
             ours, measured = mass(measurement, run, density), measured_mass(measurement, run, density)
             assert ours == pytest.approx(measured, rel=0.02)

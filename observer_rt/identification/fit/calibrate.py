@@ -156,9 +156,8 @@ class CalibrationResult:
     file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
     parameters the recordings do not tell, as in the file; comparison: before and after; rate_misfit: of the shape of
     a measured rate beside the model that explains the pressures and its integrals, as a share; meter: time constants
-    [s] of the rate's meter, stated or found; not_observed: why the
-    observer could not learn with the fitted model, empty where it could; flow_level: of published masses over these,
-    for the gain of a sensor was taken out before.
+    [s] of the rate's meter, stated or found; not_observed: why the observer could not learn with the fitted model,
+    empty where it could; flow_level: of published masses over these, for the gain of a sensor was taken out before.
     """
 
     file: InjectorParameters
@@ -270,8 +269,9 @@ def calibrate(
         )
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
     misfit = rate_misfit(choice.best.calibration, choice.best.judged)
-    meter, has_shape = recordings[0].recording.meter, misfit <= RATE_MISFIT
-    if not has_shape and meter is None:  # found by the shape, it leaves that nothing to say
+    meter = recordings[0].recording.meter
+    has_shape = misfit <= RATE_MISFIT and not meter  # poles are not known so well that V_S could be told from them
+    if not has_shape and meter is None:
         free = rate_meter([fold.measurement for fold in coarse], effective_model(choice.best.injector))
         slow = [by_meter(fold, free) for fold in coarse]
         calibration = choice.best.calibration

@@ -38,6 +38,7 @@ from observer_rt.model.hydraulics import Seat
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
+METER_ERROR = 0.05  # of the time constants of its meter
 VOLUME_ERROR = 0.002  # and of what it makes of an event, beyond noise
 _MOST_GAINS = 4096  # cached: those round a few candidates
 
@@ -204,7 +205,7 @@ class RecordingLikelihood:
         return rail_on_time(self.measurement, terms)
 
     def _rate_noise_by_lift(self, nominal: EffectiveModel) -> NDArray[np.float64]:
-        """Standard deviation of the modelled rate (m,) by the noise of the lift as recorded."""
+        """Standard deviation of the modelled rate (m,) by the noise of the lift as recorded, and by the meter."""
         noise = self.measurement.noise.needle_lift
         schedule = self._schedule(nominal)
         shifted = nominal.with_terms("inputs", lift_shift=nominal.inputs.lift_shift + noise)
@@ -213,7 +214,8 @@ class RecordingLikelihood:
         _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule, substeps)
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule, substeps)
         moved = as_by_meter(self.measurement, other - rate)
-        return np.asarray(np.abs(moved)[self._rows.rate_rows + late], np.float64)
+        moved = np.hypot(moved, METER_ERROR * (rate - as_by_meter(self.measurement, rate)))
+        return np.asarray(moved[self._rows.rate_rows + late], np.float64)
 
     def _rate_sigma_at(self, lift_lag: float) -> NDArray[np.float64]:
         """Standard deviation of measured minus modelled rate (m,): its own noise and that of the restored lift."""

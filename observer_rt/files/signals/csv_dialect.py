@@ -118,7 +118,9 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False,
     rows = tuple(best.cells[number] for number in best.fitting)
     heading = best.heading
     if heading < 0:
-        heading = _likely_heading(best.above[:first], len(rows[0]) if rows else 0)
+        heading = _likely_heading(best.above[:first], width := len(rows[0]) if rows else 0)
+        if wanted and len(best.above[heading]) != width:  # a title that speaks of a signal
+            heading = -1
     if best.heading < 0 and (not rows or (heading < 0 and not wanted)):
         missing = "names above its numbers" if rows else f"{len(wanted) or fewest} numbers in a line"
         raise UserError(str(path), f"has no {missing} in its first {len(lines)} lines", remedy)

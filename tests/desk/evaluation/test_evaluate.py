@@ -69,7 +69,7 @@ def test_open_loop_rate_is_the_balance_of_state_and_phi() -> None:
 
 @pytest.mark.parametrize("meter", [(), (0.2e-3,)])
 def test_results_of_the_injections(meter: tuple[float, ...]) -> None:
-    """Masses from trace and measurement over the window stated, in the units stated; a meter's stated lag is none."""
+    """Masses from trace and measurement over the window stated, in the units stated; a meter may be late."""
     recording = worn().recording
     measured = recording.signals["injection_rate"]
     shown = shown_slowly(measured, 1 / 50e3, *meter)

@@ -27,7 +27,7 @@ BY_HEADINGS = "by its headings"
 
 
 @dataclass(frozen=True)
-class Choice:
+class HeadingChoice:
     """Heading of a signal, None: none or several; problem: empty where the choice is certain."""
 
     signal: str
@@ -88,7 +88,7 @@ def signals_named(name: str) -> set[str]:
     return signals - {"line_pressure"} if "rail_pressure" in signals and len(signals) > 1 else signals
 
 
-def chosen(signal: str, headings: Sequence[Heading]) -> Choice:
+def chosen(signal: str, headings: Sequence[Heading]) -> HeadingChoice:
     """The heading that names a signal."""
     named = {each: _unit(signal, each) for each in headings if signal in signals_named(each.name)}
     fitting = {each: unit for each, unit in named.items() if unit or not each.unit}
@@ -96,14 +96,14 @@ def chosen(signal: str, headings: Sequence[Heading]) -> Choice:
     if len(several) == 1:
         ((heading, unit),) = several.items()
         has_unit = unit or (signal == TIME and heading.is_calendar)
-        return Choice(signal, heading, unit, "" if has_unit else f"'{heading.name}' has no unit")
+        return HeadingChoice(signal, heading, unit, "" if has_unit else f"'{heading.name}' has no unit")
     if named and not several:
         heading = next(iter(named))
-        return Choice(signal, None, problem=f"'{heading.unit}' of '{heading.name}' is no unit of it")
+        return HeadingChoice(signal, None, problem=f"'{heading.unit}' of '{heading.name}' is no unit of it")
     shown = " or ".join(
         f"'{each.name}'" + ("" if each.group is None else f" of group {each.group}") for each in several
     )
-    return Choice(signal, None, problem=f"could be {shown}" if several else "no heading names it")
+    return HeadingChoice(signal, None, problem=f"could be {shown}" if several else "no heading names it")
 
 
 def _unit(signal: str, heading: Heading) -> str:
@@ -114,7 +114,7 @@ def _unit(signal: str, heading: Heading) -> str:
     return next(filter(None, (known_unit(signal, end) for end in ends)), "")
 
 
-def entries(choice: Choice) -> Iterator[tuple[str, str | int]]:
+def entries(choice: HeadingChoice) -> Iterator[tuple[str, str | int]]:
     """Keys of the column of a heading, with their values."""
     assert choice.heading is not None
     yield "column", choice.heading.name
@@ -124,7 +124,7 @@ def entries(choice: Choice) -> Iterator[tuple[str, str | int]]:
         yield "group", choice.heading.group
 
 
-def _section(choices: Sequence[Choice], headings: Sequence[Heading]) -> str:
+def _section(choices: Sequence[HeadingChoice], headings: Sequence[Heading]) -> str:
     """The `[recording]` section, with places to fill in."""
     among = f'"..."  # one of {", ".join(choice.name for choice in headings[:_SHOWN])}'
     lines = ["[recording]"]

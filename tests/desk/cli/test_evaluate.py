@@ -27,7 +27,7 @@ INJECTION_KEYS = {
 }
 INDICATORS = {
     *("nozzle_v_H", "seat_v_S", "line_friction", "guide_leakage", "line_pressure_sensor_offset"),
-    *("line_pressure_sensor_lag", "bulk_modulus", "entrained_air", "control_flow"),
+    *("line_pressure_sensor_lag", "bulk_modulus", "entrained_air", "control_flow", "needle_lift_sensor_lag"),
 }
 
 

@@ -1,7 +1,4 @@
-"""Calibrates a model: tries structures, chooses and settles one, judges it, writes its file.
-
-Chosen is the simplest of those that explain recordings they were not fitted to as well as the best.
-"""
+"""Calibrates a model: settles the structure chosen, judges it, writes its file."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -19,18 +16,10 @@ from observer_rt.config.injector_file import InjectorFile, section_of
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.identification.fit.cross_validation import Fold, by_meter, folds_of, share_between_samples, thinned
+from observer_rt.identification.fit.causes import TriedCause, tried_causes
+from observer_rt.identification.fit.cross_validation import by_meter, folds_of, share_between_samples, thinned
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.fit.problem import (
-    INERTANCE,
-    OPTIONAL_GROUPS,
-    STIFFENING,
-    STRUCTURES,
-    FreeParameter,
-    Structure,
-    values_of,
-    with_values,
-)
+from observer_rt.identification.fit.problem import INERTANCE, STRUCTURES, FreeParameter, Structure
 from observer_rt.identification.fit.residuals import (
     Comparison,
     UnexplainedSignal,
@@ -45,89 +34,30 @@ from observer_rt.identification.fit.search import (
     ROUGH_ITERATIONS,
     FailedStructure,
     FittedStructure,
-    certain_groups,
-    explains,
     fitted,
-    searched,
     settled,
 )
+from observer_rt.identification.fit.structures import Choice, choose, tried_structures
 from observer_rt.identification.likelihood.appearance import healthy_remainder
 from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, rail_pressure_before
 from observer_rt.identification.likelihood.reading import shortened
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
 from observer_rt.model.effects import VOCABULARY, effective_model
-from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from observer_rt.model.parameters import InjectorParameters
 
-# Times the best chi2, of the mean and of a phase, up to which one is as good.
-MARGIN, WORST_MARGIN = 1.15, 1.5
-NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
-TOLERATED = 0.005  # of the swing of the line pressure: a smaller residual moves no mass that matters
+TOLERATED = 0.03  # of the swing of the line pressure, up to which a residual is part of every interval
 # Of a mass: impedance of the cells at the closed end, corners of the lift and the like.
 LEAST_MASS_SHARE = 1.2e-3
 RATE_MISFIT = 0.02  # of a measured rate, from which on its meter, and not the injector, has its shape
 METERED = 0.5  # of this misfit, from which on poles of the meter explain it
 ORIGIN = "observer-rt fit"
 BASELINE = "baseline"
+ROUGH = 0.8  # of the time, in which structures are compared
 _DIGITS = 7
 _OF_LINE = ("model", "cells", "wall_viscosity", "inlet_loss_factor", "impedance_ratio", "impedance_step")
 """Keys of [line] that a structure changes."""
-
-
-@dataclass(frozen=True)
-class Choice:
-    """The structure chosen, the others, and why, in words.
-
-    as_good: those that explain the recordings as well, the one chosen among them.
-    """
-
-    best: FittedStructure
-    tried: Sequence[FittedStructure | FailedStructure]
-    as_good: Sequence[FittedStructure]
-    reason: str
-
-    @property
-    def mass_spread(self) -> float:
-        """By what share the mass differs, at most, between structures that do as well; 0 with one."""
-        return max(abs(one.mass / self.best.mass - 1.0) for one in self.as_good)
-
-
-def judged_by(structure: FittedStructure) -> UnexplainedSignal:
-    """Residuals of a structure on recordings it was not fitted to; on all, where none could be left out."""
-    return structure.left if structure.held_out is None else structure.held_out.unexplained
-
-
-def choose(tried: Sequence[FittedStructure | FailedStructure]) -> Choice | None:
-    """None where no structure could be fitted. Of equally good and simple ones that which conserves mass."""
-    candidates = [one for one in tried if isinstance(one, FittedStructure)]
-    if not candidates:
-        return None
-    lowest = min(candidates, key=lambda one: judged_by(one).mean)
-    as_good = [one for one in candidates if _is_as_good(judged_by(one), judged_by(lowest))]
-    best = min(
-        as_good,
-        key=lambda one: (len(one.structure.free), one.structure.outflow is not LineOutflow.SEAT, judged_by(one).mean),
-    )
-    return Choice(best, tried, as_good, _reason(best, as_good))
-
-
-def _is_as_good(unexplained: UnexplainedSignal, best: UnexplainedSignal) -> bool:
-    return unexplained.mean <= MARGIN * best.mean + NOISE and all(
-        not np.isfinite(best.chi2[phase]) or unexplained.chi2[phase] <= WORST_MARGIN * max(best.chi2[phase], 1.0)
-        for phase in Phase
-    )
-
-
-def _reason(best: FittedStructure, as_good: Sequence[FittedStructure]) -> str:
-    unseen = judged_by(best)
-    where = "of recordings left out" if best.held_out is not None else "of all there is"
-    words = (
-        f"{best.structure.name}: chi2 {where} {unseen.mean:.2f} in the mean of the phases, "
-        f"{unseen.chi2[unseen.worst]:.2f} at worst ({unseen.worst.name.lower()})"
-    )
-    others = [f"{one.structure.name} ({judged_by(one).mean:.2f})" for one in as_good if one is not best]
-    return words + (f"; no simpler, and hardly better: {', '.join(others)}" if others else "")
 
 
 class FlowLevel(StrEnum):
@@ -156,8 +86,9 @@ class CalibrationResult:
     file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
     parameters the recordings do not tell, as in the file; comparison: before and after; rate_misfit: of the shape of
     a measured rate beside the model that explains the pressures and its integrals, as a share; meter: time constants
-    [s] of the rate's meter, stated or found; not_observed: why the observer could not learn with the fitted model,
-    empty where it could; flow_level: of published masses over these, for the gain of a sensor was taken out before.
+    [s] of the rate's meter, stated or found; causes: tried where more than noise is left, the best first;
+    not_observed: why the observer could not learn with the fitted model, empty where it could; flow_level: of
+    published masses over these, for the gain of a sensor was taken out before.
     """
 
     file: InjectorParameters
@@ -169,6 +100,7 @@ class CalibrationResult:
     comparison: Comparison
     rate_misfit: float
     meter: tuple[float, ...] = ()
+    causes: tuple[TriedCause, ...] = ()
     not_observed: str = ""
     flow_level: float = 1.0
 
@@ -205,11 +137,15 @@ class CalibrationResult:
         return tuple(phase for phase in Phase if self.left.chi2[phase] > GATE)
 
     @property
+    def cause(self) -> TriedCause | None:
+        """The effect that explains what the model leaves."""
+        return self.causes[0] if self.causes and self.causes[0].explains else None
+
+    @property
     def inadequate(self) -> tuple[Phase, ...]:
         """Phases the model does not explain, the worst first; none where it is adequate."""
-        # a small residual hardly moves a mass; at standstill, where nothing flows, any residual counts
-        share, still = self.comparison.share, Phase.STANDSTILL
-        over = [phase for phase in self.above_gate if phase is still or share(phase) > TOLERATED]
+        share, is_bench = self.comparison.share, self.cause is not None and self.cause.is_of_bench
+        over = [phase for phase in self.above_gate if is_bench or share(phase) > TOLERATED]
         return tuple(sorted(over, key=lambda phase: -self.left.chi2[phase]))
 
     @property
@@ -257,11 +193,8 @@ def calibrate(
         level = FlowLevel.RATE
     folds = folds_of(recordings, weighed)
     coarse = tuple(thinned(fold, ROUGH_EVENTS) for fold in folds)  # structures are compared on
-    steps = len(structures) + 2
-    tried: list[FittedStructure | FailedStructure] = []
-    for structure in structures:
-        tried.append(_tried(structure, tried, file, level, coarse))
-        progress(len(tried) / steps)
+    further = () if level is FlowLevel.FILE else (INERTANCE,)
+    tried = tried_structures(structures, file, further, coarse, lambda share: progress(ROUGH * share))
     choice = choose(tried)
     if choice is None:
         reasons = "; ".join(
@@ -281,52 +214,13 @@ def calibrate(
             choice, folds = replace(choice, best=again), tuple(by_meter(fold, free) for fold in folds)
     fine = [replace(thinned(fold, FINE_EVENTS), rate_shape=has_shape) for fold in folds]
     best, kept = settled(choice.best, file, fine)
-    progress((len(structures) + 1) / steps)
     offsets = best.minimum.at.theta[len(best.calibration.free) :]
     comparison = compared(file, best.injector, offsets, best.calibration.folds)
-    return CalibrationResult(file, recordings, choice, best, kept, level, comparison, misfit, meter or ())
-
-
-def _tried(
-    structure: Structure,
-    earlier: Sequence[FittedStructure | FailedStructure],
-    file: InjectorParameters,
-    level: FlowLevel,
-    folds: Sequence[Fold],
-) -> FittedStructure | FailedStructure:
-    """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of.
-
-    With what an injector may have beside it, as the best so far has; of each kind of line that is asked once, as long
-    as nothing explains the recordings: by a line that leaves much nothing is beyond doubt.
-    """
-    free = structure.free if level is FlowLevel.FILE else (*structure.free, INERTANCE)
-    if file.fluid.bulk_modulus_by_pressure > 0.0:
-        free = (*free, STIFFENING)
-    fits = [one for one in earlier if isinstance(one, FittedStructure)]
-    has: Sequence[FreeParameter] = ()
-    if fits:
-        best = min(fits, key=lambda one: one.minimum.statistic)
-        has, file = _with_optional_groups(best, file)
-    if all(one.structure.line != structure.line for one in earlier) and not any(map(explains, earlier)):
-        every = [one for group in OPTIONAL_GROUPS for one in group]
-        asked = searched(structure, file, (*free, *every), folds, ROUGH_ITERATIONS, explained=False)
-        if isinstance(asked, FittedStructure):
-            has, file = _with_optional_groups(asked, file)
-            if len(has) == len(every):
-                return asked
-    free = (*free, *has)
-    simpler = [one for one in earlier if isinstance(one, FittedStructure) and structure.refines(one.structure)]
-    if simpler:
-        return fitted(structure, simpler[-1].injector, free, folds, ROUGH_ITERATIONS)
-    return searched(structure, file, free, folds, ROUGH_ITERATIONS, any(map(explains, earlier)))
-
-
-def _with_optional_groups(
-    structure: FittedStructure, file: InjectorParameters
-) -> tuple[Sequence[FreeParameter], InjectorParameters]:
-    """Optional parameters that a fitted injector has beyond doubt, and the file with them."""
-    has = [parameter for group in certain_groups(structure) for parameter in group]
-    return has, with_values(file, has, values_of(structure.injector, has))
+    done = CalibrationResult(file, recordings, choice, best, kept, level, comparison, misfit, meter or ())
+    if done.above_gate:
+        done = replace(done, causes=tried_causes(choice.best))
+    progress(1.0)
+    return done
 
 
 def write_fitted(path: Path, file: InjectorFile, done: CalibrationResult, baseline: Baseline) -> None:

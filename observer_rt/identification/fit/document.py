@@ -17,10 +17,10 @@ from observer_rt.identification.fit.calibrate import (
     CalibrationResult,
     FittedNumber,
     FlowLevel,
-    judged_by,
 )
 from observer_rt.identification.fit.residuals import RecordingMass, Residual
-from observer_rt.identification.fit.search import FailedStructure, FittedStructure
+from observer_rt.identification.fit.search import FailedStructure
+from observer_rt.identification.fit.structures import Trial, judged_by
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.plausibility import ImplausibleNumber, implausible
 
@@ -87,7 +87,7 @@ def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[
     )
 
 
-def _tried(structure: FittedStructure | FailedStructure) -> TriedStructure:
+def _tried(structure: Trial) -> TriedStructure:
     if isinstance(structure, FailedStructure):
         return TriedStructure(name=structure.structure.name, failed=structure.reason)
     left = judged_by(structure)
@@ -119,7 +119,7 @@ def level_words(done: CalibrationResult) -> str:
 
 
 def verdict_words(done: CalibrationResult) -> str:
-    """Adequate or not, and where; causes only of an adequate one: of another, none was tried by a refit."""
+    """Adequate or not, where, and the cause that a refit showed."""
     words = [_fit_words(done)]
     if done.rate_misfit > RATE_MISFIT:
         finding = "The measured rate contradicts the pressures: its shape"
@@ -141,19 +141,32 @@ def _fit_words(done: CalibrationResult) -> str:
     if not done.inadequate and done.not_observed:
         return f"INADEQUATE: the observer cannot learn with this model ({done.not_observed})"
     if not done.inadequate:
-        words = f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({phase_name(left.worst)}; limit {GATE:g})"
+        words = f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({phase_name(left.worst)})"
         if done.above_gate:
             most = max(map(done.comparison.share, done.above_gate))
             words += (
-                f", which these sensors show: it is {most:.2%} of the swing of the line pressure, and up to "
-                f"{TOLERATED:.1%} moves no mass that matters"
+                f", which is {most:.2%} of the swing of the line pressure; up to {TOLERATED:.0%} is part of every "
+                f"interval. {_disagreement(done)}. {_causes(done)}"
             )
         return words
     where = ", ".join(f"{phase_name(phase)} {left.chi2[phase]:.3g}" for phase in done.inadequate)
+    share = max(map(done.comparison.share, done.inadequate))
     return (
-        f"INADEQUATE: chi2 above {GATE:g} in {where}. {_disagreement(done)}. No cause was tried: "
-        "`observer-rt discover` searches these recordings, the fitted file given as --model; --plot shows them"
+        f"INADEQUATE: chi2 above {GATE:g} in {where}, up to {share:.1%} of the swing of the line pressure. "
+        f"{_disagreement(done)}. {_causes(done)}; --plot shows the residuals"
     )
+
+
+def _causes(done: CalibrationResult) -> str:
+    """The cause that a refit showed, or what was tried."""
+    cause = done.cause
+    if cause is None:
+        tried = ", ".join(one.words for one in done.causes)
+        return f"Tried by refits, and not the cause: {tried}" if tried else "No single effect explains much of it"
+    what_to_do = "the recordings have it, not the model: state or repair it, and record again"
+    if not cause.is_of_bench:
+        what_to_do = "`observer-rt discover` takes it over, the fitted file given as --model"
+    return f"A refit shows the cause: {cause.words}; {cause.effect.remedy or what_to_do}"
 
 
 def _disagreement(done: CalibrationResult) -> str:
@@ -162,7 +175,7 @@ def _disagreement(done: CalibrationResult) -> str:
     left = [
         (float(np.mean(z**2)), float(np.mean(z)), phase, fold.measurement.rail_pressure / MEGAPASCAL)
         for fold, recorded, judged in zip(after.folds, done.fitted.calibration.recordings, after.judged, strict=True)
-        for phase in done.inadequate
+        for phase in done.inadequate or done.above_gate
         if (z := judged.z[recorded.phases == phase]).size
     ]
     square, mean, phase, pressure = max(left)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,12 @@ from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROSECO
 from observer_rt.identification.fit.cross_validation import Fold, standstill
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, Quadratic, Range, Residuals
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
+from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel, coefficients
-from observer_rt.model.effects import effective_model
+from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.hydraulics import END as END_BEFORE
 from observer_rt.model.hydraulics import START
-from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters, LineOutflow
 from observer_rt.model.wave_line import DAMPING, FEWEST_CELLS, RESOLVED, STABLE, cells_for
 
 CALM = 0.93  # of what a step may be, so that a fit can still move
@@ -81,21 +83,55 @@ class FreeParameter:
         return value * math.exp(-half), value * math.exp(half)
 
 
+@dataclass(frozen=True)
+class EffectSize(FreeParameter):
+    """Size of an effect of the vocabulary beside those in force, on a linear scale of its dead zones."""
+
+    @classmethod
+    def of_effect(cls, effect: Effect) -> Self:
+        """Its first parameter's; the others are where a search begins."""
+        one = effect.parameters[0]
+        spread = (one.highest - one.lowest) / one.dead_zone
+        bounds = one.lowest, one.highest
+        return cls(one.name, "effects", effect.id, one.unit, one.si, *bounds, 0.0, spread, one.dead_zone)
+
+    def stated(self, injector: InjectorParameters) -> float | None:
+        """Value [SI] in force; None where it is not."""
+        sizes = [one.parameters[self.symbol].value for one in injector.effects if (one.id, one.origin) == self._mark]
+        return self.si * sizes[0] if sizes else None
+
+    def in_force(self, injector: InjectorParameters, value: float) -> InjectorParameters:
+        """An injector with the effect at a value [SI]."""
+        first, *others = VOCABULARY[self.key].parameters
+        sizes = {first.name: value, **{one.name: one.starts[0] for one in others}}
+        printed = {one.name: EffectValue(value=sizes[one.name] / one.si, unit=one.unit) for one in (first, *others)}
+        effect = EffectInForce(id=self.key, parameters=printed, origin=self._mark[1])
+        beside = [one for one in injector.effects if (one.id, one.origin) != self._mark]
+        return injector.model_copy(update={"effects": (*beside, effect)})
+
+    @property
+    def _mark(self) -> tuple[str, str]:
+        return self.key, "tried"
+
+
 STIFFNESS = FreeParameter("K_L", "fluid", "bulk_modulus_line", "GPa", 1e9, 0.2e9, 8e9, 1.6e9, 0.5)
 LOSS = FreeParameter("xi", "line", "loss_factor", "-", 1.0, 0.01, 500.0, 8.0, 1.0)
 SEAT = FreeParameter("alpha_S", "seat", "flow_coefficient", "-", 1.0, 0.05, 5.0, 0.75, 0.5)
 NOZZLE = FreeParameter("alpha_H", "nozzle", "flow_coefficient", "-", 1.0, 0.05, 5.0, 0.78, 0.5)
 SAC = FreeParameter("V_S", "nozzle", "sac_volume", "mm3", CUBIC_MILLIMETRE, 1e-11, 1e-6, 1e-9, 1.0)
 WAVE_DAMPING = FreeParameter("nu", "line", "damping", "m2/s", 1.0, 0.01, 20.0, DAMPING, 2.0)
-END = FreeParameter("V_E", "line", "end_volume", "mm3", CUBIC_MILLIMETRE, 1e-10, 1e-6, 1e-8, 2.0)
+END = FreeParameter("V_E", "line", "end_volume", "mm3", CUBIC_MILLIMETRE, 1e-10, 1e-5, 1e-8, 2.0)
 WALL = FreeParameter("nu_w", "line", "wall_viscosity", "mm2/s", 1e-6, 1e-7, 1e-4, 4e-6, 1.0)
 INLET = FreeParameter("xi_I", "line", "inlet_loss_factor", "-", 1.0, 0.01, 500.0, 4.0, 1.5)
 RATIO = FreeParameter("Z_2/Z_1", "line", "impedance_ratio", "-", 1.0, 0.2, 5.0, 1.0, 0.5)
 JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5, 0.5)
 INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
 """Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass gives the level."""
-STIFFENING = FreeParameter("K_1", "fluid", "bulk_modulus_by_pressure", "-", 1.0, 5.0, 20.0, 10.5, 1.0, 1.0)
-"""Free where the file's fuel stiffens; its prior is that of fuels. K_0 is then that of `STIFFNESS`."""
+STIFFENING = FreeParameter("K_1", "fluid", "bulk_modulus_by_pressure", "-", 1.0, 0.1, 20.0, 10.5, 1.0, 1.0)
+"""Free where the fuel stiffens; its prior is what is known of fuels, so it is never left to the file.
+
+K_0 is then that of `STIFFNESS`.
+"""
 _TIME = 1e-4  # s
 CONTROL_FLOW = FreeParameter("c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 30e-6, 0.0, 4.0, MM3_PER_MS)
 CONTROL = (
@@ -134,11 +170,6 @@ class Structure:
         if WAVE_DAMPING not in self.free:
             return formed
         return _in_cells(formed, _cells(formed, spare))
-
-    def refines(self, other: "Structure") -> bool:
-        """Whether it is another with more parameters: pressure travels in both, and the same flow drains them."""
-        travels = WAVE_DAMPING in other.free and set(other.free) < set(self.free)
-        return travels and self.outflow is other.outflow
 
 
 def _cells(injector: InjectorParameters, spare: float) -> int:
@@ -180,6 +211,9 @@ def with_values(
     """An injector with other values (p,) [SI] of its free parameters."""
     sections: dict[str, dict[str, float]] = {}
     for parameter, value in zip(free, values, strict=True):
+        if isinstance(parameter, EffectSize):
+            injector = parameter.in_force(injector, float(value))
+            continue
         sections.setdefault(parameter.section, {})[parameter.key] = float(value)
     return injector.model_copy(
         update={name: getattr(injector, name).model_copy(update=keys) for name, keys in sections.items()}
@@ -312,7 +346,7 @@ class Certainty:
     @property
     def undetermined(self) -> FreeParameter | None:
         """The least certain of the parameters that are not determined."""
-        shares = self.sigmas / [one.spread for one in self.free]
+        shares = self.sigmas / [math.inf if one is STIFFENING else one.spread for one in self.free]
         worst = int(np.argmax(shares))
         return self.free[worst] if shares[worst] > UNDETERMINED else None
 

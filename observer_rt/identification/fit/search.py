@@ -16,6 +16,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.identification.fit.cross_validation import Fold, thinned
 from observer_rt.identification.fit.problem import (
     OPTIONAL_GROUPS,
+    STIFFENING,
     STIFFNESS,
     WAVE_DAMPING,
     Calibration,
@@ -38,6 +39,7 @@ MOST_FITS = 3  # of a structure, as its cells change with the sound speed found
 STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart
 SPARE = 1.2  # by which the stiffness that a search begins with may be too small
 DAMPINGS = (0.5, 2.0)  # m2/s; a strong one makes the minimum wide
+STIFFENINGS = (1.0, STIFFENING.start)  # K_1 of a wave speed that hardly depends on pressure, and of fuels
 SURE = 4.0  # standard deviations of a control flow or a displacement, below which there is none
 LEAST = 0.1  # mm3/ms, mm2: what no mass notices
 EXPLAINED = 1.5  # mean chi2, below which a search has not ended beside the minimum
@@ -161,21 +163,21 @@ def searched(
     free: Sequence[FreeParameter],
     folds: Sequence[Fold],
     iterations: int,
-    explained: bool,
 ) -> FittedStructure | FailedStructure:
     """A structure fitted from the numbers of the file, the line's stiffness and damping being sought first.
 
     A line in one lump has no travelling waves: the file's numbers do. Where a search ends with much unexplained
-    they are sought once more, by the orifices found by then; not where a simpler structure has `explained` it all.
+    they are sought once more, by the orifices found by then.
     """
     if WAVE_DAMPING not in structure.free:
         return fitted(structure, file, free, folds, iterations)
     few = tuple(thinned(fold, 1) for fold in folds)
-    structure_fit = fitted(structure, _best(structure, _around(file), free, few), free, folds, iterations, SPARE)
-    if explained or isinstance(structure_fit, FailedStructure) or explains(structure_fit):
+    start = _best(structure, _around(file, free), free, few)
+    structure_fit = fitted(structure, start, free, folds, iterations, SPARE)
+    if isinstance(structure_fit, FailedStructure) or explains(structure_fit):
         return structure_fit
     here = structure_fit.injector
-    again = _best(structure, [here, *_around(here)], free, few)
+    again = _best(structure, [here, *_around(here, free)], free, few)
     if again is here:
         return structure_fit
     other = fitted(structure, again, free, folds, iterations, SPARE)
@@ -203,11 +205,14 @@ def explains(structure: FittedStructure | FailedStructure) -> bool:
     return isinstance(structure, FittedStructure) and structure.left.mean < EXPLAINED
 
 
-def _around(injector: InjectorParameters) -> list[InjectorParameters]:
+def _around(injector: InjectorParameters, free: Sequence[FreeParameter]) -> list[InjectorParameters]:
+    fuels = [np.array([])] if STIFFENING not in free else [np.array([each]) for each in STIFFENINGS]
+    sized = (STIFFNESS, WAVE_DAMPING, *(one for one in free if one is STIFFENING))
     return [
-        with_values(injector, (STIFFNESS, WAVE_DAMPING), np.array([stiffness, damping]))
+        with_values(injector, sized, np.array([stiffness, damping, *fuel]))
         for stiffness in STIFFNESS.of(injector) * STIFFNESSES
         for damping in DAMPINGS
+        for fuel in fuels
     ]
 
 

@@ -58,7 +58,6 @@ def test_a_fit_writes_the_file_the_figure_and_says_what_it_is_worth(
     command.done("evaluate", healthy[0], "--model", fitted, "--json")
 
 
-@pytest.mark.slow
 def test_json_holds_all_of_it(command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path) -> None:
     masses = tmp_path / "masses.csv"
     masses.write_text("recording,mass_mg\nhealthy_1.csv,144.2\n")
@@ -73,5 +72,5 @@ def test_json_holds_all_of_it(command: Command, healthy: tuple[Path, ...], wrong
     assert low < document["parameters"]["nozzle.flow_coefficient"]["value"] < high
     assert {one["phase"] for one in document["residuals"]} == {"standstill", "opening", "open", "closing", "after"}
     assert [one["measured_mass_mg"] for one in document["masses"]] == [None, pytest.approx(144.2)]
-    assert len(document["structures"]) == len(STRUCTURES)
+    assert all(one["name"].startswith("one lump") for one in document["structures"])  # for a lump explains it all
     assert document["baseline"]["injections"] == 6

@@ -8,7 +8,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
 from observer_rt.files.signals.recording import Recording
-from observer_rt.identification.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, with_values
+from observer_rt.identification.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, with_values
 from observer_rt.model.parameters import InjectorParameters
 from tests.plants import plant
 from tests.plants.parameters import Faults, Injector
@@ -16,6 +16,8 @@ from tests.plants.parameters import Faults, Injector
 NOMINAL = load_injector()
 WRONG = (STIFFNESS, LOSS, SEAT, NOZZLE)
 SHARES = np.array([0.9, 1.1, 1.1, 0.9])
+HEALTHY = Faults()
+LUMPS = tuple(one for one in STRUCTURES if one.line == "lump")
 POINTS = tuple((pressure, time) for pressure in (60e6, 100e6, 140e6) for time in (0.6e-3, 1.9e-3))
 
 
@@ -47,11 +49,13 @@ def simulations(
     ]
 
 
-def of_independent_plant(part: Injector, points: Sequence[tuple[float, float]] = POINTS) -> list[Recording]:
+def of_independent_plant(
+    part: Injector, points: Sequence[tuple[float, float]] = POINTS, faults: Faults = HEALTHY
+) -> list[Recording]:
     """Recordings of a plant, which shares no code with the package."""
     result = []
     for number, (pressure, duration) in enumerate(points):
-        event = plant.Event(pressure, (plant.Shot(0.0, duration + 0.3e-3),), Faults())
+        event = plant.Event(pressure, (plant.Shot(0.0, duration + 0.3e-3),), faults)
         measured = plant.record(plant.Bench(part, plant.Needle(), (event,) * 3, seed=number)).measured
         result.append(Recording(measured.time, measured.rail_pressure, measured.needle_lift, measured.line_pressure))
     return result

@@ -18,7 +18,6 @@ from observer_rt.identification.fit.problem import (
     INERTANCE,
     STIFFENING,
     STIFFNESS,
-    STRUCTURES,
     Calibration,
     FreeParameter,
     certainty,
@@ -29,11 +28,17 @@ from observer_rt.identification.likelihood.measurement import Measurement, measu
 from observer_rt.identification.likelihood.open_loop import mass, simulated
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters, LineOutflow
-from tests.identification.fit.healthy import NOMINAL, POINTS, of_independent_plant, off_by_ten_percent, simulations
+from tests.identification.fit.healthy import (
+    LUMPS,
+    NOMINAL,
+    POINTS,
+    of_independent_plant,
+    off_by_ten_percent,
+    simulations,
+)
 from tests.model.conftest import filled
 from tests.plants.parameters import Injector
 
-LUMPS = tuple(one for one in STRUCTURES if one.line == "lump")
 UNSEEN = simulations([(80e6, 1.2e-3)], seed=9)
 
 

@@ -6,15 +6,14 @@ import pytest
 
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
-from observer_rt.identification.fit.problem import CONTROL, DISPLACEMENT, OPTIONAL_GROUPS, STRUCTURES
+from observer_rt.identification.fit.problem import CONTROL, DISPLACEMENT, OPTIONAL_GROUPS
 from observer_rt.identification.likelihood.measurement import measurements
-from tests.identification.fit.healthy import POINTS, off_by_ten_percent
+from tests.identification.fit.healthy import LUMPS, POINTS, off_by_ten_percent
 from tests.observed_plants import recording_of
 from tests.plants.laws import Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, record
 
-LUMPS = tuple(one for one in STRUCTURES if one.line == "lump")
 MM3_PER_MS, MICROSECOND = 1e-6, 1e-6
 
 

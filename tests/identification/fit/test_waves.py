@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from observer_rt.core.model.model import STEP
-from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, judged_by
+from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate
 from observer_rt.identification.fit.problem import SAC, STIFFNESS, STRUCTURES, Structure, values_of, with_values
 from observer_rt.identification.fit.search import FailedStructure
+from observer_rt.identification.fit.structures import judged_by
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effective import coefficients
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
@@ -71,7 +72,6 @@ def fitted_to(
     return calibrated_to(plant, part, file).injector
 
 
-@pytest.mark.slow
 def test_a_throttle_at_the_rail_is_found() -> None:
     """An orifice of 2e14 Pa s2/m6 before the line."""
     injector = fitted_to(LINES[Variant.PLAIN]._replace(inlet_loss=2e14))
@@ -81,7 +81,6 @@ def test_a_throttle_at_the_rail_is_found() -> None:
     assert line.inlet_loss_factor * density / (2.0 * line.area**2) == pytest.approx(2e14, rel=0.05)
 
 
-@pytest.mark.slow
 def test_a_long_line_may_still_ring_when_the_next_injection_comes() -> None:
     """Of 0.6 m, which sound crosses and comes back in 0.9 ms."""
     long, part = 0.6, real_part(1)
@@ -97,7 +96,6 @@ def test_a_long_line_may_still_ring_when_the_next_injection_comes() -> None:
         assert all(run.valid + run.inside)
 
 
-@pytest.mark.slow
 def test_friction_at_the_wall_is_found_and_with_it_the_level() -> None:
     """It adds inertance: without it the nozzle came out 3.6 % too large."""
     injector = fitted_to(LINES[Variant.FRICTION])
@@ -107,7 +105,6 @@ def test_friction_at_the_wall_is_found_and_with_it_the_level() -> None:
     assert nozzle == pytest.approx(real_part(1).nozzle_area, rel=0.005)
 
 
-@pytest.mark.slow
 def test_a_hole_that_shuts_is_learned_on_a_fitted_line() -> None:
     """Its step is narrower than the neurons: they leave of it what a fitted model leaves of a healthy injector."""
     done, (laws, faults) = calibrated_to(LINES[Variant.PLAIN]), NINE_LAWS["a hole shuts at a large drop"]

@@ -1,0 +1,100 @@
+"""Tries what may have caused what a fit leaves: effects for which it has no parameter, each by a refit with it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer_rt.core.learning.whitening import HUBER
+from observer_rt.identification.fit.problem import Calibration, EffectSize
+from observer_rt.identification.fit.search import FittedStructure, fitted
+from observer_rt.model.effect import Component, Effect
+from observer_rt.model.effects import VOCABULARY
+
+POSSIBLE = (
+    "channel_skew",
+    "rail_pressure_skew",
+    "line_pressure_sensor_lag",
+    "needle_lift_sensor_lag",
+    "lift_offset",
+    "lift_gain",
+    "chamber_pressure_rise",
+    "orifice_cavitation",
+    "lift_dependent_seat_coefficient",
+    "guide_leakage",
+    "entrained_air",
+    "pressure_dependent_bulk_modulus",
+)
+REFITS = 2  # of the likeliest
+PROMISE = 0.3  # of what is left, that an effect must explain to first order to be worth a refit
+ITERATIONS = 30  # of a refit: the parameters stood in for the effect, and have a long way back
+EXPLAINED = 0.1  # of a mean chi2 beyond noise, up to which an effect explains it
+_OF_BENCH = (Component.RAIL_SENSOR, Component.LIFT_SENSOR, Component.LINE_SENSOR)
+
+
+@dataclass(frozen=True, eq=False)
+class TriedCause:
+    """An effect in a structure fitted again with it. before: mean chi2 without."""
+
+    effect: Effect
+    fit: FittedStructure
+    before: float
+
+    @property
+    def explains(self) -> bool:
+        """Whether little is left with it."""
+        return self.fit.left.mean - 1.0 <= EXPLAINED * min(self.before - 1.0, 10.0)
+
+    @property
+    def is_of_bench(self) -> bool:
+        """Whether a sensor has it: the recordings are wrong then, not the model."""
+        return self.effect.component in _OF_BENCH
+
+    @property
+    def words(self) -> str:
+        """Such as `lift_offset x_0 = 9.8 um (chi2 1.1 for 3.3 in the mean)`."""
+        first = self.effect.parameters[0]
+        size = EffectSize.of_effect(self.effect).of(self.fit.injector) / first.si
+        unit = "" if first.unit == "-" else f" {first.unit}"
+        return (
+            f"{self.effect.id} {first.name} = {size:.3g}{unit}: chi2 {self.fit.left.mean:.3g} for {self.before:.3g}"
+        )
+
+
+def tried_causes(best: FittedStructure) -> tuple[TriedCause, ...]:
+    """The likeliest causes of what a structure leaves, the best first; none where no effect promises much."""
+    sizes = [EffectSize.of_effect(VOCABULARY[name]) for name in POSSIBLE]
+    gains = {size: _gain(best, size) for size in sizes}
+    left = best.minimum.at.residuals
+    promising = [one for one in sizes if gains[one] > PROMISE * (left.squares - left.z.size)]
+    tried = []
+    for size in sorted(promising, key=lambda one: -gains[one])[:REFITS]:
+        free = (*best.calibration.free, size)
+        again = fitted(best.structure, best.injector, free, best.calibration.folds, ITERATIONS)
+        if isinstance(again, FittedStructure):
+            tried.append(TriedCause(VOCABULARY[size.key], again, best.left.mean))
+    return tuple(sorted(tried, key=lambda one: one.fit.left.mean))
+
+
+def _gain(best: FittedStructure, size: EffectSize) -> float:
+    """By how much -2 log L would fall with an effect, all parameters fitted again.
+
+    To first order: what the parameters can do as well is taken from what the effect does.
+    """
+    at, free = best.minimum.at, best.calibration.free
+    calibration = Calibration(best.injector, (*free, size), best.calibration.folds)
+    theta = np.insert(at.theta, len(free), 1.0)
+    moved = calibration.residuals(theta)
+    if moved is None:
+        return 0.0
+    data = at.residuals.z.size - at.theta.size  # the prior's come after
+    here = at.residuals.z[:data]
+    roots = np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(here), HUBER)))
+    change, left = roots * (moved.z[:data] - here), roots * here
+    shared = at.slopes[:data].T @ change
+    as_parameters = np.linalg.pinv(at.information, hermitian=True) @ shared
+    own = float(change @ change - shared @ as_parameters)
+    slope = float(change @ left - as_parameters @ at.gradient)
+    if own <= 0.0:
+        return 0.0
+    steps = float(np.clip(-slope / own, size.lowest / size.linear, size.highest / size.linear))
+    return -steps * (2.0 * slope + steps * own)

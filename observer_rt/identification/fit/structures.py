@@ -1,0 +1,209 @@
+"""Tries structures of the model on few events, the fullest line of each kind first, and chooses one.
+
+Chosen is the simplest of those that explain recordings they were not fitted to as well as the best.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.identification.fit.cross_validation import Fold
+from observer_rt.identification.fit.problem import (
+    OPTIONAL_GROUPS,
+    STIFFENING,
+    STIFFNESS,
+    WAVE_DAMPING,
+    FreeParameter,
+    Structure,
+    with_values,
+)
+from observer_rt.identification.fit.residuals import UnexplainedSignal
+from observer_rt.identification.fit.search import (
+    ROUGH_ITERATIONS,
+    FailedStructure,
+    FittedStructure,
+    certain_groups,
+    fitted,
+    searched,
+)
+from observer_rt.model.parameters import InjectorParameters, LineOutflow
+
+# Times the best chi2, of the mean and of a phase, up to which one is as good.
+MARGIN, WORST_MARGIN = 1.15, 1.5
+NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
+ENOUGH = {"lump": MARGIN + NOISE, "wave": 10.0}
+"""Mean chi2 of a kind of line, up to which no further kind is tried: of a pipe, two parts leave not a tenth of it."""
+
+Trial = FittedStructure | FailedStructure
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The structure chosen, the others, and why, in words.
+
+    as_good: those that explain the recordings as well, the one chosen among them.
+    """
+
+    best: FittedStructure
+    tried: Sequence[Trial]
+    as_good: Sequence[FittedStructure]
+    reason: str
+
+    @property
+    def mass_spread(self) -> float:
+        """By what share the mass differs, at most, between structures that do as well; 0 with one."""
+        return max(abs(one.mass / self.best.mass - 1.0) for one in self.as_good)
+
+
+def judged_by(structure: FittedStructure) -> UnexplainedSignal:
+    """Residuals of a structure on recordings it was not fitted to; on all, where none could be left out."""
+    return structure.left if structure.held_out is None else structure.held_out.unexplained
+
+
+def tried_structures(
+    structures: Sequence[Structure],
+    file: InjectorParameters,
+    further: Sequence[FreeParameter],
+    folds: Sequence[Fold],
+    progress: Callable[[float], None],
+) -> list[Trial]:
+    """Structures fitted roughly: kinds of lines in their order, until one leaves little.
+
+    further: free parameters beside a structure's own; progress: hears the share of the structures so far.
+    """
+    tried: list[Trial] = []
+    for line, alike in _kinds(structures):
+        tried += _trials(alike, file, further, folds)
+        progress(len(tried) / len(structures))
+        fits = [judged_by(one).mean for one in tried if isinstance(one, FittedStructure)]
+        if min(fits, default=math.inf) <= ENOUGH.get(line, 0.0):
+            break
+    return tried
+
+
+def _kinds(structures: Sequence[Structure]) -> Iterator[tuple[str, Sequence[Structure]]]:
+    """Structures by their line; a lump, whose sac is large, has neither flow when it is drained by the wrong one."""
+    for line in dict.fromkeys(one.line for one in structures):
+        alike = sorted(
+            (one for one in structures if one.line == line), key=lambda one: one.outflow is not LineOutflow.SEAT
+        )
+        yield from ((line, [one]) for one in alike) if line == "lump" else ((line, alike),)
+
+
+def _trials(
+    structures: Sequence[Structure], file: InjectorParameters, further: Sequence[FreeParameter], folds: Sequence[Fold]
+) -> list[Trial]:
+    """Lines of one kind: the fullest, then what is left of it without a part, then the best with the other outflow.
+
+    The parts of the fullest hardly stand in for each other, those of a line that lacks one do: from it a search ends
+    beside the minimum.
+    """
+    conserving = [one for one in structures if one.outflow is LineOutflow.SEAT] or structures
+    full = _fullest(max(conserving, key=lambda one: len(one.free)), file, further, folds)
+    if isinstance(full, FailedStructure):
+        return [full, *(FailedStructure(one, full.reason) for one in structures if one is not full.structure)]
+    beside = tuple(one for one in full.calibration.free if one not in full.structure.free)
+    fits = [full]
+
+    def simplified(structure: Structure, one: FittedStructure) -> Trial:
+        return fitted(structure, one.injector, (*structure.free, *beside), folds, ROUGH_ITERATIONS)
+
+    for structure in sorted(conserving, key=lambda one: -len(one.free)):
+        fuller = [one for one in fits if set(structure.free) < set(one.structure.free)]
+        nearest = [one for one in fuller if len(one.structure.free) == min(len(f.structure.free) for f in fuller)]
+        if any(_is_as_good(judged_by(one), judged_by(full)) for one in nearest):
+            without = simplified(structure, min(nearest, key=lambda one: judged_by(one).mean))
+            fits += [without] if isinstance(without, FittedStructure) else []
+    best = _simplest(fits)
+    other = [one for one in structures if one.free == best.structure.free and one is not best.structure]
+    return [*fits, *(simplified(structure, best) for structure in other)]
+
+
+def _fullest(
+    structure: Structure, file: InjectorParameters, further: Sequence[FreeParameter], folds: Sequence[Fold]
+) -> Trial:
+    """A structure searched for with all that an injector may have beside it; in a line with waves the fuel stiffens.
+
+    What is in doubt is taken out again, and what recordings left out are explained as well without.
+    """
+    stiffens = WAVE_DAMPING in structure.free or STIFFENING.stated(file)
+    every = [one for group in OPTIONAL_GROUPS for one in group]
+    free = [*structure.free, *further, *every, *((STIFFENING,) if stiffens else ())]
+    full = searched(structure, file, free, folds, ROUGH_ITERATIONS)
+    if isinstance(full, FailedStructure):
+        return full
+
+    def without(parts: Sequence[FreeParameter], one: FittedStructure) -> Trial:
+        others = [each for each in one.calibration.free if each not in parts]
+        return fitted(structure, _as_stated(one.injector, parts, file, folds), others, folds, ROUGH_ITERATIONS)
+
+    has = [one for group in certain_groups(full) for one in group]
+    if len(has) < len(every):
+        full = without([one for one in every if one not in has], full)
+    for parts in (has, [STIFFENING] if stiffens and not STIFFENING.stated(file) else []):
+        if parts and isinstance(full, FittedStructure):
+            simpler = without(parts, full)
+            if isinstance(simpler, FittedStructure) and _is_as_good(judged_by(simpler), judged_by(full)):
+                full = simpler
+    return full
+
+
+def _as_stated(
+    injector: InjectorParameters, parts: Sequence[FreeParameter], file: InjectorParameters, folds: Sequence[Fold]
+) -> InjectorParameters:
+    """An injector with what the file says of some parts, if only nothing.
+
+    Its fuel is then everywhere as stiff as at the folds' mean rail pressure.
+    """
+    if STIFFENING in parts:
+        pressure = float(np.mean([fold.measurement.rail_pressure for fold in folds]))
+        slope = injector.fluid.bulk_modulus_by_pressure - file.fluid.bulk_modulus_by_pressure
+        stiffness = injector.fluid.bulk_modulus_line + slope * pressure
+        injector = with_values(injector, (STIFFNESS,), np.array([stiffness]))
+    for one in parts:
+        section = getattr(injector, one.section).model_copy(update={one.key: one.stated(file)})
+        injector = injector.model_copy(update={one.section: section})
+    return injector
+
+
+def choose(tried: Sequence[Trial]) -> Choice | None:
+    """None where no structure could be fitted. Of equally good and simple ones that which conserves mass."""
+    candidates = [one for one in tried if isinstance(one, FittedStructure)]
+    if not candidates:
+        return None
+    best, as_good = _simplest(candidates), _as_good(candidates)
+    return Choice(best, tried, as_good, _reason(best, as_good))
+
+
+def _simplest(fits: Sequence[FittedStructure]) -> FittedStructure:
+    """Of those as good as the best."""
+    return min(
+        _as_good(fits),
+        key=lambda one: (len(one.structure.free), one.structure.outflow is not LineOutflow.SEAT, judged_by(one).mean),
+    )
+
+
+def _as_good(fits: Sequence[FittedStructure]) -> list[FittedStructure]:
+    lowest = min(map(judged_by, fits), key=lambda one: one.mean)
+    return [one for one in fits if _is_as_good(judged_by(one), lowest)]
+
+
+def _is_as_good(unexplained: UnexplainedSignal, best: UnexplainedSignal) -> bool:
+    return unexplained.mean <= MARGIN * best.mean + NOISE and all(
+        not np.isfinite(best.chi2[phase]) or unexplained.chi2[phase] <= WORST_MARGIN * max(best.chi2[phase], 1.0)
+        for phase in Phase
+    )
+
+
+def _reason(best: FittedStructure, as_good: Sequence[FittedStructure]) -> str:
+    unseen = judged_by(best)
+    where = "of recordings left out" if best.held_out is not None else "of all there is"
+    words = (
+        f"{best.structure.name}: chi2 {where} {unseen.mean:.2f} in the mean of the phases, "
+        f"{unseen.chi2[unseen.worst]:.2f} at worst ({unseen.worst.name.lower()})"
+    )
+    others = [f"{one.structure.name} ({judged_by(one).mean:.2f})" for one in as_good if one is not best]
+    return words + (f"; no simpler, and hardly better: {', '.join(others)}" if others else "")

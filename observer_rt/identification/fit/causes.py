@@ -7,28 +7,18 @@ import numpy as np
 from observer_rt.core.learning.whitening import HUBER
 from observer_rt.identification.fit.problem import Calibration, EffectSize
 from observer_rt.identification.fit.search import FittedStructure, fitted
-from observer_rt.model.effect import Component, Effect
+from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY
 
 POSSIBLE = (
-    "channel_skew",
-    "rail_pressure_skew",
-    "line_pressure_sensor_lag",
-    "needle_lift_sensor_lag",
-    "lift_offset",
-    "lift_gain",
-    "chamber_pressure_rise",
-    "orifice_cavitation",
-    "lift_dependent_seat_coefficient",
-    "guide_leakage",
-    "entrained_air",
-    "pressure_dependent_bulk_modulus",
-)
+    "channel_skew rail_pressure_skew line_pressure_sensor_lag needle_lift_sensor_lag lift_offset lift_gain "
+    "chamber_pressure_rise orifice_cavitation lift_dependent_seat_coefficient guide_leakage entrained_air "
+    "pressure_dependent_bulk_modulus"
+).split()
 REFITS = 2  # of the likeliest
 PROMISE = 0.3  # of what is left, that an effect must explain to first order to be worth a refit
 ITERATIONS = 30  # of a refit: the parameters stood in for the effect, and have a long way back
 EXPLAINED = 0.1  # of a mean chi2 beyond noise, up to which an effect explains it
-_OF_BENCH = (Component.RAIL_SENSOR, Component.LIFT_SENSOR, Component.LINE_SENSOR)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +37,11 @@ class TriedCause:
     @property
     def is_of_bench(self) -> bool:
         """Whether a sensor has it: the recordings are wrong then, not the model."""
-        return self.effect.component in _OF_BENCH
+        return self.effect.component.endswith("_sensor")
 
     @property
     def words(self) -> str:
-        """Such as `lift_offset x_0 = 9.8 um (chi2 1.1 for 3.3 in the mean)`."""
+        """Such as `lift_offset x_0 = 9.8 um: chi2 1.1 for 3.3`, each in the mean."""
         first = self.effect.parameters[0]
         size = EffectSize.of_effect(self.effect).of(self.fit.injector) / first.si
         unit = "" if first.unit == "-" else f" {first.unit}"
@@ -82,8 +72,7 @@ def _gain(best: FittedStructure, size: EffectSize) -> float:
     """
     at, free = best.minimum.at, best.calibration.free
     calibration = Calibration(best.injector, (*free, size), best.calibration.folds)
-    theta = np.insert(at.theta, len(free), 1.0)
-    moved = calibration.residuals(theta)
+    moved = calibration.residuals(np.insert(at.theta, len(free), 1.0))
     if moved is None:
         return 0.0
     data = at.residuals.z.size - at.theta.size  # the prior's come after

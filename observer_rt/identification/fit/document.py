@@ -45,6 +45,9 @@ class FitDocument(Document):
     verdict: Literal["adequate", "inadequate"]
     verdict_words: str
     inadequate_phases: tuple[str, ...]
+    causes: tuple[str, ...] = Field(
+        description="effects tried by refits where more than noise is left, the best first"
+    )
     structure: dict[str, str] = Field(description="the one chosen, and why")
     structures: tuple[TriedStructure, ...]
     parameters: dict[str, FittedNumber]
@@ -67,6 +70,7 @@ def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[
         verdict="adequate" if baseline.adequate else "inadequate",
         verdict_words=verdict_words(done),
         inadequate_phases=tuple(map(phase_name, done.inadequate)),
+        causes=tuple(one.words for one in done.causes),
         structure={
             "name": structure.name,
             "line_outflow": structure.outflow,

@@ -28,6 +28,7 @@ _DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset
 _MOST_KEPT = 24  # residuals cached of a fold: those of a linearisation
 UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
 LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
+_TRIED = "tried"  # origin of an effect that is not the file's
 
 
 @dataclass(frozen=True)
@@ -90,28 +91,30 @@ class EffectSize(FreeParameter):
     @classmethod
     def of_effect(cls, effect: Effect) -> Self:
         """Its first parameter's; the others are where a search begins."""
-        one = effect.parameters[0]
-        spread = (one.highest - one.lowest) / one.dead_zone
-        bounds = one.lowest, one.highest
-        return cls(one.name, "effects", effect.id, one.unit, one.si, *bounds, 0.0, spread, one.dead_zone)
+        first = effect.parameters[0]
+        lowest, highest, scale = first.lowest, first.highest, first.dead_zone
+        spread = (highest - lowest) / scale
+        return cls(first.name, "effects", effect.id, first.unit, first.si, lowest, highest, 0.0, spread, scale)
 
     def stated(self, injector: InjectorParameters) -> float | None:
         """Value [SI] in force; None where it is not."""
-        sizes = [one.parameters[self.symbol].value for one in injector.effects if (one.id, one.origin) == self._mark]
+        sizes = [each.parameters[self.symbol].value for each in injector.effects if self._is_made(each)]
         return self.si * sizes[0] if sizes else None
 
     def in_force(self, injector: InjectorParameters, value: float) -> InjectorParameters:
         """An injector with the effect at a value [SI]."""
-        first, *others = VOCABULARY[self.key].parameters
-        sizes = {first.name: value, **{one.name: one.starts[0] for one in others}}
-        printed = {one.name: EffectValue(value=sizes[one.name] / one.si, unit=one.unit) for one in (first, *others)}
-        effect = EffectInForce(id=self.key, parameters=printed, origin=self._mark[1])
-        beside = [one for one in injector.effects if (one.id, one.origin) != self._mark]
-        return injector.model_copy(update={"effects": (*beside, effect)})
+        parameters = VOCABULARY[self.key].parameters
+        values = [value, *(one.starts[0] for one in parameters[1:])]
+        sizes = {
+            one.name: EffectValue(value=size / one.si, unit=one.unit)
+            for one, size in zip(parameters, values, strict=True)
+        }
+        others = [each for each in injector.effects if not self._is_made(each)]
+        effect = EffectInForce(id=self.key, parameters=sizes, origin=_TRIED)
+        return injector.model_copy(update={"effects": (*others, effect)})
 
-    @property
-    def _mark(self) -> tuple[str, str]:
-        return self.key, "tried"
+    def _is_made(self, effect: EffectInForce) -> bool:
+        return (effect.id, effect.origin) == (self.key, _TRIED)
 
 
 STIFFNESS = FreeParameter("K_L", "fluid", "bulk_modulus_line", "GPa", 1e9, 0.2e9, 8e9, 1.6e9, 0.5)

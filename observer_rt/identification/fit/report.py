@@ -15,7 +15,7 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, MEASURED, NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
-from observer_rt.identification.fit.calibrate import GATE, CalibrationResult
+from observer_rt.identification.fit.calibrate import CalibrationResult
 from observer_rt.identification.fit.cross_validation import spread
 from observer_rt.identification.fit.document import FitDocument, phase_name, verdict_words
 from observer_rt.identification.likelihood.measurement import Measurement, open_time, rail_pressure_before
@@ -153,12 +153,10 @@ def _phases(axes: Axes, done: CalibrationResult) -> None:
     if both:
         axes.bar(places - 0.2, before, 0.38, color=GIVEN, label="file")
     axes.bar(places + 0.2 * both, after, 0.38, color=FOUND, label="fitted")
-    axes.axhline(GATE, color="#59636e", lw=1.0, ls=":")
-    axes.text(len(residuals) - 0.55, GATE, "limit", va="bottom", ha="right", fontsize=8, color="#59636e")
     axes.axhline(1.0, color="#59636e", lw=0.6)
     axes.grid(visible=False, axis="x")
     axes.set_yscale("log")
-    axes.set_ylim(_LEAST, 1.5 * float(np.nanmax([*before, *after, GATE])))
+    axes.set_ylim(_LEAST, 1.5 * float(np.nanmax([*before, *after, 1.0])))
     axes.yaxis.set_major_formatter(ScalarFormatter())
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xticks(places, [f"{one.phase}\n{one.signal.words}" for one in residuals])

@@ -174,7 +174,7 @@ def searched(
     few = tuple(thinned(fold, 1) for fold in folds)
     start = _best(structure, _around(file, free), free, few)
     structure_fit = fitted(structure, start, free, folds, iterations, SPARE)
-    if isinstance(structure_fit, FailedStructure) or explains(structure_fit):
+    if isinstance(structure_fit, FailedStructure) or structure_fit.left.mean < EXPLAINED:
         return structure_fit
     here = structure_fit.injector
     again = _best(structure, [here, *_around(here, free)], free, few)
@@ -198,11 +198,6 @@ def certain_groups(structure: FittedStructure) -> tuple[tuple[FreeParameter, ...
         if abs(size) > sigma:
             groups.append(group)
     return tuple(groups)
-
-
-def explains(structure: FittedStructure | FailedStructure) -> bool:
-    """Whether a structure leaves little more than noise."""
-    return isinstance(structure, FittedStructure) and structure.left.mean < EXPLAINED
 
 
 def _around(injector: InjectorParameters, free: Sequence[FreeParameter]) -> list[InjectorParameters]:

@@ -4,7 +4,7 @@ Chosen is the simplest of those that explain recordings they were not fitted to 
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,8 +74,12 @@ def tried_structures(
 
     further: free parameters beside a structure's own; progress: hears the share of the structures so far.
     """
+    # the seat's first; a lump, whose sac is large, has neither flow when it is drained by the wrong one
+    ordered = sorted(structures, key=lambda one: (one.line, one.outflow is not LineOutflow.SEAT))
+    kinds = dict.fromkeys((one.line, one.outflow if one.line == "lump" else None) for one in ordered)
     tried: list[Trial] = []
-    for line, alike in _kinds(structures):
+    for line, outflow in kinds:
+        alike = [one for one in ordered if one.line == line and outflow in (None, one.outflow)]
         tried += _trials(alike, file, further, folds)
         progress(len(tried) / len(structures))
         fits = [judged_by(one).mean for one in tried if isinstance(one, FittedStructure)]
@@ -84,19 +88,10 @@ def tried_structures(
     return tried
 
 
-def _kinds(structures: Sequence[Structure]) -> Iterator[tuple[str, Sequence[Structure]]]:
-    """Structures by their line; a lump, whose sac is large, has neither flow when it is drained by the wrong one."""
-    for line in dict.fromkeys(one.line for one in structures):
-        alike = sorted(
-            (one for one in structures if one.line == line), key=lambda one: one.outflow is not LineOutflow.SEAT
-        )
-        yield from ((line, [one]) for one in alike) if line == "lump" else ((line, alike),)
-
-
 def _trials(
     structures: Sequence[Structure], file: InjectorParameters, further: Sequence[FreeParameter], folds: Sequence[Fold]
 ) -> list[Trial]:
-    """Lines of one kind: the fullest, then what is left of it without a part, then the best with the other outflow.
+    """Lines of one kind: the fullest, then those without a part of it, then the best with the other outflow.
 
     The parts of the fullest hardly stand in for each other, those of a line that lacks one do: from it a search ends
     beside the minimum.
@@ -105,18 +100,19 @@ def _trials(
     full = _fullest(max(conserving, key=lambda one: len(one.free)), file, further, folds)
     if isinstance(full, FailedStructure):
         return [full, *(FailedStructure(one, full.reason) for one in structures if one is not full.structure)]
-    beside = tuple(one for one in full.calibration.free if one not in full.structure.free)
+    common = tuple(one for one in full.calibration.free if one not in full.structure.free)
     fits = [full]
 
-    def simplified(structure: Structure, one: FittedStructure) -> Trial:
-        return fitted(structure, one.injector, (*structure.free, *beside), folds, ROUGH_ITERATIONS)
+    def simplified(structure: Structure, fuller: FittedStructure) -> Trial:
+        return fitted(structure, fuller.injector, (*structure.free, *common), folds, ROUGH_ITERATIONS)
 
     for structure in sorted(conserving, key=lambda one: -len(one.free)):
         fuller = [one for one in fits if set(structure.free) < set(one.structure.free)]
-        nearest = [one for one in fuller if len(one.structure.free) == min(len(f.structure.free) for f in fuller)]
+        fewest = min((len(one.structure.free) for one in fuller), default=0)
+        nearest = [one for one in fuller if len(one.structure.free) == fewest]
         if any(_is_as_good(judged_by(one), judged_by(full)) for one in nearest):
-            without = simplified(structure, min(nearest, key=lambda one: judged_by(one).mean))
-            fits += [without] if isinstance(without, FittedStructure) else []
+            trial = simplified(structure, min(nearest, key=lambda one: judged_by(one).mean))
+            fits += [trial] if isinstance(trial, FittedStructure) else []
     best = _simplest(fits)
     other = [one for one in structures if one.free == best.structure.free and one is not best.structure]
     return [*fits, *(simplified(structure, best) for structure in other)]
@@ -125,9 +121,9 @@ def _trials(
 def _fullest(
     structure: Structure, file: InjectorParameters, further: Sequence[FreeParameter], folds: Sequence[Fold]
 ) -> Trial:
-    """A structure searched for with all that an injector may have beside it; in a line with waves the fuel stiffens.
+    """A structure searched for with all that an injector may have; in a line with waves the fuel stiffens.
 
-    What is in doubt is taken out again, and what recordings left out are explained as well without.
+    Parts in doubt are taken out again, and those without which recordings left out are explained as well.
     """
     stiffens = WAVE_DAMPING in structure.free or STIFFENING.stated(file)
     every = [one for group in OPTIONAL_GROUPS for one in group]
@@ -136,9 +132,9 @@ def _fullest(
     if isinstance(full, FailedStructure):
         return full
 
-    def without(parts: Sequence[FreeParameter], one: FittedStructure) -> Trial:
-        others = [each for each in one.calibration.free if each not in parts]
-        return fitted(structure, _as_stated(one.injector, parts, file, folds), others, folds, ROUGH_ITERATIONS)
+    def without(parts: Sequence[FreeParameter], fuller: FittedStructure) -> Trial:
+        others = [one for one in fuller.calibration.free if one not in parts]
+        return fitted(structure, _as_stated(fuller.injector, parts, file, folds), others, folds, ROUGH_ITERATIONS)
 
     has = [one for group in certain_groups(full) for one in group]
     if len(has) < len(every):
@@ -163,9 +159,9 @@ def _as_stated(
         slope = injector.fluid.bulk_modulus_by_pressure - file.fluid.bulk_modulus_by_pressure
         stiffness = injector.fluid.bulk_modulus_line + slope * pressure
         injector = with_values(injector, (STIFFNESS,), np.array([stiffness]))
-    for one in parts:
-        section = getattr(injector, one.section).model_copy(update={one.key: one.stated(file)})
-        injector = injector.model_copy(update={one.section: section})
+    for part in parts:
+        section = getattr(injector, part.section).model_copy(update={part.key: part.stated(file)})
+        injector = injector.model_copy(update={part.section: section})
     return injector
 
 

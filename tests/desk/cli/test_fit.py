@@ -1,15 +1,12 @@
 """`observer-rt fit`: what it writes and prints, and the mistakes it names."""
 
 import json
-from functools import partial
 from pathlib import Path
 
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.files.formats import write_recording
-from observer_rt.identification.fit.calibrate import calibrate
-from observer_rt.identification.fit.problem import STRUCTURES
 from tests.desk.cli.conftest import Command
 from tests.identification.fit.healthy import simulations
 
@@ -37,10 +34,8 @@ def wrong(tmp_path: Path) -> Path:
 
 
 def test_a_fit_writes_the_file_the_figure_and_says_what_it_is_worth(
-    command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path
 ) -> None:
-    lumps = [one for one in STRUCTURES if one.line == "lump"]  # the others take longer
-    monkeypatch.setattr("observer_rt.desk.fitted_model.calibrate", partial(calibrate, structures=lumps))
     fitted, figure = tmp_path / "fitted.toml", tmp_path / "fit.png"
     done = command.done("fit", *healthy, "--model", wrong, "--output", fitted, "--plot", figure)
     for words in ("verdict: adequate", "one to one on A_L/(rho_L L_L)", "alpha_H", "chosen: one lump"):

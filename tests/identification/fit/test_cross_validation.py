@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,16 +28,14 @@ from observer_rt.identification.fit.cross_validation import (
     warnings,
 )
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.fit.problem import STRUCTURES
 from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
-from tests.identification.fit.healthy import NOMINAL, POINTS, simulations
+from tests.identification.fit.healthy import LUMPS, NOMINAL, POINTS, simulations
 
 TWO = measurements([one.recording for one in simulations([(60e6, 0.6e-3), (100e6, 1.9e-3)], injections=5)])
 SENSORS = StatedAccuracy(0.007, 0.007)
 GAIN = 0.012
 THREE_PRESSURES = [(60e6, 1.2e-3), (100e6, 0.8e-3), (140e6, 1.2e-3)]
-LUMP = [one for one in STRUCTURES if one.line == "lump"][:1]
 
 
 def test_a_recording_of_two_operating_points_falls_into_them() -> None:
@@ -172,8 +169,7 @@ def test_recordings_and_masses_become_those_of_the_rail_sensor() -> None:
     assert MeanMass(41e-6, 1e-7).by(level) == pytest.approx((41e-6 / 1.006, 1e-7 / 1.006))
 
 
-def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("observer_rt.desk.fitted_model.calibrate", partial(calibrate, structures=LUMP))
+def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path) -> None:
     fitted = fitted_model(NOMINAL, measured_with(GAIN), {}, {}, lambda _: None, SENSORS)
     assert fitted.done.inadequate == ()
     assert fitted.baseline.line_pressure_sensor_gain == pytest.approx(GAIN, abs=1.8e-3)  # two sigma
@@ -185,7 +181,7 @@ def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path, monkeypatch: 
 def test_a_measured_mass_leaves_its_own_accuracy(tmp_path: Path) -> None:
     seen = measured_with(0.0, 0.0)
     mass = MeanMass(40e-6, 0.003 * 40e-6)
-    done = calibrate(NOMINAL, seen, {0: mass}, lambda _: None, LUMP)
+    done = calibrate(NOMINAL, seen, {0: mass}, lambda _: None, LUMPS)
     write_fitted(tmp_path / "fitted.toml", InjectorFile.read(NOMINAL_INJECTOR), done, baseline_of(done, {}))
     accuracy = load_injector(tmp_path / "fitted.toml").accuracy
     assert accuracy.mass_percent is not None

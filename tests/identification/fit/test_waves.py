@@ -72,6 +72,21 @@ def fitted_to(
     return calibrated_to(plant, part, file).injector
 
 
+def test_a_fuel_that_stiffens_is_found_by_a_file_of_one_that_does_not() -> None:
+    """By its waves: how their speed grows, (K_1 - 1)/K for a fuel, n/K for the plant's, whose density is constant."""
+    stiffens = Faults(bulk_modulus_slope=10.5)
+    benches = [
+        replace(one, events=tuple(replace(event, faults=stiffens) for event in one.events))
+        for one in healthy_benches(Variant.PLAIN, 1).values()
+    ]
+    measured = measurements([recording_of(record(bench)) for bench in benches])
+    done = calibrate(SMALL_SAC, measured, {}, lambda _: None, WAVES)
+    assert done.inadequate == ()
+    fluid, plant = done.injector.fluid, real_part(1).bulk_modulus_line / (1.0 - LINES[Variant.PLAIN].end_share)
+    stiffness = fluid.bulk_modulus_line + fluid.bulk_modulus_by_pressure * 100e6
+    assert (fluid.bulk_modulus_by_pressure - 1.0) / stiffness == pytest.approx(10.5 / plant, rel=0.03)
+
+
 def test_a_throttle_at_the_rail_is_found() -> None:
     """An orifice of 2e14 Pa s2/m6 before the line."""
     injector = fitted_to(LINES[Variant.PLAIN]._replace(inlet_loss=2e14))

@@ -1,4 +1,4 @@
-"""Tries what may have caused what a fit leaves: effects for which it has no parameter, each by a refit with it."""
+"""Tries what may have caused what a fit leaves: effects of the vocabulary, the likeliest by refits with them."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,10 @@ from observer_rt.identification.fit.search import FittedStructure, fitted
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY
 
-POSSIBLE = (
-    "channel_skew rail_pressure_skew line_pressure_sensor_lag needle_lift_sensor_lag lift_offset lift_gain "
-    "chamber_pressure_rise orifice_cavitation lift_dependent_seat_coefficient guide_leakage entrained_air "
-    "pressure_dependent_bulk_modulus"
-).split()
 REFITS = 2  # of the likeliest
-PROMISE = 0.3  # of what is left, that an effect must explain to first order to be worth a refit
+PROMISE = 0.1  # of what is left, that an effect must explain to first order to be worth a refit
 ITERATIONS = 30  # of a refit: the parameters stood in for the effect, and have a long way back
+OWN = 1e-3  # of what an effect does, that the fitted parameters cannot do
 EXPLAINED = 0.1  # of a mean chi2 beyond noise, up to which an effect explains it
 
 
@@ -52,7 +48,7 @@ class TriedCause:
 
 def tried_causes(best: FittedStructure) -> tuple[TriedCause, ...]:
     """The likeliest causes of what a structure leaves, the best first; none where no effect promises much."""
-    sizes = [EffectSize.of_effect(VOCABULARY[name]) for name in POSSIBLE]
+    sizes = [EffectSize.of_effect(one) for one in VOCABULARY.values() if one.parameters]
     gains = {size: _gain(best, size) for size in sizes}
     left = best.minimum.at.residuals
     promising = [one for one in sizes if gains[one] > PROMISE * (left.squares - left.z.size)]
@@ -83,7 +79,7 @@ def _gain(best: FittedStructure, size: EffectSize) -> float:
     as_parameters = np.linalg.pinv(at.information, hermitian=True) @ shared
     own = float(change @ change - shared @ as_parameters)
     slope = float(change @ left - as_parameters @ at.gradient)
-    if own <= 0.0:
+    if own <= OWN * float(change @ change):
         return 0.0
     steps = float(np.clip(-slope / own, size.lowest / size.linear, size.highest / size.linear))
     return -steps * (2.0 * slope + steps * own)

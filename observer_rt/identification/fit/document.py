@@ -166,7 +166,7 @@ def _causes(done: CalibrationResult) -> str:
     cause = done.cause
     if cause is None:
         tried = ", ".join(one.words for one in done.causes)
-        return f"Tried by refits, and not the cause: {tried}" if tried else "No single effect explains much of it"
+        return f"Tried by refits, and not enough: {tried}" if tried else "No single effect explains much of it"
     what_to_do = "the recordings have it, not the model: state or repair it, and record again"
     if not cause.is_of_bench:
         what_to_do = "`observer-rt discover` takes it over, the fitted file given as --model"

@@ -42,7 +42,7 @@ DAMPINGS = (0.5, 2.0)  # m2/s; a strong one makes the minimum wide
 STIFFENINGS = (1.0, STIFFENING.start)  # K_1 of a wave speed that hardly depends on pressure, and of fuels
 SURE = 4.0  # standard deviations of a control flow or a displacement, below which there is none
 LEAST = 0.1  # mm3/ms, mm2: what no mass notices
-EXPLAINED = 1.5  # mean chi2, below which a search has not ended beside the minimum
+EXPLAINED = 5.0  # mean chi2, below which a search has not ended beside the minimum
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import socket
 import sys
 from collections.abc import Iterator
@@ -107,5 +108,6 @@ class SocketCounter:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Start counting."""
+    """Start counting; an interrupt counts, too, which a shell has ignored by what it starts in the background."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     config.pluginmanager.register(SocketCounter(), "socket-counter")

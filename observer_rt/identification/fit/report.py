@@ -120,7 +120,8 @@ def fit_figure(done: CalibrationResult) -> Figure:
             by_file = None if before is None else simulated(measurement, before.models[fold])[0]
             _overlay(axes, measurement, by_file, simulated(measurement, after.models[fold])[0], number == 0)
         _phases(figure.add_subplot(grid[rows, :]), done)
-        figure.suptitle(f"{done.fitted.structure.name}: {verdict_words(done).split('. ')[0]}", fontsize=11)
+        verdict = verdict_words(done).split(",")[0].split(". ")[0]
+        figure.suptitle(f"{done.fitted.structure.name}: {verdict}", fontsize=11)
     return figure
 
 

@@ -22,6 +22,7 @@ from observer_rt.identification.fit.problem import (
 )
 from observer_rt.identification.fit.residuals import UnexplainedSignal
 from observer_rt.identification.fit.search import (
+    EXPLAINED,
     ROUGH_ITERATIONS,
     FailedStructure,
     FittedStructure,
@@ -34,8 +35,8 @@ from observer_rt.model.parameters import InjectorParameters, LineOutflow
 # Times the best chi2, of the mean and of a phase, up to which one is as good.
 MARGIN, WORST_MARGIN = 1.15, 1.5
 NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
-ENOUGH = {"lump": MARGIN + NOISE, "wave": 10.0}
-"""Mean chi2 of a kind of line, up to which no further kind is tried: of a pipe, two parts leave not a tenth of it."""
+ENOUGH = {"lump": MARGIN + NOISE, "wave": EXPLAINED}
+"""Mean chi2 of a kind of line, up to which no further kind is tried."""
 
 Trial = FittedStructure | FailedStructure
 

@@ -162,9 +162,10 @@ class CalibrationResult:
 
     @property
     def level_share(self) -> float | None:
-        """Standard deviation of the level, as a share: how well it was determined, and the measurement's own.
+        """Standard deviation of the level, as a share: how well it was determined, or the measurement's own.
 
-        That of a rate is its gain's, and the density's; None where nothing was measured.
+        The former has the latter in it, and less of it by each further mass, as if no error were common to them. That
+        of a rate is its gain's, and the density's; None where nothing was measured.
         """
         if self.level is FlowLevel.FILE:
             return None
@@ -174,7 +175,7 @@ class CalibrationResult:
         weighed = [fold.weighed for fold in self.fitted.calibration.folds if fold.weighed is not None]
         own = [one.sigma / one.mass for one in weighed]
         by_rate = math.hypot(GAIN_ERROR, 0.01 * self.file.accuracy.fuel_density_percent)
-        return math.hypot(by_fit, float(np.median(own)) if own else by_rate)
+        return max(by_fit, float(np.median(own)) if own else by_rate)
 
 
 def calibrate(

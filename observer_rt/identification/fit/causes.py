@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer_rt.core.learning.whitening import HUBER
 from observer_rt.identification.fit.problem import Calibration, EffectSize
 from observer_rt.identification.fit.search import FittedStructure, fitted
 from observer_rt.model.effect import Effect
@@ -72,8 +71,7 @@ def _gain(best: FittedStructure, size: EffectSize) -> float:
     if moved is None:
         return 0.0
     data = at.residuals.z.size - at.theta.size  # the prior's come after
-    here = at.residuals.z[:data]
-    roots = np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(here), HUBER)))
+    here, roots = at.residuals.z[:data], at.residuals.roots[:data]
     change, left = roots * (moved.z[:data] - here), roots * here
     shared = at.slopes[:data].T @ change
     as_parameters = np.linalg.pinv(at.information, hermitian=True) @ shared

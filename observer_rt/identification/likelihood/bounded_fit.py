@@ -42,6 +42,11 @@ class Residuals:
         return 2.0 * float(robust_cost(self.z, 0, 1.0))
 
     @property
+    def roots(self) -> NDArray[np.float64]:
+        """Roots (n,) of the weights that make least squares of `statistic` round here."""
+        return np.asarray(np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(self.z), HUBER))))
+
+    @property
     def spread(self) -> float:
         """Their mean square as `statistic` counts it, 1 at least."""
         return max(1.0, self.squares / self.z.size)
@@ -79,8 +84,8 @@ def linearise(problem: Problem, theta: NDArray[np.float64], here: Residuals, ran
     With z = e/sigma, -log L = sum rho(z) + log sigma has the Fisher information z'z' (sigma held) + 2 (log sigma)'^2.
     """
     p = theta.size
-    weights = np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER))
-    roots, weighted = np.sqrt(weights), weights * here.z
+    roots = here.roots
+    weighted = roots**2 * here.z
     slopes = np.zeros((here.z.size, p), order="F")  # filled by columns
     spreads = np.zeros((here.counts.size, p))
     gradient, unit = np.zeros(p), np.eye(p)

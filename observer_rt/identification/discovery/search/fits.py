@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis, equation_of, minimum_from
-from observer_rt.identification.discovery.search.scores import WHOLE, Scores, Signature, bounds_of, scored, weights_of
+from observer_rt.identification.discovery.search.scores import WHOLE, Scores, Signature, bounds_of, scored
 from observer_rt.identification.likelihood import appearance
 from observer_rt.identification.likelihood.bounded_fit import (
     MAX_ITERATIONS,
@@ -159,7 +159,7 @@ class Fitter:
         """Scores of effects that a candidate does not have, by a little of each beside it, names by more as well."""
         here = self.residuals(about)
         assert here is not None  # it was fitted
-        weights = weights_of(here)
+        weights = here.roots
         left = np.asarray(weights * here.z, np.float32)
 
         def signature(effect: Effect) -> Signature | None:

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.whitening import HUBER
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
 
@@ -83,11 +82,6 @@ class Scores:
         return np.asarray(np.linalg.lstsq(information, self.gradient[list(rows)], rcond=1e-9)[0])
 
 
-def weights_of(here: Residuals) -> NDArray[np.float64]:
-    """Roots of what residuals count (n,)."""
-    return np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER)))
-
-
 def bounds_of(effect: Effect) -> tuple[float, float]:
     """Ends of its first parameter; a switch is there or not."""
     return (effect.parameters[0].lowest, effect.parameters[0].highest) if effect.parameters else (0.0, WHOLE)
@@ -95,7 +89,7 @@ def bounds_of(effect: Effect) -> tuple[float, float]:
 
 def scored(effects: Sequence[Effect], numbers: NDArray[np.int64], slopes: Signature, here: Residuals) -> Scores:
     """Scores of effects (m,) by their signatures (n, m) in the residuals. numbers: as of `Scores`."""
-    left = np.asarray(weights_of(here) * here.z, np.float32)
+    left = np.asarray(here.roots * here.z, np.float32)
     ends = np.cumsum(here.counts)
     parts = [slice(int(end - count), int(end)) for end, count in zip(ends, here.counts, strict=True) if count]
     information = np.array([slopes[part].T @ slopes[part] for part in parts], np.float64)

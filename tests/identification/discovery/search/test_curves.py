@@ -15,7 +15,7 @@ from observer_rt.identification.discovery.search.curves import (
     made_to_measure,
     waves,
 )
-from observer_rt.identification.discovery.search.scores import Scores, scored, weights_of
+from observer_rt.identification.discovery.search.scores import Scores, scored
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import TermLaw, form_freed, form_settled, term_of
@@ -35,7 +35,7 @@ def measured(law: str) -> NDArray[np.float64]:
 def scoring(left: NDArray[np.float64]) -> Score:
     """Scores of terms in the residuals of a regression (COUNT,): each is its law at random moments."""
     here = Residuals(left / SIGMA, np.array([COUNT]), np.array([np.log(SIGMA)]))
-    weights = weights_of(here)
+    weights = here.roots
 
     def score(effects: Sequence[Effect]) -> Scores:
         laws = [term.law.at(VALUES) for one in effects if (term := term_of(one, 1.0)) is not None]

@@ -80,7 +80,7 @@ def _keys(model: type[BaseModel]) -> dict[str, set[str]]:
     return sections
 
 
-def test_example_bench_shows_every_key_with_its_default(tmp_path: Path) -> None:
+def test_example_bench_shows_every_key_with_its_default() -> None:
     """Each key is there, commented out where its default is nothing; and its value is the default."""
     text = EXAMPLE_BENCH.read_text()
     for section, keys in _keys(BenchConfig).items():

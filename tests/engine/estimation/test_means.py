@@ -45,7 +45,6 @@ def event(setting: Setting) -> Window:
     return Window(np.column_stack([np.full(80, 0.95), area]), output, time < 1e-3, start, 21, knots)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("model", ["lump", "wave"])
 @pytest.mark.parametrize(("late", "lag"), [(0.0, 0.0), (0.4, LAG)])
 def test_filtered_gradient_is_the_derivative(model: str, late: float, lag: float) -> None:

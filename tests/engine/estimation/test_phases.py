@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.signal import lfilter
@@ -73,11 +73,11 @@ def white(seed: int, samples: int) -> NDArray[np.float64]:
     return SIGMA * np.random.default_rng(seed).normal(size=samples)
 
 
-def events(seed: int, colour: float, count: int = 40) -> PhaseStatistics:
+def events(seed: int, colour: float) -> PhaseStatistics:
     """Many events of an autoregressive noise of variance SIGMA^2; colour 0 is white."""
     phases = phases_of(window_with({100: 150}, 1200), EDGE, AFTERGLOW)
     total = no_statistics()
-    for k in range(count):
+    for k in range(40):
         drive = white(1000 * seed + k, 1200) * np.sqrt(1.0 - colour**2)
         noise = lfilter([1.0], [1.0, -colour], drive)
         total = total.faded(1.0, phase_statistics(noise, SIGMA, phases, 50))
@@ -144,7 +144,6 @@ def test_only_what_happened_is_counted() -> None:
     assert statistics.excess(Phase.AFTER) == 0.0
 
 
-@settings(deadline=None)
 @given(st.integers(0, 1000), st.integers(1, 500))
 def test_statistics_add_up_over_events(seed: int, length: int) -> None:
     phases = np.full(length, int(Phase.AFTER), np.int8)

@@ -24,7 +24,6 @@ from tests.daemon.pulses import (
     durations,
     index_at,
     injected,
-    level_frame,
     misfired,
     on_change,
     pulse_bench,
@@ -88,10 +87,6 @@ class Case:
     crc_errors: int = 0
 
 
-def silent(level: int) -> list[TimedFrame]:
-    return [level_frame("PulseLevel", level, time, index_at(time)) for time in (0.1, 0.151, 0.2, 0.25)]
-
-
 def repeated(pulses: Pulses) -> list[TimedFrame]:
     """A duration with an index may be sent cyclically, until the next; one that was overtaken."""
     sent = [duration_frame(lasts, start + n * 5e-3, index_at(start)) for start, lasts in pulses for n in range(9)]
@@ -113,10 +108,6 @@ def spoilt(pulses: Pulses) -> list[TimedFrame]:
 
 def without(frames: Sequence[TimedFrame], begin: float, end: float) -> list[TimedFrame]:
     return [one for one in frames if not begin <= one.time < end]
-
-
-def but(frames: Sequence[TimedFrame], number: int) -> list[TimedFrame]:
-    return [*frames[:number], *frames[number + 1 :]]
 
 
 def windows(pulses: Pulses, second: float = 5e-3) -> list[tuple[float, float]]:

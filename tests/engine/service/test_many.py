@@ -7,10 +7,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-import cantools
 import numpy as np
 import pytest
-from cantools.database.can import Database
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,12 +24,6 @@ from tests.daemon.pulses import PILOT_AND_MAIN, SOURCES, injected, misfired, pul
 from tests.device import Device, Result, core_of, damaged, frames_of, hand, inserted, merged, run, simulated
 
 CLASSIC = Path(__file__).parents[2] / "bus" / "databases" / "testbed_classic.toml"
-
-
-def database() -> Database:
-    result = cantools.database.load_file(CLASSIC.with_suffix(".dbc"))
-    assert isinstance(result, Database)
-    return result
 
 
 FRAMES = st.lists(st.tuples(st.integers(0, 3), st.binary(max_size=64), st.integers(-(10**9), 10**9)), max_size=400)

@@ -47,11 +47,6 @@ def scale(tmp_path: Path, clean: Traffic) -> Scale:
     return Scale(tmp_path, clean)
 
 
-@pytest.fixture
-def path(scale: Scale) -> Path:
-    return scale.path
-
-
 @pytest.mark.parametrize("delay", [SOON, LATE])
 def test_a_value_belongs_to_the_injection_before_it(scale: Scale, delay: int) -> None:
     sent = [(scale.after(n, delay), bed("Mass", mass)) for n, mass in ((1, 10.0), (2, 8.0), (3, 9.0))]

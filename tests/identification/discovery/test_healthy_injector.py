@@ -21,8 +21,8 @@ OWN = sized("orifice_area", v_H=0.02)
 """What the model lacks of the healthy injector."""
 
 
-def _discover(*effects: SizedEffect, options: SearchOptions | None = None, seed: int = 2) -> Discovery:
-    measured_recordings = measurements(recordings(effects, points=POINTS, seed=seed))
+def _discover(*effects: SizedEffect, options: SearchOptions | None = None) -> Discovery:
+    measured_recordings = measurements(recordings(effects, points=POINTS, seed=2))
     return name_effects(MODEL, measured_recordings, options or SearchOptions(workers=2))
 
 

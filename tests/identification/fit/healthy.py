@@ -32,7 +32,6 @@ def simulations(
     measured_rate: bool = False,
     injections: int = 3,
     seed: int = 1,
-    noise: SimulatedNoise | None = None,
 ) -> list[Simulation]:
     """One an operating point (rail pressure [Pa], energizing [s])."""
     return [
@@ -41,7 +40,7 @@ def simulations(
             make_schedule([pressure], injections, 0.05, [duration]),
             100e3,
             (),
-            noise or SimulatedNoise(),
+            SimulatedNoise(),
             measured_rate,
             seed=100 * seed + number,
         )

@@ -122,6 +122,9 @@ def test_what_a_further_bus_leaves_out_is_as_in_the_first(tmp_path: Path) -> Non
     assert {bus.config.interface for bus in buses} == {"socketcan"}
 
 
+LOST = '[signals.{}]\nmessage = "X"\nsignal = "Y"\nlink = "lin"\n[outputs]'
+
+
 @pytest.mark.parametrize(
     ("old", "new", "location", "said"),
     [
@@ -132,12 +135,8 @@ def test_what_a_further_bus_leaves_out_is_as_in_the_first(tmp_path: Path) -> Non
         ('channel = "can2"', 'chanel = "can2"', "links.line.chanel", "did you mean 'channel'?"),
         ('[links.line]\nchannel = "can2"', "[links.line]\nfd = true", "links.line.channel", "is missing"),
         ("[links.line]", '[links."a b"]', "links.a b", "is not allowed"),
-        (
-            "[outputs]",
-            '[signals.learning_enable]\nmessage = "X"\nsignal = "Y"\nlink = "lin"\n[outputs]',
-            "signals.learning_enable.link",
-            "did you mean 'line'?",
-        ),
+        ("[outputs]", LOST.format("learning_enable"), "signals.learning_enable.link", "did you mean 'line'?"),
+        ("[outputs]", LOST.format("energizing"), "signals.energizing.link", "did you mean 'line'?"),
     ],
 )
 def test_mistakes_are_named(tmp_path: Path, old: str, new: str, location: str, said: str) -> None:
@@ -162,9 +161,3 @@ def test_an_option_for_each_bus() -> None:
 
 def test_with_one_bus_a_channel_may_hold_an_equals_sign() -> None:
     assert of_links("--channel", ["socket://a?b=c"], load_bench().config.buses) == {0: "socket://a?b=c"}
-
-
-def test_the_link_of_the_energizing_is_looked_up_too(tmp_path: Path) -> None:
-    energizing = '[signals.energizing]\nmessage = "Pulse"\nsignal = "On"\nlink = "lfit"\n'
-    with pytest.raises(UserError, match=r"signals\.energizing\.link: there is no link 'lfit'"):
-        buses_of(tmp_path, THREE + energizing)

@@ -8,13 +8,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.model.laws import seat_area, take_tanh
+from observer_rt.core.model.laws import take_tanh
 from observer_rt.model.effective import coefficients
 from observer_rt.model.hydraulics import full_lift_area
-from observer_rt.model.parameters import LineOutflow
 
 NOMINAL = load_injector()
-CONSERVING = NOMINAL.model_copy(update={"line_outflow": LineOutflow.SEAT})
 
 
 def test_coefficients_are_those_printed_with_the_nominal_parameters() -> None:
@@ -28,18 +26,6 @@ def test_coefficients_are_those_printed_with_the_nominal_parameters() -> None:
     assert c.sac.a6 == pytest.approx(1.483e4, abs=5)
 
 
-def test_line_is_drained_by_one_flow_only() -> None:
-    assert coefficients(NOMINAL).line.a2_seat == 0.0
-    assert coefficients(CONSERVING).line.a2_nozzle == 0.0
-
-
-def test_ratio_of_sac_and_line_is_the_twelve_of_the_paper() -> None:
-    """L = [1 0 12]^T is a6/a2 = (K_C/V_S)/(K_L/V_L); in the conserving form the same ratio is a5/a2."""
-    nominal, conserving = coefficients(NOMINAL), coefficients(CONSERVING)
-    assert nominal.sac.a6 / nominal.line.a2_nozzle == pytest.approx(12, rel=1e-12)
-    assert conserving.sac.a5 / conserving.line.a2_seat == pytest.approx(12, rel=1e-12)
-
-
 def test_line_mode_is_the_one_printed() -> None:
     """1.28 kHz, from the inertia and the stiffness of the line."""
     assert coefficients(NOMINAL).line.mode / (2 * math.pi) == pytest.approx(1280, abs=5)
@@ -49,11 +35,6 @@ def test_seat_area_of_the_full_cone_angle() -> None:
     """pi x sin(30 deg) (d - x/2 sin(60 deg)) for the nominal 60 degree cone."""
     expected = math.pi * 0.3e-3 * 0.5 * (2.2e-3 - 0.15e-3 * math.sqrt(3) / 2)
     assert full_lift_area(NOMINAL) == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("lift", [0.0, -1e-9, -5e-6])
-def test_closed_needle_has_no_area(lift: float) -> None:
-    assert seat_area(lift, 2.2e-3, math.radians(30)) == 0.0
 
 
 def tanh(argument: float) -> float:

@@ -11,7 +11,6 @@ from observer_rt.config.bench import load_injector
 from observer_rt.model.effect import Effect, Likeness, SizedEffect
 from observer_rt.model.effective import EffectiveModel, InputTerms, SensorTerms, coefficients
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
-from observer_rt.model.parameters import EffectInForce, EffectValue
 
 NOMINAL = load_injector()
 # ids and parameters: injector files of users name them
@@ -142,17 +141,6 @@ def test_lift_is_corrected_for_gain_and_offset() -> None:
     assert terms.lift_factor * (100e-6 - 20e-6) + terms.lift_shift == pytest.approx(100e-6)
     terms = effective_model(NOMINAL, [sized("lift_gain", g=0.25)]).inputs
     assert terms.lift_factor * 80e-6 + terms.lift_shift == pytest.approx(100e-6)
-
-
-def test_effects_of_the_file_are_in_force() -> None:
-    entry = EffectInForce(
-        id="lift_dependent_seat_coefficient",
-        parameters={"a": EffectValue(value=0.2, unit="-"), "x_c": EffectValue(value=80.0, unit="um")},
-    )
-    worn = NOMINAL.model_copy(update={"effects": (entry,)})
-    by_hand = effective_model(NOMINAL, [sized("lift_dependent_seat_coefficient", a=0.2, x_c=80e-6)])
-    assert numbers(effective_model(worn)) == pytest.approx(numbers(by_hand), rel=1e-12)
-    assert effective_model(worn).injector == NOMINAL  # so that nothing is applied twice
 
 
 def test_what_is_added_is_relative_to_what_is_in_force() -> None:

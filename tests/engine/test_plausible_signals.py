@@ -194,13 +194,6 @@ def test_a_lift_exchanged_with_a_pressure_is_named_from_what_both_do(name: str) 
     assert "opens as a needle's lift does" in first.problem
 
 
-def test_swapped_columns_are_named() -> None:
-    made = recorded()
-    survey = HeldSignals(changed(made, rail_pressure=made.line_pressure, line_pressure=made.rail_pressure)).survey
-    (odd,) = doubts(survey, columns={"rail_pressure": "p1", "line_pressure": "p2"})
-    assert "'p2' does what a rail's does, 'p1' what a line's does" in odd.problem
-
-
 def test_a_ratio_of_units_names_both_columns_units() -> None:
     """Rail pressure in MPa, read as bar: it, or the line's, is in another unit."""
     made = recorded()

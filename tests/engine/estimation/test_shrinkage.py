@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, prior_belief
-from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter
+from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS
 from observer_rt.engine.learning.learned_injector import NONE, SMALL, shrink
 from observer_rt.model.network import OF_NOZZLE
 
@@ -80,15 +80,3 @@ def test_it_is_as_if_weights_were_measured_to_be_0(seed: int, nozzle: float, sea
     error = kept @ belief.error_covariance @ kept.T + gain @ noise @ gain.T
     for result, expected in ((small.covariance, kept @ covariance), (small.error_covariance, error)):
         np.testing.assert_allclose(result / np.outer(PRIOR, PRIOR), expected / np.outer(PRIOR, PRIOR), atol=1e-9)
-
-
-def test_other_parameters_move_with_the_weights_that_explained_them() -> None:
-    """A bias that only differs from a weight by what was not seen takes over what the weight had."""
-    row = np.zeros((MEASUREMENTS, PRIOR.size))
-    row[:, Parameter.SEAT_BIAS] = 10.0
-    row[:, Parameter.SEAT_WEIGHT] = 10.0
-    belief = learned(PRIOR**2, row, np.full(MEASUREMENTS, 1.0))
-    small = shrink(belief)
-    both = [Parameter.SEAT_BIAS, Parameter.SEAT_WEIGHT]
-    assert abs(small.mean[Parameter.SEAT_WEIGHT]) < abs(belief.mean[Parameter.SEAT_WEIGHT])
-    assert small.mean[both].sum() == pytest.approx(belief.mean[both].sum(), rel=1e-3)

@@ -94,17 +94,6 @@ def test_event_that_cannot_be_learned_from_changes_nothing(damage: Callable[[Vec
     assert wear_of(after.estimate) == pytest.approx(0.3, abs=0.02)
 
 
-def test_same_events_same_bits() -> None:
-    outcomes = []
-    for _ in range(2):
-        learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
-        learner.learn(event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0))
-        outcomes.append(learner.learn(event(0.3, seed=2), NO_STANDSTILL, nozzle_wear(0.0)))
-    np.testing.assert_array_equal(outcomes[0].estimate, outcomes[1].estimate)
-    first, second = (outcome.knowledge.state.learned.belief.covariance for outcome in outcomes)
-    np.testing.assert_array_equal(first, second)
-
-
 def swinging(window: Window) -> Window:
     """The open line swings as no model of it does."""
     window.output[120:260] += 0.02 * np.sin(np.arange(140) / 6)

@@ -4,10 +4,8 @@ There nothing wrong is ever published as right, everything is counted, all recov
 """
 
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import e2e.p05
 import numpy as np
@@ -157,23 +155,6 @@ def test_header_tells_validity_and_state(clean: Traffic) -> None:
     assert State.RUNNING_NOMINAL in states
     assert states[-1] is State.ADAPTED
     assert clean.result.core.state == (State.ADAPTED, Reason.NONE)
-
-
-class NeverDone(Executor):
-    """Takes jobs and never finishes one."""
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        return Future()
-
-
-def test_learning_that_never_ends_is_counted_and_keeps_nothing_from_being_judged(clean: Traffic) -> None:
-    core = core_of(clean.bench, executor=NeverDone())
-    hand(core, clean.frames)
-    assert core.counters.events == 3
-    assert core.counters.late_adoptions == 1
-    assert core.counters.passed_over == 1  # and one would be next
-    assert core.counters.adoptions == 0
-    assert core.counters.samples > 14_900
 
 
 Frames = list[TimedFrame]

@@ -201,10 +201,6 @@ def test_crosstalk_of_before_that_no_opening_shows_is_forgotten() -> None:
     assert np.abs(late).max() < 0.5 * UM
 
 
-def test_lift_without_crosstalk_is_left_alone() -> None:
-    assert float(observed(0.0).observer.memory[0]["resting_lift"]["crosstalk"]) == 0.0
-
-
-def test_a_lift_in_another_unit_is_no_crosstalk() -> None:
-    stream = observed(0.0, slice(12_000, 32_000))
-    assert float(stream.observer.memory[0]["resting_lift"]["crosstalk"]) == 0.0
+@pytest.mark.parametrize("loud", [slice(0), slice(12_000, 32_000)], ids=["none", "another unit"])
+def test_a_lift_without_crosstalk_is_left_alone(loud: slice) -> None:
+    assert float(observed(0.0, loud).observer.memory[0]["resting_lift"]["crosstalk"]) == 0.0

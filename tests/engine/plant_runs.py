@@ -1,5 +1,6 @@
 """The observer on recordings of a plant, which shares no code with it; each case runs once."""
 
+from collections.abc import Callable, Sequence
 from functools import cache
 
 from observer_rt.config.bench import load_injector
@@ -34,26 +35,25 @@ def in_force(effect: SizedEffect) -> EffectInForce:
     return EffectInForce(id=effect.effect.id, parameters=printed)
 
 
+def in_turn(
+    count: int,
+    faults_at: Callable[[int], Faults],
+    rail_pressures: Sequence[float] = RAIL_PRESSURES,
+    durations: Sequence[float] = DURATIONS,
+) -> tuple[Event, ...]:
+    """Single injections at operating points in turn, each at another moment between two samples."""
+    points = [(rail_pressures[k % len(rail_pressures)], durations[k % len(durations)]) for k in range(count)]
+    return tuple(
+        Event(rail, (Shot(7e-6 * (k % 5), duration),), faults_at(k)) for k, (rail, duration) in enumerate(points)
+    )
+
+
 @cache
 def run_plant(
-    faults: Faults,
-    events: int = EVENTS,
-    change_at: int | None = None,
-    seed: int = 5,
-    stated: SizedEffect | None = None,
-    laws: Laws = NO_LAWS,
+    faults: Faults, events: int = EVENTS, stated: SizedEffect | None = None, laws: Laws = NO_LAWS
 ) -> ObservedRun:
-    """Single injections at changing operating points; with `change_at` (from 1) healthy before that event.
-
-    stated: an effect the observer's injector file has in force.
-    """
-    schedule = []
-    for k in range(events):
-        changed = change_at is None or k + 1 >= change_at
-        shot = Shot(7e-6 * (k % 5), DURATIONS[k % len(DURATIONS)])
-        rail = RAIL_PRESSURES[k % len(RAIL_PRESSURES)]
-        schedule.append(Event(rail, (shot,), faults if changed else HEALTHY))
-    bench = Bench(Injector(), Needle(), tuple(schedule), seed=seed, laws=laws)
+    """Single injections at changing operating points; stated: an effect the observer's injector file has in force."""
+    bench = Bench(Injector(), Needle(), in_turn(events, lambda _: faults), seed=5, laws=laws)
     observer = bench_at(bench.sample_rate)
     if stated is not None:
         changes = {"effects": (in_force(stated),)}

@@ -78,16 +78,3 @@ def test_interval_holds_the_true_mass(name: str) -> None:
         assert 0.0 < report.mass_bound < 0.02 * true
         held += abs(report.mass - true) <= report.mass_bound
     assert held >= EVENTS - 2 - 2
-
-
-JUMP_AT = 6
-
-
-def test_the_mass_of_a_jump_is_by_its_own_pressures_with_its_interval() -> None:
-    run = run_plant(Faults(orifice_area=0.3), 11, JUMP_AT, 5)
-    report = run.reports[JUMP_AT - 1]
-    assert abs(report.live_mass / run.true[JUMP_AT - 1] - 1.0) < 0.02  # its filters followed
-    assert report.valid
-    assert abs(run.errors[JUMP_AT - 1]) < 0.01
-    assert report.predicted_mass == pytest.approx(run_plant(HEALTHY).true[JUMP_AT - 1], rel=0.01)  # as it was before
-    assert abs(report.mass - run.true[JUMP_AT - 1]) < report.mass_bound

@@ -8,16 +8,14 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effective import LAG_UNIT
+from tests.engine.plant_runs import HEALTHY, in_turn
 from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.laws import NINE_LAWS, NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import FIRST_EVENT, LIFT, LINE, PERIOD, Bench, Event, Needle, Shot, Surroundings, seen_as
+from tests.plants.plant import FIRST_EVENT, LIFT, LINE, PERIOD, Bench, Needle, Surroundings, seen_as
 
-RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
-DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s
 BEGINS = 7  # event, from 0
 WRONG = 0.03  # of a mass
-HEALTHY = Faults()
 
 
 def seen(
@@ -28,10 +26,7 @@ def seen(
     laws: Laws = NO_LAWS,
 ) -> ObservedRun:
     """Single injections at changing operating points, of an injector with such faults."""
-    schedule = tuple(
-        Event(RAIL_PRESSURES[k % 5], (Shot(7e-6 * (k % 5), DURATIONS[k % 3]),), faults_at(k)) for k in range(events)
-    )
-    bench = Bench(Injector(), Needle(), schedule, seed=23, around=around, laws=laws)
+    bench = Bench(Injector(), Needle(), in_turn(events, faults_at), seed=23, around=around, laws=laws)
     run = observed(bench, bench_at(bench.sample_rate, accuracy_percent=accuracy_percent))
     assert not (run.valid & (np.abs(run.errors) > WRONG)).any()
     return run
@@ -117,12 +112,16 @@ def test_where_no_law_shows_other_pressures_are_known_at_once(faults: Faults) ->
     assert np.mean(run.inside) >= 0.9
 
 
-@pytest.mark.parametrize("change", [-0.15, 0.15])
+@pytest.mark.parametrize("change", [-0.15, 0.15, 0.3])
 def test_an_injection_that_shows_a_jump_is_valid_and_right(change: float) -> None:
+    """By its own pressures, with its interval; what it would have been before the jump is known."""
     run = seen(lambda k: Faults(orifice_area=change) if k >= BEGINS else HEALTHY, BEGINS + 2)
+    report, healthy = run.reports[BEGINS], seen(lambda _: HEALTHY, BEGINS + 2)
     assert all(run.valid)
-    assert abs(run.reports[BEGINS].live_mass / run.true[BEGINS] - 1.0) < 0.03
+    assert abs(report.live_mass / run.true[BEGINS] - 1.0) < 0.03
     assert abs(run.errors[BEGINS]) < 0.012
+    assert report.predicted_mass == pytest.approx(healthy.true[BEGINS], rel=0.01)
+    assert abs(report.mass - run.true[BEGINS]) < report.mass_bound
 
 
 @pytest.mark.parametrize("wear", [-0.3, 0.0])

@@ -19,14 +19,14 @@ from observer_rt.model.hydraulics import DELAY
 from tests.benches import SAMPLE_RATE, sample_bench
 from tests.daemon.pulses import EnergizingBy, Pulses, blocks, durations, on_change, pulse_bench, samples
 from tests.device import merged, run
+from tests.engine.learning.test_control_flow import DURATIONS, FIRST, RAIL_PRESSURES
+from tests.engine.plant_runs import in_turn
 from tests.observed_plants import ObservedRun, bench_at, recording_of
 from tests.plants.laws import Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Shot, record, strokes_of
+from tests.plants.plant import Bench, Needle, record, strokes_of
 from tests.plants.windows import windows_of
 
-RAIL_PRESSURES, DURATIONS = (60e6, 100e6, 140e6), (1.1e-3, 1.9e-3)  # Pa, s
-FIRST = 6  # events, after which every point was seen
 
 
 def learned(
@@ -36,11 +36,7 @@ def learned(
 
     flow: at 100 MPa [m3/s]; late: of the column of the commands [s].
     """
-    points = [(RAIL_PRESSURES[k % 3], DURATIONS[k // 3 % 2]) for k in range(18)]
-    events = tuple(
-        Event(rail, (Shot(7e-6 * (k % 5), duration),), faults) for k, (rail, duration) in enumerate(points)
-    )
-    laws = Laws(control_flow=flow)
+    events, laws = in_turn(18, lambda _: faults, RAIL_PRESSURES, DURATIONS), Laws(control_flow=flow)
     bench = Bench(Injector(), Needle(), events, seed=3, laws=laws)
     outcome = record(bench)
     time, level = outcome.measured.time - late, np.zeros(outcome.measured.time.size)

@@ -8,12 +8,13 @@ import pytest
 
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.accuracy import Accuracy
+from tests.engine.plant_runs import in_turn
 from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Shot, Signals, Step, Surroundings
+from tests.plants.plant import Bench, Needle, Signals, Step, Surroundings
 
-RAIL_PRESSURES, DURATIONS = (60e6, 100e6, 140e6), (1.1e-3, 1.9e-3)  # Pa, s
+RAIL_PRESSURES, DURATIONS = (60e6, 100e6, 140e6), (1.1e-3,) * 3 + (1.9e-3,) * 3  # Pa, s
 FIRST = 6  # events, after which every point was seen
 MM3_PER_MS = 1e-6
 WRONG = 0.03
@@ -41,10 +42,7 @@ def learned(
 
     flow: at 100 MPa [mm3/ms]; accuracy: that the injector file states, None: of a simulation.
     """
-    points = [(RAIL_PRESSURES[k % 3], DURATIONS[k // 3 % 2]) for k in range(events)]
-    schedule = tuple(
-        Event(rail, (Shot(7e-6 * (k % 5), duration),), faults) for k, (rail, duration) in enumerate(points)
-    )
+    schedule = in_turn(events, lambda _: faults, RAIL_PRESSURES, DURATIONS)
     laws = laws._replace(control_flow=flow * MM3_PER_MS)
     bench = Bench(Injector(), Needle(), schedule, seed=seed, laws=laws, around=around)
     observer = bench_at(bench.sample_rate)

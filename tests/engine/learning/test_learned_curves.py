@@ -11,14 +11,13 @@ from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learned_curves import LearnedCurve, learned_curves
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.model.effects import effective_model
+from tests.engine.plant_runs import HEALTHY, RAIL_PRESSURES, in_turn
 from tests.engine.sample_stream import NOISE
 from tests.observed_plants import bench_at, recording_of
 from tests.plants.laws import COKING_TIME, REFERENCE, Laws
-from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Shot, record
+from tests.plants.parameters import Injector
+from tests.plants.plant import Bench, Needle, record
 
-RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
-DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s
 Curve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
@@ -26,11 +25,7 @@ def curves_after(
     laws: Laws, rail_pressures: tuple[float, ...] = RAIL_PRESSURES
 ) -> Mapping[tuple[str, str], LearnedCurve]:
     """Curves learned from 15 injections of an injector with such laws, by flow and variable."""
-    schedule = tuple(
-        Event(rail_pressures[k % len(rail_pressures)], (Shot(7e-6 * (k % 5), DURATIONS[k % 3]),), Faults())
-        for k in range(15)
-    )
-    plant = Bench(Injector(), Needle(), schedule, seed=37, laws=laws)
+    plant = Bench(Injector(), Needle(), in_turn(15, lambda _: HEALTHY, rail_pressures), seed=37, laws=laws)
     bench = bench_at(plant.sample_rate)
     knowledge = evaluate(bench, [recording_of(record(plant))]).knowledge
     c = effective_model(bench.injector.parameters).coefficients

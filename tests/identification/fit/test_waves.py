@@ -13,6 +13,7 @@ from observer_rt.identification.fit.structures import judged_by
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effective import coefficients
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from tests.engine.plant_runs import in_turn
 from tests.identification.fit.healthy import NOMINAL, of_independent_plant, off_by_ten_percent
 from tests.observed_plants import bench_at, observed, recording_of
 from tests.plants.healthy import healthy_benches
@@ -25,7 +26,6 @@ pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a wh
 
 SMALL_SAC = with_values(NOMINAL, (SAC,), np.array([3e-9]))
 WAVES = tuple(one for one in STRUCTURES if one.line == "wave")
-HOLE_PRESSURES, HOLE_DURATIONS = (60e6, 100e6, 140e6), (0.7e-3, 1.6e-3)  # Pa, s
 
 
 @pytest.fixture(scope="module")
@@ -123,9 +123,7 @@ def test_friction_at_the_wall_is_found_and_with_it_the_level() -> None:
 def test_a_hole_that_shuts_is_learned_on_a_fitted_line() -> None:
     """Its step is narrower than the neurons: they leave of it what a fitted model leaves of a healthy injector."""
     done, (laws, faults) = calibrated_to(LINES[Variant.PLAIN]), NINE_LAWS["a hole shuts at a large drop"]
-    events = tuple(
-        Event(HOLE_PRESSURES[k % 3], (Shot(7e-6 * (k % 5), HOLE_DURATIONS[k // 3 % 2]),), faults) for k in range(18)
-    )
+    events = in_turn(18, lambda _: faults, (60e6, 100e6, 140e6), (0.7e-3,) * 3 + (1.6e-3,) * 3)
     bench = Bench(real_part(1), Needle(), events, seed=95, line=LINES[Variant.PLAIN], laws=laws)
     model = done.injector.model_copy(update={"baseline": baseline_of(done, {})})
     run = observed(bench, bench_at(bench.sample_rate).with_parameters(model))

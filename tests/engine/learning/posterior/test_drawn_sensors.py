@@ -8,18 +8,16 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from observer_rt.model.accuracy import Accuracy
+from tests.engine.plant_runs import EVENTS, RAIL_PRESSURES, in_turn
 from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Shot, Surroundings
+from tests.plants.plant import Bench, Needle, Surroundings
 
-RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
-DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s
 SENSORS = 0.7  # %
 LINE = Accuracy(line_diameter_percent=1.0, line_length_percent=0.5, parallel_flow_percent=0.0)
 KNOWN = Accuracy(
     line_diameter_percent=0.0, line_length_percent=0.0, fuel_density_percent=0.0, parallel_flow_percent=0.0
 )
-EVENTS = 10
 FALLS, RECOVERS, DIP = 0.8e-3, 6e-3, 2e6  # s, s, Pa: of a rail that feeds an injection
 
 
@@ -32,9 +30,7 @@ def seen(
     dips: bool = False,
     seed: int = 1,
 ) -> ObservedRun:
-    shots = [(Shot(7e-6 * (k % 5), DURATIONS[k % 3]),) for k in range(EVENTS)]
-    events = tuple(Event(pressures[k % len(pressures)], shot, faults) for k, shot in enumerate(shots))
-    plant = Bench(injector, Needle(), events, seed=seed)
+    plant = Bench(injector, Needle(), in_turn(EVENTS, lambda _: faults, pressures), seed=seed)
 
     def dip(time: NDArray[np.float64]) -> NDArray[np.float64]:
         total = np.zeros_like(time)

@@ -8,7 +8,7 @@ from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import coefficients
-from observer_rt.model.parameters import EffectInForce, EffectValue
+from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
 from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
@@ -35,6 +35,11 @@ def in_force(effect: SizedEffect) -> EffectInForce:
     return EffectInForce(id=effect.effect.id, parameters=printed)
 
 
+def with_effects(injector: InjectorParameters, *effects: SizedEffect) -> InjectorParameters:
+    """The injector with effects in force."""
+    return injector.model_copy(update={"effects": tuple(map(in_force, effects))})
+
+
 def in_turn(
     count: int,
     faults_at: Callable[[int], Faults],
@@ -56,8 +61,7 @@ def run_plant(
     bench = Bench(Injector(), Needle(), in_turn(events, lambda _: faults), seed=5, laws=laws)
     observer = bench_at(bench.sample_rate)
     if stated is not None:
-        changes = {"effects": (in_force(stated),)}
-        observer = observer.with_parameters(observer.injector.parameters.model_copy(update=changes))
+        observer = observer.with_parameters(with_effects(observer.injector.parameters, stated))
     run = observed(bench, observer)
     assert len(run.reports) == events
     return run

@@ -1,6 +1,6 @@
 """Drives the observer sample by sample, as the service does, and keeps every processed sample."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -127,11 +127,14 @@ class Stream:
         self._next_index = first + rail.size
         return self
 
-    def stay_shut(self, duration: float, pressure: float = RAIL, **where: int) -> "Stream":
+    def stay_shut(self, duration: float, **where: int) -> "Stream":
         """A shut needle for `duration` [s], without noise."""
-        samples = round(duration * self.sample_rate)
-        constant = np.full(samples, pressure)
-        return self.feed(constant, np.zeros(samples), constant, **where)  # type: ignore[arg-type]
+        return self.move(np.zeros(round(duration * self.sample_rate)), **where)
+
+    def move(self, lift: NDArray[np.float64], **where: int) -> "Stream":
+        """A needle that moves so [m] beside pressures that stand still, without noise."""
+        pressure = np.full(lift.size, RAIL)
+        return self.feed(pressure, lift, pressure, **where)  # type: ignore[arg-type]
 
     def finish(self) -> "Stream":
         """No sample will come."""
@@ -189,18 +192,18 @@ def stroke(open_for: int, peak: float = 0.3e-3, ramp: int = 20) -> NDArray[np.fl
     return peak * np.clip(np.minimum(k, open_for + 1 - k) / ramp, 0.0, 1.0)
 
 
-def lift_with(length: int, **strokes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lift [m] of `length` samples with strokes at the samples given by name: at_100=stroke(50)."""
+def lift_with(length: int, strokes: Mapping[int, NDArray[np.float64] | int]) -> NDArray[np.float64]:
+    """Lift [m] of `length` samples with strokes at some of them, or usual ones of so many samples."""
     lift = np.zeros(length)
-    for name, shape in strokes.items():
-        start = int(name.removeprefix("at_"))
-        lift[start : start + shape.size] = shape
+    for start, shape in strokes.items():
+        values = stroke(shape) if isinstance(shape, int) else shape
+        lift[start : start + values.size] = values[: length - start]
     return lift
 
 
 def opened(starts: Iterable[int], length: int, open_for: int = 110) -> NDArray[np.float64]:
     """Lift [m] of `length` samples, with openings."""
-    return lift_with(length, **{f"at_{start}": stroke(open_for) for start in starts})
+    return lift_with(length, dict.fromkeys(starts, open_for))
 
 
 def beside_rest(

@@ -4,20 +4,18 @@ no code with it, and has nothing left to learn."""
 import numpy as np
 import pytest
 
-from observer_rt.config.bench import load_injector
 from observer_rt.core.stream.stream import REACH
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.engine.stream.state import samples_ahead
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, sized
-from tests.engine.plant_runs import GATED, in_force, indicator, run_plant
-from tests.engine.sample_stream import RAIL, Stream
+from tests.engine.plant_runs import GATED, indicator, run_plant, with_effects
+from tests.engine.sample_stream import NOMINAL, Stream
 from tests.observed_plants import ObservedRun
 from tests.plants.laws import Laws
 from tests.plants.parameters import Faults
 
-INJECTOR = load_injector()
 UM = 1e-6
 HIDDEN = {
     "eroded": (Faults(orifice_area=0.3), sized("orifice_area", v_H=0.3)),
@@ -93,8 +91,7 @@ def test_without_it_the_first_injection_is_wrong(name: str) -> None:
 
 def lookahead(*effects: SizedEffect) -> int:
     """Samples of look-ahead at 100 kHz with effects in force."""
-    injector = INJECTOR.model_copy(update={"effects": tuple(map(in_force, effects))})
-    return constants_for(injector, 100e3, Durations(), events_required=2).timing.lookahead
+    return constants_for(with_effects(NOMINAL, *effects), 100e3, Durations(), events_required=2).timing.lookahead
 
 
 def test_look_ahead_grows_only_where_it_is_needed() -> None:
@@ -104,6 +101,11 @@ def test_look_ahead_grows_only_where_it_is_needed() -> None:
     assert lookahead(sized("lift_offset", x_0=20 * UM)) > usual + 2
     assert lookahead(sized("channel_skew", d=55e-6)) == 5 + REACH
     assert lookahead(sized("channel_skew", d=-55e-6)) == usual
+
+
+def with_lift_too_low(offset: float) -> Stream:
+    """At rest, the offset of the lift [m] in force."""
+    return Stream(injector=with_effects(NOMINAL, sized("lift_offset", x_0=offset))).stay_shut(5e-3)
 
 
 @pytest.mark.parametrize("speed", [0.5, 0.8, 1.1])
@@ -116,12 +118,8 @@ def test_ramps_are_extended_to_where_the_needle_leaves_and_meets_its_seat(
     rise = speed * 1e-5
     time = np.arange(140) - 30 - phase
     lift = np.clip(rise * np.minimum(time, 80 - time), 0.0, 300 * UM)
-    injector = INJECTOR.model_copy(update={"effects": (in_force(sized("lift_offset", x_0=offset)),)})
-    stream = Stream(injector=injector).stay_shut(5e-3)
-    pressure = np.full(lift.size, RAIL)
-    stream.feed(pressure, np.maximum(lift - offset, 0.0), pressure).stay_shut(2e-3)
-    sample_stream = Stream().stay_shut(5e-3)
-    sample_stream.feed(pressure, lift, pressure).stay_shut(2e-3)
+    stream = with_lift_too_low(offset).move(np.maximum(lift - offset, 0.0)).stay_shut(2e-3)
+    sample_stream = Stream().stay_shut(5e-3).move(lift).stay_shut(2e-3)
     instants = np.linspace(0.0, 139.0, 139 * 20 + 1)
     result, expected = (
         np.maximum(np.interp(instants, np.arange(140), s.rows["seat_area"][500:640]), 0.0)
@@ -138,20 +136,14 @@ def test_noise_behind_the_recorded_end_of_a_ramp_is_no_part_of_it() -> None:
     recorded = np.maximum(lift - 20 * UM, 0.0)
     end = int(np.flatnonzero(recorded)[-1])
     recorded[end + 2 : end + 9 : 2] = 1.4 * UM
-    injector = INJECTOR.model_copy(update={"effects": (in_force(sized("lift_offset", x_0=20 * UM)),)})
-    stream = Stream(injector=injector).stay_shut(5e-3)
-    pressure = np.full(lift.size, RAIL)
-    stream.feed(pressure, recorded, pressure).stay_shut(2e-3)
+    stream = with_lift_too_low(20 * UM).move(recorded).stay_shut(2e-3)
     area = stream.rows["seat_area"][500:640]
     assert np.flatnonzero(area > 0.0)[-1] == np.flatnonzero(lift)[-1]
 
 
 def test_a_needle_that_does_not_open_has_no_toe() -> None:
-    injector = INJECTOR.model_copy(update={"effects": (in_force(sized("lift_offset", x_0=20 * UM)),)})
-    stream = Stream(injector=injector).stay_shut(5e-3)
-    random = np.random.default_rng(3)
+    stream, random = with_lift_too_low(20 * UM), np.random.default_rng(3)
     for _ in range(20):
-        pressure = np.full(10_000, RAIL)
-        stream.feed(pressure, random.normal(0.0, 0.4 * UM, 10_000), pressure)
+        stream.move(random.normal(0.0, 0.4 * UM, 10_000))
     assert stream.count("event", "number") == 0
     assert not (stream.rows["seat_area"] > 0.0).any()

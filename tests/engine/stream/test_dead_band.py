@@ -8,16 +8,14 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.laws import seat_area
 from observer_rt.core.stream.stream import LOOK_BACK, dead_band
-from tests.engine.sample_stream import NOMINAL, RAIL, Stream, stroke
+from tests.engine.sample_stream import NOMINAL, Stream, stroke
 
 UM = 1e-6
 
 
 def open_samples(lift: NDArray[np.float64]) -> list[int]:
     """Samples with a seat area, counted from the beginning of `lift`; rest before and after."""
-    stream = Stream().stay_shut(5e-3)
-    pressure = np.full(lift.size, RAIL)
-    stream.feed(pressure, lift, pressure).stay_shut(1e-3)
+    stream = Stream().stay_shut(5e-3).move(lift).stay_shut(1e-3)
     return [int(row["index"]) - 500 for row in stream.rows if row["seat_area"] > 0.0]
 
 
@@ -33,8 +31,7 @@ def test_noise_never_opens_the_needle() -> None:
     random = np.random.default_rng(1)
     stream = Stream(keep=False)
     for _ in range(100):
-        pressure = np.full(10_000, RAIL)
-        stream.feed(pressure, random.normal(0.0, 0.4 * UM, 10_000), pressure)
+        stream.move(random.normal(0.0, 0.4 * UM, 10_000))
     assert stream.count("positions", "processed") > 999_000
     assert stream.count("event", "number") == 0
     assert stream.count("standstill", "rest_count") > 999_000 - 1000
@@ -43,9 +40,7 @@ def test_noise_never_opens_the_needle() -> None:
 def test_samples_above_the_band_open_and_the_look_back_has_its_raw_lift() -> None:
     """Three samples before the crossing count with what they measured, those before them do not."""
     lift = np.array([0.3, 0.6, 0.9, 1.2, 1.5, 2.5, 6.0, 14.0, 22.0, 30.0, *[30.0] * 50, 15.0, 1.5]) * UM
-    stream = Stream().stay_shut(5e-3)
-    pressure = np.full(lift.size, RAIL)
-    stream.feed(pressure, lift, pressure).stay_shut(1e-3)
+    stream = Stream().stay_shut(5e-3).move(lift).stay_shut(1e-3)
     area = {int(row["index"]) - 500: float(row["seat_area"]) for row in stream.rows}
     crossing = 5
     assert area[crossing - LOOK_BACK - 1] == 0.0
@@ -58,9 +53,7 @@ def test_samples_above_the_band_open_and_the_look_back_has_its_raw_lift() -> Non
 def test_foot_of_the_ramp_does_not_close_the_needle_again() -> None:
     """Look-back samples lie below the closing threshold: still one injection."""
     lift = np.concatenate([[0.7 * UM, 0.8 * UM, 0.9 * UM], stroke(60)])
-    stream = Stream().stay_shut(5e-3)
-    pressure = np.full(lift.size, RAIL)
-    stream.feed(pressure, lift, pressure).stay_shut(1e-3)
+    stream = Stream().stay_shut(5e-3).move(lift).stay_shut(1e-3)
     assert stream.count("counts", "injections_begun") == 1
     assert open_samples(lift) == list(range(63))
 
@@ -83,9 +76,7 @@ def test_seat_opens_and_shuts_between_samples_where_the_needle_does(phase: float
     """20 kHz, 0.4 m/s: 20 um a sample. The ramps start and end `phase` of a sample after one."""
     time = np.arange(80) - 20 - phase
     lift = 20 * UM * np.clip(np.minimum(time, 40 - time), 0.0, 15.0)
-    stream = Stream(sample_rate=20e3).stay_shut(5e-3)
-    pressure = np.full(lift.size, RAIL)
-    stream.feed(pressure, lift, pressure).stay_shut(1e-3)
+    stream = Stream(sample_rate=20e3).stay_shut(5e-3).move(lift).stay_shut(1e-3)
     area = stream.rows["seat_area"][100:180]
     opened = np.flatnonzero(area > 0.0)
     before, after = opened[0] - 1, opened[-1] + 1
@@ -105,11 +96,9 @@ def test_hysteresis() -> None:
 
 @pytest.mark.parametrize(("samples", "rate", "opens"), [(3, 100e3, 0), (4, 100e3, 1), (7, 200e3, 0), (1, 20e3, 0)])
 def test_what_lasts_less_than_forty_microseconds_is_no_opening(samples: int, rate: float, opens: int) -> None:
-    stream = Stream(sample_rate=rate).stay_shut(5e-3)
     spike = np.zeros(50)
     spike[20 : 20 + samples] = 50 * UM
-    pressure = np.full(50, RAIL)
-    stream.feed(pressure, spike, pressure).stay_shut(1e-3)
+    stream = Stream(sample_rate=rate).stay_shut(5e-3).move(spike).stay_shut(1e-3)
     assert stream.count("counts", "injections_begun") == opens
 
 

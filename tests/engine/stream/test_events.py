@@ -2,31 +2,21 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stream import MAX_EVENT, RING
 from observer_rt.engine.observer import Durations
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.model.effects import sized
-from tests.engine.sample_stream import RAIL, Stream, stroke
+from tests.engine.sample_stream import RAIL, Stream, lift_with
 
 MS = 100  # samples at 100 kHz
 GAP, DELAY = 10 * MS, 20 * MS
 
 
-def lift_with(openings: dict[int, int], length: int) -> NDArray[np.float64]:
-    """Lift with openings {first open sample: samples open}."""
-    lift = np.zeros(length)
-    for start, open_for in openings.items():
-        lift[start : start + open_for] = stroke(open_for)[: length - start]
-    return lift
-
-
 def run(openings: dict[int, int], length: int, **options: object) -> Stream:
-    pressure = np.full(length, RAIL)
-    stream = Stream(**options)  # type: ignore[arg-type]
-    return stream.feed(pressure, lift_with(openings, length), pressure)
+    """openings: first open sample, samples open."""
+    return Stream(**options).move(lift_with(length, openings))  # type: ignore[arg-type]
 
 
 def test_pilot_main_and_post_are_one_event() -> None:
@@ -48,10 +38,9 @@ def test_window_of_an_injection() -> None:
 
 
 def test_window_of_a_slow_opening_begins_at_the_foot_of_its_ramp() -> None:
-    pressure = np.full(3000, RAIL)
-    lift = lift_with({1000: 110}, 3000)
+    lift = lift_with(3000, {1000: 110})
     lift[998:1000] = 0.9e-6, 1.7e-6  # below the dead band, above the noise
-    stream = Stream().feed(pressure, lift, pressure)
+    stream = Stream().move(lift)
     assert int(stream.injections[0]["start_index"]) == 998 - 15
 
 
@@ -165,7 +154,7 @@ def test_all_is_the_same_wherever_the_index_of_the_device_begins() -> None:
     random = np.random.default_rng(2)
     noise = [random.normal(0.0, sigma, length) for sigma in (0.1e6, 0.1e-6, 0.05e6)]
     rail, lift, line = np.array([RAIL, 0.0, RAIL])[:, None] + noise
-    lift += lift_with({9000: 30, 9150: 110, 9210: 40, 11_000: 110, 13_500: 50}, length)
+    lift += lift_with(length, {9000: 30, 9150: 110, 9210: 40, 11_000: 110, 13_500: 50})
     lift[5000:5400] += 8e-6  # more than the dead band, but no opening
     runs = []
     for index in (0, first_index):
@@ -233,10 +222,7 @@ def test_samples_are_valid_after_two_judged_events() -> None:
 
 def test_needle_that_never_shuts_is_reported() -> None:
     """Open longer than any injection: not valid, not available, and nothing is learned."""
-    length = MAX_EVENT + 4000
-    stream = Stream(events_required=0, learning=True).stay_shut(10e-3)
-    pressure = np.full(length, RAIL)
-    stream.feed(pressure, np.full(length, 0.3e-3), pressure)
+    stream = Stream(events_required=0, learning=True).stay_shut(10e-3).move(np.full(MAX_EVENT + 4000, 0.3e-3))
     last = stream.rows[-1]
     assert not last["valid"]
     assert Reason(int(last["reason"])) is Reason.NEEDLE_STUCK

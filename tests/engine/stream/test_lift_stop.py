@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.stream.standstill import lift_figures
-from tests.engine.sample_stream import NOISE, RAIL, Stream, beside_rest, opened, stroke
+from tests.engine.sample_stream import NOISE, Stream, beside_rest, opened, stroke
 
 STOP = 0.3e-3  # m
 
@@ -23,8 +23,7 @@ def figures(peaks: list[float], open_for: int = 110, drift: float = 0.0) -> tupl
     lift += drift * np.arange(length) / length
     for k, peak in enumerate(peaks):
         lift[1000 + 2000 * k :][:open_for] += stroke(open_for, peak)
-    pressure = np.full(length, RAIL)
-    result = lift_figures(Stream().feed(pressure, lift, pressure).observer, STOP)
+    result = lift_figures(Stream().move(lift).observer, STOP)
     return result.at_stop, result.is_to_scale
 
 

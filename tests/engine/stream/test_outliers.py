@@ -1,5 +1,7 @@
 """Spikes, frozen and clipped stretches, dropouts: recognised sample by sample, bridged, and gone by themselves."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,15 +16,18 @@ from tests.engine.sample_stream import RAIL as PRESSURE
 COUNT = 6000
 AT = 4000  # where something happens, in a needle long shut
 BRIDGE = 50  # samples, as Durations has it
+REST: Mapping[int, int] = {}
 
 
-def signals(count: int = COUNT, step: float = 0.005e6, seed: int = 1) -> list[NDArray[np.float64]]:
-    """Rail pressure, lift and line pressure at rest with their noise, as a bus of this resolution [Pa] has them."""
+def signals(
+    count: int = COUNT, step: float = 0.005e6, seed: int = 1, strokes: Mapping[int, NDArray[np.float64] | int] = REST
+) -> list[NDArray[np.float64]]:
+    """Rail pressure, lift and line pressure with their noise, as a bus of this resolution [Pa] has them."""
     noise = np.random.default_rng(seed).normal(size=(3, count))
     rail = PRESSURE + NOISE.rail_pressure * noise[0]
-    lift = NOISE.needle_lift * noise[1]
+    lift = np.rint(NOISE.needle_lift * noise[1] / 1e-8) * 1e-8 + lift_with(count, strokes)
     line = PRESSURE + NOISE.line_pressure * noise[2]
-    return [np.rint(rail / step) * step, np.rint(lift / 1e-8) * 1e-8, np.rint(line / step) * step]
+    return [np.rint(rail / step) * step, lift, np.rint(line / step) * step]
 
 
 def observed(channels: list[NDArray[np.float64]], **options: object) -> tuple[Stream, NDArray[np.void]]:
@@ -101,8 +106,7 @@ def test_a_channel_that_rings_has_no_spikes() -> None:
 
 
 def test_noise_and_the_edges_of_an_injection_are_no_spikes() -> None:
-    channels = signals()
-    channels[LIFT] += lift_with(COUNT, at_4500=stroke(150))
+    channels = signals(strokes={4500: 150})
     channels[LINE][4500:4530] -= np.linspace(0.0, 20e6, 30)
     channels[LINE][4530:] -= 20e6
     stream, _ = observed(channels)
@@ -216,8 +220,7 @@ def test_what_is_bridged_does_not_depend_on_how_many_samples_come_at_once() -> N
 
 
 def test_a_needle_that_moved_while_its_lift_was_held_makes_its_event_not_valid() -> None:
-    channels = signals()
-    channels[LIFT] += lift_with(COUNT, at_4500=stroke(200))
+    channels = signals(strokes={4500: 200})
     channels[LIFT][4480:4520] = channels[LIFT][4480]
     _, rows = observed(channels, events_required=0)
     assert Reason.INPUT_FROZEN in rows["reason"][4519:4523]
@@ -227,9 +230,7 @@ def test_a_needle_that_moved_while_its_lift_was_held_makes_its_event_not_valid()
 @pytest.mark.parametrize("height", [6e-6, -6e-6, -300e-6])
 @pytest.mark.parametrize("at", [4510, 4700])
 def test_a_spike_of_an_open_lift_is_replaced_on_its_ramp_and_at_the_stop(at: int, height: float) -> None:
-    clean, spiked = signals(), signals()
-    for channels in (clean, spiked):
-        channels[LIFT] += lift_with(COUNT, at_4500=stroke(300, ramp=40))
+    clean, spiked = (signals(strokes={4500: stroke(300, ramp=40)}) for _ in range(2))
     spiked[LIFT][at : at + 2] += height
     _, rows = observed(spiked)
     _, wanted = observed(clean)
@@ -239,8 +240,7 @@ def test_a_spike_of_an_open_lift_is_replaced_on_its_ramp_and_at_the_stop(at: int
 
 @pytest.mark.parametrize("at", [4538, 4539, 4540])
 def test_a_dropout_where_the_needle_turns_parts_no_injection(at: int) -> None:
-    channels = signals()
-    channels[LIFT] += lift_with(COUNT, at_4500=stroke(80, ramp=40))
+    channels = signals(strokes={4500: stroke(80, ramp=40)})
     channels[LIFT][at : at + 2] = 0.0
     _, rows = observed(channels)
     assert bridged(rows, LIFT) == [at, at + 1]
@@ -248,8 +248,7 @@ def test_a_dropout_where_the_needle_turns_parts_no_injection(at: int) -> None:
 
 @pytest.mark.parametrize("ramp", [5, 20, 40])
 def test_the_corners_of_a_stroke_are_no_spikes(ramp: int) -> None:
-    channels = signals()
-    channels[LIFT] += lift_with(COUNT, at_4500=stroke(2 * ramp), at_4900=stroke(300, ramp=ramp))
+    channels = signals(strokes={4500: stroke(2 * ramp), 4900: stroke(300, ramp=ramp)})
     _, rows = observed(channels)
     assert bridged(rows, LIFT) == []
 
@@ -267,8 +266,7 @@ def test_outliers_do_not_depend_on_what_a_frame_carries_when_events_are_judged(s
 
 def _disturbed_events(count: int, piece: int) -> NDArray[np.void]:
     """Events with spikes everywhere, fed so many samples at a time; judged and learned from on the way."""
-    rail, lift, line = signals(count, seed=4)
-    lift += lift_with(count, at_1500=stroke(100), at_5000=stroke(100))
+    rail, lift, line = signals(count, seed=4, strokes={1500: 100, 5000: 100})
     rng = np.random.default_rng(6)
     for at in range(200, count - 20, 50):
         (rail, line)[int(rng.integers(2))][at] += rng.normal() * 8 * NOISE.rail_pressure
@@ -324,8 +322,7 @@ def first_event(channels: list[NDArray[np.float64]]) -> np.void:
 
 @pytest.mark.parametrize("held", [slice(4850, 4920), slice(4850, 5150)])
 def test_a_lift_held_at_rest_spoils_no_event(held: slice) -> None:
-    channels = signals()
-    channels[LIFT] += lift_with(COUNT, at_4500=stroke(200))
+    channels = signals(strokes={4500: 200})
     channels[LIFT][held] = channels[LIFT][held.start]
     event = first_event(channels)
     assert event["learnable"]
@@ -337,12 +334,9 @@ def test_a_lift_held_at_rest_spoils_no_event(held: slice) -> None:
 @pytest.mark.parametrize(("since", "is_spoiled"), [(26, False), (8, True)])
 def test_a_lift_held_high_up_limits_no_flow(since: int, is_spoiled: bool) -> None:
     """After some openings have shown where the stop is; 30 samples lead there."""
-    count = 16_000
+    count, last = 16_000, 14_500
     channels = signals(count)
-    motion = np.zeros(count)
-    for start in range(2500, count, 3000):
-        motion[start : start + 200] = stroke(200, ramp=30)
-    last = 14_500
+    motion = lift_with(count, dict.fromkeys(range(2500, count, 3000), stroke(200, ramp=30)))
     motion[last + since : last + since + 12] = motion[last + since]
     channels[LIFT] += motion
     _, rows = observed(channels, events_required=0)

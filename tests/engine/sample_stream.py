@@ -2,13 +2,18 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
+import pytest
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import RECORDED, Break
 from observer_rt.config.bench import load_injector
 from observer_rt.core.stream.stream import INJECTIONS, RECORDED_RING, RING
+from observer_rt.desk.simulation.plant import Truth, run_plant
+from observer_rt.desk.simulation.schedule import make_schedule, strokes
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.knowledge import Outcome, no_knowledge
@@ -27,11 +32,13 @@ from observer_rt.engine.stream.standstill import RestingLift, Standstill, stands
 from observer_rt.engine.stream.state import LIFT, Observer, sample_dtype
 from observer_rt.engine.stream.state import RAIL as RAIL_CHANNEL
 from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
 NOMINAL = load_injector()
 RAIL = 100e6  # Pa
+FINE = 500e3  # Hz, of a true course
 PIECE = 1000  # samples fed between two looks
 
 
@@ -204,6 +211,37 @@ def lift_with(length: int, strokes: Mapping[int, NDArray[np.float64] | int]) -> 
 def opened(starts: Iterable[int], length: int, open_for: int = 110) -> NDArray[np.float64]:
     """Lift [m] of `length` samples, with openings."""
     return lift_with(length, dict.fromkeys(starts, open_for))
+
+
+def at_rest(random: Generator, length: int, levels: NoiseLevels = NOISE) -> list[NDArray[np.float64]]:
+    """Rail pressure, lift and line pressure behind a shut needle, with their noise."""
+    sigmas = levels.rail_pressure, levels.needle_lift, levels.line_pressure
+    rail, lift, line = (random.normal(0.0, sigma, length) for sigma in sigmas)
+    return [RAIL + rail, lift, RAIL + line]
+
+
+def assert_levels(noise: NoiseLevels | None, levels: NoiseLevels, share: float) -> None:
+    """Every level within a share."""
+    assert noise is not None
+    assert noise.rail_pressure == pytest.approx(levels.rail_pressure, rel=share)
+    assert noise.line_pressure == pytest.approx(levels.line_pressure, rel=share)
+    assert noise.needle_lift == pytest.approx(levels.needle_lift, rel=share)
+
+
+@cache
+def true_course(injections: int, period: float, durations: tuple[float, ...], *effects: SizedEffect) -> Truth:
+    """What the nominal injector with effects does at 100 MPa, at 500 kHz; a period [s], energizing [s] in turn."""
+    schedule = make_schedule([RAIL], injections, period, durations)
+    time = np.arange(round(schedule.duration * FINE)) / FINE
+    model = effective_model(NOMINAL, effects)
+    return run_plant(model, strokes(schedule, NOMINAL), time, schedule.rail_pressure(time))
+
+
+def period_means(signal: NDArray[np.float64], every: int) -> NDArray[np.float64]:
+    """Of a signal (n,) over the periods that end at every so-many-th sample."""
+    between = 0.5 * (signal[1:] + signal[:-1])
+    complete = between[: between.size // every * every].reshape(-1, every).mean(axis=1)
+    return np.append(signal[:1], complete)
 
 
 def beside_rest(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.engine.sample_stream import NOISE, RAIL, Stream, stroke
+from tests.engine.sample_stream import NOISE, RAIL, Stream, assert_levels, at_rest, lift_with, stroke
 
 BAD = {"no number": np.nan, "infinite": np.inf, "minus infinite": -np.inf}
 
@@ -14,14 +14,8 @@ BAD = {"no number": np.nan, "infinite": np.inf, "minus infinite": -np.inf}
 def test_bad_samples_are_never_valid_and_forgotten(signal: str, bad: float, opened: bool) -> None:
     random = np.random.default_rng(6)
     length, at = 40_000, slice(5000, 5020)
-    values = {
-        "rail": RAIL + random.normal(0.0, NOISE.rail_pressure, length),
-        "lift": random.normal(0.0, NOISE.needle_lift, length),
-        "line": RAIL + random.normal(0.0, NOISE.line_pressure, length),
-    }
-    if opened:
-        values["lift"][4950:5060] += stroke(110)
-    values["lift"][20_000:20_110] += stroke(110)
+    values = dict(zip(("rail", "lift", "line"), at_rest(random, length), strict=True))
+    values["lift"] += lift_with(length, {20_000: 110} | ({4950: 110} if opened else {}))
     values[signal][at] = bad
     stream = Stream(events_required=0).feed(values["rail"], values["lift"], values["line"])
     rows = stream.rows
@@ -32,11 +26,7 @@ def test_bad_samples_are_never_valid_and_forgotten(signal: str, bad: float, open
     assert np.isfinite(rows["x_hat"][8000:]).all()
     peak = rows["injection_rate"][20_000:20_110].max()
     assert 50e-6 < peak < 80e-6  # m3/s: an injection after it is as if nothing had been
-    noise = stream.standstill.noise
-    assert noise is not None
-    assert noise.rail_pressure == pytest.approx(NOISE.rail_pressure, rel=0.05)
-    assert noise.line_pressure == pytest.approx(NOISE.line_pressure, rel=0.05)
-    assert noise.needle_lift == pytest.approx(NOISE.needle_lift, rel=0.05)
+    assert_levels(stream.standstill.noise, NOISE, 0.05)
     assert abs(stream.standstill.offset) < 1e-4
 
 

@@ -1,7 +1,6 @@
 """Stated delays of rail pressure and lift are undone before the observer sees a sample."""
 
 import itertools
-from functools import cache
 
 import numpy as np
 import pytest
@@ -11,23 +10,19 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stream import dead_band
-from observer_rt.desk.simulation.plant import Truth, run_plant
-from observer_rt.desk.simulation.schedule import make_schedule, strokes
+from observer_rt.desk.simulation.plant import Truth
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effects import effective_model, sized
-from tests.engine.sample_stream import NOISE, NOMINAL, RAIL, Stream
+from observer_rt.model.effects import sized
+from tests.engine.sample_stream import FINE, NOISE, RAIL, Stream, true_course
 
-RATE, FINE = 100e3, 500e3
+RATE = 100e3
 LAG = 15.9e-6
 SLOW = (sized("needle_lift_sensor_lag", tau=LAG),)
 
 
-@cache
 def truth() -> Truth:
-    schedule = make_schedule([RAIL], 4, 30e-3 + 0.25 / RATE, [1.1e-3, 0.4e-3])
-    time = np.arange(round(schedule.duration * FINE)) / FINE
-    return run_plant(effective_model(NOMINAL), strokes(schedule, NOMINAL), time, schedule.rail_pressure(time))
+    return true_course(4, 30e-3 + 0.25 / RATE, (1.1e-3, 0.4e-3))
 
 
 def rmse(lift: NDArray[np.float64], stated: tuple[SizedEffect, ...]) -> float:

@@ -1,26 +1,19 @@
 """A lift that was sampled between the samples of the line pressure loses nothing by it."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.desk.simulation.plant import Truth, run_plant
-from observer_rt.desk.simulation.schedule import make_schedule, strokes
-from observer_rt.model.effects import effective_model
-from tests.engine.sample_stream import NOMINAL, RAIL, Stream
+from observer_rt.desk.simulation.plant import Truth
+from tests.engine.sample_stream import Stream, true_course
 
 RATE = 20e3
 PHASES = 7  # of the samples against the openings
 
 
-@cache
 def truth() -> Truth:
     """One opening for each phase, 30 ms apart."""
-    schedule = make_schedule([RAIL], PHASES, 30e-3 + 1 / (PHASES * RATE), [1.1e-3])
-    time = np.arange(round(schedule.duration * 500e3)) / 500e3
-    return run_plant(effective_model(NOMINAL), strokes(schedule, NOMINAL), time, schedule.rail_pressure(time))
+    return true_course(PHASES, 30e-3 + 1 / (PHASES * RATE), (1.1e-3,))
 
 
 def at(signal: NDArray[np.float64], time: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,36 +10,22 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_bench
 from observer_rt.config.injector import Meaning, SamplingConfig
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
-from observer_rt.desk.simulation.plant import Truth, run_plant
-from observer_rt.desk.simulation.schedule import make_schedule, strokes
+from observer_rt.desk.simulation.plant import Truth
 from observer_rt.files.signals.recording import Recording
-from observer_rt.model.effects import effective_model, sized
-from tests.engine.sample_stream import NOISE, NOMINAL, RAIL
+from observer_rt.model.effects import sized
+from tests.engine.sample_stream import FINE, NOISE, NOMINAL, period_means, true_course
 
 pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
 
-RATE, FINE = 20e3, 500e3
+RATE = 20e3
 DURATIONS = (1.1e-3, 0.35e-3, 0.6e-3)  # s
 EVENTS = 9  # at as many phases of the samples against the openings
 WEAR = 0.25
 
 
-@cache
 def truth(worn: bool) -> Truth:
-    schedule = make_schedule([RAIL], EVENTS, 40e-3 + 1 / (EVENTS * RATE), DURATIONS)
-    time = np.arange(round(schedule.duration * FINE)) / FINE
     effects = [sized("orifice_area", v_H=WEAR)] if worn else []
-    return run_plant(
-        effective_model(NOMINAL, effects), strokes(schedule, NOMINAL), time, schedule.rail_pressure(time)
-    )
-
-
-def means(signal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of a signal (n,) at FINE over the periods that end at the samples at RATE."""
-    every = round(FINE / RATE)
-    between = 0.5 * (signal[1:] + signal[:-1])
-    complete = between[: between.size // every * every].reshape(-1, every).mean(axis=1)
-    return np.append(signal[:1], complete)
+    return true_course(EVENTS, 40e-3 + 1 / (EVENTS * RATE), DURATIONS, *effects)
 
 
 @cache
@@ -47,7 +33,8 @@ def recorded(worn: bool) -> Recording:
     """Means with the noise that the nominal noise at 100 kHz leaves."""
     result = truth(worn)
     random = np.random.default_rng(3)
-    rail, lift, line = (means(s) for s in (result.rail_pressure, result.needle_lift, result.line_pressure))
+    signals = (result.rail_pressure, result.needle_lift, result.line_pressure)
+    rail, lift, line = (period_means(signal, round(FINE / RATE)) for signal in signals)
     less = np.sqrt(RATE / 100e3)
     return Recording(
         np.arange(rail.size) / RATE,

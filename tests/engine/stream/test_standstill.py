@@ -1,5 +1,7 @@
 """What the shut needle tells: noise of every sensor, offset between line and rail, which x~ follows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.observer import event_standstill
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.effects import sized
-from tests.engine.sample_stream import NOISE, NOMINAL, RAIL, Stream, stroke
+from tests.engine.sample_stream import NOISE, NOMINAL, RAIL, Stream, assert_levels, at_rest, opened
 
 SAMPLES = 3000
 
@@ -22,16 +24,8 @@ def test_noise_is_measured_within_two_percent(levels: NoiseLevels) -> None:
     random = np.random.default_rng(3)
     stream = Stream(keep=False)
     for _ in range(10):
-        stream.feed(
-            RAIL + random.normal(0.0, levels.rail_pressure, 10_000),
-            random.normal(0.0, levels.needle_lift, 10_000),
-            RAIL + random.normal(0.0, levels.line_pressure, 10_000),
-        )
-    noise = stream.standstill.noise
-    assert noise is not None
-    assert noise.rail_pressure == pytest.approx(levels.rail_pressure, rel=0.02)
-    assert noise.line_pressure == pytest.approx(levels.line_pressure, rel=0.02)
-    assert noise.needle_lift == pytest.approx(levels.needle_lift, rel=0.02)
+        stream.feed(*at_rest(random, 10_000, levels))
+    assert_levels(stream.standstill.noise, levels, 0.02)
 
 
 @pytest.mark.parametrize("undone", [0.0, 3.7e-6, -4.4e-6])
@@ -59,11 +53,7 @@ def test_noise_is_measured_in_a_ringing_line(sample_rate: float) -> None:
     made = simulate(NOMINAL, schedule, sample_rate, noise=SimulatedNoise(), seed=4).recording
     stream = Stream(sample_rate=sample_rate, keep=False)
     stream.feed(made.rail_pressure, made.needle_lift, made.line_pressure)
-    noise = stream.standstill.noise
-    assert noise is not None
-    assert noise.line_pressure == pytest.approx(0.15e6, rel=0.02)
-    assert noise.rail_pressure == pytest.approx(0.1e6, rel=0.02)
-    assert noise.needle_lift == pytest.approx(0.4e-6, rel=0.02)
+    assert_levels(stream.standstill.noise, NOISE, 0.02)
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e6, -3e6])
@@ -103,13 +93,8 @@ def test_measured_noise_replaces_the_stated_only_where_it_contradicts_it() -> No
     random = np.random.default_rng(3)
     stream = Stream(learning=True)
     for _ in range(2):
-        lift = random.normal(0.0, NOISE.needle_lift, 4000)
-        lift[800:910] += stroke(110)
-        stream.feed(
-            RAIL + random.normal(0.0, 3 * NOISE.rail_pressure, 4000),
-            lift,
-            RAIL + random.normal(0.0, NOISE.line_pressure, 4000),
-        )
+        rail, lift, line = at_rest(random, 4000, replace(NOISE, rail_pressure=3 * NOISE.rail_pressure))
+        stream.feed(rail, lift + opened([800], 4000), line)
     noise = event_standstill(stream.observer, 0).noise
     assert noise is not None
     assert noise.line_pressure == pytest.approx(NOISE.line_pressure, rel=1e-12)
@@ -122,14 +107,9 @@ def test_noise_that_changes_is_followed_from_event_to_event(factor: float) -> No
     random = np.random.default_rng(3)
     stream = Stream(learning=False)
     for k in range(10):
-        lift = random.normal(0.0, NOISE.needle_lift, 6000)
-        lift[500:610] += stroke(110)
         times = factor if k >= 5 else 1.0
-        stream.feed(
-            RAIL + random.normal(0.0, times * NOISE.rail_pressure, 6000),
-            lift,
-            RAIL + random.normal(0.0, NOISE.line_pressure, 6000),
-        )
+        rail, lift, line = at_rest(random, 6000, replace(NOISE, rail_pressure=times * NOISE.rail_pressure))
+        stream.feed(rail, lift + opened([500], 6000), line)
     levels = [event_standstill(stream.observer, k).noise for k in range(10)]
     result = [level.rail_pressure / NOISE.rail_pressure for level in levels if level is not None]
     assert result[:5] == pytest.approx([1.0] * 5, rel=0.02)
@@ -140,10 +120,8 @@ def offset_after(difference: float, is_coloured: bool = False) -> float:
     """Of x~ [Pa] after 30 ms in which the line pressure is recorded by so much [Pa] too high."""
     random, stream = np.random.default_rng(2), Stream(keep=False)
     stream.observer.memory["judgement"]["offset_moves"] = not is_coloured
-    rail = RAIL + random.normal(0.0, NOISE.rail_pressure, SAMPLES)
-    line = RAIL + random.normal(0.0, NOISE.line_pressure, SAMPLES)
-    stream.feed(rail, np.zeros(SAMPLES), line)
-    stream.feed(rail, np.zeros(SAMPLES), line + difference)
+    rail, lift, line = at_rest(random, SAMPLES)
+    stream.feed(rail, lift, line).feed(rail, lift, line + difference)
     return float(stream.observer.memory[0]["pair"]["offset"]) * stream.observer.constants.coefficients.pressure_scale
 
 

@@ -8,24 +8,15 @@ from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stream import LOOK_BACK
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.model.parameters import InjectorParameters
-from tests.engine.sample_stream import NOISE, NOMINAL, RAIL, Stream, stroke
+from tests.engine.sample_stream import NOMINAL, Stream, at_rest, lift_with
 
 MS = 100  # samples at 100 kHz
 
 
-def noisy(
-    length: int, openings: dict[int, int], seed: int = 1
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def noisy(length: int, openings: dict[int, int], seed: int = 1) -> list[NDArray[np.float64]]:
     """Rail, lift, line with the nominal noise; the line stands still, whatever the needle does."""
-    random = np.random.default_rng(seed)
-    lift = random.normal(0.0, NOISE.needle_lift, length)
-    for start, open_for in openings.items():
-        lift[start : start + open_for] += stroke(open_for)
-    return (
-        RAIL + random.normal(0.0, NOISE.rail_pressure, length),
-        lift,
-        RAIL + random.normal(0.0, NOISE.line_pressure, length),
-    )
+    rail, lift, line = at_rest(np.random.default_rng(seed), length)
+    return [rail, lift + lift_with(length, openings), line]
 
 
 def test_shut_for_three_milliseconds_the_observer_follows_the_identification() -> None:

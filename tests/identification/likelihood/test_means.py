@@ -1,10 +1,10 @@
 """Recordings whose samples are means, as `fit` and `discover` compare them with models."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.config.injector import Meaning
 from observer_rt.files.signals.recording import Recording
@@ -15,6 +15,7 @@ from observer_rt.identification.likelihood.windows import TrueInputs
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.effects import effective_model, sized
+from tests.engine.sample_stream import period_means
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
 pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
@@ -26,21 +27,9 @@ C = MODEL.coefficients
 
 def means(recording: Recording, meaning: Meaning | None) -> Recording:
     """Over the periods that end at every fifth sample."""
-
-    def averaged(signal: NDArray[np.float64]) -> NDArray[np.float64]:
-        between = 0.5 * (signal[1:] + signal[:-1])
-        complete = between[: between.size // EVERY * EVERY].reshape(-1, EVERY).mean(axis=1)
-        return np.append(signal[:1], complete)
-
-    rail, rate = averaged(recording.rail_pressure), recording.injection_rate
-    return Recording(
-        recording.time[::EVERY][: rail.size],
-        rail,
-        averaged(recording.needle_lift),
-        averaged(recording.line_pressure),
-        None if rate is None else averaged(rate),
-        meaning=meaning,
-    )
+    averaged = {name: period_means(signal, EVERY) for name, signal in recording.signals.items()}
+    time = recording.time[::EVERY][: averaged["rail_pressure"].size]
+    return replace(recording.with_arrays({"time": time, **averaged}), meaning=meaning)
 
 
 @cache

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import lagged
-from observer_rt.core.model.model import advance_state, slopes_of_flows
+from observer_rt.core.model.model import advance_state, rest_state, slopes_of_flows
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
 from observer_rt.engine.estimation.scalars import PARAMETERS, WEIGHTS, Parameter, learned_of
@@ -113,6 +113,22 @@ def event_inputs(rail: float = RAIL, samples: int = 600) -> NDArray[np.float64]:
     time = np.arange(samples) / SAMPLE_RATE
     area = np.interp(time, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
     return np.column_stack([np.full(samples, rail), area])
+
+
+def start_at_rest(c: Coefficients, pressure: float) -> NDArray[np.float64]:
+    """State and indicated pressure with which a window starts behind a shut needle."""
+    start = np.zeros(c.states)
+    rest_state(start, pressure, c)
+    return np.append(start, pressure)
+
+
+def shut_line(c: Coefficients, count: int) -> Window:
+    """A line at rest behind a shut needle, under the stated noise of both sensors."""
+    random = np.random.default_rng(11)
+    rail = 0.95 + random.normal(0.0, NOISE.rail_pressure / c.pressure_scale, count)
+    line = 0.95 + random.normal(0.0, NOISE.line_pressure / c.pressure_scale, count)
+    inputs, resting = np.column_stack([rail, np.zeros(count)]), np.ones(count, np.bool_)
+    return Window(inputs, line, resting, start_at_rest(c, 0.95), count)
 
 
 def recorded_late(window: Window, samples: float) -> Window:

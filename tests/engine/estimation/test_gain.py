@@ -21,6 +21,7 @@ from tests.engine.estimation.conftest import (
     Case,
     event_inputs,
     innovations_at,
+    shut_line,
     simulated_event,
     worn_theta,
 )
@@ -37,18 +38,29 @@ def steady_kalman(
     recorded value, a share `late` of a sample late.
     """
     interval = 1.0 / sample_rate
+    by_start, by_end, by_shown = seen_by_sensor(lag, interval)
     line = expm(np.array([[0.0, c.line.a1, 0.0], [-c.line.a3, 0.0, c.line.a3], [0.0, 0.0, 0.0]]) * interval)
-    slowness = max(lag, 1e-3 * interval)
-    ramp = expm(np.array([[-1.0, 1.0, 0.0], [0.0, 0.0, slowness], [0.0, 0.0, 0.0]]) * interval / slowness)[0]
-    by_start, by_end = ramp[1] - ramp[2] / interval, ramp[2] / interval
     transition = np.zeros((3, 3))
     transition[:2, :2] = line[:2, :2]
-    transition[2] = [by_start + by_end * line[0, 0], by_end * line[0, 1], ramp[0]]
+    transition[2] = [by_start + by_end * line[0, 0], by_end * line[0, 1], by_shown]
     rail = np.array([line[0, 2], line[1, 2], by_end * line[0, 2]])
     transition = np.block([[transition, np.zeros((3, 1))], [np.zeros((1, 4))]])
     transition[3] = (1 - late) * transition[2]
     transition[3, 2] += late
-    rail = np.append(rail, (1 - late) * rail[2])
+    return riccati(transition, np.append(rail, (1 - late) * rail[2]), c, noise)
+
+
+def seen_by_sensor(lag: float, interval: float) -> tuple[float, float, float]:
+    """Shares of the pressure at the start of an interval and at its end, and of what was shown, in what is shown."""
+    slowness = max(lag, 1e-3 * interval)
+    ramp = expm(np.array([[-1.0, 1.0, 0.0], [0.0, 0.0, slowness], [0.0, 0.0, 0.0]]) * interval / slowness)[0]
+    return ramp[1] - ramp[2] / interval, ramp[2] / interval, ramp[0]
+
+
+def riccati(
+    transition: NDArray[np.float64], rail: NDArray[np.float64], c: Coefficients, noise: NoiseLevels
+) -> tuple[NDArray[np.float64], float]:
+    """Steady gain (3,) of four states, the last measured, that the rail's noise drives; and innovation sigma."""
     process = np.outer(rail, rail) * (noise.rail_pressure / c.pressure_scale) ** 2
     measurement = np.array([[(noise.line_pressure / c.pressure_scale) ** 2]])
     output = np.array([[0.0, 0.0, 0.0, 1.0]])
@@ -137,19 +149,7 @@ def _free_line(c: Coefficients, x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def test_innovations_are_white_and_of_the_predicted_size(nominal: Case) -> None:
     """A shut line under the stated noise of both sensors, for two seconds."""
-    c = nominal.c
-    count = 200_000
-    random = np.random.default_rng(11)
-    rail = 0.95 + random.normal(0.0, NOISE.rail_pressure / c.pressure_scale, count)
-    line = 0.95 + random.normal(0.0, NOISE.line_pressure / c.pressure_scale, count)
-    window = Window(
-        np.column_stack([rail, np.zeros(count)]),
-        line,
-        np.ones(count, np.bool_),
-        np.array([0.95, 0.0, 0.0, 0.95]),
-        count,
-    )
-    result = innovations_at(nominal, window, HEALTHY)
+    result = innovations_at(nominal, shut_line(nominal.c, 200_000), HEALTHY)
     _check_white(result[1000:], nominal.schedule.innovation_sigma, 0.01)
 
 

@@ -1,23 +1,22 @@
 """The identification system of samples that are means: what it predicts, its slopes, its gain."""
 
-import math
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import expm
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import lagged, recorded_mean
-from observer_rt.core.model.model import rest_state
 from observer_rt.engine.estimation.gain import gain_schedule
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations, innovations_with_sensitivity
 from observer_rt.engine.estimation.scalars import PARAMETERS, learned_of
 from observer_rt.model.effective import Coefficients, averaged, coefficients
 from observer_rt.model.stability import substeps_needed
 from tests.differences import differences
-from tests.engine.estimation.conftest import NOISE, SMOOTH, worn_theta
+from tests.engine.estimation.conftest import NOISE, SMOOTH, shut_line, start_at_rest, worn_theta
+from tests.engine.estimation.test_gain import riccati, seen_by_sensor
 
 pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
 
@@ -38,11 +37,9 @@ def event(setting: Setting) -> Window:
     time = np.arange(80) / SLOW
     area = np.interp(time, [1.03e-3, 1.3e-3, 2.1e-3, 2.38e-3], [0.0, 0.9, 0.9, 0.0])
     knots = np.column_stack([np.full(80, 0.5), np.append(0.5 * (area[1:] + area[:-1]), 0.0)])
-    start = np.zeros(setting.coefficients.states + 1)
-    rest_state(start[:-1], 0.95, setting.coefficients)
-    start[-1] = 0.95
     output = 0.95 - 0.04 * area + np.random.default_rng(2).normal(0.0, 1e-3, 80)
-    return Window(np.column_stack([np.full(80, 0.95), area]), output, time < 1e-3, start, 21, knots)
+    inputs, start = np.column_stack([np.full(80, 0.95), area]), start_at_rest(setting.coefficients, 0.95)
+    return Window(inputs, output, time < 1e-3, start, 21, knots)
 
 
 @pytest.mark.parametrize("model", ["lump", "wave"])
@@ -91,22 +88,16 @@ def steady_kalman(c: Coefficients, lag: float) -> tuple[NDArray[np.float64], flo
     rates = np.zeros((4, 4))  # p_L, Q_L, integral of p_L, rail
     rates[0, 1], rates[1, 0], rates[1, 3], rates[2, 0] = c.line.a1, -c.line.a3, c.line.a3, 1.0
     line = expm(rates * interval)
-    slowness = max(lag, 1e-3 * interval)
-    ramp = expm(np.array([[-1.0, 1.0, 0.0], [0.0, 0.0, slowness], [0.0, 0.0, 0.0]]) * interval / slowness)[0]
-    by_start, by_end = ramp[1] - ramp[2] / interval, ramp[2] / interval
+    by_start, by_end, by_shown = seen_by_sensor(lag, interval)
     rows = np.zeros((4, 5))  # from p_L, Q_L, indicated, shown, rail
     rows[:2, [0, 1, 4]] = line[:2][:, [0, 1, 3]]
     rows[2] = by_end * rows[0]
     rows[2, 0] += by_start
-    rows[2, 2] += ramp[0]
+    rows[2, 2] += by_shown
     rows[3, [0, 1, 4]] = line[2, [0, 1, 3]] / interval
     rows[3] -= lag / interval * rows[2]
     rows[3, 2] += lag / interval
-    process = np.outer(rows[:, 4], rows[:, 4]) * (NOISE.rail_pressure / c.pressure_scale) ** 2
-    measurement = np.array([[(NOISE.line_pressure / c.pressure_scale) ** 2]])
-    covariance = solve_discrete_are(rows[:, :4].T, np.array([[0.0, 0.0, 0.0, 1.0]]).T, process, measurement)
-    variance = covariance[3, 3] + measurement[0, 0]
-    return covariance[:3, 3] / variance, math.sqrt(variance)
+    return riccati(rows[:, :4], rows[:, 4], c, NOISE)
 
 
 @pytest.mark.parametrize("lag", [0.0, LAG])
@@ -124,15 +115,8 @@ def test_innovations_of_means_are_white() -> None:
     """A shut line under the stated noise of both sensors: as large as the gain says, and white."""
     setting = setting_for("lump")
     c, count = setting.coefficients, 40_000
-    random = np.random.default_rng(11)
-    rail = 0.95 + random.normal(0.0, NOISE.rail_pressure / c.pressure_scale, count)
-    line = 0.95 + random.normal(0.0, NOISE.line_pressure / c.pressure_scale, count)
-    start = np.zeros(c.states + 1)
-    rest_state(start[:-1], 0.95, c)
-    start[-1] = 0.95
-    window = Window(np.column_stack([rail, np.zeros(count)]), line, np.ones(count, np.bool_), start, count)
     errors = np.empty(count)
-    innovations(window, setting, learned_of(np.zeros(PARAMETERS), c), errors)
+    innovations(shut_line(c, count), setting, learned_of(np.zeros(PARAMETERS), c), errors)
     e = errors[1000:]
     sigma = gain_schedule(c, NOISE, SLOW).innovation_sigma
     assert e.std() == pytest.approx(sigma, rel=0.03)

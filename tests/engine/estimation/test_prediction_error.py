@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.learning.whitening import robust_cost
-from observer_rt.core.model.model import rest_state
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, WEIGHTS, Parameter, learned_of, network_of
@@ -26,6 +25,7 @@ from tests.engine.estimation.conftest import (
     innovations_at,
     make_case,
     simulated_event,
+    start_at_rest,
     worn_theta,
 )
 
@@ -210,9 +210,7 @@ def test_short_waves_do_not_count_on_a_line_of_cells() -> None:
 def made_up_event(case: Case) -> Window:
     """An injection with a line pressure that nothing explains."""
     inputs = event_inputs()
-    start = np.zeros(case.c.states + 1)
-    rest_state(start[:-1], float(inputs[0, 0]), case.c)
-    start[-1] = inputs[0, 0]
+    start = start_at_rest(case.c, float(inputs[0, 0]))
     output = inputs[:, 0] - 0.04 * inputs[:, 1] + np.random.default_rng(2).normal(0.0, 1e-3, len(inputs))
     return Window(inputs, output, np.arange(len(inputs)) < 100, start, 100)
 

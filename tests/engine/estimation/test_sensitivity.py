@@ -7,7 +7,6 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.model.model import rest_state
 from observer_rt.engine.estimation.predictor import Window, innovations_with_sensitivity
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.model.effective import LAG_UNIT
@@ -20,6 +19,7 @@ from tests.engine.estimation.conftest import (
     make_case,
     recorded_late,
     simulated_event,
+    start_at_rest,
     worn_theta,
 )
 
@@ -145,8 +145,5 @@ def test_slopes_of_a_servo_injector_on_a_line_with_waves(case: Case) -> None:
     outflow = "nozzle" if case.c.line.a2_nozzle > 0.0 else "seat"
     line = load_injector().line.model_copy(update={"model": "wave", "cells": 5})
     waves = make_case(load_injector().model_copy(update={"line": line, "line_outflow": outflow}))
-    start = np.zeros(waves.c.states)
-    rest_state(start, 0.7, waves.c)
-    assert_slopes(
-        waves, recorded._replace(start=np.append(start, 0.7)), SERVO, by_corners=0.5
-    )  # the needle displaces fuel
+    window = recorded._replace(start=start_at_rest(waves.c, 0.7))
+    assert_slopes(waves, window, SERVO, by_corners=0.5)  # the needle displaces fuel

@@ -22,9 +22,8 @@ from observer_rt.engine.learning.adequacy import (
     tempering,
 )
 from observer_rt.engine.learning.healthy import NOT_FITTED
-from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.engine.stream.state import Reason
-from tests.engine.sample_stream import NOMINAL
+from tests.engine.learning.strokes import CONSTANTS
 
 LENGTHS = (50, 30, 60, 35, 295, 400)  # samples of an event's phases at 100 kHz
 PHASES_OF_EVENT = np.repeat([0, 1, 2, 3, 4, 0], LENGTHS).astype(np.int8)
@@ -175,9 +174,6 @@ def test_wear_at_its_limit_is_not_believed(column: Parameter) -> None:
         assert not is_worn_beyond_limits(theta)
         theta[column] = limit
         assert is_worn_beyond_limits(theta)
-
-
-CONSTANTS = constants_for(NOMINAL, 100e3, Durations(), 2)
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,9 @@ from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.engine.stream.standstill import Standstill
-from tests.engine.learning.strokes import stroke_of
-from tests.engine.sample_stream import NOISE, NOMINAL
-
-SCALE = NOMINAL.scaling.pressure
-
+from tests.engine.learning.strokes import CONSTANTS, SCALE, stroke_of
+from tests.engine.sample_stream import NOISE
 
 @st.composite
 def events(draw: st.DrawFn) -> Window:
@@ -42,8 +38,7 @@ def events(draw: st.DrawFn) -> Window:
 @given(st.lists(events(), min_size=2, max_size=3))
 @settings(max_examples=15, deadline=None)
 def test_hostile_events_are_refused_at_worst(hostile: list[Window]) -> None:
-    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
-    learner = Learner(constants, no_knowledge(NOISE, SCALE))
+    learner = Learner(CONSTANTS, no_knowledge(NOISE, SCALE))
     in_force = np.zeros_like(learner.state.learned.theta)
     still = Standstill(samples=2000, offset=0.0, noise=NoiseLevels(1e5, 1.5e5, 4e-7))
     for window in [*hostile, *[stroke_of(seed=i) for i in range(2)]]:
@@ -63,7 +58,7 @@ def test_numbers_that_end_a_computation_refuse_the_event(
         raise error("by numbers of an event")
 
     monkeypatch.setattr("observer_rt.engine.learning.learner.explain", fails)
-    learner = Learner(constants_for(NOMINAL, 100e3, Durations(), events_required=2), no_knowledge(NOISE, SCALE))
+    learner = Learner(CONSTANTS, no_knowledge(NOISE, SCALE))
     still = Standstill(samples=0, offset=0.0, noise=None)
     outcome = learner.learn(stroke_of(seed=1), still, np.zeros_like(learner.state.learned.theta))
     assert [each.reason.name for each in outcome.objections] == ["NOT_LEARNED"]

@@ -18,7 +18,7 @@ from observer_rt.engine.observer import Durations, constants_for, in_force, make
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.foundation.records import plain, restored
 from tests.engine.estimation.conftest import changes_of_flows
-from tests.engine.learning.strokes import stroke_of
+from tests.engine.learning.strokes import CONSTANTS, stroke_of
 from tests.engine.sample_stream import NOISE, NOMINAL, judge
 
 Vector = NDArray[np.float64]
@@ -49,8 +49,7 @@ def knowledge_with(belief: Belief, in_force: Vector) -> Knowledge:
 
 
 def learner_with(belief: Belief, in_force: Vector) -> Learner:
-    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
-    return Learner(constants, knowledge_with(belief, in_force))
+    return Learner(CONSTANTS, knowledge_with(belief, in_force))
 
 
 def belief_in(v_h: float, sigma: float) -> Belief:
@@ -59,10 +58,9 @@ def belief_in(v_h: float, sigma: float) -> Belief:
 
 
 def test_adopted_phi_takes_force() -> None:
-    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
     learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
     knowledge = knowledge_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
-    observer = make_observer(constants, knowledge, learner)
+    observer = make_observer(CONSTANTS, knowledge, learner)
     outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
     assert outcome.adoption is Adoption.ADOPTED
     assert wear_of(outcome.estimate) == pytest.approx(0.3, abs=0.02)
@@ -142,8 +140,7 @@ def test_one_that_takes_over_learns_as_the_one_before() -> None:
     assert outcome is not None
     remembered = as_text(outcome.knowledge.state)
     kept = replace(outcome.knowledge, state=restored(LearningState, json.loads(remembered)))
-    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
-    after = Learner(constants, kept)
+    after = Learner(CONSTANTS, kept)
     assert as_text(after.state) == as_text(before.state) == remembered
     first, second = (one.learn(event(0.3, seed=9), NO_STANDSTILL, theta) for one in (before, after))
     np.testing.assert_array_equal(first.estimate, second.estimate)

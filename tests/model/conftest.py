@@ -1,7 +1,8 @@
 """Shared by the tests of the model: an injector in both outflow forms, and trajectories over given inputs."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,14 +10,13 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import FUELS, load_injector
 from observer_rt.config.toml_file import read_toml
-from observer_rt.core.model.model import advance_state
+from observer_rt.core.model.model import advance_state, rest_state
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import Network, constant_network
 from observer_rt.model.parameters import Fluid, InjectorParameters, LineOutflow
 from tests.intervals import Interval
 
 State = tuple[float, float, float]
-Trajectory = Callable[..., NDArray[np.float64]]
 GAUSS = [(0.5 + 0.5 * at, 0.5 * w) for at, w in zip(*np.polynomial.legendre.leggauss(5), strict=True)]
 
 
@@ -26,29 +26,36 @@ def injector(request: pytest.FixtureRequest) -> InjectorParameters:
     return load_injector().model_copy(update={"line_outflow": request.param})
 
 
-@pytest.fixture
-def integrate() -> Trajectory:
+def integrate(
+    inputs: NDArray[np.float64],
+    start: State,
+    interval: float,
+    substeps: int,
+    c: Coefficients,
+    network: Network | None = None,
+) -> NDArray[np.float64]:
     """States (n, 3) at the samples of inputs (n, 2), linear between them, from a start state."""
+    states = np.empty((len(inputs), c.states))
+    states[0] = start
+    network = network or constant_network()
+    for n in range(len(inputs) - 1):
+        u_start = (float(inputs[n, 0]), float(inputs[n, 1]))
+        u_end = (float(inputs[n + 1, 0]), float(inputs[n + 1, 1]))
+        states[n + 1] = states[n]
+        advance_state(states[n + 1], Interval(u_start, u_end, interval, substeps), c, network)
+    return states
 
-    def run(
-        inputs: NDArray[np.float64],
-        start: State,
-        interval: float,
-        substeps: int,
-        c: Coefficients,
-        network: Network | None = None,
-    ) -> NDArray[np.float64]:
-        states = np.empty((len(inputs), c.states))
-        states[0] = start
-        network = network or constant_network()
-        for n in range(len(inputs) - 1):
-            u_start = (float(inputs[n, 0]), float(inputs[n, 1]))
-            u_end = (float(inputs[n + 1, 0]), float(inputs[n + 1, 1]))
-            states[n + 1] = states[n]
-            advance_state(states[n + 1], Interval(u_start, u_end, interval, substeps), c, network)
-        return states
 
-    return run
+def with_line(injector: InjectorParameters, **line: Any) -> InjectorParameters:
+    """The injector on another line."""
+    return injector.model_copy(update={"line": injector.line.model_copy(update=line)})
+
+
+def at_rest(c: Coefficients, pressure: float = 0.95) -> NDArray[np.float64]:
+    """State of a line behind a shut needle."""
+    x = np.zeros(c.states)
+    rest_state(x, pressure, c)
+    return x
 
 
 def filled(injector: InjectorParameters, fuel: str | None) -> InjectorParameters:
@@ -56,15 +63,10 @@ def filled(injector: InjectorParameters, fuel: str | None) -> InjectorParameters
     return injector.model_copy(update={"fluid": Fluid(**read_toml(FUELS)[fuel])}) if fuel else injector
 
 
-def advanced(x: State, interval: Interval, c: Coefficients, network: Network) -> State:
-    """`advance_state` without a tangent, as a function of the state."""
-    return advanced_over(x, interval, (0.0, 0.0), c, network)
-
-
-def advanced_over(
-    x: State, interval: Interval, knot: tuple[float, float], c: Coefficients, network: Network
+def advanced(
+    x: State, interval: Interval, c: Coefficients, network: Network, knot: tuple[float, float] = (0.0, 0.0)
 ) -> State:
-    """`advance_state` likewise."""
+    """`advance_state` without a tangent, as a function of the state."""
     state = np.array(x)
     advance_state(state, interval, c, network, knot=knot)
     return float(state[0]), float(state[1]), float(state[2])

@@ -20,6 +20,7 @@ from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 from tests.identification.discovery.hidden import effect_of
+from tests.model.conftest import with_line
 
 FLOW = 60.0  # mm3/ms
 TERMS = (
@@ -50,8 +51,7 @@ class Line:
 
 @pytest.fixture(scope="module")
 def line(request: pytest.FixtureRequest) -> Line:
-    nominal = load_injector()
-    injector = nominal.model_copy(update={"line": nominal.line.model_copy(update={"model": request.param})})
+    injector = with_line(load_injector(), model=request.param)
     return Line(injector, _squares(_likelihood(injector), effective_model(injector)))
 
 

@@ -15,7 +15,7 @@ from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.stability import substeps_needed
 from tests.intervals import Interval
-from tests.model.conftest import State, Trajectory, filled, physical_rates
+from tests.model.conftest import State, filled, integrate, physical_rates
 
 NO_FAULT = constant_network()
 SAMPLE = 1e-5  # s
@@ -48,7 +48,7 @@ def test_order_of_convergence_is_four(injector: InjectorParameters, component: i
     assert orders == pytest.approx([4.0, 4.0], abs=0.25)
 
 
-def test_conserving_form_conserves_mass(injector: InjectorParameters, integrate: Trajectory) -> None:
+def test_conserving_form_conserves_mass(injector: InjectorParameters) -> None:
     """What the rail delivered is stored in line and sac or injected; the paper's form misses the sac's share."""
     sample = 2e-7
     inputs = stroke(15_001, sample)
@@ -74,7 +74,7 @@ def _integral(values: NDArray[np.float64], sample: float) -> NDArray[np.float64]
 
 @pytest.mark.parametrize(("v_h", "v_s"), [(0.0, 0.0), (0.4, -0.3), (-0.5, 0.4)])
 def test_injection_agrees_with_an_independent_integration(
-    injector: InjectorParameters, integrate: Trajectory, v_h: float, v_s: float
+    injector: InjectorParameters, v_h: float, v_s: float
 ) -> None:
     """(19)-(23) in physical units by an implicit method with tight tolerances, from the same inputs."""
     inputs = stroke(401, SAMPLE)
@@ -94,7 +94,7 @@ def test_injection_agrees_with_an_independent_integration(
 
 
 @pytest.mark.parametrize(("fuel", "rail"), [("en590", 0.35), ("en590", 1.45), ("n-dodecane", 0.95)])
-def test_parabolas_inject_what_the_exact_laws_do(integrate: Trajectory, fuel: str, rail: float) -> None:
+def test_parabolas_inject_what_the_exact_laws_do(fuel: str, rail: float) -> None:
     """Density and stiffness everywhere those of the pressure there, friction's density too: .06 % of the mass."""
     injector = filled(load_injector().model_copy(update={"line_outflow": LineOutflow.SEAT}), fuel)
     inputs, c = stroke(401, SAMPLE) * np.array([rail / RAIL, 1.0]), coefficients(injector)
@@ -132,16 +132,14 @@ def _by_scipy(
     return np.concatenate(pieces)
 
 
-def test_rest_stays_at_rest(injector: InjectorParameters, integrate: Trajectory) -> None:
+def test_rest_stays_at_rest(injector: InjectorParameters) -> None:
     inputs = np.column_stack([np.full(1000, RAIL), np.zeros(1000)])
     states = integrate(inputs, (RAIL, 0.0, 0.0), SAMPLE, 5, coefficients(injector))
     assert (states == [RAIL, 0.0, 0.0]).all()
 
 
 @pytest.mark.parametrize("sample", [1e-5, 5e-5])
-def test_fewer_steps_at_rest_follow_the_line_as_well(
-    injector: InjectorParameters, integrate: Trajectory, sample: float
-) -> None:
+def test_fewer_steps_at_rest_follow_the_line_as_well(injector: InjectorParameters, sample: float) -> None:
     """A ringing line behind a shut needle, for 20 ms: amplitude and phase stay within 1e-4 of p_0."""
     count = round(20e-3 / sample)
     c = coefficients(injector)

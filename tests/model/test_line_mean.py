@@ -7,16 +7,16 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.model.model import advance_state, rest_state, steps_in
+from observer_rt.core.model.model import advance_state, steps_in
 from observer_rt.engine.estimation.scalars import PARAMETERS, by_theta, learned_of
 from observer_rt.model.effective import Coefficients, averaged, coefficients
 from observer_rt.model.network import constant_network
-from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.right_hand_side import tangent_of
 from observer_rt.model.stability import substeps_needed
 from observer_rt.model.wave_line import WaveLine
 from tests.differences import differences
 from tests.intervals import Interval
+from tests.model.conftest import at_rest, with_line
 
 PERIOD = 50e-6  # s
 RAIL = 0.95
@@ -29,17 +29,6 @@ LINES: list[dict[str, Any]] = [
 NAMES = [str(line["model"]) for line in LINES]
 
 
-def injector(line: dict[str, Any]) -> InjectorParameters:
-    nominal = load_injector()
-    return nominal.model_copy(update={"line": nominal.line.model_copy(update=line)})
-
-
-def at_rest(c: Coefficients, pressure: float = RAIL) -> NDArray[np.float64]:
-    x = np.zeros(c.states)
-    rest_state(x, pressure, c)
-    return x
-
-
 def step(x: NDArray[np.float64], c: Coefficients, start: float, length: float, substeps: int) -> None:
     u = [(RAIL, float(np.interp(time, *LIFTED))) for time in (start, start + length)]
     advance_state(x, Interval(u[0], u[1], length, substeps), c, constant_network())
@@ -48,7 +37,7 @@ def step(x: NDArray[np.float64], c: Coefficients, start: float, length: float, s
 @pytest.mark.parametrize("line", LINES, ids=NAMES)
 def test_the_integral_is_that_of_the_pressure_and_changes_nothing_else(line: dict[str, Any]) -> None:
     """Through an injection, against the same line in steps of the line's own that are summed up."""
-    parameters = injector(line)
+    parameters = with_line(load_injector(), **line)
     plain = coefficients(parameters)
     fine = 10e-6
     # of a wave one implicit step each: the sac takes part of it, and the pressure has a middle only
@@ -71,7 +60,7 @@ def test_the_integral_is_that_of_the_pressure_and_changes_nothing_else(line: dic
 
 @pytest.mark.parametrize("line", LINES, ids=NAMES)
 def test_transition_is_that_of_the_line_at_rest(line: dict[str, Any]) -> None:
-    parameters = injector({"loss_factor": 0.0} | line)
+    parameters = with_line(load_injector(), **({"loss_factor": 0.0} | line))
     c = averaged(coefficients(parameters))
     matrix, rail = c.line.transition(PERIOD)
     states = [i for i in range(c.states) if i != 2]  # without p_S
@@ -102,7 +91,7 @@ def test_transition_is_that_of_the_line_at_rest(line: dict[str, Any]) -> None:
 @pytest.mark.parametrize("opened", [0.0, 0.8], ids=["shut", "open"])
 def test_derivatives_of_the_lump(opened: float) -> None:
     """By theta and by the state before, against differences of the step itself."""
-    parameters = injector({"model": "lump"})
+    parameters = with_line(load_injector(), model="lump")
     c = averaged(coefficients(parameters))
     random = np.random.default_rng(4)
     theta = random.uniform(0.01, 0.1, PARAMETERS)

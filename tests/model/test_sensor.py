@@ -14,7 +14,7 @@ from observer_rt.model.effective import coefficients
 from observer_rt.model.network import constant_network
 from observer_rt.model.stability import substeps_needed
 from tests.intervals import Interval
-from tests.model.conftest import advanced, advanced_over
+from tests.model.conftest import advanced
 
 INTERVAL = 1e-5  # s
 pressures = st.floats(-0.1, 2.0)
@@ -94,7 +94,7 @@ def test_a_bend_between_samples_is_followed(share: float) -> None:
         for before, after in pairwise(float(area) for area in areas):
             fine = advanced(fine, Interval((0.95, before), (0.95, after), interval / 4000, 1), C, constant_network())
         interval_of_sample = Interval(u_start, u_end, interval, substeps)
-        bent = advanced_over(x, interval_of_sample, (share, knot), C, constant_network())
+        bent = advanced(x, interval_of_sample, C, constant_network(), (share, knot))
         straight = advanced(x, interval_of_sample, C, constant_network())
         assert bent == pytest.approx(fine, abs=1e-4)
         assert np.abs(np.subtract(straight, fine)).max() > 4e-3
@@ -104,6 +104,6 @@ def test_no_bend_changes_nothing() -> None:
     ends = (0.95, 0.2), (0.94, 0.5)
     interval_of_sample = Interval(*ends, 5e-5, 21)
     plain = advanced((0.8, 0.6, 0.5), interval_of_sample, C, constant_network())
-    assert advanced_over((0.8, 0.6, 0.5), interval_of_sample, (0.0, 0.7), C, constant_network()) == plain
-    on_the_line = advanced_over((0.8, 0.6, 0.5), interval_of_sample, (0.5, 0.35), C, constant_network())
+    assert advanced((0.8, 0.6, 0.5), interval_of_sample, C, constant_network(), (0.0, 0.7)) == plain
+    on_the_line = advanced((0.8, 0.6, 0.5), interval_of_sample, C, constant_network(), (0.5, 0.35))
     assert on_the_line == pytest.approx(plain, abs=1e-4)

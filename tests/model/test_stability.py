@@ -17,7 +17,7 @@ from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import fastest_rate, substeps_needed
 from tests.differences import differences
-from tests.model.conftest import Trajectory
+from tests.model.conftest import integrate
 
 PRESSURE = st.one_of(st.floats(-0.01, 0.05), st.floats(-0.1, 2.5))
 INJECTORS = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -51,7 +51,7 @@ def test_fastest_rate_bounds_every_mode(
 )
 @pytest.mark.parametrize("sample_rate", [20e3, 100e3])
 def test_integration_stays_stable_at_any_pressure(
-    injector: InjectorParameters, integrate: Trajectory, rail_pressure: float, sample_rate: float, wear: float
+    injector: InjectorParameters, rail_pressure: float, sample_rate: float, wear: float
 ) -> None:
     """Against ten times finer steps over a stroke: within 1 % of the rail's pressure difference."""
     c = coefficients(injector)

@@ -14,7 +14,6 @@ from observer_rt.core.model.model import (
     WEIGHTS,
     advance_state,
     fault_with_rate,
-    rest_state,
     slopes_of_flows,
 )
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
@@ -26,7 +25,7 @@ from observer_rt.model.right_hand_side import tangent_of
 from observer_rt.model.stability import substeps_needed
 from observer_rt.model.wave_line import pressure_at
 from tests.intervals import Interval
-from tests.model.conftest import filled
+from tests.model.conftest import at_rest, filled, with_line
 
 RATE = 1e5  # Hz
 RAIL = 0.95  # normalised
@@ -35,15 +34,9 @@ NO_KNOT = (0.0, 0.0)
 
 
 def injector(sac_volume: float | None = None, outflow: str = "seat", **line: Any) -> InjectorParameters:
-    nominal = load_injector()
+    nominal = with_line(load_injector(), **({"model": "wave"} | line))
     sac = {} if sac_volume is None else {"sac_volume": sac_volume}
-    return nominal.model_copy(
-        update={
-            "line_outflow": outflow,
-            "line": nominal.line.model_copy(update={"model": "wave"} | line),
-            "nozzle": nominal.nozzle.model_copy(update=sac),
-        }
-    )
+    return nominal.model_copy(update={"line_outflow": outflow, "nozzle": nominal.nozzle.model_copy(update=sac)})
 
 
 def area(time: float) -> float:
@@ -54,9 +47,7 @@ def run(
     c: Coefficients, rate: float, substeps: int, seconds: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """States and injection rates [m3/s] at the samples of an injection."""
-    x = np.zeros(c.states)
-    rest_state(x, RAIL, c)
-    network = constant_network()
+    x, network = at_rest(c), constant_network()
     states, rates = [x.copy()], [0.0]
     for k in range(round(seconds * rate)):
         u = (RAIL, area(k / rate)), (RAIL, area((k + 1) / rate))
@@ -108,9 +99,7 @@ def test_derivatives(seed: int, needle: str, sac_volume: float, outflow: str, ra
     c = averaged(c) if means else c
     theta = random.uniform(-0.1, 0.1, PARAMETERS)
     theta[[Parameter.GUIDE_LEAKAGE, Parameter.ENTRAINED_AIR, Parameter.BACK_PRESSURE]] = 0.02
-    start = np.zeros(c.states)
-    rest_state(start, 1.0, c)
-    start += random.uniform(-0.1, 0.1, c.states)
+    start = at_rest(c, 1.0) + random.uniform(-0.1, 0.1, c.states)
     start[2] = 0.0 if needle in ("shut", "opening") else random.uniform(0.3, 0.8)
     first, last = {
         "shut": (0.0, 0.0),
@@ -147,9 +136,8 @@ def test_derivatives(seed: int, needle: str, sac_volume: float, outflow: str, ra
 @pytest.mark.parametrize("rate", [1e5, 2e4])
 def test_transition_is_that_of_the_steps(rate: float) -> None:
     """What the gain is computed from, against the steps themselves on small waves behind a shut needle."""
-    parameters = injector(2e-9, model="wave_two_part", cells=6, impedance_ratio=0.7, impedance_step=0.4)
-    thick = parameters.line.model_copy(update={"wall_viscosity": 6e-6})
-    parameters = parameters.model_copy(update={"line": thick})
+    two_parts: dict[str, Any] = {"model": "wave_two_part", "cells": 6, "impedance_ratio": 0.7, "impedance_step": 0.4}
+    parameters = injector(2e-9, **two_parts, wall_viscosity=6e-6)
     c = effective_model(parameters).coefficients
     matrix, by_rail = c.line.transition(1.0 / rate)
     states = [i for i in range(c.states) if i != 2]
@@ -167,8 +155,7 @@ def test_transition_is_that_of_the_steps(rate: float) -> None:
 
 def test_a_line_at_rest_stays_so() -> None:
     c = effective_model(injector(end_volume=2e-8)).coefficients
-    x = np.zeros(c.states)
-    rest_state(x, RAIL, c)
+    x = at_rest(c)
     before = x.copy()
     for _ in range(100):
         advance_state(x, Interval((RAIL, 0.0), (RAIL, 0.0), 1e-5, 1), c, constant_network())
@@ -181,10 +168,8 @@ def test_what_leaves_the_line_was_in_it() -> None:
     c = effective_model(parameters).coefficients
     line = c.line._replace(a3=1e-9 * c.line.a3)  # so heavy that nothing moves along it
     rate = 1e6
-    x = np.zeros(c.states)
     alone = c._replace(line=line)
-    rest_state(x, RAIL, alone)
-    injected = 0.0
+    x, injected = at_rest(alone), 0.0
     for k in range(900):
         u = (RAIL, area(k / rate)), (RAIL, area((k + 1) / rate))
         before = fault_with_rate(x, u[0], alone, constant_network())[1]
@@ -205,9 +190,7 @@ def test_a_throttle_takes_what_as_much_friction_does_of_a_steady_flow() -> None:
     courses, open_wide = [], Interval((RAIL, 1.0), (RAIL, 1.0), 1e-5, 1)
     for loss, inlet in ((18.0, None), (8.0, 10.0)):
         c = effective_model(injector(3e-9, loss_factor=loss, inlet_loss_factor=inlet)).coefficients
-        x = np.zeros(c.states)
-        rest_state(x, RAIL, c)
-        course = []
+        x, course = at_rest(c), []
         for _ in range(5000):
             advance_state(x, open_wide, c, constant_network())
             course.append(x[0])
@@ -258,9 +241,7 @@ def test_travel_time(fuel: str | None, pressure: float) -> None:
     c = effective_model(parameters).coefficients
     filling, base = parameters.fluid.in_line.filling, pressure / 1e8 - 0.05
     travel = c.line.cells / c.line.crossing * np.sqrt(filling(100e6) / filling(pressure))
-    x = np.zeros(c.states)
-    rest_state(x, base, c)
-    pressures = []
+    x, pressures = at_rest(c, base), []
     for _ in range(round(2.0 * travel * RATE)):
         advance_state(x, Interval((base + 0.1, 0.0), (base + 0.1, 0.0), 1e-5, 1), c, constant_network())
         pressures.append(x[0] - base)

@@ -25,6 +25,7 @@ from tests.engine.estimation.conftest import (
     simulated_event,
     worn_theta,
 )
+from tests.model.conftest import with_line
 
 HEALTHY = np.zeros(PARAMETERS)
 
@@ -199,9 +200,7 @@ def test_gain_of_means_lasts_at_every_sample_rate_and_noise(
     model: str, rate: float, rail: float, line: float, lag: float, late: float, smoothing: float
 ) -> None:
     """Rounding once let the covariance grow less and less symmetric, until a variance was negative."""
-    nominal = load_injector()
-    injector = nominal.model_copy(update={"line": nominal.line.model_copy(update={"model": model})})
-    c = averaged(coefficients(injector))
+    c = averaged(coefficients(with_line(load_injector(), model=model)))
     schedule = gain_schedule(c, NoiseLevels(rail, line, 0.4e-6), rate, lag, late, rail_smoothing=smoothing)
     assert np.isfinite(schedule.gains).all()
     assert schedule.innovation_sigma >= 0.999 * line / c.pressure_scale

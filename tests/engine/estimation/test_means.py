@@ -17,6 +17,7 @@ from observer_rt.model.stability import substeps_needed
 from tests.differences import differences
 from tests.engine.estimation.conftest import NOISE, SMOOTH, shut_line, start_at_rest, worn_theta
 from tests.engine.estimation.test_gain import riccati, seen_by_sensor
+from tests.model.conftest import with_line
 
 pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
 
@@ -25,8 +26,7 @@ LAG = 25e-6  # s
 
 
 def setting_for(model: str, late: float = 0.0, lag: float = 0.0) -> Setting:
-    nominal = load_injector()
-    injector = nominal.model_copy(update={"line": nominal.line.model_copy(update={"model": model})})
+    injector = with_line(load_injector(), model=model)
     c = averaged(coefficients(injector))
     gain = gain_schedule(c, NOISE, SLOW, lag, late).gains[-1].copy()
     return Setting(1 / SLOW, substeps_needed(injector, SLOW), c, gain, late=late, lag=lag)

@@ -28,6 +28,7 @@ from tests.engine.estimation.conftest import (
     start_at_rest,
     worn_theta,
 )
+from tests.model.conftest import with_line
 
 BURN_IN = 20
 HEALTHY = np.zeros(PARAMETERS)
@@ -185,9 +186,7 @@ def test_samples_that_count_together_count_by_their_mean(together: int) -> None:
 @pytest.mark.slow
 def test_short_waves_do_not_count_on_a_line_of_cells() -> None:
     """Value, gradient and information are those of means over the time that cells resolve."""
-    nominal = load_injector()
-    line = nominal.line.model_copy(update={"model": "wave"})
-    case = make_case(nominal.model_copy(update={"line": line, "line_outflow": LineOutflow.SEAT}))
+    case = make_case(with_line(load_injector(), model="wave").model_copy(update={"line_outflow": LineOutflow.SEAT}))
     window, theta = made_up_event(case), worn_theta(7)
     cost = cost_of(case, window)
     linearised = cost.linearised(theta)

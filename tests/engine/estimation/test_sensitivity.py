@@ -22,6 +22,7 @@ from tests.engine.estimation.conftest import (
     start_at_rest,
     worn_theta,
 )
+from tests.model.conftest import with_line
 
 HEALTHY = np.zeros(PARAMETERS)
 FLOW = list(range(Parameter.LINE_PRESSURE_OFFSET))  # nozzle and seat
@@ -143,7 +144,7 @@ def test_slopes_of_a_servo_injector_on_a_line_with_waves(case: Case) -> None:
     """What was recorded may be of a lump: slopes are of the model alone."""
     recorded = simulated_event(case, worn_theta(seed=7), event_inputs(rail=0.7), seed=3)
     outflow = "nozzle" if case.c.line.a2_nozzle > 0.0 else "seat"
-    line = load_injector().line.model_copy(update={"model": "wave", "cells": 5})
-    waves = make_case(load_injector().model_copy(update={"line": line, "line_outflow": outflow}))
+    on_waves = with_line(load_injector(), model="wave", cells=5)
+    waves = make_case(on_waves.model_copy(update={"line_outflow": outflow}))
     window = recorded._replace(start=start_at_rest(waves.c, 0.7))
     assert_slopes(waves, window, SERVO, by_corners=0.5)  # the needle displaces fuel

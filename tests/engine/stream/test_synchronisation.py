@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stream import LOOK_BACK
 from observer_rt.engine.stream.state import Reason, State
-from observer_rt.model.parameters import InjectorParameters
 from tests.engine.sample_stream import NOMINAL, Stream, at_rest, lift_with
+from tests.model.conftest import with_line
 
 MS = 100  # samples at 100 kHz
 
@@ -134,12 +134,8 @@ def test_positions_and_indices_of_every_sample_stay_together() -> None:
     assert stream.rows["index"].tolist() == expected
 
 
-def with_line(**line: str | int) -> InjectorParameters:
-    return NOMINAL.model_copy(update={"line": NOMINAL.line.model_copy(update=line)})
-
-
 def test_each_observer_steps_its_own_model() -> None:
-    lines = (NOMINAL, with_line(model="wave", cells=5), with_line(model="wave", cells=9))
+    lines = (NOMINAL, *(with_line(NOMINAL, model="wave", cells=cells) for cells in (5, 9)))
     streams = [Stream(line).stay_shut(2e-3) for line in lines]
     assert [stream.rows["x_hat"].shape[1] for stream in streams] == [
         stream.observer.constants.coefficients.states for stream in streams

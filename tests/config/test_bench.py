@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import get_args
 
@@ -43,22 +44,17 @@ def injector_file(folder: Path, old: str, new: str) -> Path:
     return path
 
 
-def bench_refusal(folder: Path, text: str) -> UserError:
-    path = bench_file(folder, text)
+def refusal(load: Callable[[Path], object], path: Path) -> UserError:
     with pytest.raises(UserError) as refused:
-        load_bench(path)
-    assert refused.value.location.startswith(str(path))
+        load(path)
+    assert refused.value.location.startswith(f"{path}: ")
     assert refused.value.exit_code == 2
-    return refused.value
-
-
-def injector_refusal(folder: Path, old: str, new: str) -> UserError:
-    path = injector_file(folder, old, new)
-    with pytest.raises(UserError) as refused:
-        load_injector(path)
-    assert refused.value.location.startswith(str(path))
     assert refused.value.remedy
     return refused.value
+
+
+def bench_refusal(folder: Path, text: str) -> UserError:
+    return refusal(load_bench, bench_file(folder, text))
 
 
 def test_smallest_bench_file_has_the_defaults(tmp_path: Path) -> None:
@@ -141,7 +137,7 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_in_an_injector_file_are_named(tmp_path: Path, old: str, new: str, location: str, said: str) -> None:
-    error = injector_refusal(tmp_path, old, new)
+    error = refusal(load_injector, injector_file(tmp_path, old, new))
     assert error.location.endswith(f": {location}")
     assert said in f"{error.problem} {error.remedy}"
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.foundation.errors import UserError
+from tests.config.test_bench import injector_file, refusal
 
 Load = Callable[[Path], object]
 FILES = pytest.mark.parametrize(("source", "load"), [(NOMINAL_INJECTOR, load_injector), (EXAMPLE_BENCH, load_bench)])
@@ -31,18 +32,14 @@ def place_of_refusal(load: Load, path: Path) -> str | None:
 
 @pytest.mark.parametrize(("number", "said"), [(2, "a later version"), (0, "no such format")])
 def test_injector_file_of_another_format(tmp_path: Path, number: int, said: str) -> None:
-    path = tmp_path / "injector.toml"
-    text = NOMINAL_INJECTOR.read_text()
-    assert "format = 1 " in text
-    path.write_text(text.replace("format = 1 ", f"format = {number} "))
-    with pytest.raises(UserError, match=said) as refused:
-        load_injector(path)
-    assert refused.value.location == f"{path}: format"
+    path = injector_file(tmp_path, "format = 1 ", f"format = {number} ")
+    error = refusal(load_injector, path)
+    assert error.location == f"{path}: format"
+    assert said in str(error)
 
 
 def test_injector_file_from_before_there_were_formats(tmp_path: Path) -> None:
-    path = tmp_path / "injector.toml"
-    path.write_text(NOMINAL_INJECTOR.read_text().replace("format = 1 ", ""))
+    path = injector_file(tmp_path, "format = 1 ", "")
     assert model_hash(load_injector(path)) == model_hash(load_injector())
 
 

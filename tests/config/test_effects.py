@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.daemon.state_file import model_hash
-from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
+from tests.config.test_bench import refusal
 
 ERODED = """
 [[effects]]
@@ -33,16 +33,6 @@ def injector_file(folder: Path, end: str) -> Path:
     path = folder / "injector.toml"
     path.write_text(NOMINAL_INJECTOR.read_text() + end)
     return path
-
-
-def refusal(folder: Path, end: str) -> UserError:
-    path = injector_file(folder, end)
-    with pytest.raises(UserError) as refused:
-        load_injector(path)
-    assert refused.value.location.startswith(f"{path}: ")
-    assert refused.value.exit_code == 2
-    assert refused.value.remedy
-    return refused.value
 
 
 def test_effects_are_read_and_in_force(tmp_path: Path) -> None:
@@ -87,7 +77,7 @@ def test_example_in_the_shipped_file_is_one(tmp_path: Path) -> None:
 )
 def test_mistakes_name_the_key(tmp_path: Path, old: str, new: str, key: str, said: str) -> None:
     assert ERODED.count(old) == 1
-    error = refusal(tmp_path, ERODED.replace(old, new))
+    error = refusal(load_injector, injector_file(tmp_path, ERODED.replace(old, new)))
     assert error.location.endswith(f": effects.{key}")
     assert said in f"{error.problem} {error.remedy}"
 
@@ -100,7 +90,7 @@ SLOW = '\n[[effects]]\nid = "needle_lift_sensor_lag"\nparameters = { tau = { val
     [(ERODED + LATE + ERODED, 2, "twice"), (SLOW, 0, "lag of the lift sensor in the bench file")],
 )
 def test_an_effect_given_twice_or_of_the_bench(tmp_path: Path, text: str, number: int, said: str) -> None:
-    error = refusal(tmp_path, text)
+    error = refusal(load_injector, injector_file(tmp_path, text))
     assert error.location.endswith(f": effects.{number}.id")
     assert said in f"{error.problem} {error.remedy}"
 

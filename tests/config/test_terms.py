@@ -14,7 +14,8 @@ from observer_rt.model.terms.dimensions import coefficient_unit
 from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import VARIABLES, Term, TermEquation
-from tests.config.test_effects import injector_file, refusal
+from tests.config.test_bench import refusal
+from tests.config.test_effects import injector_file
 
 PLUGGED = """
 [[terms]]
@@ -73,7 +74,7 @@ def test_a_coefficient_in_another_unit_of_its_kind(tmp_path: Path) -> None:
 )
 def test_mistakes_name_the_key(tmp_path: Path, old: str, new: str, key: str, said: str) -> None:
     assert LEAK.count(old) == 1
-    error = refusal(tmp_path, PLUGGED + LEAK.replace(old, new))
+    error = refusal(load_injector, injector_file(tmp_path, PLUGGED + LEAK.replace(old, new)))
     assert error.location.endswith(f": terms.1.{key}")
     assert said in f"{error.problem} {error.remedy}"
 

@@ -5,7 +5,10 @@ from collections.abc import Sequence
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.engine.estimation.phases import Phase
 from observer_rt.files.signals.recording import Recording
+from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
+from observer_rt.identification.discovery.search.proposal import Proposal, Refusal
 from observer_rt.model.effect import Component, Effect, SizedEffect
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.terms.term import Term
@@ -35,6 +38,12 @@ def recordings(
         ).recording
         for number, (pressure, duration) in enumerate(points)
     ]
+
+
+def proposal_of(*effects: Effect, adequate: bool = True, unsound: Refusal | None = None) -> Proposal:
+    """Of effects and laws, all 0.1 in size."""
+    result = Candidate(Hypothesis(effects), (0.1,) * len(effects), 0.0, half=(0.01,) * len(effects))
+    return Proposal(result, 0.0, Phase.OPEN, adequate, unsound, (0.0, 0.0))
 
 
 def effect_of(term: Term) -> Effect:

@@ -5,16 +5,18 @@ import pytest
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.discovery.gaps import LINE_PRESSURE, MASS, RATE, disagreements, gaps_of
+from observer_rt.identification.discovery.gaps import LINE_PRESSURE, MASS, RATE, Disagreement, disagreements, gaps_of
 from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood
-from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import mass, simulated
 from observer_rt.model.effect import Equation
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.conftest import WEAR, Worn
 from tests.identification.discovery.hidden import NOMINAL, recordings
+
+MODEL = effective_model(NOMINAL)
 
 
 def test_the_amended_model_leaves_little_more_than_noise(worn: Worn) -> None:
@@ -31,7 +33,7 @@ def test_mass_is_off_by_what_wear_changes(worn: Worn) -> None:
     changes = []
     for number in gaps.held_out:
         measurement = worn.task.measured[number]
-        before, after = (simulated(measurement, model) for model in (effective_model(NOMINAL), worn_model))
+        before, after = (simulated(measurement, model) for model in (MODEL, worn_model))
         changes += [
             mass(measurement, new, density) - mass(measurement, old, density)
             for old, new in zip(before, after, strict=True)
@@ -48,8 +50,7 @@ def test_what_is_shown_was_not_fitted(worn: Worn) -> None:
 
 def test_one_operating_point_is_fitted_and_shown() -> None:
     measured = measurements(recordings(points=((100e6, 1.0e-3),)))
-    nominal = effective_model(NOMINAL)
-    gaps = gaps_of(name_effects(nominal, measured, SearchOptions(workers=2)).shown, measured, nominal)
+    gaps = gaps_of(name_effects(MODEL, measured, SearchOptions(workers=2)).shown, measured, MODEL)
     assert gaps.held_out == gaps.fitted_on == (0,)
     assert gaps.by_name.keys() == {LINE_PRESSURE, MASS}
     pressure = gaps.by_name[LINE_PRESSURE]
@@ -72,13 +73,16 @@ def test_nothing_significant_is_left_with_the_amended_model(worn: Worn) -> None:
     assert max(item.after.excess for item in worn.findings.where) < 5.0
 
 
+def disagreed(measured: tuple[Measurement, ...]) -> tuple[Verdict, tuple[Disagreement, ...]]:
+    """The verdict, and where the model as given and the measurement disagree."""
+    discovery = name_effects(MODEL, measured, SearchOptions(workers=2))
+    return discovery.verdict, disagreements(discovery, discovery.named, joint_likelihood(measured, MODEL), MODEL)
+
+
 @pytest.mark.slow
 def test_each_of_two_effects_has_its_places() -> None:
     hidden = (sized("orifice_area", v_H=0.15), sized("line_pressure_sensor_offset", o=0.1e6))
-    measured = measurements(recordings(hidden))
-    nominal = effective_model(NOMINAL)
-    discovery = name_effects(nominal, measured, SearchOptions(workers=2))
-    where = disagreements(discovery, discovery.named, joint_likelihood(measured, nominal), nominal)
+    _, where = disagreed(measurements(recordings(hidden)))
     shut = {item.equation for item in where if item.before.phase is Phase.STANDSTILL}
     opened = {item.equation for item in where if item.before.phase is Phase.OPEN}
     assert shut <= {Equation.OUTPUT, Equation.INPUT}
@@ -86,10 +90,7 @@ def test_each_of_two_effects_has_its_places() -> None:
 
 
 def test_a_healthy_map_is_empty() -> None:
-    measured = measurements(recordings())
-    nominal = effective_model(NOMINAL)
-    discovery = name_effects(nominal, measured, SearchOptions(workers=2))
-    assert discovery.verdict is Verdict.NONE
-    where = disagreements(discovery, discovery.named, joint_likelihood(measured, nominal), nominal)
+    verdict, where = disagreed(measurements(recordings()))
+    assert verdict is Verdict.NONE
     assert {item.equation for item in where} == {None}
     assert all(item.before == item.after for item in where)

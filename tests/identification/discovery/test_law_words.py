@@ -6,15 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.law_words import as_if, law_text
 from observer_rt.identification.discovery.report.text import standing_words
-from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
-from observer_rt.identification.discovery.search.proposal import Part, Proposal, Refusal
+from observer_rt.identification.discovery.search.proposal import Part, Refusal
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import FormNumber, term_effect
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
+from tests.identification.discovery.hidden import proposal_of
 
 LARGEST_LIFT = 0.3e-3  # m
 
@@ -59,11 +58,6 @@ FALLS = Refusal("line_pressure = closed feeds back", "correct the law")
 MOST = Part(0.9, 0.2e6, 0.013)
 
 
-def _proposal(*effects: Effect, adequate: bool = True, unsound: Refusal | None = None) -> Proposal:
-    result = Candidate(Hypothesis(effects), (0.1,) * len(effects), 0.0, half=(0.01,) * len(effects))
-    return Proposal(result, 0.0, Phase.OPEN, adequate, unsound, (0.0, 0.0))
-
-
 @pytest.mark.parametrize(
     ("effects", "adequate", "unsound", "words"),
     [
@@ -77,14 +71,14 @@ def _proposal(*effects: Effect, adequate: bool = True, unsound: Refusal | None =
 def test_a_refused_proposal_says_why_and_what_to_do(
     effects: tuple[Effect, ...], adequate: bool, unsound: Refusal | None, words: str
 ) -> None:
-    proposal = _proposal(*effects, adequate=adequate, unsound=unsound)
+    proposal = proposal_of(*effects, adequate=adequate, unsound=unsound)
     sentence = standing_words(proposal)
     assert words in sentence
     assert proposal.may_enter == ("no model may have it" not in sentence)
 
 
 def test_a_proposal_that_leaves_something_says_what_it_may_be_accepted_for() -> None:
-    proposal = replace(_proposal(LEAK, adequate=False), part=MOST)
+    proposal = replace(proposal_of(LEAK, adequate=False), part=MOST)
     assert "closes 90% of the gap: a model may have it in part, masses ±1.3%" in standing_words(proposal)
     refused = replace(proposal, part=replace(MOST, refusal=Refusal("it closes 40%", "record more")))
     assert "no model may have it, for it closes 40%: record more" in standing_words(refused)

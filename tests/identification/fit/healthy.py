@@ -10,7 +10,9 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, sim
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, with_values
 from observer_rt.model.parameters import InjectorParameters
+from tests.observed_plants import recording_of
 from tests.plants import plant
+from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 
 NOMINAL = load_injector()
@@ -49,12 +51,12 @@ def simulations(
 
 
 def of_independent_plant(
-    part: Injector, points: Sequence[tuple[float, float]] = POINTS, faults: Faults = HEALTHY
+    part: Injector, points: Sequence[tuple[float, float]] = POINTS, faults: Faults = HEALTHY, laws: Laws = NO_LAWS
 ) -> list[Recording]:
     """Recordings of a plant, which shares no code with the package."""
     result = []
     for number, (pressure, duration) in enumerate(points):
         event = plant.Event(pressure, (plant.Shot(0.0, duration + 0.3e-3),), faults)
-        measured = plant.record(plant.Bench(part, plant.Needle(), (event,) * 3, seed=number)).measured
-        result.append(Recording(measured.time, measured.rail_pressure, measured.needle_lift, measured.line_pressure))
+        bench = plant.Bench(part, plant.Needle(), (event,) * 3, seed=number, laws=laws)
+        result.append(recording_of(plant.record(bench)))
     return result

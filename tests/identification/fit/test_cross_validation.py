@@ -33,15 +33,15 @@ from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from tests.identification.fit.healthy import LUMPS, NOMINAL, POINTS, simulations
 
 TWO = measurements([one.recording for one in simulations([(60e6, 0.6e-3), (100e6, 1.9e-3)], injections=5)])
+TURNS = make_schedule([60e6, 100e6], 4, 0.06, [0.6e-3])
+MIXED = measurements([simulate(NOMINAL, TURNS, 100e3, (), SimulatedNoise()).recording])
 SENSORS = StatedAccuracy(0.007, 0.007)
 GAIN = 0.012
 THREE_PRESSURES = [(60e6, 1.2e-3), (100e6, 0.8e-3), (140e6, 1.2e-3)]
 
 
 def test_a_recording_of_two_operating_points_falls_into_them() -> None:
-    schedule = make_schedule([60e6, 100e6], 4, 0.06, [0.6e-3])
-    mixed = simulate(NOMINAL, schedule, 100e3, (), SimulatedNoise()).recording
-    folds = folds_of(measurements([mixed]), {})
+    folds = folds_of(MIXED, {})
     assert [len(fold.measurement.events) for fold in folds] == [2, 2]
     assert {fold.recording for fold in folds} == {0}
 
@@ -61,9 +61,7 @@ def test_a_mean_mass_is_compared_in_standard_deviations() -> None:
 
 def test_one_recording_with_a_mass_is_not_taken_apart() -> None:
     """Its mass is that of all its operating points."""
-    schedule = make_schedule([60e6, 100e6], 4, 0.06, [0.6e-3])
-    mixed = measurements([simulate(NOMINAL, schedule, 100e3, (), SimulatedNoise()).recording])
-    (fold,) = folds_of(mixed, {0: MeanMass(3.0, 0.5)})
+    (fold,) = folds_of(MIXED, {0: MeanMass(3.0, 0.5)})
     assert len(fold.measurement.events) == 4
 
 

@@ -4,15 +4,13 @@ from functools import cache
 
 import pytest
 
-from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
 from observer_rt.identification.fit.problem import CONTROL, DISPLACEMENT, OPTIONAL_GROUPS
 from observer_rt.identification.likelihood.measurement import measurements
-from tests.identification.fit.healthy import LUMPS, POINTS, off_by_ten_percent
-from tests.observed_plants import recording_of
+from tests.identification.fit.healthy import LUMPS, of_independent_plant, off_by_ten_percent
 from tests.plants.laws import Laws
-from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Shot, record
+from tests.plants.parameters import Injector
+from tests.plants.plant import Needle
 
 MM3_PER_MS, MICROSECOND = 1e-6, 1e-6
 
@@ -20,12 +18,7 @@ MM3_PER_MS, MICROSECOND = 1e-6, 1e-6
 @cache
 def fitted(laws: Laws) -> CalibrationResult:
     """To six recordings of an independent plant, from numbers 10 % off and no control flow."""
-
-    def recording(number: int, rail: float, energizing: float) -> Recording:
-        event = Event(rail, (Shot(0.0, energizing + 0.3e-3),), Faults())
-        return recording_of(record(Bench(Injector(), Needle(), (event,) * 3, seed=number, laws=laws)))
-
-    measured_recordings = measurements([recording(number, *point) for number, point in enumerate(POINTS)])
+    measured_recordings = measurements(of_independent_plant(Injector(), laws=laws))
     return calibrate(off_by_ten_percent(), measured_recordings, {}, lambda _: None, LUMPS)
 
 

@@ -65,13 +65,6 @@ def calibrated_to(
     return done
 
 
-def fitted_to(
-    plant: WaveLine, part: Injector | None = None, file: InjectorParameters = SMALL_SAC
-) -> InjectorParameters:
-    """The model of `calibrated_to`, without a baseline."""
-    return calibrated_to(plant, part, file).injector
-
-
 def test_a_fuel_that_stiffens_is_found_by_a_file_of_one_that_does_not() -> None:
     """By its waves: how their speed grows, (K_1 - 1)/K for a fuel, n/K for the plant's, whose density is constant."""
     stiffens = Faults(bulk_modulus_slope=10.5)
@@ -89,7 +82,7 @@ def test_a_fuel_that_stiffens_is_found_by_a_file_of_one_that_does_not() -> None:
 
 def test_a_throttle_at_the_rail_is_found() -> None:
     """An orifice of 2e14 Pa s2/m6 before the line."""
-    injector = fitted_to(LINES[Variant.PLAIN]._replace(inlet_loss=2e14))
+    injector = calibrated_to(LINES[Variant.PLAIN]._replace(inlet_loss=2e14)).injector
     line, density = injector.line, injector.fluid.density_line
     assert line.wall_viscosity is None
     assert line.inlet_loss_factor is not None
@@ -102,7 +95,7 @@ def test_a_long_line_may_still_ring_when_the_next_injection_comes() -> None:
     part = part._replace(line_length=long, line_volume=part.line_volume + part.line_area * (long - 0.15))
     line = SMALL_SAC.line.model_copy(update={"length": long, "volume": part.line_volume})
     plant = LINES[Variant.PLAIN]._replace(elements=24)
-    model = fitted_to(plant, part, SMALL_SAC.model_copy(update={"line": line}))
+    model = calibrated_to(plant, part, SMALL_SAC.model_copy(update={"line": line})).injector
     for period in (0.02, 0.06):
         starts = tuple(0.15 + period * np.arange(10))
         events = (Event(100e6, (Shot(0.0, 1.9e-3),), Faults()),) * len(starts)
@@ -113,7 +106,7 @@ def test_a_long_line_may_still_ring_when_the_next_injection_comes() -> None:
 
 def test_friction_at_the_wall_is_found_and_with_it_the_level() -> None:
     """It adds inertance: without it the nozzle came out 3.6 % too large."""
-    injector = fitted_to(LINES[Variant.FRICTION])
+    injector = calibrated_to(LINES[Variant.FRICTION]).injector
     assert injector.line.inlet_loss_factor is None
     assert injector.line.wall_viscosity == pytest.approx(LINES[Variant.FRICTION].viscosity, rel=0.1)
     nozzle = injector.nozzle.flow_coefficient * injector.nozzle.area

@@ -12,6 +12,8 @@ from observer_rt.identification.likelihood.operating_points import every_second_
 from tests.identification.discovery.hidden import recordings
 
 POINT = ((100e6, 1.0e-3),)
+(RECORDING,) = recordings(points=POINT)
+(COMPLETE,) = measurements([RECORDING])
 
 
 def test_noise_events_and_operating_point_are_found() -> None:
@@ -31,8 +33,7 @@ def test_noise_events_and_operating_point_are_found() -> None:
 
 
 def test_a_lift_whose_zero_crosses_the_dead_band_is_named() -> None:
-    (recording,) = recordings(points=POINT)
-    raised = replace(recording, needle_lift=recording.needle_lift + 2.4e-6)
+    raised = replace(RECORDING, needle_lift=RECORDING.needle_lift + 2.4e-6)
     words = r"shut needle is 2\.4 ± 0\.4 um, .* open above 2 um and as shut below 1 um"
     with pytest.raises(UserError, match=words) as refused:
         measurements([raised])
@@ -41,80 +42,70 @@ def test_a_lift_whose_zero_crosses_the_dead_band_is_named() -> None:
 
 def test_lift_noise_behind_a_filter_widens_the_dead_band() -> None:
     """Of a shut needle .8 ± .8 um: neither its zero nor its noise keeps it open."""
-    (recording,) = recordings(points=POINT)
-    noise = 1.6e-6 * np.random.default_rng(1).normal(size=recording.samples)
+    noise = 1.6e-6 * np.random.default_rng(1).normal(size=RECORDING.samples)
     blurred = np.convolve(noise, [0.25, 0.5, 0.25], "same") + 0.8e-6
-    (measurement,) = measurements([replace(recording, needle_lift=recording.needle_lift + blurred)])
+    (measurement,) = measurements([replace(RECORDING, needle_lift=RECORDING.needle_lift + blurred)])
     assert len(measurement.events) == 2
     assert measurement.noise.needle_lift == pytest.approx(1.0e-6, rel=0.2)
 
 
 def test_pilot_and_main_are_one_event() -> None:
-    (recording,) = recordings(points=POINT)
-    lift = recording.needle_lift.copy()
+    lift = RECORDING.needle_lift.copy()
     pilot = np.flatnonzero(lift > 10e-6)[0] - 400  # 4 ms before the first injection
     lift[pilot : pilot + 30] = 40e-6
-    (measurement,) = measurements([replace(recording, needle_lift=lift)])
+    (measurement,) = measurements([replace(RECORDING, needle_lift=lift)])
     assert [len(event.openings) for event in measurement.events] == [2, 1]
 
 
 def test_an_event_with_missing_samples_is_left_out() -> None:
-    (recording,) = recordings(points=POINT)
-    line = recording.line_pressure.copy()
-    line[np.flatnonzero(recording.needle_lift > 10e-6)[-1] + 200] = np.nan  # rings down after the second
-    (measurement,) = measurements([replace(recording, line_pressure=line)])
+    line = RECORDING.line_pressure.copy()
+    line[np.flatnonzero(RECORDING.needle_lift > 10e-6)[-1] + 200] = np.nan  # rings down after the second
+    (measurement,) = measurements([replace(RECORDING, line_pressure=line)])
     assert len(measurement.events) == 1
     (left_out,) = measurement.injections.left_out
     assert left_out.lack is Lack.GAP
-    (complete,) = measurements([recording])
-    assert left_out.time == recording.time[complete.events[1].openings[0].first]
-    assert complete.injections.left_out == ()
+    assert left_out.time == RECORDING.time[COMPLETE.events[1].openings[0].first]
+    assert COMPLETE.injections.left_out == ()
 
 
 @pytest.mark.parametrize("position", [0, 1, 4, -1])
 def test_a_sample_of_the_lift_missing_in_a_ramp_costs_that_event_only(position: int) -> None:
-    (recording,) = recordings(points=POINT)
-    lift = recording.needle_lift.copy()
-    (complete,) = measurements([recording])
-    opening = complete.events[0].openings[0]
+    lift = RECORDING.needle_lift.copy()
+    opening = COMPLETE.events[0].openings[0]
     lift[(opening.first if position >= 0 else opening.last + 1) + position] = np.nan
-    (measurement,) = measurements([replace(recording, needle_lift=lift)])
-    assert measurement.events == complete.events[1:]
+    (measurement,) = measurements([replace(RECORDING, needle_lift=lift)])
+    assert measurement.events == COMPLETE.events[1:]
     assert [event.lack for event in measurement.injections.left_out] == [Lack.GAP]
 
 
 def test_an_event_cut_off_at_either_end_is_left_out() -> None:
-    (recording,) = recordings(points=POINT)
-    (complete,) = measurements([recording])
-    first, second = (event.openings[0] for event in complete.events)
+    first, second = (event.openings[0] for event in COMPLETE.events)
 
     def between(start: int, end: int) -> list[Lack]:
         part = replace(
-            recording,
-            time=recording.time[: end - start],
-            rail_pressure=recording.rail_pressure[start:end],
-            needle_lift=recording.needle_lift[start:end],
-            line_pressure=recording.line_pressure[start:end],
+            RECORDING,
+            time=RECORDING.time[: end - start],
+            rail_pressure=RECORDING.rail_pressure[start:end],
+            needle_lift=RECORDING.needle_lift[start:end],
+            line_pressure=RECORDING.line_pressure[start:end],
         )
         (measurement,) = measurements([part])
         assert len(measurement.events) == 1
         return [event.lack for event in measurement.injections.left_out]
 
-    assert between(first.first - 100, recording.samples) == [Lack.BEFORE]
+    assert between(first.first - 100, RECORDING.samples) == [Lack.BEFORE]
     assert between(0, second.last + 100) == [Lack.AFTER]
 
 
 def test_a_recording_without_injection_is_refused() -> None:
-    (recording,) = recordings(points=POINT)
     with pytest.raises(UserError, match="no complete injection"):
-        measurements([replace(recording, needle_lift=np.zeros(recording.samples))])
+        measurements([replace(RECORDING, needle_lift=np.zeros(RECORDING.samples))])
 
 
 def test_a_slow_recording_is_refused() -> None:
-    (recording,) = recordings(points=POINT)
-    slow = {name: getattr(recording, name)[::20] for name in ("time", *recording.signals)}
+    slow = {name: getattr(RECORDING, name)[::20] for name in ("time", *RECORDING.signals)}
     with pytest.raises(UserError, match="ringing"):
-        measurements([replace(recording, **slow)])
+        measurements([replace(RECORDING, **slow)])
 
 
 def test_no_recording_is_refused() -> None:

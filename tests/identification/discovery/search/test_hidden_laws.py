@@ -81,6 +81,11 @@ def with_laws(**laws: float) -> Change:
     return lambda bench: replace(bench, laws=Laws(**laws))
 
 
+def with_faults(**faults: float) -> Change:
+    worn = Faults(**faults)
+    return lambda bench: replace(bench, events=tuple(replace(event, faults=worn) for event in bench.events))
+
+
 @pytest.mark.parametrize(
     ("change", "equations", "law", "coefficient"),
     [
@@ -160,12 +165,8 @@ def test_a_name_does_not_stand_for_a_step_beside_a_fitted_model() -> None:
 def test_what_laws_explain_better_is_not_named_though_they_are_too_small() -> None:
     """A leak that the vocabulary lacks is nearly friction of the line, and moves no mass by .01 mg."""
     nominal = effective_model(NOMINAL)
-    leak = Faults(guide_leakage=7.5e-15)
-
-    def leaking(bench: Bench) -> Bench:
-        return replace(bench, events=tuple(replace(one, faults=leak) for one in bench.events))
-
-    fitter = Fitter(joint_likelihood(measurements(recorded(leaking)), nominal), nominal)
+    leaking = measurements(recorded(with_faults(guide_leakage=7.5e-15)))
+    fitter = Fitter(joint_likelihood(leaking, nominal), nominal)
     names = [one for one in representatives() if one.id != "guide_leakage"]
     fitter.measure(names)
     outcome = Search(fitter, names).run()
@@ -176,11 +177,7 @@ def test_what_laws_explain_better_is_not_named_though_they_are_too_small() -> No
 
 def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:
     hidden = {"orifice_area": 0.25, "seat_area": -0.25, "line_friction": 2.5}
-
-    def worn(bench: Bench) -> Bench:
-        return replace(bench, events=tuple(replace(e, faults=Faults(**hidden)) for e in bench.events))
-
-    discovery = name_effects(effective_model(NOMINAL), measurements(recorded(worn)))
+    discovery = name_effects(effective_model(NOMINAL), measurements(recorded(with_faults(**hidden))))
     left = [set(ids) for ids in (discovery.named.ids, *discovery.rivals)]
     assert set(hidden) in left
     assert all(ids <= set(hidden) | {"lift_gain"} for ids in left)  # which is hard to tell from the seat's area

@@ -4,20 +4,17 @@ from itertools import combinations
 
 import pytest
 
-from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
-from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, decide_between, decide_by, name_effects
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.model.effect import Effect, SizedEffect
+from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.term_effect import term_effect
 from observer_rt.model.terms.term import TermEquation
-from tests.identification.discovery.hidden import NOMINAL, recordings
+from tests.identification.discovery.hidden import NOMINAL, proposal_of, recordings
 
 MODEL = effective_model(NOMINAL)
 NEAR_TIES = {
@@ -195,11 +192,6 @@ def test_one_effect_needs_no_decision() -> None:
     assert decide_by(("seat_area",)) == ()
 
 
-def proposal(*effects: Effect) -> Proposal:
-    result = Candidate(Hypothesis(effects), (0.1,) * len(effects), 0.0)
-    return Proposal(result, 0.0, Phase.OPEN, True, None, (0.0, 0.0))
-
-
 @pytest.mark.parametrize(
     ("term_equation", "other", "word"),
     [
@@ -214,7 +206,7 @@ def test_proposals_have_a_measurement_that_decides(
 ) -> None:
     both = VOCABULARY["orifice_area"]
     (decisive,) = decide_between(
-        [proposal(term_effect(term_equation, "1"), both), proposal(both, term_effect(other, "1"))]
+        [proposal_of(term_effect(term_equation, "1"), both), proposal_of(both, term_effect(other, "1"))]
     )
     assert decisive.separates == ("proposal 1", "proposal 2")
     assert word in decisive.measurement

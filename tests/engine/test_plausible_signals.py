@@ -31,11 +31,7 @@ def recorded(pressure: float = 100e6, noise: bool = True) -> Recording:
 
 
 def changed(recording: Recording, **signals: NDArray[Any]) -> Recording:
-    kept = {"rail_pressure": recording.rail_pressure, "needle_lift": recording.needle_lift}
-    all_of_them = {**kept, "line_pressure": recording.line_pressure, **signals}
-    return Recording(
-        recording.time, all_of_them["rail_pressure"], all_of_them["needle_lift"], all_of_them["line_pressure"]
-    )
+    return recording.with_arrays(signals)
 
 
 def problems(recording: Recording) -> list[str]:

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.core.stream.stream import RAIL_BIN, RAIL_BINS
-from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.predictor import InputVariance, OpenLoop
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.engine.learning.interval import Resimulation
@@ -25,9 +24,6 @@ from observer_rt.engine.learning.learned_range import (
     known_flow,
     remembered,
 )
-from tests.engine.learning.worn_injector import worn_bench
-from tests.observed_plants import bench_at, observed, recording_of
-from tests.plants.plant import record
 
 points = st.builds(EventPoint, st.floats(0.1, 2.0), st.floats(-9.0, -5.0), st.floats(0.0, 1.0))
 
@@ -143,25 +139,3 @@ def test_the_less_is_known_of_the_pressure_dependence_the_nearer_it_ends(sigma: 
 @pytest.mark.parametrize(("sigma", "rate"), [(0.1, 50e-6), (0.0, 0.0)])
 def test_what_not_even_the_event_showed_is_known_nowhere(sigma: float, rate: float) -> None:
     assert flow_known_by({Parameter.NOZZLE_BIAS: sigma}, rate) == NOWHERE
-
-
-RAILS, OPENINGS = (50e6, 50e6, 50e6, 150e6, 150e6, 50e6), (1.4e-3,) * 6
-
-
-@pytest.mark.parametrize(
-    ("rails", "openings"),
-    [(RAILS, OPENINGS), ((100e6,) * 7, (*(0.25e-3,) * 4, 1.4e-3, 1.4e-3, 0.25e-3))],
-    ids=["another rail pressure", "longer"],
-)
-def test_the_mass_of_an_injection_unlike_those_learned_from_is_valid_where_it_is_known(
-    rails: tuple[float, ...], openings: tuple[float, ...]
-) -> None:
-    """By its own pressures; the rate that went out while it flowed was not: that followed from those before it."""
-    bench = worn_bench(rails, openings, 3)
-    run, outcome = observed(bench), record(bench)
-    assert all(run.valid)
-    assert np.abs(run.errors).max() < 0.015
-    trace = evaluate(bench_at(bench.sample_rate), [recording_of(outcome)]).evaluations[0].trace
-    unlike, like = (trace.valid[r.start_index : r.end_index + 1] for r in run.reports[-3:-1])
-    assert not unlike.all()
-    assert like.all()

@@ -41,6 +41,7 @@ SENSOR_DATABASE = cantools.database.load_string(SENSOR, "dbc")
 Fuel = Callable[..., float | None]
 
 
+@cache
 def fuel_at(celsius: float, injections: int = INJECTIONS) -> Simulation:
     """Injections of a nozzle worn by 20 %, its fuel so warm, 50 ms each. The law written out once more."""
     warmer = celsius - REFERENCE
@@ -53,11 +54,6 @@ def fuel_at(celsius: float, injections: int = INJECTIONS) -> Simulation:
     injector = NOMINAL.model_copy(update={"fluid": NOMINAL.fluid.model_copy(update=changes)})
     schedule = make_schedule([100e6], injections, 0.05, [1.1e-3])
     return simulate(injector, schedule, SAMPLE_RATE, (sized("orifice_area", v_H=0.2),), SimulatedNoise(), seed=3)
-
-
-@cache
-def simulation(celsius: float) -> Simulation:
-    return fuel_at(celsius)
 
 
 def true_mass(simulated: Simulation, result: Result, number: int, celsius: float) -> float:
@@ -95,12 +91,12 @@ def with_block_temperature(frames: Sequence[TimedFrame], kelvin: float) -> list[
 @cache
 def frames_at(celsius: float) -> list[TimedFrame]:
     """What the measuring device sends of fuel so warm, by our own layout."""
-    return Device().send(simulation(celsius).recording)
+    return Device().send(fuel_at(celsius).recording)
 
 
 def test_masses_of_hot_fuel_are_valid_with_its_temperature_only(tmp_path: Path) -> None:
     """Untold, fuel 45 K warmer looks like a softer, lighter one: nothing is valid then."""
-    hot = simulation(HOT)
+    hot = fuel_at(HOT)
     frames = frames_at(HOT)
     with_temperature = run(bench(tmp_path), [sensor(HOT), *frames])
     untold = run(sample_bench(tmp_path / "untold"), frames)
@@ -184,7 +180,7 @@ def test_fuel_that_warms_up_makes_no_wear(tmp_path: Path) -> None:
 
 
 def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:
-    recording = simulation(REFERENCE).recording
+    recording = fuel_at(REFERENCE).recording
     (tmp_path / "block").mkdir()
     for path in (bench(tmp_path), block_bench(tmp_path / "block")):
         history = evaluate(load_bench(path), [recording])

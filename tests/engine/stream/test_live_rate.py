@@ -180,8 +180,14 @@ def test_no_rate_is_valid_and_wrong_at_a_new_combination_of_known_points(share: 
     ids=["another rail pressure", "longer"],
 )
 def test_a_rate_unlike_those_learned_from_is_not_valid(points: Points, shares: tuple[float, ...]) -> None:
-    """The last but four is; that after it is learned from, and the last is valid."""
-    evaluation, truth = live(points, faults=Faults(orifice_area=0.3))
+    """The fifth is; the next is learned from and the last is valid. Masses are by their own pressures."""
+    evaluation, truth = live((*points, points[0]), faults=Faults(orifice_area=0.3))
+    assert all(report.valid for report in evaluation.reports)
+    for report in evaluation.reports:
+        mass = np.trapezoid(truth[report.start_index : report.end_index + 1]) * 1e-5 * report.density
+        assert report.mass == pytest.approx(mass, rel=0.015)
+    after = evaluation.reports[5]
+    assert evaluation.trace.valid[after.start_index : after.end_index + 1].all()
     for number, expected in zip((3, 4, 7), shares, strict=True):
         report = evaluation.reports[number]
         window = slice(report.start_index, report.end_index + 1)

@@ -40,6 +40,8 @@ NOMINAL = load_injector()
 RAIL = 100e6  # Pa
 FINE = 500e3  # Hz, of a true course
 PIECE = 1000  # samples fed between two looks
+Channels = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Rail pressure, lift and line pressure [Pa, m, Pa]."""
 
 
 def _push_all(
@@ -213,11 +215,11 @@ def opened(starts: Iterable[int], length: int, open_for: int = 110) -> NDArray[n
     return lift_with(length, dict.fromkeys(starts, open_for))
 
 
-def at_rest(random: Generator, length: int, levels: NoiseLevels = NOISE) -> list[NDArray[np.float64]]:
+def at_rest(random: Generator, length: int, levels: NoiseLevels = NOISE) -> Channels:
     """Rail pressure, lift and line pressure behind a shut needle, with their noise."""
     sigmas = levels.rail_pressure, levels.needle_lift, levels.line_pressure
     rail, lift, line = (random.normal(0.0, sigma, length) for sigma in sigmas)
-    return [RAIL + rail, lift, RAIL + line]
+    return RAIL + rail, lift, RAIL + line
 
 
 def assert_levels(noise: NoiseLevels | None, levels: NoiseLevels, share: float) -> None:

@@ -28,7 +28,6 @@ from tests.plants.plant import Bench, Needle, record, strokes_of
 from tests.plants.windows import windows_of
 
 
-
 def learned(
     flow: float, faults: Faults, opens_after: float, shuts_after: float, late: float = 0.0
 ) -> tuple[ObservedRun, list[float]]:

@@ -13,6 +13,7 @@ from observer_rt.engine.stream.standstill import Standstill
 from tests.engine.learning.strokes import CONSTANTS, SCALE, stroke_of
 from tests.engine.sample_stream import NOISE
 
+
 @st.composite
 def events(draw: st.DrawFn) -> Window:
     """A stroke whose pressures no injector has."""

@@ -2,21 +2,20 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stream import LOOK_BACK
 from observer_rt.engine.stream.state import Reason, State
-from tests.engine.sample_stream import NOMINAL, Stream, at_rest, lift_with
+from tests.engine.sample_stream import NOMINAL, Channels, Stream, at_rest, lift_with
 from tests.model.conftest import with_line
 
 MS = 100  # samples at 100 kHz
 
 
-def noisy(length: int, openings: dict[int, int], seed: int = 1) -> list[NDArray[np.float64]]:
+def noisy(length: int, openings: dict[int, int], seed: int = 1) -> Channels:
     """Rail, lift, line with the nominal noise; the line stands still, whatever the needle does."""
     rail, lift, line = at_rest(np.random.default_rng(seed), length)
-    return [rail, lift + lift_with(length, openings), line]
+    return rail, lift + lift_with(length, openings), line
 
 
 def test_shut_for_three_milliseconds_the_observer_follows_the_identification() -> None:

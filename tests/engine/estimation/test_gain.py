@@ -52,7 +52,7 @@ def steady_kalman(
 
 
 def seen_by_sensor(lag: float, interval: float) -> tuple[float, float, float]:
-    """Shares of the pressure at the start of an interval and at its end, and of what was shown, in what is shown."""
+    """Shares of the pressure at the start and the end of an interval, and of the indication before, in that after."""
     slowness = max(lag, 1e-3 * interval)
     ramp = expm(np.array([[-1.0, 1.0, 0.0], [0.0, 0.0, slowness], [0.0, 0.0, 0.0]]) * interval / slowness)[0]
     return ramp[1] - ramp[2] / interval, ramp[2] / interval, ramp[0]

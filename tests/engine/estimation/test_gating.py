@@ -82,6 +82,14 @@ def test_four_sigma_to_enter_and_two_and_a_half_to_stay(significance: float, act
     assert theta[3] == pytest.approx(significance if chosen else 0.0)
 
 
+def test_lower_bound_may_be_negative() -> None:
+    information, vector = 1e4 * np.eye(SIZE), np.zeros(SIZE)
+    vector[1] = -0.4e4
+    assert subset_of(information, vector, frozenset())[1] == {1}
+    vector[1] = -0.6e4
+    assert subset_of(information, vector, frozenset())[1] == frozenset()
+
+
 def test_two_that_only_pay_together_are_found() -> None:
     """Alone each explains next to nothing: a search that adds one at a time would stop."""
     information = 1e4 * np.eye(SIZE)

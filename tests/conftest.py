@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from observer_rt.__main__ import collect_seldom
 from tests.interface import OwnInterface
@@ -20,7 +20,10 @@ collect_seldom()
 
 # how long an example takes says nothing on a machine that does something else, too
 examples = int(os.environ.get("OBSERVER_RT_TEST_EXAMPLES", "25"))
-settings.register_profile("unhurried", deadline=None, max_examples=examples)
+# and what examples write anew may lie in one folder
+settings.register_profile(
+    "unhurried", deadline=None, max_examples=examples, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 settings.load_profile("unhurried")
 
 INTERFACE = "vcan0"

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_bench, load_injector
@@ -33,7 +33,6 @@ MODEL = load_injector()
 OTHER = MODEL.model_copy(update={"line_outflow": LineOutflow.SEAT})
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
 Change = Callable[[dict[str, Any]], object]
-in_one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 
 
 def agree(first: Any, second: Any) -> bool:
@@ -90,7 +89,6 @@ def state(tmp_path: Path) -> StateFile:
     return StateFile(tmp_path)
 
 
-@in_one_folder
 @given(seed=st.integers(0, 2**32), phi_version=st.integers(0, 2**40), events=st.integers(0, 2**40))
 def test_what_is_saved_is_restored(state: StateFile, seed: int, phi_version: int, events: int) -> None:
     assert state.holds(state.save(some_knowledge(seed, phi_version, events)))
@@ -110,7 +108,6 @@ def test_no_file_means_the_prior(state: StateFile) -> None:
     assert restored.message == f"no learned state at {state.path}, starting from the prior"
 
 
-@in_one_folder
 @given(data=st.data())
 def test_a_damaged_file_is_restored_equal_or_set_aside(state: StateFile, data: st.DataObject) -> None:
     knowledge = state.save()

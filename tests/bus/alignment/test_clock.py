@@ -43,7 +43,7 @@ def test_prompt_frames_tell_offset_and_drift_exactly(drift: float, samples: int)
     assert clock["drift"][0] / clock["interval"][0] == pytest.approx(drift, abs=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 1000), st.floats(-200e-6, 200e-6), st.floats(0.6, 1.0), st.floats(1e3, 1e5))
 def test_late_frames_move_nothing_while_some_are_prompt(
     seed: int, drift: float, prompt_share: float, width: float
@@ -57,7 +57,7 @@ def test_late_frames_move_nothing_while_some_are_prompt(
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     st.integers(0, 1000),
     st.floats(-100e-6, 100e-6),

@@ -108,7 +108,7 @@ def test_nothing_lost_slips_no_cycle(modulus: int, drift: float, delays: str) ->
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     st.integers(0, 1000),
     st.sampled_from([1, 16, 256]),

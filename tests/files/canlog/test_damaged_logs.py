@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer_rt.files.formats import SIGNALS_WRITTEN, open_log, open_recording, write_recording
@@ -60,10 +60,7 @@ def unless_refused(path: Path, read: Callable[[], T]) -> T | None:
 def often(suffix: str) -> settings:
     """Fewer examples of the format that is slow to read."""
     examples = settings().max_examples
-    return settings(
-        max_examples=min(examples, 20) if suffix == ".mf4" else examples,
-        suppress_health_check=[HealthCheck.function_scoped_fixture],
-    )
+    return settings(max_examples=min(examples, 20) if suffix == ".mf4" else examples)
 
 
 @pytest.mark.parametrize("suffix", sorted(FORMATS))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import can
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.bus.links.link import Frame
@@ -18,14 +18,13 @@ from tests.files.canlog.log_cases import FORMATS, START, as_read, log_frames, me
 SUFFIXES = sorted(FORMATS)
 STARTS = (START, START, 1_000_000, 999_999_999, 631_152_000_000_000_000)  # about the least of formats
 STREAMED = [suffix for suffix in SUFFIXES if suffix != ".mf4"]  # readable up to where they were cut
-reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 
 
 @pytest.mark.parametrize("suffix", LOGS_WRITTEN)
 def test_whatever_is_written_is_read(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
 
-    @settings(reuse_folder, max_examples=50)
+    @settings(max_examples=50)
     @given(st.sampled_from(STARTS).flatmap(lambda start: log_frames(suffix, start)))
     def check(frames: list[LogFrame]) -> None:
         stamps = {round(entry.frame.stamp_ns, -4) for entry in frames}

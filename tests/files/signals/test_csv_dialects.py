@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.files.formats import open_recording
 from observer_rt.foundation.errors import UserError
 from tests.files.signals.foreign import COLUMNS, RATE, bench, read, signals, write
 
-reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 NAMES = ("t", "p_Rail", "lift", "p_Line")
 START = datetime(2026, 3, 1, 23, 59, 59, 999_900, UTC)  # midnight is among the samples
 ISO = ""  # no `format`
@@ -70,7 +69,6 @@ def message(path: Path, folder: Path, **bench_options: str) -> str:
     form=st.sampled_from([None, *FORMATS]),
     further=st.sampled_from([[], ["on"]]),
 )
-@reuse_folder
 def test_every_dialect_gives_the_same_signals(
     tmp_path: Path,
     separator: str,
@@ -111,7 +109,6 @@ def test_every_dialect_gives_the_same_signals(
     preamble=st.lists(st.sampled_from(["", "# t rail", "# LabVIEW;9", "Prüfstand 7"]), max_size=3),
     unit=st.sampled_from([("g/s", 1e-3), ("mg/ms", 1e-3), ("kg/s", 1.0)]),
 )
-@reuse_folder
 def test_columns_go_by_number_and_a_rate_of_mass_by_the_models_density(
     tmp_path: Path, order: list[str], separator: str, preamble: list[str], unit: tuple[str, float]
 ) -> None:
@@ -179,7 +176,6 @@ def test_separators_of_thousands_are_refused(tmp_path: Path, cell: str, decimal:
 
 
 @given(cut=st.integers(1, 60), encoding=st.sampled_from(("utf-8", "utf-16", "utf-16-be", "cp1252")))
-@reuse_folder
 def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(tmp_path: Path, cut: int, encoding: str) -> None:
     path, fitted = tmp_path / "foreign.csv", bench(tmp_path)
     text = named(*lines())

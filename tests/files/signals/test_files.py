@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
@@ -61,11 +61,7 @@ def test_a_damaged_page_of_our_parquet_is_refused(tmp_path: Path) -> None:
         read_recording(path)
 
 
-reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-
-
 @pytest.mark.parametrize("suffix", [".csv", ".CSV", ".mf4"])
-@reuse_folder
 @given(recording=quantised_recordings())
 def test_round_trip_is_exact(tmp_path: Path, suffix: str, recording: Recording) -> None:
     """And what was read gives the same bytes again."""

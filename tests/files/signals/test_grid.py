@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from asammdf import Signal
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -15,7 +15,6 @@ from observer_rt.foundation.errors import UserError
 from tests.files.signals.foreign import RATE, bench, opened, read, signals, write_rows
 from tests.files.signals.test_mdf4_channels import write as mdf4
 
-reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 Times = NDArray[np.float64]
 
 
@@ -90,7 +89,6 @@ def test_time_in_another_unit_falls_apart_with_a_remedy(tmp_path: Path) -> None:
     restarts=st.lists(st.integers(60, 499), max_size=2),
     at_once=st.integers(50, 350),
 )
-@reuse_folder
 def test_in_parts_as_in_one_piece(
     tmp_path: Path, seed: int, gaps: list[tuple[int, int]], restarts: list[int], at_once: int
 ) -> None:

@@ -5,15 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, settings
 
 from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 
 HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
-
-reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 
 
 def write(folder: Path, text: str) -> Path:

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import tomlkit
 
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench, load_injector
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
 from observer_rt.daemon.state_file import knowledge_beside, learned_beside
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import make_schedule
@@ -15,6 +14,7 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.desk.take_over import learn_beforehand
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.model.effects import effective_model, sized
+from tests.desk.cli.injector_files import amended
 from tests.kept_evidence import keep
 
 GAIN = sized("rail_pressure_sensor_gain", g=0.02)
@@ -30,13 +30,9 @@ def bench_at(folder: Path, lift: str = "") -> Bench:
     return load_bench(folder / "bench.toml")
 
 
-def amended(folder: Path, g: float = 0.02) -> Path:
+def with_gain(folder: Path, g: float = 0.02) -> Path:
     """The injector file with a gain of the rail pressure's sensor in force."""
-    document = tomlkit.parse(NOMINAL_INJECTOR.read_text())
-    document["effects"] = [{"id": GAIN.effect.id, "parameters": {"g": {"value": g, "unit": "-"}}}]
-    path = folder / "amended.toml"
-    path.write_text(tomlkit.dumps(document))
-    return path
+    return amended(folder / "amended.toml", GAIN.effect.id, "g", g)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +70,7 @@ def masses(bench: Bench, path: Path, knowledge: Knowledge | None) -> tuple[list[
 
 
 def test_the_first_masses_with_an_amended_model_are_right(bench: Bench, tmp_path: Path) -> None:
-    path = amended(tmp_path)
+    path = with_gain(tmp_path)
     assert learn_beforehand(bench, path) == KEPT
     valid, errors = masses(bench, path, begun(path))
     assert all(valid)
@@ -91,7 +87,7 @@ def test_what_the_bench_file_states_of_the_lift_is_undone_once(bench: Bench, tmp
     keep(late, GAIN, sized("needle_lift_sensor_lag", tau=30e-6), injections=KEPT)
     results = []
     for variant in (bench, late):
-        path = amended(variant.path.parent)
+        path = with_gain(variant.path.parent)
         assert learn_beforehand(variant, path) == KEPT
         knowledge = begun(path)
         assert knowledge is not None
@@ -102,7 +98,7 @@ def test_what_the_bench_file_states_of_the_lift_is_undone_once(bench: Bench, tmp
 
 
 def test_nothing_is_begun_with_where_the_model_does_not_explain_the_evidence(bench: Bench, tmp_path: Path) -> None:
-    path = amended(tmp_path, g=-0.02)
+    path = with_gain(tmp_path, g=-0.02)
     learned_beside(path).write_text("left by an earlier step")
     assert learn_beforehand(bench, path) == 0
     assert not learned_beside(path).exists()
@@ -110,7 +106,7 @@ def test_nothing_is_begun_with_where_the_model_does_not_explain_the_evidence(ben
 
 @pytest.mark.parametrize("content", ['{"version": 1}', "no learned state"])
 def test_a_damaged_file_is_told_and_left_alone(tmp_path: Path, content: str) -> None:
-    path, messages = amended(tmp_path), list[str]()
+    path, messages = with_gain(tmp_path), list[str]()
     learned_beside(path).write_text(content)
     assert knowledge_beside(path, load_injector(), messages.append) is None
     assert "learning begins anew" in messages[0]
@@ -118,5 +114,5 @@ def test_a_damaged_file_is_told_and_left_alone(tmp_path: Path, content: str) -> 
 
 
 def test_evidence_of_another_model_teaches_nothing(bench: Bench, tmp_path: Path) -> None:
-    other = bench.with_parameters(load_injector(amended(tmp_path, 0.01)))
-    assert learn_beforehand(other, amended(tmp_path)) == 0
+    other = bench.with_parameters(load_injector(with_gain(tmp_path, 0.01)))
+    assert learn_beforehand(other, with_gain(tmp_path)) == 0

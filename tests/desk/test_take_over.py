@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-import tomlkit
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.daemon.control_socket import Message, control_socket
 from observer_rt.desk.model_steps import steps
 from observer_rt.desk.take_over import take_over, undo
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
+from tests.desk.cli.injector_files import worn_file
 
 FIRST = "crin3_nominal_amended_1.toml"
 
@@ -46,18 +46,9 @@ def locked(kept: Path, process: int) -> Iterator[None]:
         yield
 
 
-def amended(folder: Path, v_h: float, *replacements: tuple[str, str]) -> Path:
+def amended(folder: Path, v_h: float) -> Path:
     """An injector file with a worn nozzle in force."""
-    text = NOMINAL_INJECTOR.read_text()
-    for old, new in replacements:
-        assert old in text
-        text = text.replace(old, new)
-    document = tomlkit.parse(text)
-    effect = {"id": "orifice_area", "parameters": {"v_H": {"value": v_h, "unit": "-"}}}
-    document["effects"] = [effect]
-    path = folder / f"worn_{v_h}.toml"
-    path.write_text(tomlkit.dumps(document))
-    return path
+    return worn_file(folder / f"worn_{v_h}.toml", v_h)
 
 
 def worn(bench: Path, injector: str | None = None) -> float:

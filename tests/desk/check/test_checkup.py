@@ -15,6 +15,7 @@ from observer_rt.desk.check.buses import expected_load
 from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.check.findings import Finding, Level, as_json_document, as_table
 from tests.daemon.foreign_frames import DATABASES
+from tests.desk.cli.injector_files import in_force
 
 DATABASE = EXAMPLE_BENCH.with_name("observer_fd.dbc")
 Edits = dict[str, str]
@@ -214,16 +215,13 @@ def test_a_classic_bus_without_rates_carries_pages(tmp_path: Path) -> None:
 
 def test_what_is_in_force_beside_the_nominal_model_is_said(findings_of: FindingsOf) -> None:
     added = """
-[[effects]]
-id = "orifice_area"
-parameters = { v_H = { value = 0.3, unit = "-" } }
-
 [[terms]]
 equation = "line_flow"
 law = "c*max(line_flow - 25, 0)"
 coefficient = { value = 0.139, unit = "MPa*ms/mm3" }
 """
-    findings = findings_of(injector={"[needle]": f"{added}\n[needle]"})
+    effect = in_force("orifice_area", "v_H", 0.3)
+    findings = findings_of(injector={"[needle]": f"{effect}{added}\n[needle]"})
     assert [finding.text for finding in of(findings, "effects")] == [
         "orifice_area v_H = 0.3",
         "line_flow: c*max(line_flow - 25, 0), c = 0.139 MPa*ms/mm3",

@@ -1,4 +1,4 @@
-"""Injector files for the tests of commands: lines of every kind, and what a fit adds."""
+"""Injector files for the tests of the desk: lines of every kind, what a fit adds, and an effect in force."""
 
 from pathlib import Path
 
@@ -29,3 +29,19 @@ def injector(path: Path, line: str = "lump", outflow: str = "nozzle", added: str
     text = NOMINAL_INJECTOR.read_text().replace("[line]\n", f'[line]\nmodel = "{line}"\n{ADDED[line]}{added}')
     path.write_text(f'line_outflow = "{outflow}"\n{text}{end}')
     return path
+
+
+def in_force(effect: str, key: str, value: float) -> str:
+    """Text at a file's end for an effect of one parameter without a unit."""
+    return f'\n[[effects]]\nid = "{effect}"\nparameters = {{ {key} = {{ value = {value}, unit = "-" }} }}\n'
+
+
+def amended(path: Path, effect: str, key: str, value: float) -> Path:
+    """The nominal injector's file with an effect in force."""
+    path.write_text(NOMINAL_INJECTOR.read_text() + in_force(effect, key, value))
+    return path
+
+
+def worn_file(path: Path, v_h: float = 0.3) -> Path:
+    """With a worn nozzle."""
+    return amended(path, "orifice_area", "v_H", v_h)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.model.effects import VOCABULARY
 from tests.desk.cli.conftest import Command
+from tests.desk.cli.injector_files import amended
 
 
 def test_every_effect_with_its_units_and_what_it_is_taken_for(command: Command) -> None:
@@ -39,10 +39,7 @@ def unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An injector file with an effect that once came from a file of Python, which lies beside it."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_effects.py").write_text("open('executed', 'w')\n")
-    path = tmp_path / "amended.toml"
-    table = '\n[[effects]]\nid = "my_effects"\nparameters = { r = { value = 1.5, unit = "-" } }\n'
-    path.write_text(NOMINAL_INJECTOR.read_text() + table)
-    return path
+    return amended(tmp_path / "amended.toml", "my_effects", "r", 1.5)
 
 
 @pytest.mark.parametrize("words", ["check", "evaluate x.csv"])

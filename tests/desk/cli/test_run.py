@@ -28,15 +28,9 @@ from tests.daemon.end_to_end import SUMMARY, ResultFrames, decoded
 from tests.daemon.participants import BLOCK_ID, ScriptedLink, until
 from tests.desk.cli.bench_engineer import run_and_stop
 from tests.desk.cli.conftest import Command, module
-from tests.desk.cli.injector_files import injector
+from tests.desk.cli.injector_files import worn_file
 from tests.device import frames_of
 from tests.links import FakeLink
-
-WORN = """
-[[effects]]
-id = "orifice_area"
-parameters = { v_H = { value = 0.3, unit = "-" } }
-"""
 
 
 @pytest.fixture
@@ -195,7 +189,7 @@ def test_an_amended_model_begins_with_what_was_learned_for_it_and_undo_with_what
     command: Command, bench: Path, worn: Path, tmp_path: Path
 ) -> None:
     log, amended, text = tmp_path / "run.log", tmp_path / "amended.toml", bench.read_text()
-    injector(amended, end=WORN)
+    worn_file(amended)
     learned = evaluate(load_bench(bench, amended), [read_recording(worn)]).knowledge
     save_knowledge(learned_beside(amended), learned, load_injector(amended))
 

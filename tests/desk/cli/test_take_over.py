@@ -5,13 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-import tomlkit
 
-from observer_rt.config.bench import NOMINAL_INJECTOR
 from tests.daemon.end_to_end import START_TIMEOUT
 from tests.daemon.end_to_end import command as words
 from tests.daemon.participants import until
 from tests.desk.cli.conftest import Command
+from tests.desk.cli.injector_files import worn_file
 
 
 @pytest.fixture
@@ -28,14 +27,6 @@ def of_its_own() -> Sequence[str]:
     return prefix if subprocess.run([*prefix, "true"], check=False, capture_output=True).returncode == 0 else ()
 
 
-def amended(folder: Path, replacement: tuple[str, str] = ("", "")) -> Path:
-    document = tomlkit.parse(NOMINAL_INJECTOR.read_text().replace(*replacement, 1))
-    document["effects"] = [{"id": "orifice_area", "parameters": {"v_H": {"value": 0.1, "unit": "-"}}}]
-    path = folder / "worn.toml"
-    path.write_text(tomlkit.dumps(document))
-    return path
-
-
 def test_a_daemon_in_a_container_has_it_in_force_when_the_command_ends(
     command: Command, bench: Path, tmp_path: Path
 ) -> None:
@@ -43,7 +34,7 @@ def test_a_daemon_in_a_container_has_it_in_force_when_the_command_ends(
     with subprocess.Popen([*of_its_own(), *words("run", "--bench", bench, "--log", log)]) as daemon:
         try:
             until(lambda: log.exists() and "start: ready" in log.read_text(), START_TIMEOUT)
-            outcome = command.done("take-over", amended(tmp_path), "--bench", bench)
+            outcome = command.done("take-over", worn_file(tmp_path / "worn.toml", 0.1), "--bench", bench)
             assert name in outcome.out
             assert "the daemon has it in force" in outcome.err
             until(lambda: "orifice_area v_H = 0.1" in log.read_text(), START_TIMEOUT)
@@ -60,7 +51,8 @@ def test_a_daemon_in_a_container_has_it_in_force_when_the_command_ends(
 
 
 def test_changes_besides_need_a_word(command: Command, bench: Path, tmp_path: Path) -> None:
-    result = amended(tmp_path, ("length = 0.15 ", "length = 0.16 "))
+    result = worn_file(tmp_path / "worn.toml")
+    result.write_text(result.read_text().replace("length = 0.15 ", "length = 0.16 ", 1))
     refusal = command.refused("take-over", result, "--bench", bench)
     assert "line.length 0.15 m -> 0.16 m" in refusal
     assert "--accept-changes" in refusal

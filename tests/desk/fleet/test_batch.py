@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.desk.fleet.dataset import read_injections
 from observer_rt.files.formats import write_recording
 from observer_rt.foundation.files import file_hash
+from tests.desk.cli.injector_files import worn_file
 from tests.desk.fleet.rows import masses
 from tests.desk.fleet.running import PATIENCE, ended, started, wait_until, workers_of
 from tests.device import simulated
@@ -95,7 +95,6 @@ if __name__ == "__main__":
         print(cluster.scheduler_address, flush=True)
         sys.stdin.read()
 """
-IN_FORCE = '\n[[effects]]\nid = "orifice_area"\nparameters = { v_H = { value = 0.3, unit = "-" } }\n'
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +112,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 def test_effects_are_in_force_on_a_scheduler_that_is_there(scheduler: str, tmp_path: Path) -> None:
     """Its workers find files by the paths of the command."""
-    (tmp_path / "amended.toml").write_text(NOMINAL_INJECTOR.read_text() + IN_FORCE)
+    worn_file(tmp_path / "amended.toml")
     write_recording(tmp_path / "injector_a.csv", simulated(2, 0.3, (60e6, 140e6), 100e3, seed=3))
     outcomes = {}
     for out, model in (("plain", ()), ("own", ("--model", "amended.toml"))):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import socket
@@ -14,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from observer_rt.__main__ import collect_seldom
-from tests.interface import OwnInterface
+from tests.interface import OwnInterface, own_interfaces
 
 collect_seldom()
 
@@ -56,12 +55,8 @@ def vcan() -> str:
 @pytest.fixture
 def own_interface(vcan: str) -> Iterator[OwnInterface]:
     """Another SocketCAN interface than `vcan`, of this test's own."""
-    interface = OwnInterface("vcan9")
-    try:
+    with own_interfaces("vcan9") as (interface,):
         yield interface
-    finally:
-        with contextlib.suppress(pytest.fail.Exception):  # where the test took it away
-            interface.remove()
 
 
 class SocketCounter:

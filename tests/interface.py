@@ -1,7 +1,9 @@
 """A virtual CAN interface of a test's own, to be taken down, away and back."""
 
+import contextlib
 import json
 import subprocess
+from collections.abc import Iterator
 
 import pytest
 
@@ -46,6 +48,18 @@ class OwnInterface:
 
     def _ip(self, *arguments: str) -> None:
         _run("ip", *arguments)
+
+
+@contextlib.contextmanager
+def own_interfaces(*names: str) -> Iterator[list[OwnInterface]]:
+    """Away at the end, whatever the test did to them."""
+    made = [OwnInterface(name) for name in names]
+    try:
+        yield made
+    finally:
+        for interface in made:
+            with contextlib.suppress(pytest.fail.Exception):  # where the test took it away
+                interface.remove()
 
 
 def _run(*command: str) -> str:

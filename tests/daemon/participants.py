@@ -17,7 +17,6 @@ from observer_rt.bus.links.link import BusCondition, Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.daemon import bus_connection
 from observer_rt.daemon.arrivals import Arrivals
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.pump import FramePump
@@ -206,16 +205,6 @@ def listening(interface: str, channel: str) -> Iterator[Listener]:
             yield listener
         finally:
             listener.stop()
-
-
-def give_link(monkeypatch: pytest.MonkeyPatch, link: Link) -> None:
-    """What the service opens to observe; nobody else sends on it."""
-
-    def opened(_interface: str, _channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
-        is_input = (BLOCK_ID, False) in wanted
-        return link if is_input else FakeLink()
-
-    monkeypatch.setattr(bus_connection, "open_link", opened)
 
 
 def bench_file(folder: Path, channel: str, interface: str = "virtual") -> Path:

@@ -19,16 +19,6 @@ from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, ove
 from tests.device import frames_of, worn_recording
 
 
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return bench_file(tmp_path_factory.mktemp("bench"), "daemon-test")
-
-
-@pytest.fixture(scope="module")
-def frames(bench: Path) -> list[TimedFrame]:
-    return frames_of(bench, worn_recording())
-
-
 @pytest.fixture(params=["virtual", pytest.param("socketcan", marks=pytest.mark.vcan)])
 def bus(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, float]:
     """A bench on the bus of this process, or on a real interface, and the speed of replay on it."""

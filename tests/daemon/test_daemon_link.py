@@ -18,22 +18,11 @@ from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.framing import TimedFrame
 from tests.benches import block_bench
 from tests.daemon.end_to_end import RATE, payloads, published_rates, results_of
-from tests.daemon.participants import HeardDaemon, TroubledLink, bench_file, over_bus, serving, until
+from tests.daemon.participants import HeardDaemon, TroubledLink, over_bus, serving, until
 from tests.device import frames_of, worn_recording
 
 BLOCK = 9  # samples of a SampleBlock
 FIRST, LOST, LAST = 600, 200, 600  # frames before, during and after an outage
-
-
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return bench_file(tmp_path_factory.mktemp("bench"), "can5")
-
-
-@pytest.fixture(scope="module")
-def frames(bench: Path) -> list[TimedFrame]:
-    recording = worn_recording()
-    return frames_of(bench, recording)
 
 
 def test_an_interface_that_goes_and_comes_back(bench: Path, frames: list[TimedFrame]) -> None:

@@ -22,7 +22,7 @@ import pytest
 
 from tests import own_injector, several_injectors
 from tests.daemon.end_to_end import START_TIMEOUT
-from tests.interface import OwnInterface
+from tests.interface import own_interfaces
 from tests.pages import PAGES, ROOT, Page, needs_bus
 
 JQ = """import json, re, signal, sys
@@ -108,8 +108,7 @@ def test_the_commands_that_need_a_bus(shell: Shell, vcan: str) -> None:
     assert {*commands} == {viewed, kept, piped, recorded, limited, played, log_played, on_several, refused}
     shell.do("observer-rt run --print-example-bench > bench.toml")
     shell.do("observer-rt simulate --injections 4 --effect orifice_area:v_H=0.3 --output worn.csv")
-    can0 = OwnInterface("can0")
-    try:
+    with own_interfaces("can0"):
         _run_and_record(shell, viewed, recorded, played)
         assert (shell.folder / "learned.json").exists()
         with shell.going(kept, "start: ready"):
@@ -118,8 +117,6 @@ def test_the_commands_that_need_a_bus(shell: Shell, vcan: str) -> None:
             shell.do(played)
         injections = [json.loads(line) for line in out.read_text().splitlines()]
         assert [number for _, number, _, _ in injections] == [1, 2, 3, 4]
-    finally:
-        can0.remove()
     _journal(shell)
     _several_buses(shell, on_several)
 
@@ -153,13 +150,8 @@ def test_several_injectors(shell: Shell, vcan: str) -> None:
         shell.do(shlex.join(["observer-rt", *words]))
     several_injectors.merge_logs(shell.folder)
     left, right, record, replay = (interface for interface in several_injectors.PAGE.commands if needs_bus(interface))
-    interfaces = [OwnInterface(f"can{number}") for number in range(3)]
-    try:
-        with shell.going(left, "start: ready"):
-            _run_and_record(shell, right, record, replay)
-    finally:
-        for interface in interfaces:
-            interface.remove()
+    with own_interfaces("can0", "can1", "can2"), shell.going(left, "start: ready"):
+        _run_and_record(shell, right, record, replay)
     for name in several_injectors.NAMES:
         assert (shell.folder / f"learned_{name}.json").exists()
         with closing(sqlite3.connect(shell.folder / f"injections_{name}.sqlite")) as journal:
@@ -182,9 +174,5 @@ def _several_buses(shell: Shell, replay: str) -> None:
     for path in (ROOT / "tests" / "bus" / "databases").glob("three_buses*"):
         shutil.copy(path, shell.folder)
     (shell.folder / "three_buses.toml").rename(shell.folder / "bench.toml")
-    others = [OwnInterface(name) for name in re.findall(r"vcan[1-9]", replay)]
-    try:
+    with own_interfaces(*re.findall(r"vcan[1-9]", replay)):
         shell.do(replay)
-    finally:
-        for interface in others:
-            interface.remove()

@@ -13,16 +13,11 @@ from observer_rt.engine.stream.validity import contested
 from observer_rt.engine.words import Topic
 from observer_rt.files.replay.framing import TimedFrame
 from tests.daemon.end_to_end import RATE, STATUS, SUMMARY, decoded
-from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, serving, until
+from tests.daemon.participants import HeardDaemon, ScriptedLink, serving, until
 from tests.device import encoded, frames_of, worn_recording
 
 INJECTIONS = 8
 AFTER_FOUR, AFTER_SIX = 0.348, 0.448  # s, when the last of as many was judged, just before the next one
-
-
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return bench_file(tmp_path_factory.mktemp("senders"), "senders-test")
 
 
 def test_it_is_told_counted_and_shown(bench: Path) -> None:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,9 @@ DATABASE = cantools.database.load_file(PACKAGE_DATA / "observer_fd.dbc")
 RATE = DATABASE.get_message_by_name("InjectionRate")
 SUMMARY = DATABASE.get_message_by_name("InjectionSummary")
 STATUS = DATABASE.get_message_by_name("ObserverStatus")
+OUTPUTS: list[can.typechecking.CanFilter] = [
+    {"can_id": message.frame_id, "can_mask": 0x7FF, "extended": False} for message in (RATE, SUMMARY, STATUS)
+]
 START_TIMEOUT = 120.0  # s, in which the daemon must be ready, compiling included
 END_TIMEOUT = 60.0  # s, in which it must work off what the bus still holds
 
@@ -103,34 +107,27 @@ def published_rates(payloads: Sequence[bytes], samples: int) -> tuple[NDArray[np
     return rate, count
 
 
-def output_bus(interface: str, channel: str) -> can.BusABC:
+def output_bus(interface: str, channel: str, filters: can.typechecking.CanFilters = OUTPUTS) -> can.BusABC:
     """A plain python-can bus that hears the daemon only."""
-    filters: list[can.typechecking.CanFilter] = [
-        {"can_id": message.frame_id, "can_mask": 0x7FF, "extended": False} for message in (RATE, SUMMARY, STATUS)
-    ]
     return can.Bus(interface=interface, channel=channel, fd=True, can_filters=filters)
 
 
 class Listener:
-    """Third participant of the bus: notes every frame of the daemon."""
+    """Third participant of the bus: notes every frame of the daemon; payloads: by identifier."""
 
     def __init__(self, bus: can.BusABC) -> None:
-        self.results = ResultFrames([], [], [])
+        self.payloads: dict[int, list[bytes]] = defaultdict(list)
+        self.results = ResultFrames(*(self.payloads[message.frame_id] for message in (RATE, SUMMARY, STATUS)))
         self._bus = bus
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._listen, name="listener")
         self._thread.start()
 
     def _listen(self) -> None:
-        by_id = {
-            RATE.frame_id: self.results.rates,
-            SUMMARY.frame_id: self.results.summaries,
-            STATUS.frame_id: self.results.statuses,
-        }
         while not self._stop.is_set():
             message = self._bus.recv(0.1)
-            if message is not None and message.arbitration_id in by_id:
-                by_id[message.arbitration_id].append(bytes(message.data))
+            if message is not None:
+                self.payloads[message.arbitration_id].append(bytes(message.data))
 
     def stop(self) -> ResultFrames:
         """What was heard."""
@@ -172,10 +169,10 @@ def _processed(results: ResultFrames) -> int:
     return int(status["SamplesProcessed"] + status["LostSamples"])
 
 
-def wait_for(condition: Callable[[], bool], timeout: float, daemon: subprocess.Popen[str]) -> None:
-    """Wait until it holds, the daemon still there."""
+def wait_for(condition: Callable[[], bool], timeout: float, process: subprocess.Popen[str]) -> None:
+    """Wait until it holds, the process still there."""
     end = time.monotonic() + timeout
     while not condition():
-        assert daemon.poll() is None, f"the daemon ended: {daemon.stderr.read() if daemon.stderr else ''}"
-        assert time.monotonic() < end, "machine too slow: the daemon did not get so far in time"
+        assert process.poll() is None, f"it ended: {process.stderr.read() if process.stderr else ''}"
+        assert time.monotonic() < end, "machine too slow: it did not get so far in time"
         time.sleep(0.05)

@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Self
 
+import can
 import pytest
 from rich.console import Console
 
@@ -31,7 +32,7 @@ from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.errors import RunError
 from tests.benches import SAMPLE_RATE
-from tests.daemon.end_to_end import STATUS, Listener, ResultFrames, decoded, output_bus, write_bench
+from tests.daemon.end_to_end import OUTPUTS, STATUS, Listener, ResultFrames, decoded, output_bus, write_bench
 from tests.links import FakeLink
 
 BLOCK_ID = 0x100  # of the message with samples
@@ -197,9 +198,9 @@ def serving(daemon: Daemon) -> Iterator[threading.Event]:
 
 
 @contextmanager
-def listening(interface: str, channel: str) -> Iterator[Listener]:
+def listening(interface: str, channel: str, filters: can.typechecking.CanFilters = OUTPUTS) -> Iterator[Listener]:
     """Another participant that notes what the daemon says."""
-    with output_bus(interface, channel) as bus:
+    with output_bus(interface, channel, filters) as bus:
         listener = Listener(bus)
         try:
             yield listener

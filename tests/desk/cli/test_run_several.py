@@ -2,9 +2,6 @@
 
 import json
 import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import can
@@ -13,7 +10,7 @@ import pytest
 from observer_rt.bus.links.opening import open_link
 from observer_rt.files.replay.player import play
 from tests.daemon.end_to_end import END_TIMEOUT, START_TIMEOUT, STATUS, SUMMARY, decoded
-from tests.daemon.participants import until
+from tests.daemon.participants import listening, until
 from tests.desk.cli.bench_engineer import ended_when
 from tests.desk.cli.conftest import Command, module
 from tests.three_injectors import NAMES, RATE_ID, STATUS_ID, STEP, SUMMARY_ID, Three, three_injectors, three_on
@@ -27,27 +24,6 @@ LOOK_AHEAD = 100  # samples, and more, that wait for those behind them
 @pytest.fixture
 def bench(tmp_path: Path) -> Path:
     return three_injectors(tmp_path, tmp_path.name)
-
-
-@contextmanager
-def listening(interface: str, channel: str) -> Iterator[Payloads]:
-    """Payloads of results on the bus by identifier."""
-    payloads: Payloads = {}
-    stop = threading.Event()
-    with can.Bus(interface=interface, channel=channel, fd=True, can_filters=RESULTS) as bus:
-
-        def listen() -> None:
-            while not stop.is_set():
-                if (message := bus.recv(0.2)) is not None:
-                    payloads.setdefault(message.arbitration_id, []).append(bytes(message.data))
-
-        thread = threading.Thread(target=listen)
-        thread.start()
-        try:
-            yield payloads
-        finally:
-            stop.set()
-            thread.join()
 
 
 def processed(payloads: Payloads, number: int) -> float:
@@ -67,7 +43,8 @@ def assert_as_alone(received: Payloads, three: Three, number: int) -> None:
 def test_one_is_observed_among_the_frames_of_all(command: Command, tmp_path: Path) -> None:
     three, channel = three_on(tmp_path, tmp_path.name), tmp_path.name
     samples = three.recordings[0].samples - LOOK_AHEAD
-    with listening("virtual", channel) as payloads, open_link("virtual", channel, True, []) as player:
+    with listening("virtual", channel, RESULTS) as listener, open_link("virtual", channel, True, []) as player:
+        payloads = listener.payloads
 
         def first() -> None:
             until(lambda: processed(payloads, 1) == 0)
@@ -76,7 +53,7 @@ def test_one_is_observed_among_the_frames_of_all(command: Command, tmp_path: Pat
         with ended_when(lambda: processed(payloads, 1) >= samples, first):
             outcome = command.done("run", "--bench", three.bench, "--injector", "two", "--json")
     assert_as_alone(payloads, three, 1)
-    assert {identifier & 0xF0 for identifier in payloads} == {STEP}
+    assert {identifier & 0xF0 for identifier, some in payloads.items() if some} == {STEP}
     records = [json.loads(line) for line in outcome.out.splitlines()]
     assert [(one["injector"], one["number"]) for one in records] == [("two", n) for n in (1, 2, 3, 4)]
     assert (tmp_path / "learned_two.json").exists()
@@ -88,7 +65,8 @@ def test_two_daemons_on_one_bus_leave_each_other_alone(tmp_path: Path, vcan: str
     """Processes of their own; the results of one are nothing to the other."""
     three, both = three_on(tmp_path, vcan, "socketcan"), range(2)
     samples = three.recordings[0].samples - LOOK_AHEAD
-    with listening("socketcan", vcan) as payloads, open_link("socketcan", vcan, True, []) as player:
+    with listening("socketcan", vcan, RESULTS) as listener, open_link("socketcan", vcan, True, []) as player:
+        payloads = listener.payloads
         daemons = [module("run", "--bench", three.bench, "--injector", NAMES[number]) for number in both]
         try:
             until(lambda: all(processed(payloads, number) == 0 for number in both), START_TIMEOUT)

@@ -3,8 +3,7 @@
 import json
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,15 +26,6 @@ def ended(process: "subprocess.Popen[str]") -> dict[str, Any]:
     assert process.returncode == 0, err
     said: dict[str, Any] = json.loads(out)
     return said
-
-
-def wait_until(process: "subprocess.Popen[str]", happens: Callable[[], bool]) -> None:
-    """Until something is there while the command runs."""
-    end = time.monotonic() + PATIENCE
-    while not happens():
-        assert process.poll() is None, process.communicate()[1]
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def workers_of(process: "subprocess.Popen[str]") -> Sequence[psutil.Process]:

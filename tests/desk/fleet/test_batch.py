@@ -14,9 +14,10 @@ import pytest
 from observer_rt.desk.fleet.dataset import read_injections
 from observer_rt.files.formats import write_recording
 from observer_rt.foundation.files import file_hash
+from tests.daemon.end_to_end import wait_for
 from tests.desk.cli.injector_files import worn_file
 from tests.desk.fleet.rows import masses
-from tests.desk.fleet.running import PATIENCE, ended, started, wait_until, workers_of
+from tests.desk.fleet.running import PATIENCE, ended, started, workers_of
 from tests.device import simulated
 
 pytestmark = pytest.mark.slow
@@ -41,7 +42,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_killed_worker_loses_and_doubles_nothing_and_a_bad_file_is_a_row(recordings: Path, tmp_path: Path) -> None:
     process = started(recordings, "--out", tmp_path)
-    wait_until(process, lambda: any(tmp_path.glob("injections/*.parquet")))
+    wait_for(lambda: any(tmp_path.glob("injections/*.parquet")), PATIENCE, process)
     workers_of(process)[0].kill()
     said = ended(process)
 
@@ -64,7 +65,7 @@ def test_a_killed_worker_loses_and_doubles_nothing_and_a_bad_file_is_a_row(recor
 
 def test_an_interrupted_batch_goes_on(recordings: Path, tmp_path: Path) -> None:
     process = started(recordings, "--out", tmp_path)
-    wait_until(process, lambda: any(tmp_path.glob("injections/*.parquet")))
+    wait_for(lambda: any(tmp_path.glob("injections/*.parquet")), PATIENCE, process)
     process.terminate()
     _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130

@@ -2,10 +2,11 @@
 
 import json
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
-import can
 import numpy as np
 import pytest
 
@@ -14,12 +15,14 @@ from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.foundation.errors import RunError
 from tests.desk.cli.conftest import Command
+from tests.device import candump_lines, frames_of
 
 
 def test_a_search_interrupted_writes_nothing(
     command: Command, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(observer_rt.identification.discovery.discover, "answer", _interrupted)
+    interrupted = Mock(side_effect=KeyboardInterrupt)
+    monkeypatch.setattr(observer_rt.identification.discovery.discover, "answer", interrupted)
     done = command("discover", "--out", tmp_path / "found", worn)
     assert done.code == 130
     assert not list((tmp_path / "found").iterdir())
@@ -40,7 +43,7 @@ def test_a_search_names_a_worn_nozzle_and_the_amended_model_explains_it(
     assert findings["seconds"] > 0.0
     assert len(findings["held_out"]) == 1  # two rail pressures in one recording
     amended = tmp_path / "in_force.toml"
-    amended.write_bytes((result / "amended.toml").read_bytes())
+    shutil.copy(result / "amended.toml", amended)
     for name in ("findings.json", "report.html"):
         kept = (result / name).read_bytes()
         said = command.refused("discover", "--model", amended, "--out", result, worn)
@@ -58,7 +61,7 @@ def test_the_model_is_never_overwritten(
     command: Command, worn: Path, bench: Path, tmp_path: Path, named_by: str
 ) -> None:
     model = tmp_path / "amended.toml"
-    model.write_bytes(NOMINAL_INJECTOR.read_bytes())
+    shutil.copy(NOMINAL_INJECTOR, model)
     bench.write_text(bench.read_text().replace("[model]", '[model]\nfile = "amended.toml"'))
     named = model if named_by == "--model" else bench
     assert "name another folder" in command.refused("discover", named_by, named, "--out", tmp_path, worn)
@@ -85,7 +88,8 @@ def test_of_two_that_are_tied_the_one_chosen_is_amended(command: Command, tmp_pa
 
 @pytest.mark.slow
 def test_a_model_that_is_wrong_on_healthy_recordings_is_told(command: Command, worn: Path, tmp_path: Path) -> None:
-    done = command.done("discover", "--out", tmp_path / "found", "--healthy", _copy(worn, tmp_path), "--json", worn)
+    healthy = shutil.copy(worn, tmp_path / "copy.csv")
+    done = command.done("discover", "--out", tmp_path / "found", "--healthy", healthy, "--json", worn)
     findings = json.loads(done.out)
     assert "orifice_area" in findings["healthy_warning"]
     assert findings["confidence"] <= 0.8
@@ -114,7 +118,7 @@ def test_mistakes_are_named_before_anything_is_written(
             other = worn
         case "out is a file":
             out.write_text("mine")
-            _copy(worn, tmp_path).rename(other)
+            shutil.copy(worn, other)
     said = command.refused("discover", "--out", out, worn, other)
     assert message in said
     assert "remedy" in said
@@ -124,41 +128,13 @@ def test_mistakes_are_named_before_anything_is_written(
 def test_a_log_with_gaps_is_judged_by_what_is_whole(
     command: Command, worn: Path, bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(observer_rt.identification.discovery.discover, "answer", _stopped)
-    messages = _replayed(command, worn, bench)
+    stopped = Mock(side_effect=RunError("not wanted here"))
+    monkeypatch.setattr(observer_rt.identification.discovery.discover, "answer", stopped)
+    lines = candump_lines(frames_of(bench, worn))
     lift = read_recording(worn).needle_lift
     opening = int(np.flatnonzero(lift > 20e-6)[0]) // 9  # of the first injection, in frames of nine samples
     log = tmp_path / "bus.log"
-    _write_log(log, messages[: opening + 1] + messages[opening + 3 :])
+    log.write_text("".join(lines[: opening + 1] + lines[opening + 3 :]))
     done = command("discover", "--bench", bench, "--out", tmp_path / "found", log)
     assert "18 missing, 3 of 4 injections judged" in done.err
     assert "left out, samples are missing in it or beside it: at 0.15" in done.err
-
-
-def _stopped(*_: object) -> None:
-    raise RunError("not wanted here")
-
-
-def _interrupted(*_: object) -> None:
-    raise KeyboardInterrupt
-
-
-def _replayed(command: Command, recording: Path, bench: Path) -> list[can.Message]:
-    """What a listener on the bus hears of `observer-rt replay`."""
-    with can.Bus(interface="virtual", channel="discover-test", fd=True) as bus:
-        on_bus = ("--channel", "discover-test", "--speed", "0")
-        command.done("replay", recording, "--bench", bench, *on_bus)
-        return list(iter(lambda: bus.recv(0.0), None))
-
-
-def _write_log(path: Path, messages: list[can.Message]) -> None:
-    with can.Logger(path) as logger:
-        for message in messages:
-            message.channel = 0
-            logger(message)
-
-
-def _copy(recording: Path, folder: Path) -> Path:
-    path = folder / "copy.csv"
-    path.write_bytes(recording.read_bytes())
-    return path

@@ -4,7 +4,8 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from unittest.mock import Mock
 from uuid import uuid4
 
 import can
@@ -27,15 +28,6 @@ def sender(channel: str) -> Iterator[Link]:
         yield link
 
 
-def failing(error: Exception) -> Callable[..., None]:
-    """A function that fails."""
-
-    def fail(*_: object, **__: object) -> None:
-        raise error
-
-    return fail
-
-
 def receiver_of(channel: str, receive_ids: list[tuple[int, bool]] | None = None) -> Link:
     return open_link("virtual", channel, True, receive_ids)
 
@@ -53,7 +45,7 @@ def test_what_the_driver_refuses_may_be_tried_again(
 ) -> None:
     with receiver_of(channel) as receiver:
         with monkeypatch.context() as full:
-            full.setattr(VirtualBus, "send", failing(can.CanOperationError("the transmit buffer is full")))
+            full.setattr(VirtualBus, "send", Mock(side_effect=can.CanOperationError("the transmit buffer is full")))
             assert not sender.try_send(0x100, b"", False, True)
         assert sender.try_send(0x100, b"", False, True)
         assert receiver.receive(0.0) is not None
@@ -82,7 +74,7 @@ def test_threads_that_send_take_turns(channel: str, sender: Link, monkeypatch: p
 def test_a_device_that_went_away_is_connected_anew(
     channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    unplugged = failing(can.CanInitializationError("no such device"))
+    unplugged = Mock(side_effect=can.CanInitializationError("no such device"))
     with receiver_of(channel, [(0x100, False)]) as receiver:
         with monkeypatch.context() as without_device:
             without_device.setattr(VirtualBus, "_recv_internal", unplugged)
@@ -132,7 +124,7 @@ def test_an_unknown_interface_is_a_users_mistake() -> None:
 
 
 def test_an_interface_that_cannot_be_opened_fails_at_run_time(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(VirtualBus, "__init__", failing(can.CanInitializationError("no such device")))
+    monkeypatch.setattr(VirtualBus, "__init__", Mock(side_effect=can.CanInitializationError("no such device")))
     with pytest.raises(LinkDownError, match=rf"virtual channel {channel} cannot be opened.*\n.*driver"):
         receiver_of(channel)
 
@@ -155,7 +147,7 @@ def test_a_driver_that_says_so_itself_is_not_waited_for_at_first(
     channel: str, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
     with receiver_of(channel) as receiver:
-        monkeypatch.setattr(VirtualBus, "__init__", failing(error))
+        monkeypatch.setattr(VirtualBus, "__init__", Mock(side_effect=error))
         with pytest.raises(UserError, match="'virtual' cannot be used on this computer: no API"):
             receiver_of(channel)
         with pytest.raises(LinkDownError, match="no API"):

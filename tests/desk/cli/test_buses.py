@@ -1,6 +1,5 @@
 """Several buses from the command line: recorded into one log, evaluated, converted and replayed from it."""
 
-import json
 import threading
 import uuid
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ from observer_rt.bus.links.opening import open_link
 from observer_rt.files.formats import open_log
 from tests.benches import block_bench, twin_bench
 from tests.daemon.participants import until
-from tests.desk.cli.conftest import Command
+from tests.desk.cli.conftest import Command, document
 from tests.device import candump_lines, frames_of, later, worn_recording
 
 CHANNELS = ("can0", "can1", "can2", "can3")
@@ -39,8 +38,7 @@ def log(twins: Path) -> Path:
 
 
 def masses(command: Command, *arguments: object) -> list[float]:
-    outcome = command.done("evaluate", *arguments, "--json")
-    (recording,) = json.loads(outcome.out)["recordings"]
+    (recording,) = document(command, *arguments)["recordings"]
     return [injection["mass_mg"] for injection in recording["injections"]]
 
 

@@ -25,10 +25,7 @@ def bus() -> Iterator[can.BusABC]:
 
 
 def received(bus: can.BusABC) -> list[can.Message]:
-    messages = []
-    while (message := bus.recv(0.0)) is not None:
-        messages.append(message)
-    return messages
+    return list(iter(lambda: bus.recv(0.0), None))
 
 
 def indices(messages: list[can.Message]) -> list[int]:

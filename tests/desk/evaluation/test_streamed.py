@@ -1,6 +1,7 @@
 """Files in parts through the observer: the same bits as in one piece, in memory that does not grow."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from observer_rt.desk.evaluation.samples import HistorySamples
 from observer_rt.desk.evaluation.trace import Signal
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.signals.recording import OPTIONAL, Chunk, Recording
-from observer_rt.files.signals.stream import HeldSignals, SignalStream, Stretch
+from observer_rt.files.signals.stream import HeldSignals, SignalStream, Stretch, cut
 from observer_rt.model.effects import effective_model
 from tests.desk.evaluation.documents import recording_json
 from tests.device import frames_of, later, simulated
@@ -49,21 +50,13 @@ class Cut(SignalStream):
 
     def chunks(self) -> Iterator[Chunk]:
         r = self._recording
+        all_of_it = Chunk(
+            r.time, r.rail_pressure, r.needle_lift, r.line_pressure, r.injection_rate, r.path, self.rate
+        )
         for number, (begin, end) in enumerate(pairwise(self._bounds)):
             for first in range(begin, end, self._at_once):
-                part = slice(first, min(end, first + self._at_once))
-                assert r.injection_rate is not None
-                yield Chunk(
-                    r.time[part],
-                    r.rail_pressure[part],
-                    r.needle_lift[part],
-                    r.line_pressure[part],
-                    r.injection_rate[part],
-                    r.path,
-                    self.rate,
-                    number,
-                    first - begin,
-                )
+                part = cut(all_of_it, first, min(end, first + self._at_once))
+                yield replace(part, stretch=number, first=first - begin)
 
 
 def test_in_parts_as_in_one_piece(tmp_path: Path) -> None:

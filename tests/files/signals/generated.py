@@ -31,13 +31,8 @@ class RepeatedRecording(SignalStream):
             for again in range(times):
                 first = again * recording.samples
                 time = stretch.start + (first + np.arange(recording.samples)) / self.rate
-                signals = (
-                    recording.rail_pressure,
-                    recording.needle_lift,
-                    recording.line_pressure,
-                    recording.injection_rate,
-                )
-                complete = Chunk(time, *signals, self.path, self.rate, number)
+                signals = recording.rail_pressure, recording.needle_lift, recording.line_pressure
+                complete = Chunk(time, *signals, recording.injection_rate, self.path, self.rate, number)
                 for position in range(0, recording.samples, SAMPLES_AT_ONCE):
                     part = cut(complete, position, min(recording.samples, position + SAMPLES_AT_ONCE))
                     yield replace(part, first=first + position)

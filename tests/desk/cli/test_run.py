@@ -1,6 +1,5 @@
 """`observer-rt run` in this process: its signals, its learned state, its exit codes."""
 
-import contextlib
 import json
 import os
 import signal
@@ -26,6 +25,7 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.model.accuracy import Accuracy
 from tests.daemon.end_to_end import SUMMARY, ResultFrames, decoded
 from tests.daemon.participants import BLOCK_ID, ScriptedLink, until
+from tests.daemon.test_log import notifications
 from tests.desk.cli.bench_engineer import run_and_stop
 from tests.desk.cli.conftest import Command, module
 from tests.desk.cli.injector_files import worn_file
@@ -137,18 +137,14 @@ def test_hang_up_takes_over_a_bench_file_that_was_changed(
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
         monkeypatch.setenv("WATCHDOG_USEC", "6000000")
         outcome, _ = run_and_stop(command, bench, worn, "--injector=", "--log", log, meanwhile=hang_up)
-        manager.setblocking(False)
-        notifications = []
-        with contextlib.suppress(BlockingIOError):
-            while True:
-                notifications.append(manager.recv(1000).decode())
+        messages = notifications(manager)
     assert outcome.code == 0
     assert "sampling.bridge_ms: 50 is not allowed; remedy: it should be less than or equal to 5" in outcome.err
     assert "is taken over: sampling\n" in outcome.err
     assert outcome.err.count("stop: stopped after") == 3
-    assert (notifications[0], notifications[-1]) == ("READY=1", "STOPPING=1")
-    assert notifications.count("STOPPING=1") == 1
-    assert "WATCHDOG=1" in notifications
+    assert (messages[0], messages[-1]) == ("READY=1", "STOPPING=1")
+    assert messages.count("STOPPING=1") == 1
+    assert "WATCHDOG=1" in messages
 
 
 def test_a_reload_goes_on_where_what_was_learned_cannot_be_saved(

@@ -8,7 +8,7 @@ import pytest
 
 from observer_rt.files.formats import is_log, open_log
 from observer_rt.foundation.errors import UserError
-from tests.files.canlog.log_cases import mixture, moved
+from tests.files.canlog.log_cases import message_of, mixture, moved
 
 HEADING = "timestamp,arbitration_id,extended,remote,error,dlc,data"
 
@@ -18,17 +18,11 @@ def test_what_python_can_writes(tmp_path: Path) -> None:
     path = tmp_path / "bus.csv"
     frames = [frame._replace(channel="1", is_sent=False) for frame in mixture(".trc", 50)]
     with can.CSVWriter(path) as writer:
-        for frame, *_ in frames:
-            writer(
-                can.Message(
-                    timestamp=frame.stamp_ns / 1e9,
-                    arbitration_id=frame.frame_id,
-                    is_extended_id=frame.is_extended,
-                    data=frame.payload,
-                )
-            )
-        writer(can.Message(timestamp=frame.stamp_ns / 1e9, is_error_frame=True))
-        writer(can.Message(timestamp=frame.stamp_ns / 1e9, is_remote_frame=True))
+        for frame in frames:
+            writer(message_of(frame))
+        end = frames[-1].frame.stamp_ns / 1e9
+        writer(can.Message(timestamp=end, is_error_frame=True))
+        writer(can.Message(timestamp=end, is_remote_frame=True))
     assert is_log(path)
     log = open_log(path)
     assert moved(log, frames) < 2000

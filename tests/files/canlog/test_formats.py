@@ -184,14 +184,11 @@ def test_a_byte_order_mark(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".asc", ".csv"])
-def test_a_packed_log_is_refused_with_its_remedy(tmp_path: Path, suffix: str) -> None:
-    named, hidden = tmp_path / f"bus{suffix}.gz", tmp_path / f"bus{suffix}"
-    for path in (named, hidden):
-        path.write_bytes(gzip.compress(b"(1.5) can0 123#00\n") + b"\n")
-    with pytest.raises(UserError, match=rf"unknown kind of file '\.gz'(?s:.*)gunzip bus{suffix}\.gz"):
-        is_log(named)
+def test_a_packed_log_without_its_suffix_is_refused_with_its_remedy(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    path.write_bytes(gzip.compress(b"(1.5) can0 123#00\n") + b"\n")
     with pytest.raises(UserError, match="unpack it by gunzip"):
-        list(open_log(hidden))
+        list(open_log(path))
 
 
 def test_bytes_that_are_no_text_are_not_shown(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from observer_rt.config.bench import Bench, load_bench
 
@@ -91,7 +92,11 @@ def twin_bench(folder: Path) -> Path:
 
 def bench_with(**keys: Mapping[str, float]) -> Bench:
     """The example bench with further keys of its signals, such as delays and lags, by role."""
-    bench = load_bench().exact
+    return with_signals(load_bench().exact, keys)
+
+
+def with_signals(bench: Bench, keys: Mapping[str, Mapping[str, Any]]) -> Bench:
+    """A bench with other keys of its signals, by role."""
     signals = bench.injector.config.signals
     changed = {role: getattr(signals, role).model_copy(update=update) for role, update in keys.items()}
     return bench.with_sections(signals=signals.model_copy(update=changed))

@@ -11,6 +11,7 @@ from observer_rt.config.injector import SamplingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.files.signals.recording import Recording
+from tests.benches import with_signals
 from tests.plants import plant
 from tests.plants.plant import Outcome, record
 from tests.plants.windows import true_masses
@@ -63,12 +64,6 @@ def recording_of(outcome: Outcome) -> Recording:
 
 def bench_at(sample_rate: float, model: Path | None = None, accuracy_percent: float = 0.0) -> Bench:
     """The example bench at a sample rate [Hz], with another injector file, and pressure sensors, than its own."""
-    bench = load_bench(model=model).exact
-    signals = bench.injector.config.signals
-    sensors = {
-        name: getattr(signals, name).model_copy(update={"accuracy_percent": accuracy_percent})
-        for name in ("rail_pressure", "line_pressure")
-    }
-    return bench.with_sections(
-        sampling=SamplingConfig(rate_hz=sample_rate), signals=signals.model_copy(update=sensors)
-    )
+    accuracy = {"accuracy_percent": accuracy_percent}
+    bench = with_signals(load_bench(model=model).exact, {"rail_pressure": accuracy, "line_pressure": accuracy})
+    return bench.with_sections(sampling=SamplingConfig(rate_hz=sample_rate))

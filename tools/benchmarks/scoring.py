@@ -1,9 +1,8 @@
 """Our observer, and the nominal model beside it, on one case: facts of its injections against the truth."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from tests.plants.arrays import Array
 from tests.plants.plant import Outcome
 from tests.plants.windows import Windows, true_masses, windows_of
 from tools.benchmarks.cases import CLASSES, Case
-from tools.benchmarks.windowed import WindowedEvaluation, evaluate_windowed
+from tools.benchmarks.windowed import evaluate_windowed
 
 FROM = 4  # event, from 0: everything but the figures of the first events counts from the fifth on
 THIRD_EVENT, USEFUL_PCT = 2, 1.0  # whose mass is the first that must be useful
@@ -36,9 +35,6 @@ WORN_FROM_THE_START = ("orifice_area", "seat_area", "orifice_and_seat_area", "gr
 OBSERVER, LIVE, NOMINAL = "observer", "live", "nominal"  # as published, while it ran, with phi = 0
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason
-
-
-Scored = Evaluation | WindowedEvaluation
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,15 +176,12 @@ class Score:
 def score_outcome(case: Case, outcome: Outcome, bench: Bench) -> Score:
     """Score an observer by its bench, and the nominal model beside it, on what a case came to."""
     recording = recording_of(outcome)
-    evaluation: Scored
     if CLASSES[case.class_name].windowed:
-        evaluation = evaluate_windowed(bench, recording)
-    else:
-        evaluation = evaluate(bench, [recording]).evaluations[0]
-    return score_evaluation(case, outcome, bench, evaluation)
+        return score_evaluation(case, outcome, bench, evaluate_windowed(bench, recording))
+    return score_evaluation(case, outcome, bench, evaluate(bench, [recording]).evaluations[0])
 
 
-def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Scored) -> Score:
+def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Evaluation) -> Score:
     """Score what an observer by its bench made of a case."""
     windows = windows_of(outcome, case.bench.sample_rate)
     truth, trace, density = outcome.truth, evaluation.trace, case.bench.injector.density
@@ -202,7 +195,7 @@ def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Sco
         *(estimate_of(each, outcome, windows, density, x3 - true_x3) for each in (rate, corrected)),
     )
     judged, covered = _covered_samples(corrected - truth.injection_rate, trace.corrected_rate_sigma, windows)
-    valid, reasons, intervals = _judged(evaluation, windows)
+    valid, reasons, intervals = _judged(injections, len(windows.of_event))
     estimates = {
         OBSERVER: replace(ours, masses=_published_masses(live.masses, injections)),
         LIVE: live,
@@ -242,16 +235,9 @@ def estimate_of(
     return Estimate(np.array(windows.opening_masses_mg(rate, density)), np.array(windows.mean_squares(off)), x3)
 
 
-def bench_for_case(case: Case, model: Path | None = None) -> Bench:
-    """The example bench as a case is recorded, with another injector file than its own."""
-    return load_bench(model=model).exact.with_sections(sampling=SamplingConfig(rate_hz=case.bench.sample_rate))
-
-
-def with_signals(bench: Bench, changed: Mapping[str, Mapping[str, Any]]) -> Bench:
-    """The bench with other keys of its signals, by role."""
-    signals = bench.injector.config.signals
-    update = {role: getattr(signals, role).model_copy(update=dict(keys)) for role, keys in changed.items()}
-    return bench.with_sections(signals=signals.model_copy(update=update))
+def bench_for_case(case: Case) -> Bench:
+    """The example bench as a case is recorded."""
+    return load_bench().exact.with_sections(sampling=SamplingConfig(rate_hz=case.bench.sample_rate))
 
 
 def bench_text(*changes: tuple[str, str]) -> str:
@@ -291,7 +277,7 @@ def _covered_samples(error: Array, sigma: Array, windows: Windows) -> tuple[NDAr
     return available_of, covered_of
 
 
-def injections_of(evaluation: Scored, windows: Windows) -> tuple[Injection, ...]:
+def injections_of(evaluation: Evaluation, windows: Windows) -> tuple[Injection, ...]:
     """The openings of every event by the report that covers them; one without a report stands alone, not valid."""
     injections = []
     for event, openings in enumerate(windows.of_event):
@@ -308,19 +294,18 @@ def injections_of(evaluation: Scored, windows: Windows) -> tuple[Injection, ...]
 
 
 def _judged(
-    evaluation: Scored, windows: Windows
+    injections: Sequence[Injection], events: int
 ) -> tuple[tuple[bool, ...], tuple[str, ...], tuple[tuple[float, float] | None, ...]]:
     """Validity, reasons and 95 % interval of the mass [mg] of every event, from the observer's own reports.
 
-    An event is valid if a report belongs to each of its openings, all are valid and no rate is missing.
+    An event is valid if all its injections are. Of one with an opening that no report covers nothing more is said.
     """
     valid, reasons, intervals = [], [], []
-    for event in range(len(windows.of_event)):
-        covering = [_report_of(evaluation, windows.ranges[i]) for i in windows.of_event[event]]
-        by_number = {report.number: report for report in covering if report is not None}
-        reports = () if None in covering else tuple(by_number.values())
-        missing = bool(np.isnan(evaluation.trace.injection_rate[windows.union(event)]).any())
-        valid.append(bool(reports) and not missing and all(r.valid for r in reports))
+    for event in range(events):
+        own = [each for each in injections if each.event == event]
+        reports = [each.report for each in own if each.report is not None]
+        valid.append(bool(own) and all(each.valid for each in own))
+        reports = reports if len(reports) == len(own) else []
         named = {r.reason.name for r in reports if not r.valid} if reports else {NO_REPORT}
         reasons.append(" ".join(sorted(named)))
         bounds = [r.mass_ci95 for r in reports if r.mass_ci95 is not None]
@@ -330,7 +315,7 @@ def _judged(
     return tuple(valid), tuple(reasons), tuple(intervals)
 
 
-def _report_of(evaluation: Scored, window: slice) -> InjectionReport | None:
+def _report_of(evaluation: Evaluation, window: slice) -> InjectionReport | None:
     """The report whose window overlaps a true one most."""
 
     def overlap(report: InjectionReport) -> int:

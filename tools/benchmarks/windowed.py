@@ -1,28 +1,19 @@
 """The observer on what a windowed source sends: some 6 ms round each injection, the index jumps in between."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from observer_rt.config.bench import Bench
-from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.desk.evaluation.trace import UNKNOWN, Trace, trace_of
-from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.evaluation.trace import UNKNOWN, trace_of
 from observer_rt.engine.stream.state import State
 from observer_rt.files.replay.framing import Span, windows_of
 from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.stream import HeldSignals
 
 
-@dataclass(frozen=True)
-class WindowedEvaluation:
-    """The scored part of an evaluation, on the samples of the whole recording."""
-
-    trace: Trace
-    reports: tuple[InjectionReport, ...]
-    first_index: int = 0
-
-
-def evaluate_windowed(bench: Bench, recording: Recording) -> WindowedEvaluation:
+def evaluate_windowed(bench: Bench, recording: Recording) -> Evaluation:
     """The observer on a recording, from which a windowed source sends only the samples around injections.
 
     To the observer, recordings of one history are windows of a source: the index jumps with the needle closed, the
@@ -30,14 +21,18 @@ def evaluate_windowed(bench: Bench, recording: Recording) -> WindowedEvaluation:
     """
     spans = windows_of((recording,))
     history = evaluate(bench, [part_of(recording, span) for span in spans])
-    trace = trace_of(np.repeat(UNKNOWN, recording.samples))
-    trace.state[:] = State.WAITING_FOR_DATA
-    reports = []
+    together = Evaluation(HeldSignals(recording))
+    together.first_index = 0
+    together.trace = trace_of(np.repeat(UNKNOWN, recording.samples))
+    together.trace.state[:] = State.WAITING_FOR_DATA
     for span, part in zip(spans, history.evaluations, strict=True):
-        trace[span.start : span.end] = part.trace
+        together.trace[span.start : span.end] = part.trace
         by = span.start - part.first_index
-        reports += [replace(r, start_index=r.start_index + by, end_index=r.end_index + by) for r in part.reports]
-    return WindowedEvaluation(trace, tuple(reports))
+        for each in part.injections:
+            start, end = each.report.start_index + by, each.report.end_index + by
+            moved = replace(each.report, start_index=start, end_index=end)
+            together.injections.append(replace(each, report=moved))
+    return together
 
 
 def part_of(recording: Recording, span: Span) -> Recording:

@@ -7,6 +7,7 @@ from typing import Annotated
 import pandas as pd
 import typer
 
+from tests.benches import THREE_MESSAGES, with_signals
 from tests.observed_plants import bench_at
 from tests.plants.plant import record
 from tools.benchmarks import command_line as cli
@@ -18,14 +19,8 @@ from tools.benchmarks.faults.scenario import Task, drawn, entries, tasks
 from tools.benchmarks.faults.score import Verdict, facts_of
 from tools.benchmarks.faults.table import TABLE
 from tools.benchmarks.fitting import plain_model
-from tools.benchmarks.scoring import with_signals
 
 CASES = 520
-_BLOCKS = {
-    "rail_pressure": {"message": "RailPressureBlock"},
-    "needle_lift": {"message": "NeedleLiftBlock"},
-    "line_pressure": {"message": "LinePressureBlock"},
-}
 BARS = (
     Bar("crashes", "crashed", "sum", most=0),
     Bar("wrong_valid_samples", "wrong_samples", "sum", most=0),
@@ -64,7 +59,7 @@ def score_scenario(task: Task, model: Path | None = None) -> Row:
     outcome = record(scenario.bench)
     bench = bench_at(scenario.bench.sample_rate, model)
     if scenario.blocks:  # each signal has a message of its own
-        bench = with_signals(bench, _BLOCKS)
+        bench = with_signals(bench, {role: {"message": name} for role, name in THREE_MESSAGES.items()})
     for placed in scenario.placed:
         bench = with_signals(bench, placed.stated)
     published = player.play(scenario, outcome.measured, bench)

@@ -2,21 +2,18 @@
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
 from observer_rt.config.bench import load_injector
-from observer_rt.files.formats import read_recording
-from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 from tests.plants.parameters import Injector
 from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_benches
 from tools.benchmarks.discovery.laws import KINDS, WAVE_OF_SENSOR, WEAK_BELOW
-from tools.benchmarks.discovery.rigs import FURTHER, write_all
-from tools.benchmarks.discovery.scoring import misfit
+from tools.benchmarks.discovery.rigs import FURTHER
+from tools.benchmarks.discovery.scoring import measured, misfit
 from tools.benchmarks.discovery.vocabulary import TAP_DAMPING
 
 PART = Injector()
@@ -91,12 +88,11 @@ def test_every_kind_a_law_can_state_has_one() -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_the_true_law_closes_the_gap(name: str, tmp_path: Path) -> None:
+def test_the_true_law_closes_the_gap(name: str) -> None:
     kind = KINDS[name]
     values = tuple(p.most_negative or p.highest for p in kind.parameters)
     case = HiddenCase("0", Query.OUTSIDE, ((name, values),), False, None, 5)
-    files = write_all(outside_benches(case, FURTHER, 0.0)[1::2], True, tmp_path)
-    further = measurements([read_recording(path) for path in files])
+    further = measured(outside_benches(case, FURTHER, 0.0)[1::2])
     nominal = amended = effective_model(load_injector())
     stated = LAWS[name](*values)
     for equation, law in ((kind.equation, stated),) if isinstance(stated, str) else stated:

@@ -5,7 +5,7 @@ Labels and draws follow from a master seed; the first cases of a larger number a
 
 import hashlib
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -16,9 +16,9 @@ from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Surroundings, drawn_needle
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.kinds import HiddenKind
-from tools.benchmarks.discovery.laws import KINDS, NOT_IN, VOCABULARY_KINDS, kind_named
+from tools.benchmarks.discovery.laws import ALL_KINDS, KINDS, NOT_IN, VOCABULARY_KINDS
 from tools.benchmarks.discovery.rigs import DISTANCE, FIRST, Rig, bench_of
-from tools.benchmarks.discovery.vocabulary import EFFECTS, HIDDEN, OUTSIDE, PAIR_FROM, PAIRS, Parts, effect_of
+from tools.benchmarks.discovery.vocabulary import ALL_EFFECTS, EFFECTS, HIDDEN, OUTSIDE, PAIR_FROM, PAIRS, Parts
 
 HEALTHY = "healthy"
 NOMINAL_INJECTIONS, REAL_INJECTIONS, OUTSIDE_INJECTIONS = 2, 3, 4  # in each recording
@@ -106,7 +106,7 @@ def nominal_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> lis
         shots = [Shot(rng.uniform(0.0, 10e-6), duration) for _ in range(NOMINAL_INJECTIONS)]
         events = tuple(Event(rail_pressure, (shot,), Faults()) for shot in shots)
         bench = Bench(Injector(), needle, events, noise=noise, seed=int(rng.integers(2**62)))
-        made.append(_with_hidden(bench, case, HIDDEN.__getitem__))
+        made.append(_with_hidden(bench, case, HIDDEN))
     return made
 
 
@@ -150,7 +150,7 @@ def real_case(names: Sequence[str], rig: Rig, number: int) -> HiddenCase:
     asked = Query.OUTSIDE if any(name in OUTSIDE for name in names) else asked
     from_share = PAIR_FROM if asked is Query.PAIR else 0.0
     key = [rig.seed, number, rig.discrepancy.number, int(rig.with_rate), *(zlib.crc32(n.encode()) for n in names)]
-    return _drawn(key, asked, [effect_of(name) for name in names], rig.with_rate, rig, from_share)
+    return _drawn(key, asked, [ALL_EFFECTS[name] for name in names], rig.with_rate, rig, from_share)
 
 
 def real_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[Bench]:
@@ -158,7 +158,7 @@ def real_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[B
     assert case.rig is not None
     rng = _of_points(case, points)
     healthy = [bench_of(case.rig, point, REAL_INJECTIONS, rng, noise) for point in points]
-    return [_with_hidden(bench, case, effect_of) for bench in healthy]
+    return [_with_hidden(bench, case, ALL_EFFECTS) for bench in healthy]
 
 
 def outside_cases(
@@ -186,7 +186,7 @@ def outside_cases(
             rig = Rig(plant, with_rate, seed) if tier == "B" else None
             drawn_by = f"{_IN_KEYS.get(asked, asked)} {name} {tier}"
             key = [seed, zlib.crc32(drawn_by.encode()), int(with_rate), turn]
-            made.append(_drawn(key, asked, [] if name == HEALTHY else [kind_named(name)], with_rate, rig))
+            made.append(_drawn(key, asked, [] if name == HEALTHY else [ALL_KINDS[name]], with_rate, rig))
     return made
 
 
@@ -197,7 +197,7 @@ def outside_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> lis
         _at_rest(case, point, rng, noise) if rig is None else bench_of(rig, point, OUTSIDE_INJECTIONS, rng, noise)
         for point in points
     ]
-    return [_with_hidden(bench, case, kind_named) for bench in healthy]
+    return [_with_hidden(bench, case, ALL_KINDS) for bench in healthy]
 
 
 def taken_away(case: HiddenCase) -> tuple[str, ...]:
@@ -221,10 +221,10 @@ def _of_points(case: HiddenCase, points: Points) -> Generator:
     return np.random.default_rng([case.seed, *(round(pressure) for pressure, _ in points)])
 
 
-def _with_hidden(bench: Bench, case: HiddenCase, kind_of: Callable[[str], HiddenKind]) -> Bench:
+def _with_hidden(bench: Bench, case: HiddenCase, kinds: Mapping[str, HiddenKind]) -> Bench:
     """The bench with the effects hidden in laws, injections, sensors and rail."""
     for name, values in case.parts:
-        kind, around = kind_of(name), bench.around
+        kind, around = kinds[name], bench.around
         bench = replace(
             bench,
             laws=kind.laws(values, bench.laws),

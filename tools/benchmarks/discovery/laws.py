@@ -42,18 +42,13 @@ def creeping_sensor(share: float) -> Step:
     return seen_as(LINE, seen)
 
 
-def _law(name: str, lowest: float, highest: float, both: bool = False) -> kinds.HiddenParameter:
-    return kinds.HiddenParameter(name, name, lowest, highest, -highest if both else 0.0)
+def _law(
+    name: str, lowest: float, highest: float, both: bool = False, fault: str | None = None
+) -> kinds.HiddenParameter:
+    return kinds.HiddenParameter(name, name if fault is None else fault, lowest, highest, -highest if both else 0.0)
 
 
-def _size(name: str, lowest: float, highest: float, both: bool = False) -> kinds.HiddenParameter:
-    return kinds.HiddenParameter(name, "", lowest, highest, -highest if both else 0.0)
-
-
-def _part(name: str, fault: str, lowest: float, highest: float) -> tuple[kinds.HiddenParameter]:
-    return (kinds.HiddenParameter(name, fault, lowest, highest),)
-
-
+_size = partial(_law, fault="")
 _K = kinds.HiddenKind
 _FLOW, _OUT, _STIFF, _SEAT, _LIFT = _T.LINE_FLOW, _T.LINE_PRESSURE, _T.STIFFNESS, _T.SEAT_FLOW, _T.NEEDLE_LIFT
 _HOLES, _CHAMBER, _SENSOR = _T.NOZZLE_FLOW, _T.CHAMBER_PRESSURE, _T.LINE_PRESSURE_SENSOR
@@ -87,21 +82,21 @@ _KINDS = (
     _K("seat_by_speed", _SEAT, (_law("seat_speed", 0.1, 0.4, both=True),)),
     _K("stop_loss", _SEAT, (_law("stop_loss", 0.3, 0.7),), without_rate=kinds.NOZZLE),
     _K("middle_loss", _SEAT, (_law("middle_loss", 0.3, 0.7),), in_library=False),
-    _K("seat_hysteresis", _SEAT, _part("share", "seat_hysteresis", 0.4, 0.9), in_library=False),
+    _K("seat_hysteresis", _SEAT, (_law("share", 0.4, 0.9, fault="seat_hysteresis"),), in_library=False),
     _K("lagged_lift", _LIFT, (_law("lift_ahead", 0.1, 0.4), _LIFT_MEMORY)),
     # its sensor: open a while longer than is seen
     _K("needle_behind", _LIFT, (_law("lift_behind", 0.1, 0.3), _LIFT_MEMORY)),
     _K("bent_lift", _LIFT, (_law("lift_bend", 0.15, 0.25, both=True),)),
     _K("needle_not_shut", _LIFT, (_law("least_lift", 0.5 * US, 3.0 * US),), without_rate=kinds.OUTFLOW),
-    _K("coking_nozzle", _HOLES, _part("loss", "orifice_area", 0.03, 0.12),
+    _K("coking_nozzle", _HOLES, (_law("loss", 0.03, 0.12, fault="orifice_area"),),
         by_number=lambda number: -float(number)),
-    _K("plugged_hole", _HOLES, _part("loss", "orifice_area", 0.08, 0.3), in_library=False,
+    _K("plugged_hole", _HOLES, (_law("loss", 0.08, 0.3, fault="orifice_area"),), in_library=False,
         by_number=lambda number: -float(number > 0)),
-    _K("closing_hole", _HOLES, _part("loss", "hole_closing", 0.1, 0.3), in_library=False),
+    _K("closing_hole", _HOLES, (_law("loss", 0.1, 0.3, fault="hole_closing"),), in_library=False),
     _K("viscous_nozzle", _HOLES, (_law("viscous_loss", 0.03, 0.12),)),
     _K("opening_loss", _HOLES,
         (_law("opening_loss", 0.15, 0.5, both=True), _law("opening_time", 0.15 * MS, 0.6 * MS))),
-    _K("chamber_by_number", _CHAMBER, _part("step", "chamber_pressure_step", 1.5 * MPA, 5.0 * MPA),
+    _K("chamber_by_number", _CHAMBER, (_law("step", 1.5 * MPA, 5.0 * MPA, fault="chamber_pressure_step"),),
         by_number=float),
     # Pa s/m3: 3 to 12 MPa at 60 mm3/ms
     _K("chamber_by_flow", _CHAMBER, (_law("flow_back_pressure", 5e10, 2e11),)),
@@ -124,15 +119,9 @@ _KINDS = (
 )  # fmt: skip
 KINDS = {kind.name: kind for kind in _KINDS}
 VOCABULARY_KINDS = EFFECTS | {
-    "seat_outflow": kinds.HiddenKind(
-        "seat_outflow", _T.LINE_PRESSURE, (kinds.HiddenParameter("share", "seat_outflow", 1.0, 1.0),)
-    )
+    "seat_outflow": _K("seat_outflow", _T.LINE_PRESSURE, (_law("share", 1.0, 1.0, fault="seat_outflow"),))
 }
 """Effects that have a name: to be found by it, or, where it is taken away, by a term as good."""
 NOT_IN = {"A": frozenset({"rail_pressure_skew"}), "B": frozenset({"seat_outflow"})}
 """Effects that plants of a tier cannot show: a rail at rest has no delay, and all real lines drain by the seat."""
-
-
-def kind_named(name: str) -> kinds.HiddenKind:
-    """Of either table. Raises KeyError."""
-    return KINDS[name] if name in KINDS else VOCABULARY_KINDS[name]
+ALL_KINDS = VOCABULARY_KINDS | KINDS

@@ -3,17 +3,18 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pandas as pd
 
 from observer_rt.foundation.errors import RunError
 from tools.benchmarks.campaign import Bar, How, Row, tally
-from tools.benchmarks.discovery import kinds, outside_answers
+from tools.benchmarks.discovery import kinds
 from tools.benchmarks.discovery.answers import CONFIDENT, NAMED, UNKNOWN, calibration_error
 from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_benches, taken_away
-from tools.benchmarks.discovery.laws import VOCABULARY_KINDS, kind_named
-from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, write_all
+from tools.benchmarks.discovery.laws import ALL_KINDS, VOCABULARY_KINDS
+from tools.benchmarks.discovery.outside_answers import OutsideAnswer, ask_outside
+from tools.benchmarks.discovery.rigs import FURTHER, GIVEN
+from tools.benchmarks.discovery.scoring import measured
 
 CASES = 150
 HALVED = 0.5
@@ -30,26 +31,18 @@ VIOLATED = {
 
 
 def score_outside(case: HiddenCase, model: Path | str) -> Row:
-    """Record a case, ask with a model, and judge the answer. Raises RunError without a model.
-
-    Not given are recordings without noise and with the true rate, with the effect and without it.
-    """
+    """Record a case, ask with a model, and judge the answer. Raises RunError without a model."""
     if isinstance(model, str):
         raise RunError(model)
-    healthy = replace(case, parts=())
-    with TemporaryDirectory(prefix="outside-") as name:
-        folder = Path(name)
-        write_all(outside_benches(case, GIVEN), case.with_rate, folder / outside_answers.GIVEN_FOLDER)
-        write_all(outside_benches(case, FURTHER, 0.0), True, folder / outside_answers.FURTHER_FOLDER)
-        write_all(outside_benches(healthy, FURTHER, 0.0), True, folder / outside_answers.HEALTHY_FOLDER)
-        answer = outside_answers.ask_outside(folder, model, taken_away(case))
-    return facts_of(case, answer)
+    given = measured(outside_benches(case, GIVEN), case.with_rate)
+    further, healthy = (measured(outside_benches(each, FURTHER, 0.0)) for each in (case, replace(case, parts=())))
+    return facts_of(case, ask_outside(given, further, healthy, model, taken_away(case)))
 
 
-def facts_of(case: HiddenCase, answer: outside_answers.OutsideAnswer) -> Row:
+def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
     """A case and its answer as a row; None: is not asked."""
-    hidden, best = case.asked is not Query.HEALTHY, answer.proposals[0] if answer.proposals else None
-    kind = kind_named(case.name) if hidden else None
+    hidden, best = case.asked is not Query.HEALTHY, answer.best
+    kind = ALL_KINDS[case.name] if hidden else None
     right_equations = kind.equations(case.with_rate) if kind else frozenset()
     proposed = frozenset[kinds.TermEquation]()
     if best is not None:

@@ -10,14 +10,13 @@ from unittest.mock import patch
 
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.learning.healthy import NOT_FITTED
-from observer_rt.files.formats import read_recording
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.results import SearchOutcome
 from observer_rt.identification.discovery.search.search import Search
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
-from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.model import effects
 from observer_rt.model.effective import EffectiveModel
@@ -25,7 +24,7 @@ from observer_rt.model.effects import effective_model
 from tools.benchmarks.discovery.scoring import Misfit, misfit
 
 IMPROBABLE = 0.02
-GIVEN_FOLDER, FURTHER_FOLDER, HEALTHY_FOLDER = "given", "further", "healthy"  # of a case
+Measurements = Sequence[Measurement]
 
 
 @dataclass(frozen=True)
@@ -44,12 +43,12 @@ class ProposedTerms:
 
 @dataclass(frozen=True)
 class OutsideAnswer:
-    """What was answered, best proposal first.
+    """What was answered.
 
-    claims: names given; by_vocabulary: names its search ended with where they explain all, whatever is proposed
-    besides; suspect: the equation an unknown effect is said to violate; before: of the model as given; own: of it
-    where nothing is hidden; named: with what the vocabulary has for it; core_seconds: of processor time; stated:
-    probability, names and equations of laws of every explanation that is not improbable.
+    best: of the proposals; claims: names given; by_vocabulary: names its search ended with where they explain all,
+    whatever is proposed besides; suspect: the equation an unknown effect is said to violate; before: of the model as
+    given; own: of it where nothing is hidden; named: with what the vocabulary has for it; core_seconds: of processor
+    time; stated: probability, names and equations of laws of every explanation that is not improbable.
     """
 
     verdict: str
@@ -57,7 +56,7 @@ class OutsideAnswer:
     claims: tuple[str, ...]
     by_vocabulary: tuple[str, ...]
     suspect: str
-    proposals: tuple[ProposedTerms, ...]
+    best: ProposedTerms | None
     before: Misfit
     own: Misfit
     named: Misfit
@@ -65,19 +64,23 @@ class OutsideAnswer:
     stated: tuple[tuple[float, tuple[str, ...], tuple[str, ...]], ...] = ()
 
 
-def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> OutsideAnswer:
-    """Ask about a case's recordings in a folder, with a model and a vocabulary without some names."""
+def ask_outside(
+    given: Measurements, further: Measurements, healthy: Measurements, model: Path, without: Sequence[str]
+) -> OutsideAnswer:
+    """Ask about a case's recordings, with a model and a vocabulary without some names.
+
+    further, healthy: not given, without noise and with the true rate, with what is hidden and without it.
+    """
     nominal = effective_model(load_injector(model))
     fitted = nominal.injector.baseline
     baseline = NOT_FITTED if fitted is None else healthy_of_fit(fitted, True)
-    recordings = [with_healthy_offset(one, baseline) for one in _measured(folder / GIVEN_FOLDER)]
+    recordings = [with_healthy_offset(one, baseline) for one in given]
     points = [point.measurement for point in by_operating_point(recordings)]
     begin = time.process_time()
     with vocabulary_without(without), noted_search() as noted:
         findings = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
     core_seconds = time.process_time() - begin
     outcome = noted[-1]
-    further = _measured(folder / FURTHER_FOLDER)
     winner = outcome.winner if outcome.adequate else outcome.nominal
     return OutsideAnswer(
         str(findings.verdict),
@@ -85,9 +88,9 @@ def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> Outsi
         findings.named.ids,
         winner.ids,
         str(findings.unexplained.equation) if findings.unexplained is not None else "",
-        taken(findings.proposals, nominal, further),
+        proposed(findings.proposals[0], nominal, further) if findings.proposals else None,
         misfit(nominal, further),
-        misfit(nominal, _measured(folder / HEALTHY_FOLDER)),
+        misfit(nominal, healthy),
         misfit(winner.model(nominal), further),
         core_seconds,
         tuple(
@@ -98,19 +101,14 @@ def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> Outsi
     )
 
 
-def taken(
-    proposals: Sequence[Proposal], nominal: EffectiveModel, further: Sequence[Measurement]
-) -> tuple[ProposedTerms, ...]:
-    """Proposals beside the vocabulary, in plain values."""
-    return tuple(
-        ProposedTerms(
-            tuple(str(term.equation) for term in one.terms),
-            " + ".join((*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in one.terms), *one.effects)),
-            one.effects,
-            one.may_enter,
-            misfit(one.model(nominal), further),
-        )
-        for one in proposals
+def proposed(one: Proposal, nominal: EffectiveModel, further: Measurements) -> ProposedTerms:
+    """A proposal beside the vocabulary, in plain values."""
+    return ProposedTerms(
+        tuple(str(term.equation) for term in one.terms),
+        " + ".join((*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in one.terms), *one.effects)),
+        one.effects,
+        one.may_enter,
+        misfit(one.model(nominal), further),
     )
 
 
@@ -135,7 +133,3 @@ def noted_search() -> Iterator[list[SearchOutcome]]:
 
     with patch.object(Search, "run", run):
         yield noted
-
-
-def _measured(folder: Path) -> tuple[Measurement, ...]:
-    return measurements([read_recording(path) for path in sorted(folder.glob("*.csv"))])

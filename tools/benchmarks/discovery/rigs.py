@@ -102,5 +102,4 @@ def _write_recording(path: Path, bench: Bench, with_rate: bool) -> None:
     if with_rate:
         columns.append(measured_rate(bench, outcome) / MM3_PER_MS)
         header, row = f"{header},injection_rate_mm3_per_ms", f"{row},%.5f"
-    lines = [row % values for values in zip(*(c.tolist() for c in columns), strict=True)]
-    path.write_text("\n".join([header, *lines]) + "\n")
+    np.savetxt(path, np.column_stack(columns), row, header=header, comments="")

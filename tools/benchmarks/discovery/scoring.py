@@ -28,7 +28,7 @@ from tools.benchmarks.discovery.cases import HiddenCase, nominal_benches
 from tools.benchmarks.discovery.discrepancies import plant_of
 from tools.benchmarks.discovery.kinds import same_effect
 from tools.benchmarks.discovery.rigs import GIVEN, write_all
-from tools.benchmarks.discovery.vocabulary import HIDDEN, Parts, effect_of
+from tools.benchmarks.discovery.vocabulary import ALL_EFFECTS, HIDDEN, Parts
 
 Model = tuple[Array, Array]
 """Recorded line pressure [Pa] and mass flow [kg/s] (n,) of a model or of the plant."""
@@ -71,7 +71,7 @@ def held_intervals(truth: Parts, answer: Answer) -> list[bool]:
     held = []
     for claim in answer.claims:
         effect, values = next((n, v) for n, v in truth if same_effect(n, claim["id"]))
-        kind = HIDDEN[effect] if effect in HIDDEN else effect_of(effect)
+        kind = (ALL_EFFECTS | HIDDEN)[effect]
         true = {p.name: value for p, value in zip(kind.parameters, values, strict=True)}
         if claim["id"] != effect:
             true = {name: 1.0 / (1.0 + value) - 1.0 for name, value in true.items()}
@@ -82,10 +82,15 @@ def held_intervals(truth: Parts, answer: Answer) -> list[bool]:
     return held
 
 
+def measured(benches: Iterable[Bench], with_rate: bool = True) -> tuple[Measurement, ...]:
+    """What benches come to, as it is read from files."""
+    with tempfile.TemporaryDirectory() as folder:
+        return measurements([read_recording(path) for path in write_all(benches, with_rate, Path(folder))])
+
+
 def gaps(benches: Iterable[Bench], injectors: Sequence[InjectorParameters]) -> tuple[list[float], ...]:
     """Rms of each injector's model minus plant on recordings without noise: of line pressures [MPa], masses [mg]."""
-    with tempfile.TemporaryDirectory() as folder:
-        further = measurements([read_recording(path) for path in write_all(benches, True, Path(folder))])
+    further = measured(benches)
     off = [misfit(effective_model(injector), further) for injector in injectors]
     return [one.pressure_mpa for one in off], [one.mass_mg for one in off]
 
@@ -102,13 +107,13 @@ def misfit(model: EffectiveModel, further: Sequence[Measurement]) -> Misfit:
     """Of a model, against recordings without noise; inf where it has no solution."""
     pressures, masses = [], []
     try:
-        for measured in further:
-            for run in simulated(measured, model):
-                inside = in_mass_window(measured, run.event, run.rate_samples)
-                off = run.line_pressure - measured.recording.line_pressure[run.samples]
+        for measurement in further:
+            for run in simulated(measurement, model):
+                inside = in_mass_window(measurement, run.event, run.rate_samples)
+                off = run.line_pressure - measurement.recording.line_pressure[run.samples]
                 pressures.append(off[inside] / MEGAPASCAL)
                 density = model.coefficients.density
-                off_mass = mass(measured, run, density) - measured_mass(measured, run, density)
+                off_mass = mass(measurement, run, density) - measured_mass(measurement, run, density)
                 masses.append(off_mass / MILLIGRAM)
     except ArithmeticError:
         return Misfit(math.inf, math.inf)

@@ -4,7 +4,6 @@ Imports nothing of `observer_rt`: ids and parameter names are the contract.
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -90,23 +89,19 @@ EFFECTS = {kind.name: kind for of_tiers in _EFFECTS for kind in of_tiers[1:]} | 
 """Every effect of the vocabulary that has a size, by its id; `seat_outflow` is a structure, which `fit` chooses."""
 
 
-def _no_name(
-    name: str, equation: kinds.TermEquation, parameter: str, fault: str, *sizes: float, **more: Any
-) -> kinds.HiddenKind:
-    return kinds.HiddenKind(name, equation, (kinds.HiddenParameter(parameter, fault, *sizes),), **more)
-
-
+_K, _P = kinds.HiddenKind, kinds.HiddenParameter
 _UNNAMED = (
-    _no_name("tap_resonance", _T.LINE_PRESSURE_SENSOR, "frequency", "", 2.5e3, 3.5e3,  # Hz
+    _K("tap_resonance", _T.LINE_PRESSURE_SENSOR, (_P("frequency", "", 2.5e3, 3.5e3),),  # Hz
         step=lambda frequency: resonant_line(frequency, TAP_DAMPING)),
-    _no_name("hole_closing", _T.NOZZLE_FLOW, "share", "hole_closing", 0.2, 0.3),
-    _no_name("seat_hysteresis", _T.SEAT_FLOW, "share", "seat_hysteresis", 0.4, 0.9),
-    _no_name("laminar_line", _T.LINE_FLOW, "rate", "line_laminar", 150.0, 500.0),  # 1/s
-    _no_name("bent_sensor", _T.LINE_PRESSURE_SENSOR, "bow", "", 1 * MPA, 4 * MPA, -4 * MPA, step=bent_sensor),
-    _no_name("lift_leakage", _T.LINE_PRESSURE, "c", "lift_leakage", 3e-14, 1.5e-13),  # m3/(s Pa)
+    _K("hole_closing", _T.NOZZLE_FLOW, (_P("share", "hole_closing", 0.2, 0.3),)),
+    _K("seat_hysteresis", _T.SEAT_FLOW, (_P("share", "seat_hysteresis", 0.4, 0.9),)),
+    _K("laminar_line", _T.LINE_FLOW, (_P("rate", "line_laminar", 150.0, 500.0),)),  # 1/s
+    _K("bent_sensor", _T.LINE_PRESSURE_SENSOR, (_P("bow", "", 1 * MPA, 4 * MPA, -4 * MPA),), step=bent_sensor),
+    _K("lift_leakage", _T.LINE_PRESSURE, (_P("c", "lift_leakage", 3e-14, 1.5e-13),)),  # m3/(s Pa)
 )  # fmt: skip
 OUTSIDE = {kind.name: kind for kind in _UNNAMED}
 """What has no name in the vocabulary."""
+ALL_EFFECTS = OUTSIDE | EFFECTS
 
 PAIRS = (
     ("orifice_area", "guide_leakage"), ("orifice_area", "seat_area"),
@@ -117,11 +112,6 @@ PAIRS = (
     ("orifice_area", "needle_lift_sensor_lag"), ("guide_leakage", "rail_pressure_sensor_offset"),
 )  # fmt: skip
 """Effects that are different in kind."""
-
-
-def effect_of(name: str) -> kinds.HiddenKind:
-    """An effect of the vocabulary or beyond it. Raises KeyError."""
-    return EFFECTS[name] if name in EFFECTS else OUTSIDE[name]
 
 
 Parts = tuple[tuple[str, tuple[float, ...]], ...]

@@ -11,15 +11,13 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from observer_rt.desk.simulation.schedule import Event, Schedule, Shot
 from observer_rt.files.formats import write_recording
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import RunError
-from observer_rt.foundation.units import MILLISECOND
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.campaign import Bar, Row, conclude, frame_of, messages, table
-from tools.benchmarks.scoring import bench_text, worn_injector
-from tools.benchmarks.speed.traffic import PERIOD, SAMPLE_RATE
+from tools.benchmarks.scoring import bench_text
+from tools.benchmarks.speed.traffic import SAMPLE_RATE, worn_loop
 
 INJECTIONS = 50  # 25 a second, of three pressures, that a file repeats
 STEP = 50e3  # Pa of rail pressure from file to file: what a CAN signal resolves, far from what matters
@@ -44,11 +42,7 @@ BARS = (
 def write_files(folder: Path, files: int, repeats: int) -> Path:
     """A folder below another with Parquet files, each with a content of its own."""
     target = Path(tempfile.mkdtemp(dir=folder))
-    events = tuple(
-        Event((n + 0.5) * PERIOD, (60e6, 100e6, 140e6)[n * 3 // INJECTIONS], (Shot(1.2 * MILLISECOND),))
-        for n in range(INJECTIONS)
-    )
-    once = worn_injector(Schedule(events, INJECTIONS * PERIOD - 1.0 / SAMPLE_RATE), SAMPLE_RATE).recording
+    once = worn_loop(INJECTIONS)
     rail, lift, line = (np.tile(values, repeats) for values in once.signals.values())
     for number in range(files):
         recording = Recording(np.arange(rail.size) / SAMPLE_RATE, rail + number * STEP, lift, line)
@@ -87,7 +81,6 @@ def batch(
 ) -> None:
     """What many recordings cost through `observer-rt batch`: a core, two workers, learning, memory."""
     (repeats, files), out = (3, 4) if quick else (8, 8), out or Path("build/batch")
-    out.mkdir(parents=True, exist_ok=True)
     count = repeats * INJECTIONS
     with tempfile.TemporaryDirectory(prefix="batch-files-") as name:
         folder, bench = Path(name), Path(name) / "bench.toml"

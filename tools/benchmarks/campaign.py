@@ -196,6 +196,7 @@ def conclude(
     verdict, failed = judged(frame, bars), frame[frame["failed"].notna()]
     missed = [str(name) for name in verdict.index[verdict["met"].eq(False)]]
     failures = [f"{row.label}: {row.failed}" for row in failed.itertuples()]
+    out.mkdir(parents=True, exist_ok=True)
     frame.to_csv(out / "rows.csv", index=False)
     if as_json:
         figures = {"cases": len(frame), **json.loads(verdict["value"].to_json(double_precision=15))}

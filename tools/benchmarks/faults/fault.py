@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
 
 import numpy as np
 from numpy.random import Generator
@@ -130,16 +131,12 @@ class PlacedFault:
             return self.fault.change(bench, self.size, self.chance)
         if not isinstance(self.fault, SensorFault):
             return bench
-        moments, around = energizing(bench), bench.around
-
-        def step(seen: Signals) -> Signals:
-            return self._seen(seen, moments)
-
+        step, around = partial(self._seen, energizing(bench)), bench.around
         if self.fault.after_noise:
             return replace(bench, around=replace(around, after_noise=(*around.after_noise, step)))
         return replace(bench, around=replace(around, before_noise=(*around.before_noise, step)))
 
-    def _seen(self, seen: Signals, moments: tuple[Array, Array]) -> Signals:
+    def _seen(self, moments: tuple[Array, Array], seen: Signals) -> Signals:
         assert isinstance(self.fault, SensorFault)
         during = (seen.time >= self.begin) & (seen.time < self.end)
         time = seen.time[during]

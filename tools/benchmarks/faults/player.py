@@ -111,21 +111,17 @@ class Receiver:
         self._time = time
         # by which the device's index was ahead of the recording's, from which sample on, the newest last
         self._moves = [(0, 0)]
-        self._newest = 0
+        self.newest = 0
+        """Sample sent last."""
         self._placed: dict[int, int] = {}  # sample of every index of which a rate came
         self.published = Results(np.full(time.size, np.nan), np.zeros(time.size, np.bool_))
-
-    @property
-    def newest(self) -> int:
-        """Sample sent last."""
-        return self._newest
 
     def note_sent(self, time: float, moved: int) -> None:
         """A frame was sent at a time [s] of the recording, its index so far ahead."""
         sample = round(time / (self._time[1] - self._time[0]))
         if moved != self._moves[-1][0]:
             self._moves.append((moved, sample))
-        self._newest = max(self._newest, sample)
+        self.newest = max(self.newest, sample)
 
     def take(self, frames: Sequence[OutputFrame]) -> None:
         """Published frames, each to its samples."""
@@ -158,7 +154,7 @@ class Receiver:
         """Sample of the recording that an index means: of the newest numbering in which it can have been sent."""
         for moved, since in reversed(self._moves):
             sample = (index - moved) & 0xFFFFFFFF
-            if since - BLOCK_SAMPLES <= sample <= self._newest + BLOCK_SAMPLES:
+            if since - BLOCK_SAMPLES <= sample <= self.newest + BLOCK_SAMPLES:
                 return sample
         return self._time.size
 

@@ -111,19 +111,12 @@ def facts_of(scenario: Scenario, outcome: Outcome, published: Results) -> Row:
 def _verdict(outcome: Outcome, published: Results, windows: Windows, density: float) -> Verdict:
     """Of a recording in which nothing is wrong."""
     members = windows.of_event[JUDGED]
-    rate, truth = np.nan_to_num(published.rate), outcome.truth.injection_rate
-    errors = []
-    for openings in members:
-        if all(published.valid[windows.opened[i]].all() for i in openings):
-            got, true = (_mass(each, windows, openings, density) for each in (rate, truth))
-            errors.append(100.0 * abs(got / true - 1.0))
-    if len(errors) < ENOUGH_VALID * len(members):
+    valid = [all(published.valid[windows.opened[i]].all() for i in openings) for openings in members]
+    if sum(valid) < ENOUGH_VALID * len(members):
         return Verdict.REFUSED
-    return Verdict.RIGHT if np.percentile(errors, 95) <= CLOSE_PCT else Verdict.ROUGH
-
-
-def _mass(rate: Array, windows: Windows, openings: tuple[int, ...], density: float) -> float:
-    return float(windows.masses(rate, density)[list(openings)].sum())
+    rates = np.nan_to_num(published.rate), outcome.truth.injection_rate
+    got, true = (np.array(windows.event_masses_mg(rate, density))[JUDGED][valid] for rate in rates)
+    return Verdict.RIGHT if np.percentile(100.0 * np.abs(got / true - 1.0), 95) <= CLOSE_PCT else Verdict.ROUGH
 
 
 def _named(published: Results, begin: float) -> tuple[str, ...]:

@@ -1,13 +1,12 @@
 """Faults of sensors, cables, amplifiers and converters: small ones that are always there, large ones for a while."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from tests.plants import plant
 from tests.plants.arrays import Array
@@ -48,10 +47,6 @@ def adding(role: str, added: Callable[[Part], Array]) -> Callable[[Part], Signal
     return lambda part: replace(part.seen, **{role: getattr(part.seen, role) + added(part)})
 
 
-def _moments(time: Array, rate: float, rng: Generator) -> NDArray[np.int64]:
-    return np.asarray(rng.integers(0, time.size, rng.poisson(rate * (time[-1] - time[0]))), np.int64)
-
-
 def hum(frequency: float) -> Wave:
     """A sinusoid [Hz] of the size as amplitude, its phase by chance."""
     return lambda t, v, size, rng: v + size * np.sin(2.0 * math.pi * (frequency * t + rng.random()))
@@ -87,7 +82,7 @@ def _at_moments(rate: float, length: Callable[[float, float, Generator], int], p
 
     def wave(time: Array, values: Array, size: float, rng: Generator) -> Array:
         changed, interval = values.copy(), float(time[1] - time[0])
-        for first in _moments(time, rate, rng):
+        for first in rng.integers(0, time.size, rng.poisson(rate * (time[-1] - time[0]))):
             part = changed[first : first + length(size, interval, rng)]
             part[:] = put(part, size, rng)
         return changed
@@ -180,14 +175,15 @@ def low_pass(order: int) -> Wave:
     return through(lambda corner: filters.butterworth(order, corner))
 
 
-def _delay(role: str, microseconds: Callable[[float], float], key: str = "filter_delay_us") -> Any:
+def _delay(
+    role: str, microseconds: Callable[[float], float], key: str = "filter_delay_us"
+) -> Callable[[float], Stated]:
     """What the bench file says of a size."""
     return lambda size: {role: {key: microseconds(size)}}
 
 
 def _stated_filter(order: int, role: str) -> Callable[[float], Stated]:
-    stated: Callable[[float], Stated] = _delay(role, lambda f: filters.butterworth_delay(order, f * KHZ) / US)
-    return stated
+    return _delay(role, lambda f: filters.butterworth_delay(order, f * KHZ) / US)
 
 
 def _small(name: str, unit: str, sizes: tuple[float, ...], change: Any, reasons: Any, **more: Any) -> Any:
@@ -284,6 +280,13 @@ def _small_ones() -> list[SensorFault]:
     return rows
 
 
+def swapped(sources: Mapping[str, tuple[str, float]]) -> Callable[[Part], Signals]:
+    """Each of some signals is another one, or itself, times a factor."""
+    return lambda part: replace(
+        part.seen, **{role: factor * getattr(part.seen, other) for role, (other, factor) in sources.items()}
+    )
+
+
 def _square(role: str) -> Wave:
     """Between the lowest value and a share of the range, 60 times a second."""
     high = _LOWEST[role] + SPAN[role]
@@ -351,23 +354,13 @@ def _large_ones() -> list[SensorFault]:
             )
             for shape, its_unit, its_sizes, wave, reasons in shapes
         ]  # fmt: skip
-    swaps: dict[str, Callable[[Signals], Signals]] = {
-        "swapped_pressures": lambda m: replace(m, rail_pressure=m.line_pressure, line_pressure=m.rail_pressure),
-        "swapped_lift_and_line": lambda m: replace(
-            m, needle_lift=1e-12 * m.line_pressure, line_pressure=1e12 * m.needle_lift
-        ),
-        "both_pressures_in_bar": lambda m: replace(
-            m, rail_pressure=0.1 * m.rail_pressure, line_pressure=0.1 * m.line_pressure
-        ),
+    swaps = {
+        "swapped_pressures": {RAIL: (LINE, 1.0), LINE: (RAIL, 1.0)},
+        "swapped_lift_and_line": {LIFT: (LINE, 1e-12), LINE: (LIFT, 1e12)},
+        "both_pressures_in_bar": {RAIL: (RAIL, 0.1), LINE: (LINE, 0.1)},
     }
     return rows + [
-        SensorFault(
-            name,
-            Where.SENSOR,
-            of.GONE,
-            change=lambda part, swap=swap: swap(part.seen),  # type: ignore[misc]
-            after_noise=True,
-        )
+        SensorFault(name, Where.SENSOR, of.GONE, change=swapped(swap), after_noise=True)
         for name, swap in swaps.items()
     ]
 

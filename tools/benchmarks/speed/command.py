@@ -77,7 +77,6 @@ def speed(
     """How fast: round trip beside a C echo and python-can, load at 100 kHz, start, several injectors."""
     parts, before = cli.chosen_names(only, "--only", list(Part), list(Part)), os.getloadavg()
     out = out or Path("build/speed")
-    out.mkdir(parents=True, exist_ok=True)
     lasts = {part: each[quick] for part, each in SECONDS.items()}
     lasts[Part.SUSTAINED] = seconds or lasts[Part.SUSTAINED]
     with tempfile.TemporaryDirectory(prefix="speed-") as name:
@@ -115,7 +114,6 @@ def soak(
 ) -> None:
     """A learning daemon at 100 kHz, its Python paused at random: does memory grow, are samples lost?"""
     out = out or Path("build/soak")
-    out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="soak-") as folder:
         frame = frame_of(soak_rows(Path(folder), minutes))
     settled = frame[int(SETTLED * len(frame)) :]

@@ -17,11 +17,10 @@ from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MILLISECOND
 from tools.benchmarks.campaign import Row
-from tools.benchmarks.scoring import bench_text
 from tools.benchmarks.speed.observers import RUN, observer
 from tools.benchmarks.speed.pace import Passage, socket_pacer
 from tools.benchmarks.speed.sustained import socket_pair
-from tools.benchmarks.speed.traffic import PERIOD, RATES, RAW_FRAME, SAMPLE_RATE, SAMPLES, Traffic
+from tools.benchmarks.speed.traffic import PERIOD, RATES, RAW_FRAME, SAMPLE_RATE, SAMPLES, Ids, Traffic, write_bench
 
 NUMBERS = (1, 2, 4, 8)
 BEFORE, AFTER = 2 * MILLISECOND, 4 * MILLISECOND  # of an open needle, as a windowed source sends them
@@ -124,15 +123,9 @@ def counted(number: int, cpu_share: float, lost_samples: int, said: Sequence[str
 
 def socket_bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:
     """The example bench for injectors whose links are these sockets; `[link]` itself is not used."""
-    folder.mkdir(parents=True, exist_ok=True)
-    text = bench_text(
-        ('interface = "socketcan"', 'interface = "descriptor"'),
-        ('\ntime_base = "device"', '\nlink = "{injector}"\ntime_base = "device"'),
-        ("\ninjector_id = 1", '\nlink = "{injector}"'),
-    )
-    names = [f"i{number}" for number in range(len(sockets))]
-    for name, link in zip(names, sockets, strict=True):
-        text += f'[links.{name}]\nchannel = "{link.fileno()}"\n[injectors.{name}]\n'
-    path = folder / "bench.toml"
-    path.write_text(text, "utf-8")
+    inputs = ('\ntime_base = "device"', '\nlink = "{injector}"\ntime_base = "device"')
+    path = write_bench(folder, "descriptor", "none", Ids(), inputs, ("\ninjector_id = 1", '\nlink = "{injector}"'))
+    with path.open("a") as file:
+        for number, link in enumerate(sockets):
+            file.write(f'[links.i{number}]\nchannel = "{link.fileno()}"\n[injectors.i{number}]\n')
     return path

@@ -39,8 +39,9 @@ class Observer:
         return psutil.Process(self.process.pid)
 
     def cpu_time(self) -> float:
-        """Seconds of processor time so far, of all its threads."""
-        return cpu_time(self.resources)
+        """Seconds of processor time so far, of all its threads, its children's not."""
+        times = self.resources.cpu_times()
+        return float(times.user + times.system)
 
     def memory(self) -> int:
         """Bytes resident now."""
@@ -58,12 +59,6 @@ class Observer:
     def suspend(self) -> None:
         """Let it run no more until `resumed`."""
         self.process.send_signal(signal.SIGSTOP)
-
-
-def cpu_time(process: psutil.Process) -> float:
-    """Seconds of processor time so far, its children's not."""
-    times = process.cpu_times()
-    return float(times.user + times.system)
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from observer_rt.config.bench import PACKAGE_DATA
 from observer_rt.desk.simulation.schedule import Event, Schedule, Shot
 from observer_rt.engine.service.core import Core
 from observer_rt.files.replay.framing import Framer, all_samples
+from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLISECOND
 from tests.observed_plants import bench_at
 from tools.benchmarks.scoring import bench_text, worn_injector
@@ -74,13 +75,18 @@ class Ids:
         return RATE_ID + self.shift
 
 
-def make_traffic(folder: Path, period: float = PERIOD, count: int = _EVENTS) -> Traffic:
-    """Write a loop of `count` injections of a worn injector, which take a whole number of frames."""
+def worn_loop(injections: int) -> Recording:
+    """Injections of a worn injector, a period each, at three pressures one after the other."""
     events = tuple(
-        Event(_FIRST + n * period, _PRESSURES[n * len(_PRESSURES) // count], (Shot(_ENERGIZING),))
-        for n in range(count)
+        Event(_FIRST + n * PERIOD, _PRESSURES[n * len(_PRESSURES) // injections], (Shot(_ENERGIZING),))
+        for n in range(injections)
     )
-    recording = worn_injector(Schedule(events, count * period - 1.0 / SAMPLE_RATE), SAMPLE_RATE).recording
+    return worn_injector(Schedule(events, injections * PERIOD - 1.0 / SAMPLE_RATE), SAMPLE_RATE).recording
+
+
+def make_traffic(folder: Path) -> Traffic:
+    """Write a loop of injections of a worn injector."""
+    recording = worn_loop(_EVENTS)
     bus = map_bus(bench_at(SAMPLE_RATE))
     payloads = [frame.payload for frame in Framer(bus).frames(recording, all_samples(recording))]
     raw = np.zeros(len(payloads), RAW_FRAME)

@@ -4,39 +4,26 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import can
 
 from observer_rt.files.formats import open_log
 from tests.desk.cli.conftest import Command
+from tests.meanwhile import meanwhile
 
 CHANNEL = "record-test"
 ON_BUS = ("--interface", "virtual", "--channel", CHANNEL)
 
 
-@contextmanager
-def sending() -> Iterator[None]:
+def send(over: threading.Event) -> None:
     """Frames on the bus, classic and FD by turns, with the number of each as its content."""
-    over = threading.Event()
-
-    def send() -> None:
-        with can.Bus(interface="virtual", channel=CHANNEL, fd=True) as bus:
-            number = 0
-            while not over.wait(0.001):
-                data = number.to_bytes(8, "big")
-                bus.send(can.Message(arbitration_id=0x123, is_extended_id=False, is_fd=number % 2 == 1, data=data))
-                number += 1
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    try:
-        yield
-    finally:
-        over.set()
-        sender.join()
+    with can.Bus(interface="virtual", channel=CHANNEL, fd=True) as bus:
+        number = 0
+        while not over.wait(0.001):
+            data = number.to_bytes(8, "big")
+            bus.send(can.Message(arbitration_id=0x123, is_extended_id=False, is_fd=number % 2 == 1, data=data))
+            number += 1
 
 
 def test_a_signal_completes_the_file(command: Command, tmp_path: Path) -> None:
@@ -49,7 +36,7 @@ def test_a_signal_completes_the_file(command: Command, tmp_path: Path) -> None:
         os.kill(os.getpid(), signal.SIGINT)
 
     interrupter = threading.Thread(target=interrupt)
-    with sending():
+    with meanwhile(send):
         interrupter.start()
         outcome = command("record", "--out", path, *ON_BUS)
         interrupter.join()

@@ -12,6 +12,7 @@ import pytest
 
 from observer_rt.config.bench import PACKAGE_DATA
 from tests.desk.cli.conftest import Command, Outcome
+from tests.meanwhile import meanwhile
 
 CHANNEL = "replay-test"
 ON_BUS = ("--interface", "virtual", "--channel", CHANNEL)
@@ -56,19 +57,12 @@ def test_a_bus_where_others_send_the_same_is_refused_unless_forced(
     command: Command, bus: can.BusABC, worn: Path
 ) -> None:
     def while_sending(identifier: int, *arguments: str) -> Outcome:
-        over = threading.Event()
-
-        def send() -> None:
+        def send(over: threading.Event) -> None:
             while not over.wait(0.01):
                 bus.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=b"\1"))
 
-        sender = threading.Thread(target=send)
-        sender.start()
-        try:
+        with meanwhile(send):
             return command("replay", worn, *ON_BUS, "--speed", "0", *arguments)
-        finally:
-            over.set()
-            sender.join()
 
     refused = while_sending(BLOCK.frame_id)
     assert refused.code == 2

@@ -74,15 +74,7 @@ def ballistic(bench: Bench, size: float, rng: Generator) -> Bench:
 
 def bouncing(bench: Bench, size: float, rng: Generator) -> Bench:
     """After closing the needle opens again, by `size` um."""
-
-    def more(strokes: Array) -> Array:
-        speed = 2.0 * size * UM / BOUNCE
-        closed = strokes[:, 3] + BOUNCE_DELAY
-        top, end = closed + 0.5 * BOUNCE, closed + BOUNCE
-        again = np.stack((closed, top, top, end, *np.full((2, closed.size), speed)), axis=1)
-        return np.concatenate((strokes, again))
-
-    return _moved(bench, more)
+    return _moved(bench, lambda s: np.concatenate((s, _hops(s[:, 3] + BOUNCE_DELAY, BOUNCE, size * UM))))
 
 
 def overshooting(bench: Bench, size: float, rng: Generator) -> Bench:
@@ -90,10 +82,7 @@ def overshooting(bench: Bench, size: float, rng: Generator) -> Bench:
 
     def more(strokes: Array) -> Array:
         at_stop = strokes[strokes[:, 2] - strokes[:, 1] > OVERSHOOT]
-        begin = at_stop[:, 1]
-        top, end = begin + 0.5 * OVERSHOOT, begin + OVERSHOOT
-        speed = np.full((2, begin.size), 2.0 * size * UM / OVERSHOOT)
-        return np.concatenate((strokes, np.stack((begin, top, top, end, *speed), axis=1)))
+        return np.concatenate((strokes, _hops(at_stop[:, 1], OVERSHOOT, size * UM)))
 
     return _moved(bench, more)
 
@@ -102,6 +91,12 @@ def smooth(bench: Bench, size: float, rng: Generator) -> Bench:
     """The needle starts and ends its way slowly: its first and last `size` % at a third of the speed."""
 
     return _moved(bench, lambda strokes: np.concatenate([_smoothed(row, 0.01 * size) for row in strokes]))
+
+
+def _hops(begins: Array, length: float, height: float) -> Array:
+    """Strokes that go up by a height, and down at once."""
+    tops, speeds = begins + 0.5 * length, np.full((2, begins.size), 2.0 * height / length)
+    return np.stack((begins, tops, tops, begins + length, *speeds), axis=1)
 
 
 def _smoothed(stroke: Array, share: float) -> Array:

@@ -22,6 +22,7 @@ from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.errors import RunError, UserError
+from tests.meanwhile import meanwhile
 from tools.benchmarks import campaign
 from tools.benchmarks.faults.disk import Disk, operations
 from tools.benchmarks.scoring import worn_injector
@@ -131,29 +132,22 @@ def _cut(
 def _learning(disk: Path, environment: dict[str, Path]) -> Iterator[Observer]:
     """A daemon at one end of a socket pair; frames of a worn injector are sent into the other end."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    stop, learns_all = threading.Event(), ("lockstep = false", "lockstep = true")
-    saves_soon = ("save_within_s = 5", f"save_within_s = {WITHIN:g}")
-    path = write_bench(disk.parent, "descriptor", str(theirs.fileno()), Ids(), learns_all, saves_soon)
+    changes = ("lockstep = false", "lockstep = true"), ("save_within_s = 5", f"save_within_s = {WITHIN:g}")
+    path = write_bench(disk.parent, "descriptor", str(theirs.fileno()), Ids(), *changes)
     schedule = make_schedule([60e6, 120e6], INJECTIONS, 0.05, [1.1e-3])
     recording = worn_injector(schedule, 100e3, wear=0.3, seed=3).recording
     frames = list(Framer(map_bus(load_bench(path))).frames(recording, all_samples(recording)))
     files = ("--state", disk / "state.json", "--journal", disk / "injections.sqlite")
 
-    def send() -> None:
+    def send(over: threading.Event) -> None:
         with (
             contextlib.suppress(RunError),  # the daemon is gone
             open_link("descriptor", str(ours.fileno()), True, []) as link,
         ):
-            play(frames, link, 1.0, stop=stop)
+            play(frames, link, 1.0, stop=over)
 
-    with ours, theirs, observer([*RUN, path, *files], [theirs.fileno()], environment) as daemon:
-        sender = threading.Thread(target=send)
-        sender.start()
-        try:
-            yield daemon
-        finally:
-            stop.set()
-            sender.join()
+    with ours, theirs, observer([*RUN, path, *files], [theirs.fileno()], environment) as daemon, meanwhile(send):
+        yield daemon
 
 
 @contextlib.contextmanager

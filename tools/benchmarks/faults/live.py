@@ -21,6 +21,7 @@ from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.files.replay.framing import Framer, TimedFrame, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.errors import RunError
+from tests.meanwhile import meanwhile
 from tests.observed_plants import recording_of
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Outcome, record
@@ -66,31 +67,19 @@ def _away(bus: Bus) -> Iterator[None]:
         _set("up")
 
 
-@contextmanager
-def _sending(frame_id: int, rate: float) -> Iterator[None]:
+def _send(frame_id: int, rate: float, over: threading.Event) -> None:
     """Another node's frames [1/s] on the bus."""
-    over = threading.Event()
-
-    def send() -> None:
-        rng = np.random.default_rng(1)
-        with open_link("socketcan", CHANNEL, True, []) as link:
-            while not over.wait(1.0 / rate):
-                link.send(frame_id, rng.bytes(64), False, True)
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    try:
-        yield
-    finally:
-        over.set()
-        sender.join()
+    rng = np.random.default_rng(1)
+    with open_link("socketcan", CHANNEL, True, []) as link:
+        while not over.wait(1.0 / rate):
+            link.send(frame_id, rng.bytes(64), False, True)
 
 
 _LIVE: dict[str, Callable[[Bus], AbstractContextManager[None]]] = {
     "process_stopped": _stopped,
     "interface_away": _away,
-    "second_sender": lambda bus: _sending(RATE_ID, 20.0),
-    "busy_bus": lambda bus: _sending(BUSY_ID, BUSY_FRAMES),
+    "second_sender": lambda bus: meanwhile(partial(_send, RATE_ID, 20.0)),
+    "busy_bus": lambda bus: meanwhile(partial(_send, BUSY_ID, BUSY_FRAMES)),
 }
 ROWS = {
     name: Fault(name, Where.PROCESS, of.AWAY | ({"SECOND_SENDER"} if name == "second_sender" else set()))

@@ -4,8 +4,8 @@ import os
 import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from itertools import groupby
 from pathlib import Path
 
@@ -39,18 +39,15 @@ assert lock_memory(rights(50)) == Rights(False, False, 50)
 
 def in_thread_of_its_own() -> tuple[bool, int, int]:
     """Whether a thread was granted priority, and its policies before and after it took time."""
-    policies: list[tuple[bool, int, int]] = []
 
-    def ask() -> None:
+    def ask() -> tuple[bool, int, int]:
         granted = hurry(None, 50)
         policy = os.sched_getscheduler(0)
         take_time()
-        policies.append((granted, policy, os.sched_getscheduler(0)))
+        return granted, policy, os.sched_getscheduler(0)
 
-    thread = threading.Thread(target=ask)
-    thread.start()
-    thread.join()
-    return policies[0]
+    with ThreadPoolExecutor(1) as executor:
+        return executor.submit(ask).result()
 
 
 def test_priority_is_that_of_one_thread() -> None:

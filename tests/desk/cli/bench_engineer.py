@@ -17,25 +17,24 @@ from tests.daemon.end_to_end import ResultFrames
 from tests.daemon.participants import BLOCK_ID, listening, until
 from tests.desk.cli.conftest import Command, Outcome
 from tests.device import frames_of
+from tests.meanwhile import meanwhile
 
 
 @contextmanager
 def ended_when(
-    done: Callable[[], bool], first: Callable[[], object] = lambda: None, number: signal.Signals = signal.SIGTERM
+    done: Callable[[], bool], first: Callable[[], object], number: signal.Signals = signal.SIGTERM
 ) -> Iterator[None]:
     """Beside a command: do something first, then act, and send it a signal."""
 
-    def work() -> None:
+    def work(_: threading.Event) -> None:
         try:
             first()
             until(done)
         finally:
             os.kill(os.getpid(), number)
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    yield
-    thread.join()
+    with meanwhile(work):
+        yield
 
 
 def run_and_stop(

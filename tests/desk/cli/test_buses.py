@@ -14,6 +14,7 @@ from tests.benches import block_bench, twin_bench
 from tests.daemon.participants import until
 from tests.desk.cli.conftest import Command, document
 from tests.device import candump_lines, frames_of, later, worn_recording
+from tests.meanwhile import meanwhile
 
 CHANNELS = ("can0", "can1", "can2", "can3")
 
@@ -104,7 +105,7 @@ def test_all_buses_are_recorded_into_one_log(command: Command, channels: list[st
     path = tmp_path / "bus.log"
     sent = frames_of(bench, worn_recording())[:300]
 
-    def send() -> None:
+    def send(_: threading.Event) -> None:
         until(lambda: threading.active_count() >= before + 1 + len(channels))
         links = [open_link("virtual", name, True, []) for name in channels]
         for frame in sent:
@@ -113,10 +114,8 @@ def test_all_buses_are_recorded_into_one_log(command: Command, channels: list[st
             link.close()
 
     before = threading.active_count()
-    sender = threading.Thread(target=send)
-    sender.start()
-    outcome = command("record", "--bench", bench, "--out", path, "--frames", len(sent))
-    sender.join()
+    with meanwhile(send):
+        outcome = command("record", "--bench", bench, "--out", path, "--frames", len(sent))
     assert outcome.code == 0, outcome.err
     for bus, channel in enumerate(channels):
         recorded = [entry.frame.payload for entry in open_log(path) if entry.channel == channel]

@@ -29,17 +29,14 @@ def send(over: threading.Event) -> None:
 def test_a_signal_completes_the_file(command: Command, tmp_path: Path) -> None:
     path = tmp_path / "bus.blf"
 
-    def interrupt() -> None:
+    def interrupt(_: threading.Event) -> None:
         while not path.exists():
             time.sleep(0.01)
         time.sleep(0.1)
         os.kill(os.getpid(), signal.SIGINT)
 
-    interrupter = threading.Thread(target=interrupt)
-    with meanwhile(send):
-        interrupter.start()
+    with meanwhile(send), meanwhile(interrupt):
         outcome = command("record", "--out", path, *ON_BUS)
-        interrupter.join()
     assert outcome.code == 0
     log = open_log(path)
     assert len(list(log)) > 0

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
 
 from tests.plants import plant
@@ -42,7 +43,6 @@ LIFT_STEP = 1e-7  # m, of the rate's slope
 STARTS = 6  # of either sign, from below detection to large
 WIDER, WIDER_SHAPE = 1.5, 2.5  # than what is drawn, the size of a rival and its other parameters may be
 REFINED = 2  # of the starts
-RICCATI_STEPS = 400
 SHAPE_STARTS = 3  # of a further parameter
 
 
@@ -165,38 +165,24 @@ def _extend(lift: Array, seen: Array, rise: float) -> None:
 
 
 def gain_of(part: Injector, faults: Faults, pressure: float) -> tuple[Array, float]:
-    """Kalman gain (3,) at a line pressure [Pa], and the innovation's sigma [Pa]."""
+    """Kalman gain (3,) on [p_L, Q_L, p_L behind the lag] at a line pressure [Pa], and the innovation's sigma [Pa].
+
+    angle: of the line's mode in one sample; impedance: pressure over flow of the mode; late: lag in samples.
+    """
     stiffness = line_stiffness(pressure, part, faults) / part.line_volume
     inertance = part.density * part.line_length / part.line_area
     late = faults.line_pressure_sensor_lag / INTERVAL
     angle, impedance = math.sqrt(stiffness / inertance) * INTERVAL, math.sqrt(stiffness * inertance)
-    return line_gain(angle, impedance, late, plant.RAIL_NOISE, plant.LINE_NOISE)
-
-
-def line_gain(
-    angle: float, impedance: float, late: float, rail_noise: float, line_noise: float
-) -> tuple[Array, float]:
-    """Gain (3,) on [p_L, Q_L, p_L behind the sensor's lag], and the innovation's sigma.
-
-    angle: of the line's mode in one sample; impedance: pressure over flow of the mode; late: lag in samples; noise in
-    the unit of the pressure.
-    """
     cosine, sine = math.cos(angle), math.sin(angle)
     decay = math.exp(-1.0 / late) if late > 0.0 else 0.0
     now, before = 1.0 - late * (1.0 - decay), late * (1.0 - decay) - decay
     row = np.array([cosine, impedance * sine, 0.0])
     transition = np.array([row, [-sine / impedance, cosine, 0.0], now * row + [before, 0.0, decay]])
     drive = np.array([1.0 - cosine, sine / impedance, now * (1.0 - cosine)])
-    process = np.outer(drive, drive) * rail_noise**2
-    measurement = line_noise**2
-    covariance = np.diag([measurement, measurement / impedance**2, measurement])
-    gain, variance = np.zeros(3), measurement
-    for _ in range(RICCATI_STEPS):
-        covariance = transition @ covariance @ transition.T + process
-        variance = covariance[2, 2] + measurement
-        gain = covariance[:, 2] / variance
-        covariance = covariance - np.outer(gain, covariance[2])
-    return gain, math.sqrt(variance)
+    process, measurement = np.outer(drive, drive) * plant.RAIL_NOISE**2, np.array([[plant.LINE_NOISE**2]])
+    covariance = solve_discrete_are(transition.T, np.eye(3)[:, 2:], process, measurement)
+    variance = covariance[2, 2] + measurement[0, 0]
+    return covariance[:, 2] / variance, math.sqrt(variance)
 
 
 def simulated(r: OracleRecording, faults: Faults, closed_loop: bool) -> tuple[Array, Array, float]:

@@ -90,10 +90,6 @@ def _at_moments(rate: float, length: Callable[[float, float, Generator], int], p
     return wave
 
 
-def _frozen_now_and_then(rate: float) -> Wave:
-    return _at_moments(rate, lambda size, dt, _: round(size / dt), lambda part, size, rng: part[0])
-
-
 _spikes = _at_moments(
     40.0, lambda _, __, rng: int(rng.integers(1, 4)), lambda part, size, rng: part + sign(rng) * size
 )
@@ -262,7 +258,8 @@ def _small_ones() -> list[SensorFault]:
         _small("few_bits", "bits", (12.0, 10.0), few_bits, of.HARMLESS, after_noise=True),
     ]  # fmt: skip
     for role, name, reasons in ((RAIL, "rail", of.LATE), (LIFT, "lift", of.LATE_LIFT), (LINE, "line", of.LATE_LINE)):
-        held, often = of.FROZEN, _frozen_now_and_then(200.0 if role == LIFT else 40.0)
+        held, rate = of.FROZEN, 200.0 if role == LIFT else 40.0
+        often = _at_moments(rate, lambda size, dt, _: round(size / dt), lambda part, size, rng: part[0])
         rows += [
             _small(f"frozen_samples_{name}", "ms", (0.2, 0.5), on(often, role), held, after_noise=True),
             _small(f"held_{name}", "ms", (0.1, 0.2, 0.5), on(often, role), held),

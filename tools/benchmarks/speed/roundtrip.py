@@ -9,7 +9,6 @@ usage: python -m tools.benchmarks.speed.roundtrip FOLDER CHANNEL SECONDS
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
 
@@ -17,7 +16,6 @@ import numpy as np
 
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
-from tests.plants.arrays import Array
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.observers import BUSY_RUN, RUN, Observer, observer
@@ -78,7 +76,10 @@ def rows_of(pace: str, parties: dict[str, list[Passage]], traffic: Traffic) -> l
     excess: by how many of its medians a party's 99.9 % of all frames are beyond the echo's.
     """
     opened, every = (
-        {party: latency_of(_latencies(each, traffic, open_only)) for party, each in parties.items()}
+        {
+            party: latency_of(np.concatenate([each.latencies(traffic, open_only=open_only) for each in passages]))
+            for party, passages in parties.items()
+        }
         for open_only in (True, False)
     )
     return [
@@ -113,11 +114,6 @@ def command_of(folder: Path, channel: str, party: str, traffic: Traffic) -> list
 def _send(to: Observer, pacer: Pacer, party: str, seconds: float, period: float) -> Passage:
     with to.resumed() if party == BUSY else nullcontext():
         return pacer.send(round(seconds / period), period)
-
-
-def _latencies(passages: Sequence[Passage], traffic: Traffic, open_only: bool) -> Array:
-    latencies = [each.latencies(traffic, open_only=open_only) for each in passages]
-    return np.asarray(np.concatenate(latencies), np.float64)
 
 
 if __name__ == "__main__":

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, PACKAGE_DATA
 from tests.pages import Page
+from tests.three_injectors import with_copies
 
 PAGE = Page("docs/several-injectors.md")
 NAMES = ("left", "right")
-__all__ = ["NOMINAL_INJECTOR", "PAGE"]
 
 
 def write_bench(folder: Path) -> None:
@@ -43,17 +43,6 @@ def on_one_bus(folder: Path) -> str:
     lift, outputs = part.split("[outputs]\n")
     text = re.sub(r"\[signals.needle_lift\]\n(?:\w.*\n)+", lift, text)
     text = text.replace("[outputs]\n", f"[outputs]\n{outputs}").replace("observer_fd.dbc", "engine.dbc")
-    database = (PACKAGE_DATA / "observer_fd.dbc").read_text()
-    block = re.search(r"^BO_ 273 NeedleLiftBlock(?:.*\n)(?: SG_.*\n)+", database, re.MULTILINE)
-    assert block is not None
-    named = [
-        block[0].replace("273 NeedleLiftBlock", f"{900 + number} NeedleLift_{name}")
-        for number, name in enumerate(NAMES)
-    ]
-    formats = [f'BA_ "VFrameFormat" BO_ {900 + number} 14;\n' for number in range(len(NAMES))]
-    database = database.replace(block[0], "".join([block[0], *named]))
-    database = database.replace(
-        'BA_ "VFrameFormat" BO_ 273 14;\n', "".join(['BA_ "VFrameFormat" BO_ 273 14;\n', *formats])
-    )
-    (folder / "engine.dbc").write_text(database)
+    named = {900 + number: f"NeedleLift_{name}" for number, name in enumerate(NAMES)}
+    (folder / "engine.dbc").write_text(with_copies((PACKAGE_DATA / "observer_fd.dbc").read_text(), {273: named}))
     return text

@@ -1,7 +1,7 @@
 """Three injectors on one bus with one rail pressure: the bench file by rule, each alone as one writes it, frames."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -110,20 +110,23 @@ def lift_id(number: int) -> int:
     return _LIFT + STEP * (number + 1)
 
 
+def with_copies(database: str, copies: Mapping[int, Mapping[int, str]]) -> str:
+    """A database with more messages like some of its own: names by identifier, for the identifier of each."""
+    own = rf'((?:BO_|CM_ BO_|CM_ SG_|BA_ "\w+" BO_|BA_ "\w+" SG_) )({"|".join(map(str, copies))})\b( \w+(?=:))?'
+    out = []
+    for block in re.split(r"(?m)^(?=BO_ |CM_ |BA_ |BA_DEF|VAL_|SIG_)", database):
+        out.append(block)
+        if match := re.match(own, block):
+            for identifier, name in copies[int(match[2])].items():
+                out.append(f"{match[1]}{identifier}{f' {name}' if match[3] else ''}{block[match.end() :]}")
+    return "".join(out)
+
+
 def _database() -> str:
     """Ours at 50 kHz, with a block of needle lift and one of line pressure for each."""
     ours = re.sub(
         r'(?m)^(BA_ "SamplePeriodNs" BO_ \d+) 10000;', r"\1 20000;", (PACKAGE_DATA / "observer_fd.dbc").read_text()
     )
-    blocks = re.split(r"(?m)^(?=BO_ |CM_ |BA_ |BA_DEF|VAL_|SIG_)", ours)
-    own = re.compile(rf'^((?:BO_|CM_ BO_|CM_ SG_|BA_ "\w+" BO_|BA_ "\w+" SG_) )({_LIFT}|{_LINE})( \w+Block(?=:))?')
-    out = []
-    for block in blocks:
-        out.append(block)
-        if not (match := own.match(block)):
-            continue
-        for number, name in enumerate(NAMES):
-            identifier = int(match[2]) + STEP * (number + 1)
-            message = f"{match[3]}_{name}" if match[3] else ""
-            out.append(f"{match[1]}{identifier}{message}{block[match.end() :]}")
-    return "".join(out)
+    blocks = {_LIFT: "NeedleLiftBlock", _LINE: "LinePressureBlock"}
+    numbered = [(STEP * number, name) for number, name in enumerate(NAMES, 1)]
+    return with_copies(ours, {n: {n + by: f"{block}_{name}" for by, name in numbered} for n, block in blocks.items()})

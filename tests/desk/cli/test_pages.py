@@ -260,7 +260,7 @@ def test_the_commands_on_several_injectors(command: Command, tmp_path: Path, mon
 
 def test_the_variant_with_one_bus(tmp_path: Path) -> None:
     (tmp_path / "one.toml").write_text(several_injectors.on_one_bus(tmp_path))
-    (tmp_path / "right.toml").write_text(several_injectors.NOMINAL_INJECTOR.read_text())
+    (tmp_path / "right.toml").write_text(NOMINAL_INJECTOR.read_text())
     sent = [(layout.name, layout.frame_id) for layout in map_bench(load_bench(tmp_path / "one.toml")).sent]
     assert sent == [
         (name, identifier + step)

@@ -19,25 +19,20 @@ from observer_rt.foundation.errors import RunError
 from tests.benches import SAMPLE_RATE
 from tests.bus.extended_bench import write_extended_bench
 from tests.daemon.end_to_end import RATE, payloads
-from tests.daemon.participants import PumpRun, TroubledLink, bench_file, until
+from tests.daemon.participants import PumpRun, TroubledLink, until
 from tests.device import core_of, frames_of, worn_recording
 
 BEGIN = 1_700_000_000_000_000_000  # ns
 FRAMES = 600
 
 
-def device_frames(path: Path, injections: int = 2) -> list[TimedFrame]:
-    return frames_of(path, worn_recording(injections))
+def device_frames(bench: Path) -> list[TimedFrame]:
+    return frames_of(bench, worn_recording(2))
 
 
-def published(path: Path) -> list[bytes]:
+def published(bench: Path) -> list[bytes]:
     """All rates that the frames of `device_frames` cause."""
-    return payloads(evaluate(load_bench(path), [worn_recording(2)]).frames, RATE)
-
-
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return bench_file(tmp_path, "can5")
+    return payloads(evaluate(load_bench(bench), [worn_recording(2)]).frames, RATE)
 
 
 @pytest.fixture
@@ -69,18 +64,18 @@ def test_stamps_are_kept_to_the_nanosecond(without_index: Path) -> None:
     assert run.core.processed == alone.processed > 0
 
 
-def test_rates_that_found_no_room_are_handed_over_in_order(path: Path) -> None:
-    frames = device_frames(path)
+def test_rates_that_found_no_room_are_handed_over_in_order(bench: Path) -> None:
+    frames = device_frames(bench)
     link = TroubledLink(frames)
     link.has_room = False
-    with PumpRun(path, link) as run:
+    with PumpRun(bench, link) as run:
         handed = [*run.serve_until_taken(len(frames)), *run.pump.finish()]
-    assert payloads(handed, RATE) == published(path)
+    assert payloads(handed, RATE) == published(bench)
     assert not link.sent
     assert not run.unsent
 
 
-def test_some_sent_then_none_lost(path: Path) -> None:
+def test_some_sent_then_none_lost(bench: Path) -> None:
     """A driver that takes every other frame: what it has not taken by the end is handed over behind the others."""
 
     class HaltingLink(TroubledLink):
@@ -88,33 +83,33 @@ def test_some_sent_then_none_lost(path: Path) -> None:
             self.has_room = not self.has_room and len(self.sent) < 100
             return super().try_send(frame_id, payload, is_extended, is_fd)
 
-    frames = device_frames(path)
+    frames = device_frames(bench)
     link = HaltingLink(frames)
-    with PumpRun(path, link) as run:
+    with PumpRun(bench, link) as run:
         handed = [*run.serve_until_taken(len(frames)), *run.pump.finish()]
     assert 0 < len(link.sent) <= 100
-    assert payloads(link.sent, RATE) + payloads(handed, RATE) == published(path)
+    assert payloads(link.sent, RATE) + payloads(handed, RATE) == published(bench)
 
 
-def test_rates_on_their_way_to_a_link_that_goes_down_are_counted(path: Path) -> None:
-    frames = device_frames(path)
+def test_rates_on_their_way_to_a_link_that_goes_down_are_counted(bench: Path) -> None:
+    frames = device_frames(bench)
     link = TroubledLink(frames)
     link.has_room = False
-    with PumpRun(path, link) as run:
+    with PumpRun(bench, link) as run:
         run.serve_until_taken(len(frames))
         link.plugged.clear()
         with pytest.raises(BusDownError, match="can5 is down") as raised:
             until(lambda: bool(run.pump.serve(1e-3)))
         run.pump.leave_out(raised.value.bus)
         handed = run.pump.finish()
-    assert sum(run.unsent) + len(payloads(handed, RATE)) == len(published(path))
+    assert sum(run.unsent) + len(payloads(handed, RATE)) == len(published(bench))
     assert sum(run.unsent) > 100
 
 
-def test_it_is_served_again_once_it_is_back(path: Path) -> None:
-    frames = device_frames(path)
+def test_it_is_served_again_once_it_is_back(bench: Path) -> None:
+    frames = device_frames(bench)
     link = TroubledLink(frames[:FRAMES])
-    with PumpRun(path, link) as run:
+    with PumpRun(bench, link) as run:
         for first in (FRAMES, 2 * FRAMES):
             run.serve_until_taken(first)
             link.plugged.clear()
@@ -130,34 +125,34 @@ def test_it_is_served_again_once_it_is_back(path: Path) -> None:
 
 
 @pytest.mark.parametrize("failure", [RunError("broken"), ZeroDivisionError("in the driver"), LinkDownError("gone")])
-def test_what_ends_it_is_raised_behind_the_frames_that_came(path: Path, failure: Exception) -> None:
+def test_what_ends_it_is_raised_behind_the_frames_that_came(bench: Path, failure: Exception) -> None:
     class FailingLink(TroubledLink):
         def receive(self, timeout_s: float) -> Frame | None:
             if not self._frames:
                 raise failure
             return super().receive(timeout_s)
 
-    frames = device_frames(path)[:FRAMES]
-    with PumpRun(path, FailingLink(frames)) as run:
+    frames = device_frames(bench)[:FRAMES]
+    with PumpRun(bench, FailingLink(frames)) as run:
         with pytest.raises((type(failure), BusDownError), match=str(failure)):
             until(lambda: bool(run.pump.serve(1e-3)))
         assert run.core.counters.frames == FRAMES
 
 
-def test_it_ends_while_frames_wait(path: Path) -> None:
+def test_it_ends_while_frames_wait(bench: Path) -> None:
     """The loop waits for a verdict that nobody gives, the pair is full, and more frames are in the driver."""
-    link = TroubledLink(device_frames(path))
-    with PumpRun(path, link) as run:
+    link = TroubledLink(device_frames(bench))
+    with PumpRun(bench, link) as run:
         until(lambda: bool(run.core.compiled.observer.memory[0]["judgement"]["waiting"]))
         assert run.ends()
         assert not link.empty.is_set()
 
 
-def test_other_results_come_behind_the_rates(path: Path) -> None:
-    frames = device_frames(path)[:FRAMES]
+def test_other_results_come_behind_the_rates(bench: Path) -> None:
+    frames = device_frames(bench)[:FRAMES]
     link = TroubledLink(frames)
     link.has_room = False
-    with PumpRun(path, link) as run:
+    with PumpRun(bench, link) as run:
         run.serve_until_taken(FRAMES)
         until(lambda: run.core.counters.frames == FRAMES)
         assert run.pump.sender(0).try_send(0x321, b"other", False, True)

@@ -16,11 +16,9 @@ from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.player import play
 from tests.daemon.end_to_end import START_TIMEOUT, STATUS, command, decoded
 from tests.daemon.participants import HeardDaemon, bench_file, opened, serving, until
+from tests.daemon.test_daemon_link import BLOCK, FIRST, LAST, LOST
 from tests.device import frames_of, worn_recording
 from tests.interface import OwnInterface
-
-BLOCK = 9  # samples of a SampleBlock
-FIRST, LOST, LAST = 600, 200, 600  # frames before, during and after the outage
 
 
 def taken_down(interface: OwnInterface, until_noticed: Callable[[], None]) -> None:

@@ -21,7 +21,7 @@ from observer_rt.engine.stream.state import Reason, State, VerdictKind
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
 from tests.daemon.end_to_end import RATE, SUMMARY, decoded, payloads, published_rates, results_of
-from tests.daemon.participants import PumpRun, bench_file, serving, until
+from tests.daemon.participants import PumpRun, serving, until
 from tests.daemon.slow_frames import bed, slow_bench
 from tests.device import RATES, Device, encoded, frames_of, inserted, run, simulated, worn_recording
 from tests.engine.service.test_fuel_temperature import bench as temperature_bench
@@ -88,13 +88,10 @@ def pumped(path: Path, room: int | None = None, waits_for_verdicts: bool = True)
         device.read()
 
 
-def test_while_another_node_sends_the_same_no_rate_is_valid(tmp_path: Path) -> None:
+def test_while_another_node_sends_the_same_no_rate_is_valid(bench: Path, frames: list[TimedFrame]) -> None:
     """And nothing else of the frames differs, but for their protection."""
-    path = bench_file(tmp_path, "0")
-    worn = worn_recording()
-    frames = frames_of(path, worn)
-    history = payloads(evaluate(load_bench(path), [worn]).frames, RATE)
-    with connected(path) as (device, daemon):
+    history = payloads(evaluate(load_bench(bench), [worn_recording()]).frames, RATE)
+    with connected(bench) as (device, daemon):
         with serving(daemon):
             device.send(frames[:-200])
             until(lambda: daemon.core.counters.frames == len(frames) - 200)
@@ -174,12 +171,11 @@ def in_time(frames: Iterable[TimedFrame]) -> Iterator[TimedFrame]:
         yield frame
 
 
-def test_rates_need_no_attention(tmp_path: Path) -> None:
+def test_rates_need_no_attention(bench: Path) -> None:
     """They come while nothing of Python runs for the pump, which wakes once for several frames."""
-    path = bench_file(tmp_path, "0")
     worn = worn_recording(2)
-    frames = frames_of(path, worn)
-    with pumped(path, waits_for_verdicts=False) as (device, run):
+    frames = frames_of(bench, worn)
+    with pumped(bench, waits_for_verdicts=False) as (device, run):
         device.send(in_time(frames))
         until(lambda: run.core.counters.frames == len(frames))
         assert run.pump._pump.memory[0]["turns"] < 0.7 * len(frames)
@@ -191,12 +187,10 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
     assert (count[: run.core.processed - RATES] == 1).all()
 
 
-def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
+def test_rates_that_wait_at_the_end_are_handed_over(bench: Path) -> None:
     """A device that reads nothing until the loop has ended: what found no room is the caller's to send."""
-    path = bench_file(tmp_path, "0")
-    worn = worn_recording(2)
-    bench, handed = load_bench(path), list[OutputFrame]()
-    with pumped(path, LITTLE_ROOM) as (device, run):
+    worn, handed = worn_recording(2), list[OutputFrame]()
+    with pumped(bench, LITTLE_ROOM) as (device, run):
         for frame in frames_of(bench, worn):
             while not device.has_room():
                 handed += run.pump.serve(1e-3)
@@ -204,18 +198,17 @@ def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
         while run.core.processed <= worn.samples - RATES:
             handed += run.pump.serve(1e-3)
         handed += run.pump.finish()
-    rates, late = payloads(evaluate(bench, [worn]).frames, RATE), payloads(handed, RATE)
+    rates, late = payloads(evaluate(load_bench(bench), [worn]).frames, RATE), payloads(handed, RATE)
     assert 0 < len(device.received[RATE.frame_id]) < len(rates) - 1
     assert device.received[RATE.frame_id] + late == rates
     assert not run.unsent
 
 
-def test_it_ends_while_the_stream_waits_for_a_verdict(tmp_path: Path) -> None:
+def test_it_ends_while_the_stream_waits_for_a_verdict(bench: Path) -> None:
     """Nobody gives one any more: the loop is not to wait for it."""
-    path = bench_file(tmp_path, "0")
-    with pumped(path) as (device, run):
+    with pumped(bench) as (device, run):
         waiting = run.core.compiled.observer.memory["judgement"]["waiting"]
-        for frame in frames_of(path, worn_recording(2)):
+        for frame in frames_of(bench, worn_recording(2)):
             until(lambda: waiting[0] or device.has_room())
             if waiting[0]:
                 break
@@ -224,8 +217,8 @@ def test_it_ends_while_the_stream_waits_for_a_verdict(tmp_path: Path) -> None:
         assert run.ends()
 
 
-def test_a_device_that_goes_away_is_said(tmp_path: Path) -> None:
-    with connected(bench_file(tmp_path, "0")) as (device, daemon):
+def test_a_device_that_goes_away_is_said(bench: Path) -> None:
+    with connected(bench) as (device, daemon):
         device.close()
         with pytest.raises(RunError, match="closed"):
             daemon.run(threading.Event())

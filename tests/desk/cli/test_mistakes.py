@@ -84,8 +84,6 @@ MISTAKES = {
     "fewer samples of one input": (LIFT, 'signal = "NeedleLift_00"', "signals.needle_lift", "as many samples"),
     "unit that is none": (LINE, f'{LINE}\nunit = "barg"', "signals.line_pressure.unit", "'barg'", "bar"),
     "unit of another quantity": (LIFT, f'{LIFT}\nunit = "MPa"', "signals.needle_lift.unit", "'MPa'", "um"),
-    "unknown index": (LIFT, f'{LIFT}\nindex = "Index"', "signals.needle_lift.index", "Index"),
-    "index that is none": (LIFT, f'{LIFT}\nindex = "Counter"', "signals.needle_lift.index", "32 bits"),
     "counter beside an index": (LIFT, f'{LIFT}\nindex = "SampleIndex"\ncounter = "Counter"',
         "signals.needle_lift.counter", "index"),
     "time base of one input of a message": (LIFT, f'{LIFT}\ntime_base = "other"',

@@ -105,6 +105,7 @@ def test_a_device_is_not_replaced_by_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "advice"),
     [
+        ("a.db", "known suffixes: "),
         ("a.xlsx", r"save it as a\.csv, or read it by pandas"),
         ("a.mat", "read it by pandas"),
         ("a.tdms", "read it by pandas"),

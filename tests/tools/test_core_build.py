@@ -14,7 +14,7 @@ import pytest
 REPOSITORY = Path(__file__).parents[2]
 LAW = """
 \"\"\"A trial.\"\"\"
-from {package}.law cimport doubled
+from observer_rt.core.law cimport doubled
 
 def twice(double value):
     \"\"\"Two times it.\"\"\"
@@ -42,7 +42,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("__init__.py", "meson.build", "meson.options"):
         shutil.copy(REPOSITORY / "observer_rt" / "core" / name, core)
     (core.parent / "__init__.py").touch()
-    (core / "trial.pyx").write_text(LAW.format(package="observer_rt.core"))
+    (core / "trial.pyx").write_text(LAW)
     (core / "law.pxd").write_text(HEADER.format(factor=2))
     assert twice(folder, 3.0) == 6.0
     return folder
@@ -60,6 +60,14 @@ def twice(package: Path, value: float) -> float:
     """Asked of a process that imports the package's core."""
     program = f"from observer_rt.core.trial import twice; print(twice({value}))"
     return float(run([sys.executable, "-c", program], cwd=package, env=environment()))
+
+
+def failing(package: Path, *words: str) -> str:
+    """All that Python says in the package to words with which it ends in failure."""
+    command = [sys.executable, *words]
+    ran = subprocess.run(command, cwd=package, env=environment(), capture_output=True, text=True)
+    assert ran.returncode == 1
+    return ran.stdout + ran.stderr
 
 
 def environment() -> dict[str, str]:
@@ -121,16 +129,10 @@ def test_where_nothing_builds_an_edit_the_command_that_does_is_named(package: Pa
 def test_what_does_not_compile_without_warning_is_said_with_its_line(package: Path, wrong: str) -> None:
     module = package / "observer_rt" / "core" / "trial.pyx"
     module.write_text(wrong)
-    ran = subprocess.run(
-        [sys.executable, str(package / "tools" / "lib" / "build_core.py")],
-        capture_output=True,
-        text=True,
-        env=environment(),
-    )
-    module.write_text(LAW.format(package="observer_rt.core"))
-    assert ran.returncode == 1
-    assert "trial.pyx:" in ran.stderr
-    assert "Traceback" not in ran.stderr
+    said = failing(package, "tools/lib/build_core.py")
+    module.write_text(LAW)
+    assert "trial.pyx:" in said
+    assert "Traceback" not in said
 
 
 @pytest.mark.slow
@@ -140,10 +142,7 @@ def test_without_headers_the_command_that_brings_them_is_named(package: Path) ->
         "build_core.sysconfig.get_path = lambda name: '/nowhere'\n"
         "build_core.build_in_place()"
     )
-    ran = subprocess.run(
-        [sys.executable, "-c", program], cwd=package, capture_output=True, text=True, env=environment()
-    )
-    assert "sudo apt-get install python3-dev" in ran.stderr
+    assert "sudo apt-get install python3-dev" in failing(package, "-c", program)
 
 
 @pytest.mark.slow
@@ -151,11 +150,9 @@ def test_a_module_whose_source_is_gone_goes(package: Path) -> None:
     (package / "observer_rt" / "core" / "other.pyx").write_text("value = 1\n")
     (package / "observer_rt" / "core" / "trial.pyx").unlink()
     program = "import observer_rt.core.other as o; print(o.value); import observer_rt.core.trial"
-    ran = subprocess.run(
-        [sys.executable, "-c", program], cwd=package, env=environment(), capture_output=True, text=True
-    )
-    assert ran.stdout == "1\n"
-    assert "ModuleNotFoundError" in ran.stderr
+    said = failing(package, "-c", program)
+    assert said.startswith("1\n")
+    assert "ModuleNotFoundError" in said
 
 
 @pytest.mark.slow

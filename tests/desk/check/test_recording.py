@@ -21,8 +21,7 @@ from tests.files.canlog.log_cases import write_log
 
 
 def findings_of(folder: Path, sent: list[LogFrame]) -> list[Finding]:
-    write_log(folder / "bus.log", sent)
-    return log_findings(BENCH, folder / "bus.log")
+    return log_findings(BENCH, write_log(folder / "bus.log", sent))
 
 
 def found_of(folder: Path, signals: dict[str, str], sent: list[StampedFrame]) -> list[Finding]:

@@ -20,7 +20,7 @@ from observer_rt.foundation.errors import UserError
 from tests.benches import bench_with, block_bench, own_bench
 from tests.daemon.time_frames import Clock, merged, plant, send, write_time_bench
 from tests.daemon.time_scenarios import LIFT_ALONE
-from tests.device import frames_of, later, simulated, worn_recording
+from tests.device import frames_of, simulated, worn_recording
 from tests.files.canlog.log_cases import sent_log, write_log
 
 BENCH = load_bench().exact
@@ -37,8 +37,8 @@ def frames(bench: Bench = BENCH) -> list[LogFrame]:
     return log_of(worn(), all_samples(worn()), bench)
 
 
-def log_of(recording: Recording, spans: list[Span], bench: Bench = BENCH, shift: float = 0.0) -> list[LogFrame]:
-    return sent_log(later(frames_of(bench, recording, spans), shift), START)
+def log_of(recording: Recording, spans: list[Span], bench: Bench = BENCH) -> list[LogFrame]:
+    return sent_log(frames_of(bench, recording, spans), START)
 
 
 @cache
@@ -48,12 +48,7 @@ def expected() -> History:
 
 @pytest.fixture
 def write(tmp_path: Path) -> Callable[[list[LogFrame], str], Path]:
-    def write(frames: list[LogFrame], suffix: str) -> Path:
-        path = tmp_path / f"bus{suffix}"
-        write_log(path, frames)
-        return path
-
-    return write
+    return lambda frames, suffix: write_log(tmp_path / f"bus{suffix}", frames)
 
 
 @pytest.fixture

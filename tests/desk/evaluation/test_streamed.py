@@ -85,9 +85,7 @@ def test_a_restarted_device_splits_the_log(tmp_path: Path) -> None:
     frames = frames_of(BENCH, worn())
     end = frames[-1].time + 1.0
     again = later(frames, end)
-    path = tmp_path / "bus.blf"
-    write_log(path, sent_log([*frames, *again]))
-    log = LoggedSignals(BENCH, path)
+    log = LoggedSignals(BENCH, write_log(tmp_path / "bus.blf", sent_log([*frames, *again])))
     assert len(log.logged) == 2
     assert any("a device was restarted" in note for note in log.notes)
     result = streamed(log, tmp_path / "trace.csv")
@@ -154,9 +152,7 @@ def test_a_log_with_long_holes_as_in_one_piece(tmp_path: Path) -> None:
         frames += [frame._replace(time=frame.time + begin) for frame in framer.frames(worn(), all_samples(worn()))]
         framer.pause(100_000)
         begin = framer.next_index / 100e3
-    path = tmp_path / "bus.blf"
-    write_log(path, sent_log(frames))
-    log = LoggedSignals(BENCH, path)
+    log = LoggedSignals(BENCH, write_log(tmp_path / "bus.blf", sent_log(frames)))
     assert len(log.logged) == 1
     result = streamed(log, tmp_path / "trace.csv")
     rows = np.genfromtxt(tmp_path / "trace.csv", delimiter=",", skip_header=1)

@@ -63,16 +63,17 @@ def mixture(suffix: str, count: int) -> list[LogFrame]:
     return frames
 
 
-def write_log(path: Path, frames: list[LogFrame]) -> None:
-    """Write frames in the format of the path's suffix, by python-can where it is only read here."""
+def write_log(path: Path, frames: list[LogFrame]) -> Path:
+    """Write frames in the format of the path's suffix, by python-can where it is only read here; the path."""
     if path.suffix not in LOGS_WRITTEN:
         with can.Logger(path) as logger:
             for frame in frames:
                 logger(message_of(frame))
-        return
+        return path
     with open_writer(path, frames[0].frame.stamp_ns if frames else START) as writer:
         for frame in frames:
             writer.write(frame)
+    return path
 
 
 def message_of(entry: LogFrame) -> can.Message:

@@ -25,9 +25,7 @@ Damage = Callable[[bytes], bytes]
 
 @cache
 def undamaged(suffix: str, folder: Path) -> bytes:
-    path = folder / f"whole{suffix}"
-    write_log(path, mixture(suffix, FRAMES))
-    return path.read_bytes()
+    return write_log(folder / f"whole{suffix}", mixture(suffix, FRAMES)).read_bytes()
 
 
 @st.composite

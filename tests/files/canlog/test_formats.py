@@ -91,8 +91,7 @@ def test_a_file_cut_anywhere_gives_the_frames_before_and_says_so(
 
 @pytest.mark.slow
 def test_mdf4_cut_anywhere_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "bus.mf4"
-    write_log(path, mixture(".mf4", 30))
+    path = write_log(tmp_path / "bus.mf4", mixture(".mf4", 30))
     data = path.read_bytes()
     for size in range(0, len(data), 211):
         path.write_bytes(data[:size])
@@ -165,9 +164,7 @@ def test_missing_file(tmp_path: Path, suffix: str) -> None:
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_how_much_was_read_is_known_while_reading(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"bus{suffix}"
-    write_log(path, mixture(suffix, 200))
-    log = open_log(path)
+    log = open_log(write_log(tmp_path / f"bus{suffix}", mixture(suffix, 200)))
     shares = [log.share_read for _ in log]
     assert shares == sorted(shares)
     assert 0.0 < shares[0] <= shares[-1] <= 1.0

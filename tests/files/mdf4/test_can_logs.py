@@ -212,8 +212,7 @@ def test_frames_that_the_heading_does_not_count_are_told(tmp_path: Path) -> None
 
 
 def test_an_older_mdf_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "old.mf4"
-    write_log(path, mixture(".mf4", 3))
+    path = write_log(tmp_path / "old.mf4", mixture(".mf4", 3))
     path.write_bytes(path.read_bytes().replace(b"MDF     4.10", b"MDF     3.30", 1))
     with pytest.raises(UserError, match=r"is of MDF 3\., not 4"):
         is_log(path)

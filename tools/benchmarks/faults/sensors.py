@@ -178,10 +178,6 @@ def _delay(
     return lambda size: {role: {key: microseconds(size)}}
 
 
-def _stated_filter(order: int, role: str) -> Callable[[float], Stated]:
-    return _delay(role, lambda f: filters.butterworth_delay(order, f * KHZ) / US)
-
-
 def _small(name: str, unit: str, sizes: tuple[float, ...], change: Any, reasons: Any, **more: Any) -> Any:
     """A row for a small fault that is always there."""
     return SensorFault(name, Where.SENSOR, reasons, unit, sizes, True, change=change, **more)
@@ -265,7 +261,8 @@ def _small_ones() -> list[SensorFault]:
             _small(f"held_{name}", "ms", (0.1, 0.2, 0.5), on(often, role), held),
             _small(f"late_{name}", "us", (10.0, 20.0),
                 on(lambda t, v, size, rng: np.interp(t - size, t, v), role), reasons, stated=_delay(role, float)),
-            _small(f"anti_alias_2_{name}", "kHz", corners, on(lp2, role), reasons, stated=_stated_filter(2, role)),
+            _small(f"anti_alias_2_{name}", "kHz", corners, on(lp2, role), reasons,
+                stated=_delay(role, lambda f: filters.butterworth_delay(2, f * KHZ) / US)),
             _small(f"anti_alias_2_{name}_with_noise", "kHz", corners[1:], on(lp2, role), reasons, after_noise=True),
         ]  # fmt: skip
         if role != LIFT:

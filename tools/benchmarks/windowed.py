@@ -28,10 +28,10 @@ def evaluate_windowed(bench: Bench, recording: Recording) -> Evaluation:
     for span, part in zip(spans, history.evaluations, strict=True):
         together.trace[span.start : span.end] = part.trace
         by = span.start - part.first_index
-        for each in part.injections:
-            start, end = each.report.start_index + by, each.report.end_index + by
-            moved = replace(each.report, start_index=start, end_index=end)
-            together.injections.append(replace(each, report=moved))
+        for result in part.injections:
+            start, end = result.report.start_index + by, result.report.end_index + by
+            moved = replace(result.report, start_index=start, end_index=end)
+            together.injections.append(replace(result, report=moved))
     return together
 
 

@@ -34,9 +34,9 @@ def score_outside(case: HiddenCase, model: Path | str) -> Row:
     """Record a case, ask with a model, and judge the answer. Raises RunError without a model."""
     if isinstance(model, str):
         raise RunError(model)
-    given = measured(outside_benches(case, GIVEN), case.with_rate)
+    recorded = measured(outside_benches(case, GIVEN), case.with_rate)
     further, healthy = (measured(outside_benches(each, FURTHER, 0.0)) for each in (case, replace(case, parts=())))
-    return facts_of(case, ask_outside(given, further, healthy, model, taken_away(case)))
+    return facts_of(case, ask_outside(recorded, further, healthy, model, taken_away(case)))
 
 
 def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:

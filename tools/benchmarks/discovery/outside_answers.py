@@ -65,16 +65,16 @@ class OutsideAnswer:
 
 
 def ask_outside(
-    given: Measurements, further: Measurements, healthy: Measurements, model: Path, without: Sequence[str]
+    recorded: Measurements, further: Measurements, healthy: Measurements, model: Path, without: Sequence[str]
 ) -> OutsideAnswer:
     """Ask about a case's recordings, with a model and a vocabulary without some names.
 
-    further, healthy: not given, without noise and with the true rate, with what is hidden and without it.
+    further, healthy: not given, without noise and with the true rate, with the hidden effect and without it.
     """
     nominal = effective_model(load_injector(model))
     fitted = nominal.injector.baseline
     baseline = NOT_FITTED if fitted is None else healthy_of_fit(fitted, True)
-    recordings = [with_healthy_offset(one, baseline) for one in given]
+    recordings = [with_healthy_offset(one, baseline) for one in recorded]
     points = [point.measurement for point in by_operating_point(recordings)]
     begin = time.process_time()
     with vocabulary_without(without), noted_search() as noted:
@@ -101,14 +101,14 @@ def ask_outside(
     )
 
 
-def proposed(one: Proposal, nominal: EffectiveModel, further: Measurements) -> ProposedTerms:
+def proposed(proposal: Proposal, nominal: EffectiveModel, further: Measurements) -> ProposedTerms:
     """A proposal beside the vocabulary, in plain values."""
     return ProposedTerms(
-        tuple(str(term.equation) for term in one.terms),
-        " + ".join((*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in one.terms), *one.effects)),
-        one.effects,
-        one.may_enter,
-        misfit(one.model(nominal), further),
+        tuple(str(term.equation) for term in proposal.terms),
+        " + ".join((*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in proposal.terms), *proposal.effects)),
+        proposal.effects,
+        proposal.may_enter,
+        misfit(proposal.model(nominal), further),
     )
 
 

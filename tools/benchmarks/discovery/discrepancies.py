@@ -1,25 +1,21 @@
-"""What no parameter of the model takes up: plants, each with a discrepancy of its own, and rails that move.
+"""What no parameter of the model takes up: plants, each with a discrepancy of its own.
 
 Imports nothing of `observer_rt`.
 """
 
-import math
 import zlib
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.random import Generator
 
-from tests.plants.arrays import Array
+from tests.plants.filters import filtered, resonance
 from tests.plants.parameters import Injector
-from tests.plants.plant import LINE, REFERENCE_PRESSURE, Step, seen_as
+from tests.plants.plant import LINE, Step, seen_as
+from tests.plants.rail import MovingRail, drawn_rail
 from tests.plants.wave import LINES, Variant, WaveLine, real_part
 from tools.benchmarks.cases import sign
-from tools.benchmarks.faults.filters import filtered, resonance
 
-LONGEST = 1.9e-3  # s, of an injection at REFERENCE_PRESSURE that takes `Rail.dip`
 LENGTH_CHANGE = 0.02
 TAPERS = (0.15, 0.25)
 END_SHARES = (0.03, 0.06)  # of the line's volume in the gallery
@@ -27,60 +23,6 @@ INLET_RATIOS = (1.5, 3.0)  # area of the line's first element to that of the oth
 INLET_LOSSES = (1e14, 3e14)  # Pa s2/m6: 0.25 to 0.75 MPa at 50 mm3/ms
 MOUNTING_FREQUENCIES = (18e3, 30e3)  # Hz
 MOUNTING_DAMPINGS = (0.1, 0.3)
-
-
-@dataclass(frozen=True)
-class MovingRail:
-    """How injections and the pump move the rail: pressures [Pa], times [s], frequencies [Hz].
-
-    dip: of the longest injection, in proportion to the injected volume; ripple: what an opening excites in the rail.
-    """
-
-    dip: float
-    recovery: float
-    ripple: float
-    ripple_frequency: float
-    ripple_decay: float
-    pump: float
-    pump_frequency: float
-
-    def supply(
-        self, openings: Sequence[tuple[float, float]], rail_pressure: float, phase: float
-    ) -> Callable[[Array], Array]:
-        """Pressure that is added at times, for openings (start, duration) [s] at a rail pressure.
-
-        phase: the pump's.
-        """
-
-        def added(time: Array) -> Array:
-            total = self.pump * np.sin(2.0 * math.pi * (self.pump_frequency * time + phase))
-            for start, duration in openings:
-                total -= self._taken(np.maximum(time - start, 0.0), duration, rail_pressure)
-            return np.asarray(total, np.float64)
-
-        return added
-
-    def _taken(self, since: Array, duration: float, rail_pressure: float) -> Array:
-        """Dip and ripple at times since an opening [s]: an outflow while it lasts, and a regulator that makes up."""
-        outflow = self.dip / LONGEST * math.sqrt(rail_pressure / REFERENCE_PRESSURE)
-        flowing = np.minimum(since, duration)
-        dip = outflow * self.recovery * -np.expm1(-flowing / self.recovery)
-        dip *= np.exp((flowing - since) / self.recovery)
-        swing = np.sin(2.0 * math.pi * self.ripple_frequency * since) * np.exp(-since / self.ripple_decay)
-        return np.asarray(dip + self.ripple * swing, np.float64)
-
-
-def drawn_rail(rng: Generator) -> MovingRail:
-    """One of the rails there are."""
-    return MovingRail(
-        dip=rng.uniform(1.0e6, 1.5e6),
-        recovery=rng.uniform(4e-3, 9e-3),
-        ripple=rng.uniform(0.2e6, 0.4e6),
-        ripple_frequency=rng.uniform(600.0, 1200.0),
-        ripple_decay=rng.uniform(2e-3, 5e-3),
-        pump=rng.uniform(0.15e6, 0.25e6),
-        pump_frequency=rng.uniform(80.0, 300.0),
-    )
 
 
 class Discrepancy(StrEnum):

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.plants.arrays import Array
+from tests.plants.filters import filtered
 from tests.plants.plant import LINE, RAIL, Step, seen_as
 from tools.benchmarks.discovery import kinds
 from tools.benchmarks.discovery.discrepancies import resonant_line
 from tools.benchmarks.discovery.vocabulary import EFFECTS, TAP_DAMPING, bent_sensor
-from tools.benchmarks.faults.filters import filtered
 
 MPA, MS, US = 1e6, 1e-3, 1e-6
 CREEP_TIME = 1.0 * MS

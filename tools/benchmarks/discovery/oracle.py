@@ -212,7 +212,7 @@ def rate_sigma(r: OracleRecording) -> Array:
     nozzle = part.nozzle_area * math.sqrt(2.0 / part.density)
 
     def quasi_static(x: float) -> float:
-        seat = seat_factor(x, part, Faults())
+        seat = seat_factor(x, part.chamber_pressure, part, Faults())
         return float(seat * nozzle / math.hypot(seat, nozzle) * math.sqrt(drop))
 
     slope = [(quasi_static(x + LIFT_STEP) - quasi_static(x)) / LIFT_STEP if x > 0.0 else 0.0 for x in lift]

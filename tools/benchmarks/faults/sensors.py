@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from tests.plants import plant
+from tests.plants import filters, plant
 from tests.plants.arrays import Array
 from tests.plants.plant import LIFT, LIFT_NOISE, LINE, LINE_NOISE, RAIL, RAIL_NOISE, SIGNALS, Signals
 from tools.benchmarks.cases import sign
-from tools.benchmarks.faults import filters
 from tools.benchmarks.faults import reasons as of
 from tools.benchmarks.faults.fault import KHZ, US, Part, SensorFault, Stated, Where
 

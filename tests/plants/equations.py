@@ -94,8 +94,10 @@ def lift_at(time: float, strokes: Array) -> float:
 
 @njit(cache=True, nogil=True)
 def nozzle_factor(p_s: float, p_c: float, lift: float, part: Injector, faults: Faults) -> float:
-    """Flow through the nozzle per root of pressure difference [m3/s/sqrt(Pa)]."""
+    """Flow through the nozzle per root of pressure difference [m3/s/sqrt(Pa)]; as dense as fuel midway is."""
     factor = part.nozzle_area * math.sqrt(2.0 / part.density) * (1.0 + faults.orifice_area)
+    if part.stiffening > 0.0:
+        factor *= math.sqrt(density_share(0.5 * (p_s + p_c), part))
     if faults.nozzle_lift_loss != 0.0 and lift > 0.0:
         factor *= 1.0 - faults.nozzle_lift_loss * math.exp(-lift / faults.seat_lift_scale)
     if faults.orifice_cavitation > 0.0 and p_s > p_c:
@@ -107,7 +109,7 @@ def nozzle_factor(p_s: float, p_c: float, lift: float, part: Injector, faults: F
 
 
 @njit(cache=True, nogil=True)
-def seat_factor(lift: float, part: Injector, faults: Faults) -> float:
+def seat_factor(lift: float, p_l: float, part: Injector, faults: Faults) -> float:
     """Flow through the seat per root of pressure difference [m3/s/sqrt(Pa)]."""
     if lift <= 0.0:
         return 0.0
@@ -115,7 +117,7 @@ def seat_factor(lift: float, part: Injector, faults: Faults) -> float:
     area = math.pi * lift * sine * (part.seat_diameter - 0.5 * lift * math.sin(2.0 * part.seat_half_angle))
     loss = faults.seat_lift_loss * math.exp(-lift / faults.seat_lift_scale)
     worn = (1.0 + faults.seat_area) * (1.0 - loss)
-    return part.seat_coefficient * worn * area * math.sqrt(2.0 / part.density)
+    return part.seat_coefficient * worn * area * math.sqrt(2.0 / part.density * density_share(p_l, part))
 
 
 @njit(cache=True, nogil=True)
@@ -129,11 +131,35 @@ def chamber_pressure(lift: float, part: Injector, faults: Faults) -> float:
 
 
 @njit(cache=True, nogil=True)
+def density_share(p: float, part: Injector) -> float:
+    """Of the density without pressure, at a pressure [Pa]: d rho/dp = rho/K."""
+    if part.stiffening <= 0.0:
+        return 1.0
+    share: float = math.exp(math.log1p(part.stiffening * p / part.bulk_modulus_line) / part.stiffening)
+    return share
+
+
+@njit(cache=True, nogil=True)
 def line_stiffness(p: float, part: Injector, faults: Faults) -> float:
-    """Bulk modulus of the line's fuel, with its air, at a pressure [Pa]."""
-    fuel = part.bulk_modulus_line * (1.0 + faults.bulk_modulus)
+    """Bulk modulus of the line's fuel, with its air, at a pressure [Pa], for volumes as they are without pressure."""
+    stiffness: float = stiffness_at(p, density_share(p, part), part, faults)
+    return stiffness
+
+
+@njit(cache=True, nogil=True)
+def stiffness_at(p: float, density: float, part: Injector, faults: Faults) -> float:
+    """The same where the density over that without pressure is known."""
+    fuel = part.bulk_modulus_line * (1.0 + faults.bulk_modulus) + part.stiffening * p
     fuel += faults.bulk_modulus_slope * (p - STIFFNESS_PRESSURE)
-    return 1.0 / (1.0 / fuel + faults.entrained_air / p)
+    return 1.0 / (density / fuel + faults.entrained_air / p)
+
+
+@njit(cache=True, nogil=True)
+def sac_stiffness(p: float, part: Injector, faults: Faults) -> float:
+    """The same of the fuel in the sac."""
+    fuel = part.bulk_modulus_sac * (1.0 + faults.sac_stiffness) + part.stiffening * p
+    stiffness: float = fuel / density_share(p, part)
+    return stiffness
 
 
 @njit(cache=True, nogil=True)
@@ -141,7 +167,7 @@ def _sac_after(
     p_s0: float, fixed: float, half: float, p_l: float, p_c: float, lift: float, part: Injector, faults: Faults
 ) -> float:
     """Sac pressure p that solves p = p_s0 + fixed + half (Q_S(p) - Q_H(p)); Newton, kept in its bracket."""
-    seat = seat_factor(lift, part, faults)
+    seat = seat_factor(lift, p_l, part, faults)
     low, high = min(p_c, p_l, p_s0) - 1e6, max(p_c, p_l, p_s0) + 1e6
     p = p_s0
     for _ in range(60):
@@ -191,7 +217,7 @@ def drift(
     last = cells - 1
     p_l0 = p[last]
     line_gain = 0.5 * step * line_stiffness(p_l0, part, faults) / compliance
-    sac_gain = 0.5 * step * part.bulk_modulus_sac * (1.0 + faults.sac_stiffness) / part.sac_volume
+    sac_gain = 0.5 * step * sac_stiffness(p_s, part, faults) / part.sac_volume
     by_seat = max(faults.seat_outflow, float(part.drained_by_seat))
     flowing = lift0 > 0.0 or lift1 > 0.0 or p_s != part.chamber_pressure
     inflow = q[last] - faults.guide_leakage * (p_l0 - part.chamber_pressure)
@@ -199,14 +225,14 @@ def drift(
         p[last] = p_l0 + 2.0 * line_gain * inflow
         return p_s
     p_c0 = chamber_pressure(lift0, part, faults)
-    seat0 = seat_factor(lift0, part, faults) * square_root(p_l0 - p_s)
+    seat0 = seat_factor(lift0, p_l0, part, faults) * square_root(p_l0 - p_s)
     nozzle0 = nozzle_factor(p_s, p_c0, lift0, part, faults) * square_root(p_s - p_c0)
     drain0 = by_seat * seat0 + (1.0 - by_seat) * nozzle0
     p_c1 = chamber_pressure(lift1, part, faults)
     p_l, p_s1 = p_l0, p_s
     for _ in range(20):
         p_s1 = _sac_after(p_s, sac_gain * (seat0 - nozzle0), sac_gain, p_l, p_c1, lift1, part, faults)
-        seat1 = seat_factor(lift1, part, faults) * square_root(p_l - p_s1)
+        seat1 = seat_factor(lift1, p_l, part, faults) * square_root(p_l - p_s1)
         nozzle1 = nozzle_factor(p_s1, p_c1, lift1, part, faults) * square_root(p_s1 - p_c1)
         drain1 = by_seat * seat1 + (1.0 - by_seat) * nozzle1
         leak1 = faults.guide_leakage * (p_l - part.chamber_pressure)

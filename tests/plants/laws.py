@@ -178,6 +178,7 @@ def altered(part: Injector, laws: Laws, now: Moment) -> Injector:
         part.sac_volume,
         part.chamber_pressure,
         part.drained_by_seat,
+        part.stiffening,
     )
 
 

@@ -25,6 +25,7 @@ class Injector(NamedTuple):
     sac_volume: float = 0.075e-6
     chamber_pressure: float = 5.0e6
     drained_by_seat: int = 0  # 1: mass balance; 0: the paper's simplification, drained by the nozzle flow
+    stiffening: float = 0.0  # K_1 of K = K_0 + K_1 p, whose K_0 and density are then those without pressure
 
 
 class Faults(NamedTuple):

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tests.plants.arrays import Array
-from tests.plants.equations import Rail
+from tests.plants.equations import STIFFNESS_PRESSURE, Rail, density_share
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector, with_faults
 from tests.plants.wave_equations import STEPS, run_wave
-from tests.plants.wave_line_equations import NODES, Lattice, WaveState
+from tests.plants.wave_line_equations import EVEN, MEGAPASCAL, NODES, Lattice, WaveState
 
 SAC_VOLUME = 3e-9  # m3, of the new part
 HIDDEN_SHARE = 0.1  # by which the real part differs from its data sheet, at most
@@ -44,6 +44,7 @@ class WaveLine(NamedTuple):
     taper: float = 0.0  # of the area, from the rail to the seat, as share of its mean
     inlet_ratio: float = 1.0  # of the first element's area to the others: a room behind the rail
     inlet_loss: float = 0.0  # Pa s2/m6, of an orifice between rail and line
+    smooth_flow: float = 0.0  # m3/s, at which a smooth wall resists as the injector says; 0: a rough one
 
 
 LINES = {
@@ -58,11 +59,11 @@ def new_part() -> Injector:
     return Injector(sac_volume=SAC_VOLUME, drained_by_seat=1)
 
 
-def real_part(seed: int) -> Injector:
+def real_part(seed: int, part: Injector | None = None) -> Injector:
     """The injector on the bench: stiffness, loss, flow coefficients and sac differ from the maker's."""
     rng = np.random.default_rng([seed, 0x7E57])
     stiffness, loss, seat, nozzle, sac = (1.0 + HIDDEN_SHARE * rng.uniform(-1.0, 1.0, 5)).tolist()
-    part = new_part()
+    part = part or new_part()
     return part._replace(
         bulk_modulus_line=part.bulk_modulus_line * stiffness,
         bulk_modulus_sac=part.bulk_modulus_sac * stiffness,
@@ -84,7 +85,7 @@ def lattice_of(part: Injector, faults: Faults, line: WaveLine, step: float) -> L
     inertances = inertance * share
     volumes = part.line_volume * (1.0 - line.end_share) * area / np.sum(area)
     areas = part.line_area * np.mean(1.0 / area) * area
-    stiffness = part.bulk_modulus_line * (1.0 + faults.bulk_modulus)
+    stiffness = part.bulk_modulus_line * (1.0 + faults.bulk_modulus) + part.stiffening * STIFFNESS_PRESSURE
     length = part.line_length / line.elements
     rates = line.viscosity * math.pi / areas
     active = KAGAWA_RATES if line.viscosity > 0.0 else np.empty(0)
@@ -100,6 +101,8 @@ def lattice_of(part: Injector, faults: Faults, line: WaveLine, step: float) -> L
         pull=4.0 * rates,  # the fluid's own, whatever is deposited
         end_volume=part.line_volume * line.end_share,
         inlet_loss=line.inlet_loss * (1.0 + faults.fuel_density),
+        dense=EVEN if part.stiffening == 0.0 else np.array([density_share(p * MEGAPASCAL, part) for p in range(400)]),
+        smoothness=line.smooth_flow**0.25,
     )
 
 

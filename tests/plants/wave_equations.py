@@ -23,6 +23,7 @@ from tests.plants.equations import (
     lift_at,
     line_stiffness,
     nozzle_factor,
+    sac_stiffness,
     seat_factor,
 )
 from tests.plants.laws import (
@@ -44,6 +45,7 @@ GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # of SDIRK2
 STEPS = 12  # per sample of 10 us
 SOLVED = 1e-3  # Pa
 STEEPEST = 1.0  # Pa, difference of pressure at which Newton's slope of a root ends; the root itself is exact
+STUCK = 0.95  # of the pressure in a shut sac: a small one in which more is left, the method empties no further
 EMPTY = 5e3  # Pa above the chamber's at which a shut sac counts as empty: it has less than 0.1 us to go
 
 
@@ -70,7 +72,7 @@ def _implicit(
 
     The seat's law is solved exactly; Newton's method for p_S, kept in its bracket.
     """
-    seat, p_c = seat_factor(lift, part, faults), chamber_pressure(lift, part, faults)
+    seat, p_c = seat_factor(lift, gallery, part, faults), chamber_pressure(lift, part, faults)
     resistance = gallery_gain * seat
     low, high = min(p_c, gallery, sac) - 1.0, max(p_c, gallery, sac) + 1.0
     p = min(max(sac, low), high)
@@ -114,7 +116,7 @@ def seat_step(
     inflow: held flow into the gallery [m3/s]; lifts: true, after GAMMA steps and after the step [m].
     """
     by_gallery = step * line_stiffness(p_l, part, faults) / end_volume
-    by_sac = step * part.bulk_modulus_sac * (1.0 + faults.sac_stiffness) / part.sac_volume
+    by_sac = step * sac_stiffness(p_s, part, faults) / part.sac_volume
     lift, lift1 = lifts
     gallery = p_l + GAMMA * by_gallery * inflow
     q_s1, q_h1 = _implicit(gallery, p_s, GAMMA * by_gallery, GAMMA * by_sac, lift, part, faults)
@@ -123,7 +125,9 @@ def seat_step(
     q_s2, q_h2 = _implicit(gallery, sac, GAMMA * by_gallery, GAMMA * by_sac, lift1, part, faults)
     gallery -= GAMMA * by_gallery * q_s2
     sac += GAMMA * by_sac * (q_s2 - q_h2)
-    if lift1 == 0.0 and sac - part.chamber_pressure < EMPTY:
+    above = sac - part.chamber_pressure
+    is_stuck = lift == 0.0 and above > STUCK * (p_s - part.chamber_pressure)
+    if lift1 == 0.0 and (above < EMPTY or is_stuck):
         sac = part.chamber_pressure
     return gallery, sac, (1.0 - GAMMA) * q_s1 + GAMMA * q_s2
 

@@ -7,10 +7,11 @@ shares no discretisation with it.
 import math
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
 from tests.plants.arrays import Array
-from tests.plants.equations import line_stiffness
+from tests.plants.equations import line_stiffness, stiffness_at
 from tests.plants.parameters import Faults, Injector
 
 NODES = 4  # of an element
@@ -22,6 +23,8 @@ OUTER = (-6.0, 2.5 * (1.0 + math.sqrt(5.0)), 2.5 * (1.0 - math.sqrt(5.0)), 1.0)
 INNER = (-0.5 * (1.0 + math.sqrt(5.0)), 0.0, math.sqrt(5.0), 0.5 * (1.0 - math.sqrt(5.0)))
 
 
+EVEN = np.ones(1)
+MEGAPASCAL = 1e6
 Four = tuple[float, float, float, float]
 
 
@@ -43,6 +46,8 @@ class Lattice(NamedTuple):
     pull: Array
     end_volume: float  # m3, the gallery in front of the seat
     inlet_loss: float = 0.0  # Pa s2/m6, of an orifice between rail and line
+    dense: Array = EVEN  # density over that without pressure, for each MPa; (1,): it is everywhere the same
+    smoothness: float = 0.0  # (m3/s)^(1/4), root of the flow that a smooth wall resists as a rough one does; 0: rough
 
 
 class WaveState(NamedTuple):
@@ -67,7 +72,7 @@ def line_rates(
     elements = lattice.inertance.shape[0]
     n = elements * NODES
     p_end = y[2 * n]
-    even = faults.bulk_modulus_slope == 0.0 and faults.entrained_air == 0.0
+    even = faults.bulk_modulus_slope == 0.0 and faults.entrained_air == 0.0 and part.stiffening == 0.0
     stiffness = line_stiffness(p_end, part, faults)
     pressure0, flow0 = rail, y[0] + (rail - y[n]) / lattice.impedance[0]
     if lattice.inlet_loss > 0.0:
@@ -88,13 +93,13 @@ def line_rates(
             pressure1, flow1 = p_end, y[i + 3] + (y[j + 3] - p_end) / z
             s_after, stress1 = s, s[3]
         force = _slopes(y[j] - s[0], y[j + 1] - s[1], y[j + 2] - s[2], y[j + 3] - s[3])
-        force0 = force[0] - EDGE * (pressure0 - stress0 - y[j] + s[0])
-        force3 = force[3] + EDGE * (pressure1 - stress1 - y[j + 3] + s[3])
+        first = force[0] - EDGE * (pressure0 - stress0 - y[j] + s[0])
+        last = force[3] + EDGE * (pressure1 - stress1 - y[j + 3] + s[3])
+        forces = (first, force[1], force[2], last)
         ease, loss = 1.0 / lattice.inertance[e], lattice.loss[e]
-        rate[i] = -ease * force0 - loss * y[i] * math.fabs(y[i]) - pull[i]
-        rate[i + 1] = -ease * force[1] - loss * y[i + 1] * math.fabs(y[i + 1]) - pull[i + 1]
-        rate[i + 2] = -ease * force[2] - loss * y[i + 2] * math.fabs(y[i + 2]) - pull[i + 2]
-        rate[i + 3] = -ease * force3 - loss * y[i + 3] * math.fabs(y[i + 3]) - pull[i + 3]
+        for k in range(NODES):
+            wall = _resistance(y[i + k], loss, lattice) / density_at(y[j + k], lattice)
+            rate[i + k] = -ease * forces[k] - wall - pull[i + k]
         gain = stiffness / lattice.volume[e]
         spread = _slopes(y[i], y[i + 1], y[i + 2], y[i + 3])
         rate[j] = -gain * (spread[0] - EDGE * (flow0 - y[i]))
@@ -103,10 +108,30 @@ def line_rates(
         rate[j + 3] = -gain * (spread[3] + EDGE * (flow1 - y[i + 3]))
         if not even:
             for k in range(j, j + NODES):
-                rate[k] *= line_stiffness(y[k], part, faults) / stiffness
+                rate[k] *= stiffness_at(y[k], density_at(y[k], lattice), part, faults) / stiffness
         pressure0, flow0, stress0, s = pressure1, flow1, stress1, s_after
     leak = faults.guide_leakage * (p_end - part.chamber_pressure)
     rate[2 * n] = (flow0 - drain - leak) * stiffness / lattice.end_volume
+
+
+@njit(cache=True, nogil=True)
+def density_at(p: float, lattice: Lattice) -> float:
+    """Density over that without pressure, at a pressure [Pa]: straight lines between each MPa."""
+    if lattice.dense.shape[0] == 1:
+        return 1.0
+    position = min(max(p / MEGAPASCAL, 0.0), lattice.dense.shape[0] - 1.001)
+    below = int(position)
+    share: float = lattice.dense[below] + (position - below) * (lattice.dense[below + 1] - lattice.dense[below])
+    return share
+
+
+@njit(cache=True, nogil=True)
+def _resistance(q: float, loss: float, lattice: Lattice) -> float:
+    """What the wall takes of a flow [m3/s]: by its square, or as Blasius found of a smooth one."""
+    speed = math.fabs(q)
+    if lattice.smoothness > 0.0:
+        speed = lattice.smoothness * math.sqrt(speed * math.sqrt(speed))
+    return loss * q * speed
 
 
 @njit(cache=True, nogil=True)

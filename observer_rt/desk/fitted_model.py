@@ -2,11 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
-from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, rounded, write_fitted
+from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, rounded
 from observer_rt.identification.fit.cross_validation import sensor_gain
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.likelihood.measurement import Measurement, without_gain
@@ -21,10 +19,6 @@ class FittedModel:
 
     done: CalibrationResult
     baseline: Baseline
-
-    def write(self, path: Path, start: InjectorFile) -> None:
-        """Write the file that the fit started from, with its numbers. Raises `RunError` if it would not load."""
-        write_fitted(path, start, self.done, self.baseline)
 
 
 def fitted_model(

@@ -56,6 +56,7 @@ def fit(options: FitOptions) -> None:
     from observer_rt.desk.evaluation.logged import open_source, without_truths
     from observer_rt.desk.fitted_model import fitted_model
     from observer_rt.engine.service.injector import calibration_of
+    from observer_rt.identification.fit.calibrate import write_fitted
     from observer_rt.identification.fit.cross_validation import refuse_clipped, warnings
     from observer_rt.identification.fit.document import document_of
     from observer_rt.identification.fit.masses import read_masses
@@ -91,7 +92,7 @@ def fit(options: FitOptions) -> None:
             fitted = fitted_model(start, recordings, weighed, reading.hashes(paths), progress, sensors)
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
-    fitted.write(output, source)
+    write_fitted(output, source, fitted.done, fitted.baseline)
     document = document_of(fitted.done, fitted.baseline, warned)
     if plot is not None:
         draw_fit(plot, fitted.done)

@@ -126,6 +126,7 @@ class Injector:
             Where no structure of the model has a solution.
         """
         from observer_rt.desk.fitted_model import fitted_model
+        from observer_rt.identification.fit.calibrate import write_fitted
 
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
@@ -143,7 +144,7 @@ class Injector:
             said = (*map(coverage, measured), *doubted)
         with TemporaryDirectory() as folder:
             path = Path(folder) / _FITTED
-            fitted.write(path, self.file)
+            write_fitted(path, self.file, fitted.done, fitted.baseline)
             made = self._with_file(path)
         return replace(made, calibration=FitResult(fitted, (*notes, *said), tuple(doubted)))
 

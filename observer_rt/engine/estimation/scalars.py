@@ -321,8 +321,6 @@ SCALARS = Scalars((
 # fmt: on
 
 PARAMETERS = SCALARS.width
-SERVO = tuple(range(Parameter.CONTROL_FLOW, Parameter.DISPLACEMENT + 1))
-"""Columns of a servo injector's pilot valve, and of what its needle displaces."""
 
 
 def with_gain(vector: NDArray[np.float64], gain: float) -> NDArray[np.float64]:

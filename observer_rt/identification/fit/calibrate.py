@@ -19,7 +19,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.fit.causes import TriedCause, tried_causes
 from observer_rt.identification.fit.cross_validation import by_meter, folds_of, share_between_samples, thinned
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.fit.problem import INERTANCE, STRUCTURES, FreeParameter, Structure
+from observer_rt.identification.fit.problem import INERTANCE, NOZZLE, STRUCTURES, FreeParameter, Structure
 from observer_rt.identification.fit.residuals import (
     Comparison,
     UnexplainedSignal,
@@ -147,6 +147,16 @@ class CalibrationResult:
         share, is_bench = self.comparison.share, self.cause is not None and self.cause.is_of_bench
         over = [phase for phase in self.above_gate if is_bench or share(phase) > TOLERATED]
         return tuple(sorted(over, key=lambda phase: -self.left.chi2[phase]))
+
+    @property
+    def told_shares(self) -> NDArray[np.float64]:
+        """Standard deviation of a mass by its own pressures, as share, where all but alpha_H is known: (folds,)."""
+        calibration, at = self.fitted.calibration, self.fitted.minimum.at
+        if NOZZLE not in calibration.free:
+            return np.full(len(calibration.folds), math.inf)
+        slopes = np.split(at.slopes[:, calibration.free.index(NOZZLE)], np.cumsum(at.residuals.counts[:-1]))
+        by_fold = zip(calibration.folds, slopes[::3], strict=False)  # of line pressure; rate and mass follow
+        return np.array([math.sqrt(len(fold.measurement.events) / (slope @ slope)) for fold, slope in by_fold])
 
     @property
     def mass_share(self) -> float:

@@ -56,6 +56,7 @@ class FitDocument(Document):
     residuals: tuple[Residual, ...]
     masses: tuple[RecordingMass, ...]
     mass_share: Number
+    told_shares: tuple[Number, ...] = Field(description="one sigma of a mass by one injection's pressures, at best")
     line_pressure_offsets_MPa: tuple[Number, ...] = Field(description="of each recording in `masses`")  # noqa: N815
     baseline: Whole
     warnings: tuple[str, ...]
@@ -84,6 +85,7 @@ def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[
         residuals=comparison.residuals,
         masses=comparison.masses(done.flow_level),
         mass_share=done.mass_share,
+        told_shares=tuple(done.told_shares.tolist()),
         line_pressure_offsets_MPa=tuple(done.offsets.tolist()),
         baseline=baseline,
         warnings=tuple(warnings),
@@ -198,7 +200,8 @@ def oddities(done: CalibrationResult) -> list[str]:
     result = [f"implausible: {one.words}{check.format(one.made_up_for or one.name)}" for one in odd]
     for parameter in free:
         value = parameter.of(done.injector)
-        if value < 1.01 * parameter.lowest or value > 0.99 * parameter.highest:
+        is_least = value < 1.01 * parameter.lowest and not parameter.linear  # the least of K_1 is a constant fuel
+        if is_least or value > 0.99 * parameter.highest:
             result.append(
                 f"{parameter.name} = {value / parameter.si:.4g} {parameter.unit} is at the end of the range tried"
             )

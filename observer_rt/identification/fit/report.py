@@ -14,7 +14,7 @@ from rich.console import Console
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, MEASURED, NotebookFigure, save_figure
-from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, Z_95
 from observer_rt.identification.fit.calibrate import CalibrationResult
 from observer_rt.identification.fit.cross_validation import spread
 from observer_rt.identification.fit.document import FitDocument, phase_name, verdict_words
@@ -88,6 +88,8 @@ def _masses(fit: FitDocument) -> Iterable[str]:
         yield f"mass of an injection, mean: {np.mean(before):.2f} -> {np.mean(after):.2f} mg"
     because = "what a recording left out changes, structures that do as well, slow instants"
     yield f"mass uncertain by the model: {fit.mass_share:.2%} (1 sigma; {because})"
+    sigma, mass = max((sigma or 0.0, mass) for sigma, mass in zip(fit.told_shares, after, strict=True))
+    yield f"one injection's own pressures tell a mass of {mass:.3g} mg to ±{Z_95 * sigma:.1%} at best (95 %)"
 
 
 def _arrow(values: Mapping[str, float | None]) -> tuple[str, str, str]:

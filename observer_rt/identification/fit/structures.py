@@ -55,8 +55,8 @@ class Choice:
 
     @property
     def mass_spread(self) -> float:
-        """By what share the mass differs, at most, between structures that do as well; 0 with one."""
-        return max(abs(one.mass / self.best.mass - 1.0) for one in self.as_good)
+        """By what share the mass differs, root mean square, between structures that do as well; 0 with one."""
+        return float(np.sqrt(np.mean([(one.mass / self.best.mass - 1.0) ** 2 for one in self.as_good])))
 
 
 def judged_by(structure: FittedStructure) -> UnexplainedSignal:

@@ -6,11 +6,13 @@ import pytest
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.learning.hypotheses import (
+    AT_FAULT,
     BEFORE,
-    HYPOTHESES,
+    INADEQUATE,
     LIFT_LATE,
     NEW,
     NEW_AT_FIRST,
+    QUICK,
     Kind,
     Mode,
     is_alike,
@@ -19,6 +21,7 @@ from observer_rt.engine.learning.hypotheses import (
 
 SCALE = 1e8  # Pa
 WIDE, DRIFT = SCALARS.prior(SCALE), SCALARS.drift(SCALE)
+HYPOTHESES = (BEFORE, QUICK, *NEW, AT_FAULT, INADEQUATE)
 MOVING = [kind for kind in HYPOTHESES if kind.columns]
 
 

@@ -34,6 +34,7 @@ def simulations(
     measured_rate: bool = False,
     injections: int = 3,
     seed: int = 1,
+    noise: SimulatedNoise | None = None,
 ) -> list[Simulation]:
     """One an operating point (rail pressure [Pa], energizing [s])."""
     return [
@@ -42,7 +43,7 @@ def simulations(
             make_schedule([pressure], injections, 0.05, [duration]),
             100e3,
             (),
-            SimulatedNoise(),
+            noise or SimulatedNoise(),
             measured_rate,
             seed=100 * seed + number,
         )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from observer_rt.desk.simulation.simulate import Simulation
+from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation
 from observer_rt.files.signals.recording import Recording, shown_slowly
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.fit.calibrate import RATE_MISFIT, CalibrationResult, FlowLevel, calibrate
@@ -95,6 +95,18 @@ def test_mass_is_right_where_nothing_was_fitted(by_pressures: CalibrationResult)
     assert abs(_mass_error(off_by_ten_percent())) > 0.03
     assert abs(_mass_error(by_pressures.injector)) < 0.003
     assert 0.001 <= by_pressures.mass_share < 0.003
+
+
+def test_one_injection_tells_its_mass_the_better_the_more_of_it_the_line_shows(
+    by_pressures: CalibrationResult,
+) -> None:
+    """1.1 ms at 100 MPa tell .29 % by an information limit that was computed elsewhere, with other terms known."""
+    shares = dict(zip(POINTS, by_pressures.told_shares, strict=True))
+    assert shares[100e6, 1.9e-3] == pytest.approx(0.0029, rel=0.2)
+    assert max(shares, key=lambda point: shares[point]) == (60e6, 0.6e-3)
+    quiet = simulations(POINTS[2:3], noise=SimulatedNoise(line_pressure=0.015e6))
+    alone = calibrate(NOMINAL, _measured(quiet), {}, lambda _: None, LUMPS[:1])
+    assert alone.told_shares[0] == pytest.approx(0.1 * shares[POINTS[2]], rel=0.5)
 
 
 def test_residuals_fall_to_noise(by_pressures: CalibrationResult) -> None:

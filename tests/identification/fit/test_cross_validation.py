@@ -172,7 +172,7 @@ def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path) -> None:
     assert fitted.done.inadequate == ()
     assert fitted.baseline.line_pressure_sensor_gain == pytest.approx(GAIN, abs=1.8e-3)  # two sigma
     assert fitted.done.injector.line.loss_factor == pytest.approx(NOMINAL.line.loss_factor, rel=0.05)
-    fitted.write(tmp_path / "fitted.toml", InjectorFile.read(NOMINAL_INJECTOR))
+    write_fitted(tmp_path / "fitted.toml", InjectorFile.read(NOMINAL_INJECTOR), fitted.done, fitted.baseline)
     assert load_injector(tmp_path / "fitted.toml").accuracy == NOMINAL.accuracy  # nothing was measured
 
 

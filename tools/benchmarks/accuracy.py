@@ -1,5 +1,9 @@
 """`tools/bench accuracy`: cases of faults on independent plants, our observer and an unscented filter beside it."""
 
+import itertools
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,8 +12,9 @@ import typer
 
 from observer_rt.config.bench import load_injector
 from tests.plants.plant import record
+from tests.plants.real import WHOLE, Setting
 from tests.plants.windows import windows_of
-from tools.benchmarks import campaign, worn_lines
+from tools.benchmarks import campaign, real_injectors, worn_lines
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.campaign import Bar, How, Row, chance_of_95, conclude, run_cases, table, tally, values_of
 from tools.benchmarks.cases import CLASSES, Group, make_case
@@ -95,6 +100,14 @@ WORN_COLUMNS: dict[str, tuple[str, How]] = {
 }
 
 
+class AccuracyTier(StrEnum):
+    """Which plant is measured."""
+
+    A = "A"
+    B = "B"
+    C = "C"
+
+
 def score_case(class_name: str, seed: int, number: int, with_peer: bool) -> Row:
     """Record a case, and score the observer and the peer on it; a filter wants the whole recording."""
     case = make_case(class_name, seed, number)
@@ -126,24 +139,34 @@ def with_magnitudes(frame: pd.DataFrame) -> pd.DataFrame:
 
 @cli.app.command(
     epilog="Examples: tools/bench accuracy --cases 10 --classes orifice_area,line_friction; "
-    "tools/bench accuracy --tier B"
+    "tools/bench accuracy --tier B; tools/bench accuracy --tier C --classes car,marine"
 )
 def accuracy(
     cases: Annotated[
-        int | None, typer.Option(min=1, help=f"Of a class ({CASES}); of a line of tier B ({worn_lines.CASES}).")
+        int | None,
+        typer.Option(
+            min=1, help=f"Of a class ({CASES}); of a line of tier B ({worn_lines.CASES}); of a kind, C (1)."
+        ),
     ] = None,
-    classes: Annotated[str, typer.Option(help="Tier A: classes, by commas (default: all).")] = "",
+    classes: Annotated[str, typer.Option(help="Tier A: classes, C: settings, by commas (default: all).")] = "",
     seed: cli.SeedOption = 1,
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
     no_peers: Annotated[bool, typer.Option("--no-peers", help="Only our observer.")] = False,
-    tier: cli.TierOption = cli.Tier.A,
+    tier: Annotated[
+        AccuracyTier,
+        typer.Option(help="A: a plant of the nominal structure. B: richer, C: realistic; `fit` fits to it."),
+    ] = AccuracyTier.A,
     as_json: cli.JsonOption = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
     out = out or Path(f"build/accuracy-{tier}")
-    if tier is cli.Tier.B:
+    if tier is AccuracyTier.B:
         _on_worn_lines(cases or worn_lines.CASES, seed, jobs, out, as_json)
+        return
+    if tier is AccuracyTier.C:
+        settings = cli.chosen_names(classes, "--classes", [*Setting], [*Setting])
+        _on_real_injectors([Setting(name) for name in settings], cases or 1, seed, jobs, out, as_json)
         return
     names = cli.chosen_names(classes, "--classes", CLASSES, CLASSES)
     todo = {
@@ -169,3 +192,29 @@ def _on_worn_lines(cases: int, seed: int, jobs: int, out: Path, as_json: bool) -
     frame = with_magnitudes(run_cases("worn-lines", worn_lines.score_worn, todo, jobs, out))
     tables = {"worn injectors on fitted lines, from the fifth event on": table(frame, "class_name", WORN_COLUMNS)}
     conclude(frame, WORN_BARS, tables, out, as_json, left_out)
+
+
+def _on_real_injectors(
+    settings: Sequence[Setting], cases: int, seed: int, jobs: int, out: Path, as_json: bool
+) -> None:
+    """Only whole ones with measured masses are more than healthy, or evenly worn."""
+    fits = [*itertools.product(settings, (True, False))]
+    with ThreadPoolExecutor(jobs) as pool:
+        models = pool.map(lambda fit: real_injectors.real_model(fit[0], seed, fit[1], out), fits)
+    todo = {
+        f"{setting} {kind} {seed} {number}{' weighed' * weighed}": (setting, kind, seed, number, weighed, model)
+        for (setting, weighed), model in zip(fits, models, strict=True)
+        for kind in (real_injectors.KINDS if weighed and setting in WHOLE else real_injectors.MAIN)
+        for number in range(cases)
+    }
+    frame = with_magnitudes(run_cases("real-injectors", real_injectors.score_real, todo, jobs, out))
+    is_weighed, is_main = frame["weighed"].eq(True), frame["kind"].isin(real_injectors.MAIN)
+    tables = {
+        f"realistic injectors, {which}, from the fifth event on": table(frame[rows], by, real_injectors.COLUMNS)
+        for which, rows, by in (
+            ("masses measured, healthy and nozzle +12 %", is_weighed & is_main, "setting"),
+            ("masses measured", is_weighed, "kind"),
+            ("no mass measured, healthy and nozzle +12 %", ~is_weighed, "setting"),
+        )
+    }
+    conclude(frame, real_injectors.BARS, tables, out, as_json)

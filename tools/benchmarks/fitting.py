@@ -1,33 +1,42 @@
 """Models that `observer-rt fit` makes of healthy recordings of the richer plants, kept while the code is the same."""
 
+import math
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, exact_text
 from observer_rt.files.formats import write_recording
 from observer_rt.foundation.errors import RunError
 from tests.observed_plants import recording_of
 from tests.plants.healthy import healthy_benches
+from tests.plants.parameters import Injector
 from tests.plants.plant import Bench, Outcome, record
 from tests.plants.wave import Variant, new_part
+from tests.plants.windows import true_masses
 from tools.benchmarks.campaign import messages, state_of_the_code
 
 FITTED, MAKER, MADE_BY = "fitted.toml", "new_part.toml", "made_by.txt"
 
 
-def fitted_model(folder: Path, recorded: Callable[[Path], Sequence[Path]], more: Sequence[str] = ()) -> Path:
+def fitted_model(
+    folder: Path, recorded: Callable[[Path], Sequence[Path]], more: Sequence[str] = (), maker: str = ""
+) -> Path:
     """The injector file that `fit` makes of recordings, which `recorded` writes into a folder.
 
-    more: options of `fit`. Raises RunError where it fails.
+    more: options of `fit`; maker: text of the file it starts from. Raises RunError where it fails.
     """
     fitted, made_by = folder / FITTED, folder / MADE_BY
     if fitted.exists() and made_by.exists() and made_by.read_text() == state_of_the_code():
         return fitted
     folder.mkdir(parents=True, exist_ok=True)
     messages.print(f"fitting {folder.name} ...", highlight=False)
-    (folder / MAKER).write_text(maker_file())
+    (folder / MAKER).write_text(maker or maker_file(new_part()))
     files = recorded(folder)
     options = ["--model", folder / MAKER, "--output", fitted, "--force", *more]
     command = [sys.executable, "-m", "observer_rt", "fit", *files, *options]
@@ -38,11 +47,29 @@ def fitted_model(folder: Path, recorded: Callable[[Path], Sequence[Path]], more:
     return fitted
 
 
-def maker_file() -> str:
-    """The injector file `fit` starts from: the nominal one with the sac of this part."""
-    lines = exact_text(NOMINAL_INJECTOR).splitlines()
-    sac = f"sac_volume = {new_part().sac_volume:g}  # V_S, m3"
-    return "\n".join(sac if line.partition("=")[0].strip() == "sac_volume" else line for line in lines) + "\n"
+def maker_file(part: Injector, body: float = 0.0) -> str:
+    """The injector file `fit` starts from: the nominal one with the sac of this part; where a body's volume [m3] is
+    stated, with its geometry, as a workshop knows it."""
+    text = NOMINAL_INJECTOR.read_text(encoding="utf-8") if body else exact_text(NOMINAL_INJECTOR)
+    document: Any = tomlkit.parse(text)
+    document["nozzle"]["sac_volume"] = part.sac_volume
+    if body:
+        document["fluid"] |= {"density_line": part.density, "density_nozzle": part.density}
+        volumes = {"volume": part.line_volume - body, "end_volume": body}
+        bore = math.sqrt(4.0 / math.pi * part.line_area)
+        document["line"] |= {"model": "wave", "length": part.line_length, "diameter": bore, **volumes}
+        document["seat"] |= {"diameter": part.seat_diameter, "max_lift": part.max_lift}
+        nozzle = document["nozzle"]
+        nozzle["hole_diameter"] *= math.sqrt(part.nozzle_area / new_part().nozzle_area)
+    return tomlkit.dumps(document)
+
+
+def write_masses(file: Path, benches: Mapping[str, Bench], outcomes: Mapping[str, Outcome], sigma: float) -> None:
+    """Mean masses of recordings by name, as `fit --mass` reads them, each wrong by a share of one sigma."""
+    rng = np.random.default_rng([bench.seed for bench in benches.values()])
+    masses = {name: np.mean(true_masses(outcomes[name], bench)) * 1e6 for name, bench in benches.items()}
+    rows = [f"{name}.csv,{mass * rng.normal(1.0, sigma):.5f},{sigma * mass:.5f}" for name, mass in masses.items()]
+    file.write_text("\n".join(["recording,mass_mg,sigma_mg", *rows]) + "\n")
 
 
 def write_outcomes(folder: Path, outcomes: Mapping[str, Outcome]) -> list[Path]:

@@ -101,6 +101,13 @@ class Score:
         """Over the samples of all windows from the fifth event on."""
         return float(np.average(squares[FROM:], weights=self.window_samples[FROM:]))
 
+    @property
+    def _intervals(self) -> list[tuple[float, float, float]]:
+        """Of the valid events from the fifth on: bounds and true mass [mg]."""
+        masses = self.event_masses(self.true_masses)
+        rows = list(zip(self.valid, self.mass_ci95_mg, masses, strict=True))[FROM:]
+        return [(*interval, mass) for valid, interval, mass in rows if valid and interval]
+
     def covered(self, event: int) -> bool | None:
         """Whether the 95 % interval of an event's mass holds the true mass; None without interval."""
         interval = self.mass_ci95_mg[event]
@@ -118,7 +125,6 @@ class Score:
         excess = np.abs(errors) - np.abs(self.event_errors_pct(NOMINAL))
         x3, judged = self.mean(ours.x3_squares), int(self.rate_judged[FROM:].sum())
         wear = case.bench.events[-1].faults.orifice_area
-        held = [self.covered(event) for event in range(FROM, len(self.valid)) if self.valid[event]]
         summed = [i for each in self.scored for i in each.openings]
         in_time = None
         if case.change_event is not None:
@@ -141,7 +147,8 @@ class Score:
             ).tolist(),
             "x3_ratio": self.mean(theirs.x3_squares) / x3 if x3 > 0.0 else math.inf,
             "covered": self.covered(COVERAGE_EVENT),
-            "held": [each for each in held if each is not None],
+            "held": [bool(low <= mass <= high) for low, high, mass in self._intervals],
+            "half_width_pct": [50.0 * (high - low) / mass for low, high, mass in self._intervals],
             "rate_coverage": float(self.rate_covered[FROM:].sum() / judged) if judged else None,
             "refused": [reason for reason in self.reasons[FROM:] if reason],
             "nearer_to_nominal": self._fallbacks(),

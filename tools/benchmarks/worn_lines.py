@@ -13,13 +13,12 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from tests.observed_plants import bench_at, recording_of
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, record
-from tests.plants.windows import windows_of
+from tests.plants.plant import Bench, Event, Needle, Shot, record
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.cases import Case
 from tools.benchmarks.discovery.discrepancies import Discrepancy, plant_of
 from tools.benchmarks.discovery.rigs import Rig, healthy_benches, needle_of
-from tools.benchmarks.fitting import fitted_model, write_outcomes
+from tools.benchmarks.fitting import fitted_model, write_masses, write_outcomes
 from tools.benchmarks.scoring import score_evaluation
 
 CASES = 9  # of a discrepancy
@@ -62,18 +61,11 @@ def worn_model(discrepancy: Discrepancy, seed: int, out: Path, laws: Laws = NO_L
     is_weighed = discrepancy is Discrepancy.LENGTH
 
     def recorded(folder: Path) -> list[Path]:
-        benches = healthy_benches(Rig(discrepancy, False, seed))
-        outcomes = {f"healthy_{number}": record(replace(bench, laws=laws)) for number, bench in enumerate(benches)}
+        healthy = enumerate(healthy_benches(Rig(discrepancy, False, seed)))
+        benches = {f"healthy_{number}": replace(bench, laws=laws) for number, bench in healthy}
+        outcomes = {name: record(bench) for name, bench in benches.items()}
         if is_weighed:
-            rng = np.random.default_rng([seed, zlib.crc32(b"weighed")])
-            density = plant_of(discrepancy, seed).part.density
-            injected = [
-                windows_of(each, SAMPLE_RATE).event_masses_mg(each.truth.injection_rate, density)
-                for each in outcomes.values()
-            ]
-            masses = [float(np.mean(each)) * rng.normal(1.0, WEIGHED_SIGMA) for each in injected]
-            rows = [f"{name}.csv,{mass:.5f}" for name, mass in zip(outcomes, masses, strict=True)]
-            weighed.write_text("\n".join(["recording,mass_mg", *rows]) + "\n")
+            write_masses(weighed, benches, outcomes, WEIGHED_SIGMA)
         return write_outcomes(folder, outcomes)
 
     return fitted_model(folder, recorded, ["--mass", str(weighed)] if is_weighed else [])

@@ -114,13 +114,16 @@ class Score:
         true = sum(self.true_masses[i] for i in self.of_event[event])
         return None if interval is None else bool(interval[0] <= true <= interval[1])
 
-    def facts(self) -> dict[str, Any]:
-        """The case as a row: errors in %, rates in mm3/ms, shares from 0 to 1; None or no list: not asked."""
+    def facts(self, wrong_rate: float = WRONG_RATE) -> dict[str, Any]:
+        """The case as a row: errors in %, rates in mm3/ms, shares from 0 to 1; None or no list: not asked.
+
+        wrong_rate: beyond it a valid injection is wrong [mm3/ms].
+        """
         case, errors = self.case, self.event_errors_pct()
         group = CLASSES[case.class_name].group if case.class_name in CLASSES else None
         ours, theirs = self.estimates[OBSERVER], self.estimates[NOMINAL]
         valid = [each for each in self.injections if each.valid]
-        rough = np.array([ours.rate_squares[each.event] > WRONG_RATE**2 for each in valid], np.bool_)
+        rough = np.array([ours.rate_squares[each.event] > wrong_rate**2 for each in valid], np.bool_)
         wrong = (np.abs(self.errors_pct(valid)) > WRONG_MASS) | rough
         excess = np.abs(errors) - np.abs(self.event_errors_pct(NOMINAL))
         x3, judged = self.mean(ours.x3_squares), int(self.rate_judged[FROM:].sum())

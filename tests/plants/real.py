@@ -145,7 +145,7 @@ class RealInjector:
 def real_injector(setting: Setting, seed: int) -> RealInjector:
     """The injector of a setting and a seed, from which all else of it is drawn."""
     rng = np.random.default_rng([seed, zlib.crc32(setting.encode())])
-    size, has = SIZES.get(setting, CAR), [*Setting].index(setting)
+    size, has = SIZES.get(setting, CAR), [*Setting][: [*Setting].index(setting) + 1]
     part = _as_made(real_part(int(rng.integers(2**62)), size.part), size.body, rng)
     opening, closing = 1.0 + NEEDLE_SPREAD * rng.uniform(-1.0, 1.0, 2)
     gains = GAIN * rng.normal(size=2)
@@ -154,19 +154,19 @@ def real_injector(setting: Setting, seed: int) -> RealInjector:
         part,
         WaveLine(end_share=size.body / part.line_volume, elements=ELEMENTS),
         Needle(0.8 * opening, 0.9 * closing),
-        Laws(control_flow=size.pilot) if has >= 3 else NO_LAWS,
+        Laws(control_flow=size.pilot) if Setting.SERVO in has else NO_LAWS,
         Faults(rail_pressure_sensor_gain=gains[0], line_pressure_sensor_gain=gains[1]),
         drawn_rail(rng),
-        tuple(map(_channel, BITS)) if has >= 2 else (),
+        tuple(map(_channel, BITS)) if Setting.FILTERS in has else (),
     )
-    if has == 0:
+    if setting is Setting.CONSTANT:
         stiffness = part.bulk_modulus_line + STIFFENING * CONSTANT_AT
         return replace(
             injector, part=part._replace(bulk_modulus_line=stiffness, bulk_modulus_sac=stiffness, stiffening=0.0)
         )
-    if has >= 4:
+    if Setting.ORIFICE in has:
         injector = replace(injector, line=injector.line._replace(inlet_loss=size.orifice))
-    if has >= 5:
+    if setting in WHOLE:
         line = injector.line._replace(damping=0.5, viscosity=4e-6, smooth_flow=size.part.nozzle_area * 500.0)
         faults = injector.faults._replace(
             orifice_cavitation=CAVITATING, line_pressure_sensor_offset=OFFSET * rng.normal()

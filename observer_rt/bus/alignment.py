@@ -33,24 +33,9 @@ from numpy.typing import NDArray
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS
 from observer_rt.bus.mapping.timing import SLOTS, GridRelation, Joining, Numbering
-from observer_rt.core.frames.frames import PATIENCE, RECORDS
-from observer_rt.core.stream.stream import RECORDED_RING
-from observer_rt.core.stream.stream import RECORDS as OF_STREAM
-from observer_rt.foundation.records import dtype_of
+from observer_rt.core.frames import frames as core
+from observer_rt.core.stream.stream import RECORDED, RECORDED_RING
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
-
-RECORDED = dtype_of(OF_STREAM["Recorded"])
-STREAM = dtype_of(RECORDS["GridStream"])
-
-# A message with samples between those of the grid, or further apart.
-FOLLOWER = dtype_of(RECORDS["Follower"])
-SLOT = dtype_of(RECORDS["Slot"])
-ALIGNMENT = dtype_of(RECORDS["AlignmentMemory"])
-
-CLOCK = dtype_of(RECORDS["Clock"])
-COUNTING = dtype_of(RECORDS["Counting"])
-SHIFT = dtype_of(RECORDS["Shift"])
-TIMEKEEPING = dtype_of(RECORDS["TimekeepingMemory"])
 
 LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
 SECOND = 1e9  # ns
@@ -80,10 +65,10 @@ def make_alignment(
     `closed_lift` [m] bounds the lift of a closed needle; `recorded`: the ring it writes to.
     """
     alignment = Alignment(
-        np.zeros(1, ALIGNMENT),
-        np.zeros(MAX_INPUTS, STREAM),
-        np.zeros(MAX_INPUTS, FOLLOWER),
-        np.zeros(SLOTS, SLOT),
+        np.zeros(1, core.ALIGNMENT),
+        np.zeros(MAX_INPUTS, core.STREAM),
+        np.zeros(MAX_INPUTS, core.FOLLOWER),
+        np.zeros(SLOTS, core.SLOT),
         recorded,
     )
     memory = alignment.memory[0]
@@ -126,7 +111,7 @@ def is_stale(alignment: Alignment) -> bool:
     """Whether a message stays away while others come."""
     memory = alignment.memory[0]
     waiting = memory["newest"] - memory["next_index"]
-    return bool(alignment.followers["stale"].any() or waiting > PATIENCE)
+    return bool(alignment.followers["stale"].any() or waiting > core.PATIENCE)
 
 
 class Jitter(NamedTuple):
@@ -142,7 +127,7 @@ def make_clock(interval: float, samples: int, shortest: float) -> NDArray[np.voi
 
     shortest: least time [s] from one frame to the next on the bus, 0 without a limit.
     """
-    clock = np.zeros(1, CLOCK)
+    clock = np.zeros(1, core.CLOCK)
     clock["shortest"] = shortest * 1e9
     clock["interval"] = interval * 1e9
     clock["samples"] = samples
@@ -162,7 +147,7 @@ def jitter_of(clock: np.void) -> Jitter:
 
 def make_counting(modulus: int) -> NDArray[np.void]:
     """Memory (1,) for one message that no frame has come of; `modulus` of its counter, 1 without one."""
-    counting = np.zeros(1, COUNTING)
+    counting = np.zeros(1, core.COUNTING)
     counting["modulus"] = modulus
     return counting
 
@@ -179,17 +164,17 @@ class Timekeeping(NamedTuple):
 
 def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leading: int) -> Timekeeping:
     """Memory of all messages before the first frame; `samples` of every role in one frame of each message."""
-    memory = np.zeros(1, TIMEKEEPING)
+    memory = np.zeros(1, core.TIMEKEEPING)
     memory["leading"] = leading
     memory["by_stamps"] = bool(
         np.any(timing["numbering"] != Numbering.INDEX) or np.any(timing["joining"] == Joining.CLOCK)
     )
     count = len(timing)
-    clocks, counts = np.zeros(count, CLOCK), np.zeros(count, COUNTING)
+    clocks, counts = np.zeros(count, core.CLOCK), np.zeros(count, core.COUNTING)
     for number, row in enumerate(timing):
         clocks[number] = make_clock(float(row["interval"]), int(samples[number]), float(row["shortest"]))[0]
         counts[number] = make_counting(int(row["modulus"]))[0]
-    return Timekeeping(memory, timing, clocks, counts, np.zeros(count, SHIFT))
+    return Timekeeping(memory, timing, clocks, counts, np.zeros(count, core.SHIFT))
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from observer_rt.bus.links.opening import BusDownError, DescriptorLink
 from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import SLOTS
-from observer_rt.core.frames.frames import ERRORS, WAIT_MS, WAITING, PumpLoop
+from observer_rt.core.frames.frames import ERRORS, PUMP_BUS, WAIT_MS, WAITING, PumpLoop
 from observer_rt.daemon.arrivals import Arrivals
 from observer_rt.daemon.bus_connection import RETRY
-from observer_rt.daemon.pump_memory import BUS, Latency, latency_of, make_pump
+from observer_rt.daemon.pump_memory import Latency, latency_of, make_pump
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame, output_frame
 
@@ -268,7 +268,7 @@ class FramePump:
         with socket.socket(fileno=os.dup(link.descriptor)) as same:
             same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
         state = self._pump.buses[bus]
-        for name in BUS.names or ():
+        for name in PUMP_BUS.names or ():
             if name not in ("failure", "errors"):
                 state[name] = 0
         state["fd"] = link.descriptor

@@ -9,14 +9,9 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLAG, FD_MTU
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.core.frames.frames import ERRORS, RECORDS, WAITING
-from observer_rt.foundation.records import dtype_of
+from observer_rt.core.frames.frames import ARRIVAL, ERROR_FRAME, ERRORS, PUMP, PUMP_BUS, WAITING
 from observer_rt.foundation.units import MICROSECOND
 
-BUS = dtype_of(RECORDS["PumpBus"])
-ERROR = dtype_of(RECORDS["ErrorFrame"])
-ARRIVAL = dtype_of(RECORDS["Arrival"])
-PUMP = dtype_of(RECORDS["PumpMemory"])
 NANOSECOND = 1e-9  # s
 SHORTEST = 1024  # ns, where the first of the octaves begins that are counted in quarters
 MOST = 0.999  # of the rates, that `Latency.p999` is about
@@ -26,8 +21,8 @@ class Pump(NamedTuple):
     """Memory that Python reads and writes beside the loop."""
 
     memory: NDArray[np.void]  # (1,) PUMP
-    buses: NDArray[np.void]  # BUS
-    errors: NDArray[np.void]  # ERROR, ERRORS of every bus
+    buses: NDArray[np.void]  # PUMP_BUS
+    errors: NDArray[np.void]  # ERROR_FRAME, ERRORS of every bus
     arrivals: NDArray[np.void]  # ARRIVAL
     waiting: NDArray[np.uint8]  # WAITING results as the kernel takes them
 
@@ -43,9 +38,8 @@ def make_pump(buses: int, watched: Sequence[MessageLayout], result: MessageLayou
         memory["identifier"] = result.frame_id | (EXTENDED_FLAG if result.is_extended else 0)
         memory["flags"] = BIT_RATE_SWITCH if result.is_fd else 0
         memory["size"] = FD_MTU if result.is_fd else CLASSIC_MTU
-    return Pump(
-        memory, np.zeros(buses, BUS), np.zeros(buses * ERRORS, ERROR), arrivals, np.zeros(WAITING * FD_MTU, np.uint8)
-    )
+    waiting = np.zeros(WAITING * FD_MTU, np.uint8)
+    return Pump(memory, np.zeros(buses, PUMP_BUS), np.zeros(buses * ERRORS, ERROR_FRAME), arrivals, waiting)
 
 
 @dataclass(frozen=True)

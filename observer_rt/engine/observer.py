@@ -11,13 +11,19 @@ from numpy.typing import NDArray
 from observer_rt.bus.alignment import Break, make_recorded
 from observer_rt.core.stream.stepper import Stepper
 from observer_rt.core.stream.stream import (
+    CHANNEL,
     COMMANDS,
+    EVENT,
+    INJECTION,
     INJECTIONS,
     LONG_PAST,
+    MEMORY,
     PENDING_EVENTS,
     REACH,
     RING,
+    SAMPLE,
     Stream,
+    Timing,
     copy_window,
     dead_band,
 )
@@ -29,14 +35,8 @@ from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.mailbox import begin_with
 from observer_rt.engine.stream.standstill import Standstill, standstill_of
 from observer_rt.engine.stream.state import (
-    CHANNEL,
-    EVENT,
-    INJECTION,
-    MEMORY,
-    SAMPLE,
     Constants,
     Observer,
-    Timing,
     confirming_samples,
     no_verdicts,
     noise_gain,

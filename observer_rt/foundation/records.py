@@ -1,4 +1,4 @@
-"""Records: dtypes of the core's structs, and frozen data classes as named values that a file can hold, and back.
+"""Records: frozen data classes as named values that a file can hold, and back.
 
 Fields keep their names: numbers, arrays, tuples of these, other such classes. Fields marked `NOT_KEPT` belong to one
 run only.
@@ -14,38 +14,11 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-Record = tuple[memoryview, Mapping[str, Any]]
-"""One struct in memory, and its fields by name, as the core gives them."""
-
 NOT_KEPT: Mapping[str, Any] = {"kept": False}
 """Metadata of a field that no file holds."""
 _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
 Count = Annotated[int, Field(ge=0, lt=1 << 53)]
-
-
-def dtype_of(record: Record) -> np.dtype[np.void]:
-    """Dtype of the arrays that the core takes as such structs; a single `unsigned char` is a bool."""
-    view, fields = record
-    return _dtype(np.asarray(view).dtype, fields)
-
-
-def _dtype(described: np.dtype[Any], value: Any) -> np.dtype[Any]:
-    if described.kind == "c":  # how the core shows a struct of two doubles
-        return np.dtype([(name, np.float64) for name in value], align=True)
-    if described == np.uint8:
-        return np.dtype(np.bool_)
-    if described.fields is None:
-        return described
-    fields = dict(described.fields)
-    layout: Any = {
-        "names": list(fields),
-        "formats": [_dtype(field[0], value[name]) for name, field in fields.items()],
-        "offsets": [field[1] for field in fields.values()],
-        "itemsize": described.itemsize,
-    }
-    made: np.dtype[Any] = np.dtype(layout, align=True)
-    return made
 
 
 class NotAsExpectedError(ValueError):

@@ -8,19 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.model import InputTerms, Nozzle, Sac, Seat, Sensor
 from observer_rt.foundation.units import MILLIMETRE
 from observer_rt.model.fuel import USUAL_PRESSURE
-from observer_rt.model.hydraulics import (
-    Nozzle,
-    Sac,
-    Seat,
-    Valve,
-    nozzle_of,
-    sac_of,
-    seat_flow_scale,
-    seat_of,
-    valve_of,
-)
+from observer_rt.model.hydraulics import Valve, nozzle_of, sac_of, seat_flow_scale, seat_of, valve_of
 from observer_rt.model.line import line_of
 from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
 from observer_rt.model.terms.term import Term, Variable
@@ -77,21 +68,6 @@ def averaged(c: Coefficients) -> Coefficients:
     return c._replace(line=c.line.with_mean())
 
 
-class InputTerms(NamedTuple):
-    """Terms of true inputs: true = factor * measured + shift (the lift's only while the needle is open).
-
-    lift_lag: time constant of a first-order lift sensor, undone before; rail_delay: by which the rail pressure is
-    recorded later than the other two.
-    """
-
-    rail_factor: float = 1.0
-    rail_shift: float = 0.0  # Pa
-    lift_factor: float = 1.0
-    lift_shift: float = 0.0  # m
-    lift_lag: float = 0.0  # s
-    rail_delay: float = 0.0  # s, < 0: early
-
-
 class SensorTerms(NamedTuple):
     """The line-pressure sensor: a first-order lag, its signal recorded late by `delay`, an offset added."""
 
@@ -100,7 +76,7 @@ class SensorTerms(NamedTuple):
     delay: float = 0.0  # s, < 0: early
 
 
-TRUE_INPUTS = InputTerms()
+TRUE_INPUTS = InputTerms(1.0, 0.0, 1.0, 0.0, lift_lag=0.0, rail_delay=0.0)
 TRUE_SENSOR = SensorTerms()
 
 
@@ -146,19 +122,6 @@ class EffectiveModel:
         """The model with other values in its `departures`, `inputs` or `sensor`."""
         changed = getattr(self, terms)._replace(**changes)
         return replace(self, **{terms: changed})
-
-
-class Sensor(NamedTuple):
-    """The line-pressure sensor of the model in force, as samples see it, before the learned corrections.
-
-    Sample k + late of the recorded line pressure belongs to the time `fraction` (0 to 1) of a sample before that of
-    sample k of the inputs.
-    """
-
-    lag: float = 0.0  # s
-    offset: float = 0.0  # in units of p_0
-    late: int = 0  # samples, < 0: early
-    fraction: float = 0.0  # of a sample
 
 
 def sensor_of(terms: SensorTerms, pressure_scale: float, interval: float) -> Sensor:

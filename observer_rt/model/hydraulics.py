@@ -7,9 +7,11 @@ its edges. The equations are `core/model/valve.pxd` and `core/model/servo.pxi`; 
 """
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
+from observer_rt.core.model import model
 from observer_rt.core.model.laws import seat_area
+from observer_rt.core.model.model import Nozzle, Sac, Seat
 from observer_rt.model.fuel import parabola
 
 if TYPE_CHECKING:
@@ -21,26 +23,27 @@ AT = 100e6  # Pa, of the line and of the rail, to which flow and times belong
 TRANSITION_PRESSURE = 0.5e6  # Pa, below which the orifice laws turn linear
 
 
-class Valve(NamedTuple):
+class Valve(model.Valve):
     """When the valve is open, and how its flow changes."""
 
-    start: float = START  # s before the needle leaves its seat, at 100 MPa
-    end: float = END  # s before it begins to fall
-    hold: float = 0.0  # h: share by which the flow is larger while the needle is at its stop
-    exponent: float = 0.0  # n
-    # 1: start and end are counted from the edges of the command, whatever the rail pressure.
-    commanded: float = 0.0
+    __slots__ = ()
 
     def by_commands(self) -> "Valve":
         """The valve of an injector whose commands are known."""
-        return Valve(-DELAY, -DELAY, self.hold, commanded=1.0)
+        return Valve(-DELAY, -DELAY, self.hold, exponent=0.0, commanded=1.0)
 
 
 def valve_of(parameters: "InjectorParameters") -> Valve:
     """The valve of an injector's file."""
     line = parameters.line
-    stated = line.control_start, line.control_end, line.control_hold, line.control_exponent
-    return Valve(*(usual if one is None else one for one, usual in zip(stated, Valve(), strict=False)))
+    start, end = line.control_start, line.control_end
+    return Valve(
+        START if start is None else start,
+        END if end is None else end,
+        line.control_hold or 0.0,
+        line.control_exponent or 0.0,
+        commanded=0.0,
+    )
 
 
 def control_flow_at_scale(parameters: "InjectorParameters") -> float:
@@ -52,19 +55,6 @@ def jet_velocity(parameters: "InjectorParameters") -> float:
     """Velocity of a jet at p_0 into the chamber, times the fuel's density there over rho_0 [m/s]."""
     denser = parameters.fluid.in_sac.density(parameters.chamber.pressure)
     return math.sqrt(2 * parameters.scaling.pressure / parameters.fluid.density_nozzle * denser)
-
-
-class Seat(NamedTuple):
-    """Coefficients of the seat."""
-
-    transition: float  # of the orifice law, in units of p_0
-    area_scale: float  # A_0, m2
-    diameter: float  # d_S, m
-    half_cone_angle: float  # rad
-    loss: float  # a of alpha_S (1 - a exp(-x_N/x_c)), 0 for a constant coefficient
-    loss_lift: float  # x_c, m
-    density_slope: float  # how the flow grows with the root of the density in the sac, by x_3
-    density_bend: float
 
 
 def seat_of(parameters: "InjectorParameters", departures: "Departures") -> Seat:
@@ -94,19 +84,6 @@ def full_lift_area(parameters: "InjectorParameters") -> float:
     return seat_area(seat.max_lift, seat.diameter, math.radians(seat.cone_angle / 2))
 
 
-class Nozzle(NamedTuple):
-    """Coefficients of the nozzle."""
-
-    transition: float  # of the orifice law, in units of p_0
-    flow: float  # Q_H = flow * root(x_3), m3/s
-    critical_excess: float  # N_crit - 1, 0 without cavitation
-    vapour_margin: float  # (p_C - p_v)/p_0
-    chamber_rise: float  # of p_C while the needle is open, in units of p_0
-    chamber_rise_with_seat: float  # the same for every unit of u_2
-    jet_slope: float  # how much slower the jet is for the fuel's density before it, by the pressure difference
-    jet_bend: float
-
-
 def nozzle_of(parameters: "InjectorParameters", departures: "Departures") -> Nozzle:
     """The nozzle of an injector."""
     p_0, p_c = parameters.scaling.pressure, parameters.chamber.pressure
@@ -125,15 +102,6 @@ def nozzle_of(parameters: "InjectorParameters", departures: "Departures") -> Noz
         jet_slope=jet[0],
         jet_bend=jet[1],
     )
-
-
-class Sac(NamedTuple):
-    """Coefficients of the sac [1/s] at the pressure of the chamber; the law is linear, they are its slopes."""
-
-    a5: float  # filled through the seat
-    a6: float  # drained through the nozzle
-    stiffness_slope: float  # how stiffness grows with x_3
-    stiffness_bend: float
 
 
 def sac_of(parameters: "InjectorParameters", nozzle_flow: float, seat_flow: float) -> Sac:

@@ -6,12 +6,12 @@ The whole state is x = [p_L at the closed end, Q_L into it, p_S, the line's furt
 """
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import LUMP
+from observer_rt.core.model import model
 from observer_rt.model.fuel import USUAL_PRESSURE, parabola
 from observer_rt.model.hydraulics import control_flow_at_scale
 
@@ -64,34 +64,19 @@ def at_closed_end(
         "chamber_pressure": chamber / scale.pressure,
         "servo": stiffness * control_flow_at_scale(parameters),
         "displaced": stiffness * (parameters.line.displacement or 0.0),
+        "outflow": 0.0,  # this and the next are of terms alone
+        "loss": 0.0,
     }
 
 
-class _LumpCoefficients(NamedTuple):
-    """Coefficients a1..a4 of (25) and what departs from it."""
+class LumpLine(model.LumpLine):
+    """A line as numbers, its fields: a1..a4 of (25) and what departs from it.
 
-    a1: float  # line inflow, 1/s
-    a2_nozzle: float  # line drained by the nozzle flow, the paper's a2; 0 where the seat flow drains it
-    a2_seat: float  # line drained by the seat flow, the mass-conserving form
-    a3: float  # line inertia
-    a4: float  # line friction
-    leak: float  # line drained by p_L - p_C, 0 for a tight injector
-    air: float  # K g / p_0: how much entrained air softens the line, 0 without any
-    stiffness_slope: float  # (n + ..) p_0/K_L: how stiffness grows with the line pressure, 0 when it does not
-    stiffness_bend: float  # likewise with the square of it
-    stiffness_pressure: float  # where it is that of a1, normalised as x_1
-    chamber_pressure: float  # p_C/p_0
-    servo: float  # drained by the control flow at p_0
-    displaced: float  # by 1 m/s of the needle
-    outflow: float = 0.0  # of the end, by terms, in units of Q_0
-    loss: float = 0.0  # of pressure along the line, by terms, in units of p_0
-
-
-class LumpLine(_LumpCoefficients):
-    """A line as numbers, its fields. Its closed end obeys p_L' ~ a1 x_2 - a2_nozzle q_H - a2_seat q_S."""
+    Its closed end obeys p_L' ~ a1 x_2 - a2_nozzle q_H - a2_seat q_S.
+    """
 
     __slots__ = ()
-    kind = LUMP  # by which the core steps it: a number of `core/model/interval.pxi`
+    kind = model.LUMP  # by which the core steps it: a number of `core/model/interval.pxi`
     further = 0  # states beyond p_L and Q_L
     of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak", "servo", "displaced")  # in proportion to K_L
     of_inertance = ("a3", "a4")  # in inverse proportion to the inertance

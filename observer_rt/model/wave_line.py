@@ -15,12 +15,13 @@ x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1), p_n a step before, w_1 .. w_
 """
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import MEMORIES, STEP, WAVE, fading_of, pull_of, steps_in, value_across_joint
+from observer_rt.core.model import model
+from observer_rt.core.model.model import MEMORIES, STEP, fading_of, pull_of, steps_in, value_across_joint
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.fuel import HIGHEST_PRESSURE, USUAL_PRESSURE
 from observer_rt.model.line import at_closed_end, register
@@ -58,39 +59,11 @@ def flow_at(face: int, cells: int) -> int:
     return 1 if face == cells else 1 + cells + face
 
 
-class _WaveCoefficients(NamedTuple):
-    """Rates [1/s] normalised by (24), of one cell or face; "near" is the part at the injector."""
-
-    a1: float  # end cell, inflow
-    a2_nozzle: float  # end cell, drained by the nozzle flow
-    a2_seat: float  # end cell, drained by the seat flow
-    a3: float  # inertia of a face
-    a3_near: float
-    a4: float  # friction, over the whole line that of the lump
-    a4_inlet: float  # of a throttle at the rail, added to that of the first face
-    memory: float  # sqrt(nu_w)/R [s^-1/2] of the friction that remembers
-    b: float  # compliance of a cell
-    b_near: float
-    damping: float  # nu/h2: what evens out the flows of neighbouring faces
-    leak: float  # end cell, drained by p_L - p_C
-    air: float  # as of the lump, and the following
-    stiffness_slope: float
-    stiffness_bend: float
-    stiffness_pressure: float
-    chamber_pressure: float
-    cells: float  # n
-    joint: float  # where the parts meet, in cells from the rail
-    servo: float  # as of the lump, and the following
-    displaced: float
-    outflow: float = 0.0
-    loss: float = 0.0  # likewise, spread evenly over the faces
-
-
-class WaveLine(_WaveCoefficients):
+class WaveLine(model.WaveLine):
     """As of `LumpLine`."""
 
     __slots__ = ()
-    kind = WAVE
+    kind = model.WAVE
     averaged = False
     resolved = RESOLVED
     of_stiffness = ("a1", "a2_nozzle", "a2_seat", "b", "b_near", "leak", "servo", "displaced")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.effect import Effect, Likeness, SizedEffect
-from observer_rt.model.effective import EffectiveModel, InputTerms, SensorTerms, coefficients
+from observer_rt.model.effective import TRUE_INPUTS, EffectiveModel, SensorTerms, coefficients
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 
 NOMINAL = load_injector()
@@ -106,7 +106,7 @@ def test_every_effect_does_something(effect: Effect, share: float) -> None:
 def test_nominal_model_is_that_of_the_paper() -> None:
     model = effective_model(NOMINAL)
     assert model.coefficients == coefficients(NOMINAL)
-    assert model.inputs == InputTerms(1.0, 0.0, 1.0, 0.0)
+    assert model.inputs == TRUE_INPUTS
     assert model.sensor == SensorTerms(0.0, 0.0, 0.0)
 
 

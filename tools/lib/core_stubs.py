@@ -7,8 +7,7 @@ import re
 import sys
 from pathlib import Path
 
-HEAD = """from collections.abc import Mapping
-from typing import Any
+HEAD = """from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +15,9 @@ from numpy.typing import NDArray
 {imports}
 
 """
-RECORDS = "RECORDS: Mapping[str, tuple[memoryview, Mapping[str, Any]]]"
-NUMBERS = {"double": "float", "int": "int", "int64_t": "int", "uint64_t": "int", "bint": "bool", "": "Any"}
-ELEMENTS = {
-    "double": "np.float64",
-    "int64_t": "np.int64",
-    "int8_t": "np.int8",
-    "uint8_t": "np.uint8",
-    "unsigned char": "np.bool_",
-}
+NUMBERS = dict.fromkeys(("int", "int64_t", "uint64_t"), "int") | dict.fromkeys(("bint", "unsigned char"), "bool")
+NUMBERS |= {"double": "float", "": "Any"}
+ELEMENTS = {"double": "float64", "int64_t": "int64", "int8_t": "int8", "uint8_t": "uint8", "unsigned char": "bool_"}
 INCLUDE = re.compile(r'^include "(.+)"$', re.MULTILINE)
 CIMPORT = re.compile(r"^from (\S+) cimport ([^()\n]+$|\([^)]+\))", re.MULTILINE)
 EXPORTED = re.compile(r"^globals\(\)\.update\((.+?)\)$", re.MULTILINE | re.DOTALL)
@@ -41,7 +34,6 @@ def stub_of(source: Path) -> str:
     """Text of the stub of a module."""
     text = INCLUDE.sub(lambda part: (source.parent / part[1]).read_text(), source.read_text())
     lines = _constants(text, source.parent)
-    lines += [RECORDS] if "\nRECORDS = {" in text else []
     is_public = True
     for match in DECLARED.finditer(text):
         if match["name"]:
@@ -63,11 +55,22 @@ def stub_of(source: Path) -> str:
 
 
 def _constants(text: str, folder: Path) -> list[str]:
-    """Constants that a module exports by `globals().update`: a `double`, an array of them, or else a whole number."""
+    """What a module exports by `globals().update`: numbers, whole if nothing else is known, dtypes, named tuples."""
     sources = "".join(path.read_text() for path in folder.glob("*.p*"))
     kinds = {name: "tuple[float, ...]" if array else "float" for array, name in DOUBLE.findall(sources)}
     arguments = re.findall(r"\b([A-Z]\w*)=(?:tuple\(|\()?(\w+)", "".join(EXPORTED.findall(text)))
-    return [f"{name}: {kinds.get(value, 'int')}" for name, value in arguments]
+    kinds["dtype_of"] = "np.dtype[np.void]"
+    tuples = {name for name, value in arguments if value == "tuple_of"}
+    numbers = [f"{name}: {kinds.get(value, 'int')}" for name, value in arguments if name not in tuples]
+    return numbers + [f"class {name}(NamedTuple):{_fields(name, sources)}" for name in sorted(tuples)]
+
+
+def _fields(struct: str, sources: str) -> str:
+    """Fields of a named tuple, those of a struct; of structs in it, theirs."""
+    body = sources.partition(f"\ncdef struct {struct}:\n")[2].partition("\n\n")[0]
+    fields = re.findall(r"^    (unsigned char|\w+) (\w+)", body, re.MULTILINE)
+    lines = (f"\n    {name}: {NUMBERS[kind]}" if kind in NUMBERS else _fields(kind, sources) for kind, name in fields)
+    return "".join(lines)
 
 
 def _parameter(declared: str) -> str:
@@ -77,7 +80,7 @@ def _parameter(declared: str) -> str:
     kind, array, name, default = match.groups()
     if name == "self":
         return name
-    kind = f"NDArray[{ELEMENTS.get(kind, 'np.void')}]" if array else NUMBERS.get(kind or "", kind)
+    kind = f"NDArray[np.{ELEMENTS.get(kind, 'void')}]" if array else NUMBERS.get(kind or "", kind)
     if default == "None" and kind != "Any":
         kind += " | None"
     return f"{name}: {kind}{' = ...' if default else ''}"

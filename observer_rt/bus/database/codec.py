@@ -29,9 +29,8 @@ from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import find_signal, reserved_codes
-from observer_rt.core.frames.frames import RECORDS, put_signal_bits, raw_value
+from observer_rt.core.frames.frames import CONDITION, SIGNAL, put_signal_bits, raw_value
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.records import dtype_of
 
 # How the bits of a field are to be read.
 UNSIGNED, SIGNED, FLOAT32, FLOAT64 = 0, 1, 2, 3
@@ -39,10 +38,6 @@ ABOUT_AN_END = 0.01  # of a declared range, by which noise may leave it
 _J1939_VALUES = 0xFB  # most significant byte of the first code that is none, of what is not an enumeration
 _FLOAT_KIND = {32: FLOAT32, 64: FLOAT64}
 _LARGEST_FLOAT = {32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.float64).max)}
-
-SIGNAL = dtype_of(RECORDS["Signal"])
-
-CONDITION = dtype_of(RECORDS["Condition"])
 
 
 def signal_table(message: Message, names: Sequence[str], counter: str | None = None) -> NDArray[np.void]:

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import FD_LENGTHS, length_code, length_of
 from observer_rt.bus.database.catalogue import BusMessage
 from observer_rt.bus.database.codec import (
-    CONDITION,
-    SIGNAL,
     Conditions,
     Selection,
     are_exclusive,
@@ -31,9 +29,8 @@ from observer_rt.bus.database.codec import (
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import OptionalRole, Role
-from observer_rt.core.frames.frames import RECORDS
+from observer_rt.core.frames import frames as core
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.records import dtype_of
 
 ROLES = tuple(Role)
 OPTIONAL_ROLES = tuple(OptionalRole)
@@ -41,17 +38,6 @@ ENERGIZING = len(OPTIONAL_ROLES)  # number of this input, after those of the opt
 MAX_INPUTS = len(ROLES)
 MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
 LONGEST_FRAME = FD_LENGTHS[-1]  # bytes
-
-INPUT_MESSAGE = dtype_of(RECORDS["InputMessage"])
-
-# A stream: samples of one or more roles that come together and are aligned with those of other streams.
-INPUT_STREAM = dtype_of(RECORDS["InputStream"])
-
-# Consecutive samples that one frame carries: all of a message's, or those under one selector value.
-INPUT_GROUP = dtype_of(RECORDS["InputGroup"])
-
-# A kind of frame. A message has a single one, or one for every selector value that carries samples.
-INPUT_KIND = dtype_of(RECORDS["InputKind"])
 
 
 @dataclass(frozen=True)
@@ -108,9 +94,6 @@ def require_one_rate(
             )
 
 
-OPTIONAL_INPUT = dtype_of(RECORDS["OptionalInput"])
-
-
 @dataclass(frozen=True, eq=False)
 class OptionalInput:
     """Signals of a message that carry an optional input, compiled."""
@@ -149,9 +132,9 @@ class InputTables:
         self._messages: list[NDArray[np.void]] = []
         self._optional: list[NDArray[np.void]] = []
         self._kinds: list[NDArray[np.void]] = []
-        self._signals = [np.zeros(0, SIGNAL)]
-        self._selectors = [np.zeros(0, SIGNAL)]
-        self._conditions = [np.zeros(0, CONDITION)]
+        self._signals = [np.zeros(0, core.SIGNAL)]
+        self._selectors = [np.zeros(0, core.SIGNAL)]
+        self._conditions = [np.zeros(0, core.CONDITION)]
 
     def add_group(
         self, row: NDArray[np.void], message: Message, names: Sequence[str], group: SampleGroup, counter: str | None
@@ -182,7 +165,7 @@ class InputTables:
         row["first_kind"] = len(self._kinds)
         in_order = sorted(groups, key=lambda group: group.offset)
         for kind in frame_kinds(group.conditions for group in in_order):
-            frame = np.zeros((), INPUT_KIND)
+            frame = np.zeros((), core.INPUT_KIND)
             frame["end"] = max(g.offset + g.count for g in groups if meets(kind, g.conditions))
             frame["blank"][: message.length] = blank_frame(message, kind)
             self._kinds.append(frame)
@@ -215,20 +198,20 @@ class InputTables:
     def inputs(self, timing: NDArray[np.void]) -> Inputs:
         """Tables of all inputs added, with the timing of every stream."""
         return Inputs(
-            np.array(self._messages, INPUT_MESSAGE),
-            np.array(self._streams, INPUT_STREAM),
-            np.array(self._groups, INPUT_GROUP),
-            np.array(self._optional, OPTIONAL_INPUT),
+            np.array(self._messages, core.INPUT_MESSAGE),
+            np.array(self._streams, core.INPUT_STREAM),
+            np.array(self._groups, core.INPUT_GROUP),
+            np.array(self._optional, core.OPTIONAL_INPUT),
             np.concatenate(self._signals),
             Selection(np.concatenate(self._selectors), np.concatenate(self._conditions)),
-            np.array(self._kinds, INPUT_KIND),
+            np.array(self._kinds, core.INPUT_KIND),
             timing,
         )
 
 
 def frame_row(layout: MessageLayout) -> NDArray[np.void]:
     """A row `INPUT_MESSAGE` with the fields by which a frame is checked; all others are 0."""
-    row = np.zeros((), INPUT_MESSAGE)
+    row = np.zeros((), core.INPUT_MESSAGE)
     row["key"] = layout.key
     row["length"] = layout.length
     row["padded_length"] = length_of(length_code(layout.length))

@@ -28,7 +28,6 @@ from observer_rt.bus.database.lookup import (
 )
 from observer_rt.bus.mapping.input_tables import (
     ENERGIZING,
-    OPTIONAL_INPUT,
     OPTIONAL_ROLES,
     Inputs,
     InputTables,
@@ -48,7 +47,7 @@ from observer_rt.config.signals import (
     SignalConfig,
     SlowSignalConfig,
 )
-from observer_rt.core.frames.frames import carries, encode_signals
+from observer_rt.core.frames.frames import OPTIONAL_INPUT, carries, encode_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND, TIME_UNITS, factor_of
 

@@ -18,9 +18,8 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.injector import Meaning
 from observer_rt.config.signals import Role, undone_in_alignment
-from observer_rt.core.frames.frames import RECORDS, values_of_counter
+from observer_rt.core.frames.frames import TIMING, values_of_counter
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.records import dtype_of
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
 SLOTS = 1 << 12  # samples that may wait for another message
@@ -32,8 +31,6 @@ TOLERANCE = 2e-6  # s that the time of lift or line pressure may be unknown by: 
 RAIL_TOLERANCE = 20e-6  # s, the same of the rail pressure, which changes slowly
 SLOW_TOLERANCE = 0.1  # of the interval of a slower one
 RATIO_TOLERANCE = 1e-6
-
-TIMING = dtype_of(RECORDS["Timing"])
 
 
 class Joining(IntEnum):

@@ -11,6 +11,7 @@ from libc.string cimport memcpy, memset
 from numpy import atleast_1d
 
 from observer_rt.core.frames.records cimport *
+from observer_rt.core.records import dtype_of
 from observer_rt.core.stream.state cimport (
     BREAK_JUMP, BREAK_LOSS, BREAK_NONE, BREAK_RESTART, DOUBT_NONE, DOUBT_TIME_BASE, INJECTIONS, LIFT, MASK,
     RECORDED_MASK, RECORDED_RING, STATE_DEGRADED, Observer, Recorded
@@ -66,36 +67,36 @@ include "framing.pxi"
 include "python.pxi"
 
 
-# Records as Python makes arrays of them: foundation.records.
+# Dtypes of the records, of which Python makes arrays.
 cdef double[1024] _blank  # room for each of them
-RECORDS = {
-    "Signal": (memoryview(<Signal[:1:1]> <Signal*> _blank), (<Signal*> _blank)[0]),
-    "Condition": (memoryview(<Condition[:1:1]> <Condition*> _blank), (<Condition*> _blank)[0]),
-    "Protection": (memoryview(<Protection[:1:1]> <Protection*> _blank), (<Protection*> _blank)[0]),
-    "Supervision": (memoryview(<Supervision[:1:1]> <Supervision*> _blank), (<Supervision*> _blank)[0]),
-    "GridStream": (memoryview(<GridStream[:1:1]> <GridStream*> _blank), (<GridStream*> _blank)[0]),
-    "Follower": (memoryview(<Follower[:1:1]> <Follower*> _blank), (<Follower*> _blank)[0]),
-    "Slot": (memoryview(<Slot[:1:1]> <Slot*> _blank), (<Slot*> _blank)[0]),
-    "AlignmentMemory": (memoryview(<AlignmentMemory[:1:1]> <AlignmentMemory*> _blank), (<AlignmentMemory*> _blank)[0]),
-    "Clock": (memoryview(<Clock[:1:1]> <Clock*> _blank), (<Clock*> _blank)[0]),
-    "Counting": (memoryview(<Counting[:1:1]> <Counting*> _blank), (<Counting*> _blank)[0]),
-    "Shift": (memoryview(<Shift[:1:1]> <Shift*> _blank), (<Shift*> _blank)[0]),
-    "TimekeepingMemory": (memoryview(<TimekeepingMemory[:1:1]> <TimekeepingMemory*> _blank), (<TimekeepingMemory*> _blank)[0]),
-    "Timing": (memoryview(<Timing[:1:1]> <Timing*> _blank), (<Timing*> _blank)[0]),
-    "InputMessage": (memoryview(<InputMessage[:1:1]> <InputMessage*> _blank), (<InputMessage*> _blank)[0]),
-    "InputStream": (memoryview(<InputStream[:1:1]> <InputStream*> _blank), (<InputStream*> _blank)[0]),
-    "InputGroup": (memoryview(<InputGroup[:1:1]> <InputGroup*> _blank), (<InputGroup*> _blank)[0]),
-    "OptionalInput": (memoryview(<OptionalInput[:1:1]> <OptionalInput*> _blank), (<OptionalInput*> _blank)[0]),
-    "InputKind": (memoryview(<InputKind[:1:1]> <InputKind*> _blank), (<InputKind*> _blank)[0]),
-    "OptionalValue": (memoryview(<OptionalValue[:1:1]> <OptionalValue*> _blank), (<OptionalValue*> _blank)[0]),
-    "Reading": (memoryview(<Reading[:1:1]> <Reading*> _blank), (<Reading*> _blank)[0]),
-    "OptionalMemory": (memoryview(<OptionalMemory[:1:1]> <OptionalMemory*> _blank), (<OptionalMemory*> _blank)[0]),
-    "Receiver": (memoryview(<Receiver[:1:1]> <Receiver*> _blank), (<Receiver*> _blank)[0]),
-    "OutFrame": (memoryview(<OutFrame[:1:1]> <OutFrame*> _blank), (<OutFrame*> _blank)[0]),
-    "PublisherMemory": (memoryview(<PublisherMemory[:1:1]> <PublisherMemory*> _blank), (<PublisherMemory*> _blank)[0]),
-    "PumpBus": (memoryview(<PumpBus[:1:1]> <PumpBus*> _blank), (<PumpBus*> _blank)[0]),
-    "ErrorFrame": (memoryview(<ErrorFrame[:1:1]> <ErrorFrame*> _blank), (<ErrorFrame*> _blank)[0]),
-    "Arrival": (memoryview(<Arrival[:1:1]> <Arrival*> _blank), (<Arrival*> _blank)[0]),
-    "PumpMemory": (memoryview(<PumpMemory[:1:1]> <PumpMemory*> _blank), (<PumpMemory*> _blank)[0]),
-}
-assert all(view.itemsize <= sizeof(_blank) for view, _ in RECORDS.values())
+globals().update(
+    SIGNAL=dtype_of(<Signal[:1:1]> <Signal*> _blank, (<Signal*> _blank)[0]),
+    CONDITION=dtype_of(<Condition[:1:1]> <Condition*> _blank, (<Condition*> _blank)[0]),
+    PROTECTION=dtype_of(<Protection[:1:1]> <Protection*> _blank, (<Protection*> _blank)[0]),
+    SUPERVISION=dtype_of(<Supervision[:1:1]> <Supervision*> _blank, (<Supervision*> _blank)[0]),
+    STREAM=dtype_of(<GridStream[:1:1]> <GridStream*> _blank, (<GridStream*> _blank)[0]),
+    FOLLOWER=dtype_of(<Follower[:1:1]> <Follower*> _blank, (<Follower*> _blank)[0]),
+    SLOT=dtype_of(<Slot[:1:1]> <Slot*> _blank, (<Slot*> _blank)[0]),
+    ALIGNMENT=dtype_of(<AlignmentMemory[:1:1]> <AlignmentMemory*> _blank, (<AlignmentMemory*> _blank)[0]),
+    CLOCK=dtype_of(<Clock[:1:1]> <Clock*> _blank, (<Clock*> _blank)[0]),
+    COUNTING=dtype_of(<Counting[:1:1]> <Counting*> _blank, (<Counting*> _blank)[0]),
+    SHIFT=dtype_of(<Shift[:1:1]> <Shift*> _blank, (<Shift*> _blank)[0]),
+    TIMEKEEPING=dtype_of(<TimekeepingMemory[:1:1]> <TimekeepingMemory*> _blank, (<TimekeepingMemory*> _blank)[0]),
+    TIMING=dtype_of(<Timing[:1:1]> <Timing*> _blank, (<Timing*> _blank)[0]),
+    INPUT_MESSAGE=dtype_of(<InputMessage[:1:1]> <InputMessage*> _blank, (<InputMessage*> _blank)[0]),
+    INPUT_STREAM=dtype_of(<InputStream[:1:1]> <InputStream*> _blank, (<InputStream*> _blank)[0]),
+    INPUT_GROUP=dtype_of(<InputGroup[:1:1]> <InputGroup*> _blank, (<InputGroup*> _blank)[0]),
+    OPTIONAL_INPUT=dtype_of(<OptionalInput[:1:1]> <OptionalInput*> _blank, (<OptionalInput*> _blank)[0]),
+    INPUT_KIND=dtype_of(<InputKind[:1:1]> <InputKind*> _blank, (<InputKind*> _blank)[0]),
+    OPTIONAL_VALUE=dtype_of(<OptionalValue[:1:1]> <OptionalValue*> _blank, (<OptionalValue*> _blank)[0]),
+    READING=dtype_of(<Reading[:1:1]> <Reading*> _blank, (<Reading*> _blank)[0]),
+    OPTIONAL=dtype_of(<OptionalMemory[:1:1]> <OptionalMemory*> _blank, (<OptionalMemory*> _blank)[0]),
+    RECEIVER=dtype_of(<Receiver[:1:1]> <Receiver*> _blank, (<Receiver*> _blank)[0]),
+    OUT_FRAME=dtype_of(<OutFrame[:1:1]> <OutFrame*> _blank, (<OutFrame*> _blank)[0]),
+    PUBLISHER=dtype_of(<PublisherMemory[:1:1]> <PublisherMemory*> _blank, (<PublisherMemory*> _blank)[0]),
+    PUMP_BUS=dtype_of(<PumpBus[:1:1]> <PumpBus*> _blank, (<PumpBus*> _blank)[0]),
+    ERROR_FRAME=dtype_of(<ErrorFrame[:1:1]> <ErrorFrame*> _blank, (<ErrorFrame*> _blank)[0]),
+    ARRIVAL=dtype_of(<Arrival[:1:1]> <Arrival*> _blank, (<Arrival*> _blank)[0]),
+    PUMP=dtype_of(<PumpMemory[:1:1]> <PumpMemory*> _blank, (<PumpMemory*> _blank)[0]),
+)
+assert all(getattr(each, "itemsize", 0) <= sizeof(_blank) for each in list(globals().values()))

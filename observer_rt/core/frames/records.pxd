@@ -73,6 +73,7 @@ cdef struct GridStream:
     int64_t old_next
 
 
+# A message with samples between those of the grid, or further apart.
 cdef struct Follower:
     int64_t roles  # bit r: carries ROLES[r]
     double spacing  # samples of the grid between two of its own
@@ -196,11 +197,13 @@ cdef struct InputMessage:
     int64_t kind_count
 
 
+# Samples of one or more roles that come together and are aligned with those of other streams.
 cdef struct InputStream:
     int64_t samples  # of every role, in all frames that share one sample index
     int64_t roles  # bit r: carries ROLES[r]
 
 
+# Consecutive samples that one frame carries: all of a message's, or those under one selector value.
 cdef struct InputGroup:
     int64_t stream  # that the group is a part of
     int64_t offset  # of the first sample from the frame's sample index
@@ -225,6 +228,7 @@ cdef struct OptionalInput:
     int64_t condition_count
 
 
+# A kind of frame. A message has a single one, or one for every selector value that carries samples.
 cdef struct InputKind:
     int64_t end  # offset after its last sample
     uint8_t blank[LONGEST_FRAME]  # the frame with its selectors set and all else 0

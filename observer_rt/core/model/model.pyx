@@ -10,18 +10,20 @@ from libc.stdint cimport int64_t
 from libc.string cimport memcpy, memset
 
 from observer_rt.core.model.hydraulics cimport (
-    NOZZLE_NUMBERS, NozzleSlopes, Seat, bent, bent_slope, normalised_area, nozzle_law, nozzle_law_slopes, sac_rate,
+    NOZZLE_NUMBERS, Nozzle, NozzleSlopes, Sac, Seat, bent, bent_slope, normalised_area, nozzle_law, nozzle_law_slopes, sac_rate,
     sac_stiffness, seat_law, seat_law_slopes
 )
 from observer_rt.core.model.network cimport *
 from observer_rt.core.model.records cimport *
 from observer_rt.core.model.sensor cimport (
-    SENSOR_GAIN, SENSOR_NUMBERS, LaggedSlopes, lagged, lagged_slopes, recorded, recorded_mean
+    SENSOR_GAIN, SENSOR_NUMBERS, InputTerms, LaggedSlopes, Sensor, lagged, lagged_slopes, recorded, recorded_mean
 )
 from observer_rt.core.model.valve cimport (
     LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_NUMBERS, Servo, Stroke, Strokes, Valve, hold_valve, join_valve, stop_share,
     valve_begins, valve_edge, valve_ends
 )
+
+from observer_rt.core.records import tuple_of
 
 cdef double EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
 

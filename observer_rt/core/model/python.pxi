@@ -231,6 +231,20 @@ globals().update(
 )
 
 
+# Named tuples of the numbers that Python gives.
+cdef double[MOST_COEFFICIENTS] _blank  # room for each of them
+globals().update(
+    InputTerms=tuple_of(__name__, "InputTerms", (<InputTerms*> _blank)[0]),
+    LumpLine=tuple_of(__name__, "LumpLine", (<LumpLine*> _blank)[0]),
+    Nozzle=tuple_of(__name__, "Nozzle", (<Nozzle*> _blank)[0]),
+    Sac=tuple_of(__name__, "Sac", (<Sac*> _blank)[0]),
+    Seat=tuple_of(__name__, "Seat", (<Seat*> _blank)[0]),
+    Sensor=tuple_of(__name__, "Sensor", (<Sensor*> _blank)[0]),
+    Valve=tuple_of(__name__, "Valve", (<Valve*> _blank)[0]),
+    WaveLine=tuple_of(__name__, "WaveLine", (<WaveLine*> _blank)[0]),
+)
+
+
 def steps_in(double interval) -> int:
     """Steps of a wave's line in an interval [s]."""
     return steps_over(interval)

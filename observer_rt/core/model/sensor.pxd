@@ -1,10 +1,31 @@
-# The line-pressure sensor: a first-order lag, its signal recorded late, its gain; an offset is added elsewhere.
+# The line-pressure sensor: a first-order lag, its signal recorded late, its gain; an offset is added elsewhere. Its
+# numbers, and those of the sensors of the inputs.
 
 from libc.math cimport exp
+from libc.stdint cimport int64_t
 
 cdef enum:
     SENSOR_NUMBERS = 2  # that are learned of the sensor's law: its time constant [s], and gain over the rail sensor's
     SENSOR_GAIN = 1  # which of them that is
+
+
+# Terms of true inputs: true = factor * measured + shift (the lift's only while the needle is open).
+cdef struct InputTerms:
+    double rail_factor
+    double rail_shift  # Pa
+    double lift_factor
+    double lift_shift  # m
+    double lift_lag  # s: time constant of a first-order sensor, undone before
+    double rail_delay  # s by which it is recorded later than the other two, < 0: early
+
+
+# The line-pressure sensor of the model in force, before the learned corrections. Sample k + late of what is recorded
+# belongs to the time `fraction` (0 to 1) of a sample before that of sample k of the inputs.
+cdef struct Sensor:
+    double lag  # s
+    double offset  # in units of p_0
+    int64_t late  # samples, < 0: early
+    double fraction
 
 
 cdef struct LaggedSlopes:

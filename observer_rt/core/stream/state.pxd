@@ -4,7 +4,7 @@ from libc.stdint cimport int64_t
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Seat
 from observer_rt.core.model.network cimport CURVES
-from observer_rt.core.model.sensor cimport SENSOR_GAIN, SENSOR_NUMBERS
+from observer_rt.core.model.sensor cimport SENSOR_GAIN, SENSOR_NUMBERS, InputTerms, Sensor
 from observer_rt.core.model.valve cimport Valve
 
 cdef enum:
@@ -402,6 +402,7 @@ cdef struct Verdict:
     double noise[3]  # of the channels
     Carried carried
 
+# Durations in samples.
 cdef struct Timing:
     int64_t settle  # closed needle after which the sac is at rest and x^ follows x~
     int64_t good  # closed needle after which x~ is good again
@@ -419,26 +420,13 @@ cdef struct Timing:
     int64_t bridge  # most samples of a channel that may be missing
     unsigned char filtered  # samples come fast enough for a spike to be told from the line
 
+# Corrections of channels before the observer sees a sample; that of the line pressure is in the model.
 cdef struct Undoing:
     unsigned char stated  # whether there is anything
     int64_t rail_late  # samples; sample k + rail_late of the rail pressure is of the time `rail_fraction` (0..1) of a
     double rail_fraction  # .. sample before k
     double lift_lag  # samples: time constant of the lift's sensor
     int64_t ahead  # samples that must be known beyond one
-
-cdef struct InputTerms:
-    double rail_factor
-    double rail_shift  # Pa
-    double lift_factor
-    double lift_shift  # m
-    double lift_lag  # s
-    double rail_delay  # s
-
-cdef struct Sensor:
-    double lag  # s
-    double offset  # in units of p_0
-    int64_t late  # samples
-    double fraction  # of a sample
 
 cdef struct Constants:
     double pressure_scale  # p_0, Pa

@@ -8,6 +8,7 @@ from libc.stdint cimport int64_t
 from libc.string cimport memcpy
 
 from observer_rt.core.model.hydraulics cimport Seat, normalised_area
+from observer_rt.core.records import dtype_of, tuple_of
 from observer_rt.core.stream.ramps cimport slope_of_means
 from observer_rt.core.stream.state cimport *
 from observer_rt.core.stream.validity cimport *
@@ -68,18 +69,20 @@ globals().update(
 )
 
 
-# Records as Python makes arrays of them: foundation.records.
+# Dtypes of the records, of which Python makes arrays, and named tuples of the constants it gives.
 cdef double[2048] _blank  # room for each of them
-RECORDS = {
-    "ObserverMemory": (memoryview(<ObserverMemory[:1:1]> <ObserverMemory*> _blank), (<ObserverMemory*> _blank)[0]),
-    "Recorded": (memoryview(<Recorded[:1:1]> <Recorded*> _blank), (<Recorded*> _blank)[0]),
-    "Sample": (memoryview(<Sample[:1:1]> <Sample*> _blank), (<Sample*> _blank)[0]),
-    "Event": (memoryview(<Event[:1:1]> <Event*> _blank), (<Event*> _blank)[0]),
-    "Channel": (memoryview(<Channel[:1:1]> <Channel*> _blank), (<Channel*> _blank)[0]),
-    "Injection": (memoryview(<Injection[:1:1]> <Injection*> _blank), (<Injection*> _blank)[0]),
-    "Verdict": (memoryview(<Verdict[:1:1]> <Verdict*> _blank), (<Verdict*> _blank)[0]),
-}
-assert all(view.itemsize <= sizeof(_blank) for view, _ in RECORDS.values())
+globals().update(
+    MEMORY=dtype_of(<ObserverMemory[:1:1]> <ObserverMemory*> _blank, (<ObserverMemory*> _blank)[0]),
+    RECORDED=dtype_of(<Recorded[:1:1]> <Recorded*> _blank, (<Recorded*> _blank)[0]),
+    SAMPLE=dtype_of(<Sample[:1:1]> <Sample*> _blank, (<Sample*> _blank)[0]),
+    EVENT=dtype_of(<Event[:1:1]> <Event*> _blank, (<Event*> _blank)[0]),
+    CHANNEL=dtype_of(<Channel[:1:1]> <Channel*> _blank, (<Channel*> _blank)[0]),
+    INJECTION=dtype_of(<Injection[:1:1]> <Injection*> _blank, (<Injection*> _blank)[0]),
+    VERDICT=dtype_of(<Verdict[:1:1]> <Verdict*> _blank, (<Verdict*> _blank)[0]),
+    Timing=tuple_of(__name__, "Timing", (<Timing*> _blank)[0]),
+    Undoing=tuple_of(__name__, "Undoing", (<Undoing*> _blank)[0]),
+)
+assert all(getattr(each, "itemsize", 0) <= sizeof(_blank) for each in list(globals().values()))
 
 
 def dead_band(double lift_noise) -> tuple[float, float]:

@@ -10,35 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import Alignment, Timekeeping
-from observer_rt.bus.database.codec import SIGNAL
-from observer_rt.bus.database.lookup import SUPERVISION, MessageLayout
+from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.link import FrameBlock
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import Inputs
 from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, OutputMessage, OutputPage, RateMessage
 from observer_rt.bus.mapping.output_signals import StatusValues, rows_of
 from observer_rt.config.injector import E2EConfig
-from observer_rt.core.frames.frames import FRAMES, READINGS, RECORDS, FramePath, encode_signals, protect_frame
+from observer_rt.core.frames import frames as core
 from observer_rt.engine.estimation.scalars import OFFSET
 from observer_rt.engine.observer import INDICES, with_constants
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Constants, Observer
-from observer_rt.foundation.records import dtype_of
 from observer_rt.foundation.units import MM3_PER_MS, Z_95
 
-FULL = FRAMES // 4  # rate frames ready, beyond which there is room for those of one input frame only
-
-RECEIVER = dtype_of(RECORDS["Receiver"])
-OUT_FRAME = dtype_of(RECORDS["OutFrame"])
-PUBLISHER = dtype_of(RECORDS["PublisherMemory"])
-_VALUE = dtype_of(RECORDS["OptionalValue"])
-_READING = dtype_of(RECORDS["Reading"])
-_MEMORY = dtype_of(RECORDS["OptionalMemory"])
+FULL = core.FRAMES // 4  # rate frames ready, beyond which there is room for those of one input frame only
 
 
 def make_receiver() -> NDArray[np.void]:
     """Receiver that has seen no frame."""
-    receiver = np.zeros(1, RECEIVER)
+    receiver = np.zeros(1, core.RECEIVER)
     receiver["last_counter"] = receiver["odd_length"] = -1
     receiver["lowest"], receiver["highest"] = math.inf, -math.inf
     return receiver
@@ -46,7 +37,7 @@ def make_receiver() -> NDArray[np.void]:
 
 def make_supervised(messages: NDArray[np.void], limits: E2EConfig) -> NDArray[np.void]:
     """State machines of input messages that have seen no frame, (messages,) `SUPERVISION`."""
-    supervised = np.zeros(len(messages), SUPERVISION)
+    supervised = np.zeros(len(messages), core.SUPERVISION)
     supervised["counter"] = -1
     supervised["window"] = limits.window
     supervised["min_ok"] = [0, limits.init_min_ok, limits.valid_min_ok, limits.invalid_min_ok]
@@ -65,7 +56,7 @@ class InputMemory(NamedTuple):
 
 def make_input_memory(inputs: Inputs, may_learn: bool, fuel_temperature: float | None) -> InputMemory:
     """Memory of no inputs yet; fuel_temperature [K]: until it is measured, None: nothing is valid."""
-    memory, newest = np.zeros(1, _MEMORY), np.zeros(len(inputs.optional), _VALUE)
+    memory, newest = np.zeros(1, core.OPTIONAL), np.zeros(len(inputs.optional), core.OPTIONAL_VALUE)
     memory["newest"] = -1
     memory["may_learn"] = memory["learning"] = may_learn
     memory["measured"] = math.nan
@@ -76,8 +67,8 @@ def make_input_memory(inputs: Inputs, may_learn: bool, fuel_temperature: float |
     return InputMemory(
         memory,
         newest,
-        np.zeros(READINGS, _READING),
-        np.zeros((READINGS, int(inputs.optional["signal_count"].max(initial=0)))),
+        np.zeros(core.READINGS, core.READING),
+        np.zeros((core.READINGS, int(inputs.optional["signal_count"].max(initial=0)))),
     )
 
 
@@ -95,19 +86,16 @@ class Publisher(NamedTuple):
 
 def make_publisher(message: RateMessage | None, learning: bool) -> Publisher:
     """Publisher of blocks of rates in `message`; None: of nothing."""
+    memory, out = np.zeros(1, core.PUBLISHER), np.zeros(core.FRAMES, core.OUT_FRAME)
     if message is None:
-        return Publisher(np.zeros(1, PUBLISHER), np.zeros(0, SIGNAL), np.zeros(0), np.zeros(0, OUT_FRAME))
+        return Publisher(memory, np.zeros(0, core.SIGNAL), np.zeros(0), out)
     names = message.page.names
-    publisher = Publisher(
-        np.zeros(1, PUBLISHER), message.page.table, np.full(len(names), np.nan), np.zeros(FRAMES, OUT_FRAME)
-    )
-    memory = publisher.memory[0]
     memory["learning"] = learning
     memory["header"] = [names.index(name) if name in names else -1 for name in HEADER_SIGNALS]
     memory["samples"] = message.samples
     memory["length"] = message.layout.length
     memory["protection"] = message.layout.protection
-    return publisher
+    return Publisher(memory, message.page.table, np.full(len(names), np.nan), out)
 
 
 class Pipeline(NamedTuple):
@@ -129,7 +117,7 @@ class CompiledPipeline:
     def __init__(self, pipeline: Pipeline) -> None:
         self.pipeline = pipeline
         """Memory that compiled code works on."""
-        self.path = FramePath(
+        self.path = core.FramePath(
             pipeline.inputs,
             pipeline.receiver,
             pipeline.supervised,
@@ -205,8 +193,8 @@ class FrameWriter:
 def _written(layout: MessageLayout, page: OutputPage, values: NDArray[np.float64], number: int) -> OutputFrame:
     """The `number`-th frame of a message, with values (signals of the page,)."""
     payload = page.blank.copy()
-    encode_signals(values, page.table, payload)
-    protect_frame(payload, layout.length, layout.protection, number)
+    core.encode_signals(values, page.table, payload)
+    core.protect_frame(payload, layout.length, layout.protection, number)
     return output_frame(layout, payload.tobytes())
 
 

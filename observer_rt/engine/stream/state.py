@@ -17,26 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import Break
+from observer_rt.core.model.model import InputTerms, Sensor
+from observer_rt.core.stream import stream as core
 from observer_rt.core.stream.stepper import Stepper
-from observer_rt.core.stream.stream import FEWEST_OPENING, LOOK_BACK, RECORDS, SLOTS, SLOWEST_OPENING, Stream
 from observer_rt.engine.estimation.gain import GainSchedule
-from observer_rt.foundation.records import dtype_of
 from observer_rt.model.accuracy import StatedAccuracy
-from observer_rt.model.effective import Coefficients, InputTerms, Sensor
+from observer_rt.model.effective import Coefficients
 
 RAIL, LIFT, LINE = range(3)  # numbers of the channels
-EVENT = dtype_of(RECORDS["Event"])
-CHANNEL = dtype_of(RECORDS["Channel"])
-INJECTION = dtype_of(RECORDS["Injection"])
-MEMORY = dtype_of(RECORDS["ObserverMemory"])
-_VERDICT = dtype_of(RECORDS["Verdict"])
-SAMPLE = dtype_of(RECORDS["Sample"])
-"""A sample of the ring."""
 
 OPENING = 40e-6  # s above the dead band that open it: less is a spike
 MOST_OPENING = 8  # samples of that
 RAMP = 30e-6  # s of a ramp from which its slope is taken, behind its first sample
-LONGEST_RAMP = LOOK_BACK + FEWEST_OPENING - 2  # samples; so many are known when the slope is needed
+LONGEST_RAMP = core.LOOK_BACK + core.FEWEST_OPENING - 2  # samples; so many are known when the slope is needed
 
 
 class Doubt(IntEnum):
@@ -96,7 +89,7 @@ class Reason(IntEnum):
 def sample_dtype(states: int) -> np.dtype[np.void]:
     """A sample with x~ and x^ of a model of so many states, as Python is given it."""
     pair = [("x_tilde", np.float64, (states,)), ("x_hat", np.float64, (states,))]
-    return np.dtype([*((name, SAMPLE[name]) for name in SAMPLE.names or ()), *pair], align=True)
+    return np.dtype([*((name, core.SAMPLE[name]) for name in core.SAMPLE.names or ()), *pair], align=True)
 
 
 class VerdictKind(IntEnum):
@@ -123,39 +116,9 @@ class Verdicts(NamedTuple):
 
 def no_verdicts(parameters: int, schedule: GainSchedule) -> Verdicts:
     """Slots for an observer that carries so many parameters and such a schedule."""
-    return Verdicts(
-        np.zeros(2 * SLOTS, _VERDICT), np.zeros((2 * SLOTS, *schedule.gains.shape)), np.zeros((2 * SLOTS, parameters))
-    )
-
-
-class Timing(NamedTuple):
-    """Durations in samples."""
-
-    settle: int  # closed needle after which the sac is at rest and x^ follows x~
-    good: int  # closed needle after which x~ is good again
-    event_gap: int
-    learning_delay: int
-    window_lead: int  # injection window: before the opening
-    window_tail: int  # and after the needle is shut
-    learning_lead: int  # learning window: before the event's first opening
-    lookahead: int  # samples the observer must know beyond the one in hand
-    toe: int  # most samples of an opening ramp that a lift recorded too low does not show
-    ramp: int  # samples beyond the first of a ramp from which its slope is taken
-    confirm: int  # samples in a row above the dead band that open the needle
-    bounce: int  # closed needle after which its lift is its zero
-    stays: int  # for which a low lift that the line pressure does not show is none of an open needle
-    bridge: int  # most samples of a channel that may be missing
-    filtered: bool  # samples come fast enough for a spike to be told from the line
-
-
-class Undoing(NamedTuple):
-    """Corrections of channels before the observer sees a sample; that of the line pressure is in the model."""
-
-    stated: bool  # whether there is anything
-    rail_late: int  # samples: sample k + rail_late of the rail pressure was taken `rail_fraction` before k
-    rail_fraction: float  # of a sample (0..1)
-    lift_lag: float  # samples: time constant of the lift's sensor
-    ahead: int  # samples that must be known beyond one
+    slots = 2 * core.SLOTS
+    gains = np.zeros((slots, *schedule.gains.shape))
+    return Verdicts(np.zeros(slots, core.VERDICT), gains, np.zeros((slots, parameters)))
 
 
 class Constants(NamedTuple):
@@ -167,10 +130,10 @@ class Constants(NamedTuple):
     sensor: Sensor
     interval: float  # s
     substeps: int
-    timing: Timing
+    timing: core.Timing
     events_required: int  # judged events before a sample can be valid
     rail_every: float  # samples to one of the rail pressure
-    undoing: Undoing
+    undoing: core.Undoing
     quickest: float  # m a sample: no needle is
     program: NDArray[np.float64]  # of the terms in force
     calibration: StatedAccuracy  # of level and pressure sensors
@@ -196,23 +159,23 @@ class Observer(NamedTuple):
     channels: NDArray[np.void]  # (3,) `CHANNEL`
     theta: NDArray[np.float64]  # (m,) in force
     verdicts: Verdicts
-    stream: Stream
+    stream: core.Stream
     stepper: Stepper  # of the pair
 
 
 def toe_samples(inputs: InputTerms, interval: float) -> int:
     """Most samples of an opening ramp that the recorded lift does not show; sample interval [s]."""
-    return math.ceil(max(inputs.lift_shift, 0.0) / (SLOWEST_OPENING * interval))
+    return math.ceil(max(inputs.lift_shift, 0.0) / (core.SLOWEST_OPENING * interval))
 
 
 def confirming_samples(interval: float) -> int:
     """Samples in a row above the dead band that open the needle; sample interval [s]."""
-    return min(max(round(OPENING / interval), FEWEST_OPENING), MOST_OPENING)
+    return min(max(round(OPENING / interval), core.FEWEST_OPENING), MOST_OPENING)
 
 
 def samples_ahead(interval: float) -> int:
     """Samples the front end must know beyond the first recorded as open; sample interval [s]."""
-    return LOOK_BACK + confirming_samples(interval) - 1
+    return core.LOOK_BACK + confirming_samples(interval) - 1
 
 
 def ramp_samples(interval: float) -> int:
@@ -220,13 +183,13 @@ def ramp_samples(interval: float) -> int:
     return min(max(round(RAMP / interval), 1), LONGEST_RAMP)
 
 
-def undoing_of(inputs: InputTerms, interval: float) -> Undoing:
+def undoing_of(inputs: InputTerms, interval: float) -> core.Undoing:
     """Corrections to undo at a sample interval [s]."""
     late = inputs.rail_delay / interval
     whole_samples = math.floor(late)
     ahead = max(math.ceil(late), int(inputs.lift_lag > 0.0), 0)
     stated = inputs.rail_delay != 0.0 or inputs.lift_lag != 0.0
-    return Undoing(stated, whole_samples, late - whole_samples, inputs.lift_lag / interval, ahead)
+    return core.Undoing(stated, whole_samples, late - whole_samples, inputs.lift_lag / interval, ahead)
 
 
 def noise_gain(lag: float) -> float:

@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.model import InputTerms
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.model.effective import InputTerms
 
 WIDTH = 50e-6  # s, of the kernel that smooths the rail pressure: it leaves what a rail does up to some 3 kHz
 REACH = 4.0  # widths to either side

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.model import InputTerms, Seat
 from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.engine.stream.state import noise_gain
@@ -33,8 +34,7 @@ from observer_rt.identification.likelihood.windows import (
     starts_of,
 )
 from observer_rt.model.baseline import HealthyShape
-from observer_rt.model.effective import EffectiveModel, InputTerms
-from observer_rt.model.hydraulics import Seat
+from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording

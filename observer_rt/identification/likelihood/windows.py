@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.core.identification.areas import fill_areas
 from observer_rt.core.learning.phases import phases_of
 from observer_rt.core.learning.predictor import follow
-from observer_rt.core.model.model import rest_state
+from observer_rt.core.model.model import InputTerms, rest_state
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
@@ -23,7 +23,7 @@ from observer_rt.identification.likelihood.channel_noise import rail_on_time
 from observer_rt.identification.likelihood.measurement import MARGIN, START_MEAN, JudgedEvent, Measurement, shut_mask
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
 from observer_rt.model.baseline import HealthyShape
-from observer_rt.model.effective import Clock, Coefficients, EffectiveModel, InputTerms
+from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
 
 RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over

@@ -14,8 +14,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.lookup import PROFILE_1, PROFILE_5, SUPERVISION, UNPROTECTED, E2EState, protection_of
-from observer_rt.core.frames.frames import check_frame, counter_in, protect_frame, status_by_counter, take_into_state
+from observer_rt.bus.database.lookup import PROFILE_1, PROFILE_5, UNPROTECTED, E2EState, protection_of
+from observer_rt.core.frames.frames import (
+    SUPERVISION,
+    check_frame,
+    counter_in,
+    protect_frame,
+    status_by_counter,
+    take_into_state,
+)
 
 DATA_ID = 0x0100
 

@@ -13,7 +13,7 @@ from observer_rt.identification.likelihood.measurement import Measurement, measu
 from observer_rt.identification.likelihood.open_loop import mass, simulated
 from observer_rt.identification.likelihood.windows import TrueInputs
 from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effective import InputTerms
+from observer_rt.model.effective import TRUE_INPUTS
 from observer_rt.model.effects import effective_model, sized
 from tests.engine.sample_stream import period_means
 from tests.identification.discovery.hidden import NOMINAL, recordings
@@ -73,8 +73,8 @@ def test_the_truth_explains_more_than_the_nominal_model() -> None:
 def test_the_area_is_that_of_the_needle() -> None:
     """Straight from knot to knot it comes to what 100 kHz show, with its feet where they were."""
     (fine, *_), (slow, *_) = measurements(recordings()), measured(Meaning.MEAN)
-    expected = TrueInputs(fine, InputTerms(), C).area
-    inputs = TrueInputs(slow, InputTerms(), C)
+    expected = TrueInputs(fine, TRUE_INPUTS, C).area
+    inputs = TrueInputs(slow, TRUE_INPUTS, C)
     knots = np.arange(inputs.area.size) + inputs.knots[:, 0]
     position = np.asarray(np.sort(np.append(np.arange(inputs.area.size), knots)), np.float64)
     area = np.column_stack([inputs.area, inputs.knots[:, 1]]).ravel().astype(np.float64)

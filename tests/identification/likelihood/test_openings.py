@@ -11,7 +11,7 @@ from observer_rt.files.signals.recording import Recording, shown_slowly
 from observer_rt.identification.likelihood.measurement import Measurement, measurements, openings_of
 from observer_rt.identification.likelihood.openings import GRID, find_openings, openings_without_lag, without_lag
 from observer_rt.identification.likelihood.windows import TrueInputs
-from observer_rt.model.effective import InputTerms
+from observer_rt.model.effective import TRUE_INPUTS
 from observer_rt.model.effects import effective_model, sized
 from tests.engine.sample_stream import NOISE as STATED
 from tests.engine.sample_stream import Stream
@@ -135,7 +135,7 @@ SLOW: Measurement = measurements(
 def test_the_opened_area_follows_the_lag_smoothly(lag: float) -> None:
     """What a fit takes for a slope is one, and no size is sticky."""
     step = 1e-8
-    here, ahead = (TrueInputs(SLOW, InputTerms(lift_lag=one), C).area for one in (lag, lag + step))
+    here, ahead = (TrueInputs(SLOW, TRUE_INPUTS._replace(lift_lag=one), C).area for one in (lag, lag + step))
     change = np.abs(np.maximum(ahead, 0.0) - np.maximum(here, 0.0)).max()
     # A_S/A_0 is 5e3 a metre; the lift changes by 2 m/s, noise included; a foot that moves by a sample within the grid
     # adds or takes what the needle travels in it: a jump would be a hundred times as much
@@ -144,6 +144,6 @@ def test_the_opened_area_follows_the_lag_smoothly(lag: float) -> None:
 
 def test_an_event_that_was_recorded_keeps_its_area() -> None:
     true = measurements(recordings(points=((100e6, 1.0e-3),)))[0]
-    expected = np.maximum(TrueInputs(true, InputTerms(), C).area, 0.0).sum()
-    result = np.maximum(TrueInputs(SLOW, InputTerms(lift_lag=25e-6), C).area, 0.0).sum()
+    expected = np.maximum(TrueInputs(true, TRUE_INPUTS, C).area, 0.0).sum()
+    result = np.maximum(TrueInputs(SLOW, TRUE_INPUTS._replace(lift_lag=25e-6), C).area, 0.0).sum()
     assert result == pytest.approx(expected, rel=2e-3)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.windows import Rows, TrueInputs, batch_of, phases
-from observer_rt.model.effective import InputTerms
+from observer_rt.model.effective import TRUE_INPUTS
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
@@ -41,9 +41,9 @@ def _opened(area: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
 
 
 def test_the_start_of_the_opening_that_a_lift_sensor_misses_is_restored() -> None:
-    true = TrueInputs(HEALTHY, InputTerms(), C).area
-    blind = TrueInputs(BLIND, InputTerms(), C).area
-    restored = TrueInputs(BLIND, InputTerms(lift_shift=20e-6), C).area
+    true = TrueInputs(HEALTHY, TRUE_INPUTS, C).area
+    blind = TrueInputs(BLIND, TRUE_INPUTS, C).area
+    restored = TrueInputs(BLIND, TRUE_INPUTS._replace(lift_shift=20e-6), C).area
     first = HEALTHY.events[0].openings[0].first
     foot = slice(first - 10, first + 3)
     missing = _opened(true[foot]) - _opened(blind[foot])
@@ -52,7 +52,7 @@ def test_the_start_of_the_opening_that_a_lift_sensor_misses_is_restored() -> Non
 
 
 def test_a_shut_needle_has_no_area_whatever_the_noise() -> None:
-    area = TrueInputs(NOISY, InputTerms(), C).area
+    area = TrueInputs(NOISY, TRUE_INPUTS, C).area
     shut = np.ones(area.size, np.bool_)
     for event in NOISY.events:
         for opening in event.openings:
@@ -63,7 +63,7 @@ def test_a_shut_needle_has_no_area_whatever_the_noise() -> None:
 @given(shift=st.floats(-10e-6, 30e-6))
 def test_the_opened_area_has_no_jumps(shift: float) -> None:
     step = 1e-9
-    here, ahead = (TrueInputs(NOISY, InputTerms(lift_shift=s), C).area for s in (shift, shift + step))
+    here, ahead = (TrueInputs(NOISY, TRUE_INPUTS._replace(lift_shift=s), C).area for s in (shift, shift + step))
     opening = NOISY.events[0].openings[0]
     part = slice(opening.first - 10, opening.last + 10)
     samples = opening.last - opening.first + 20
@@ -72,15 +72,15 @@ def test_the_opened_area_has_no_jumps(shift: float) -> None:
 
 
 def test_the_rail_pressure_is_corrected() -> None:
-    rail = TrueInputs(HEALTHY, InputTerms(rail_factor=1.02, rail_shift=-1e6), C).rail
-    plain = TrueInputs(HEALTHY, InputTerms(), C).rail * C.pressure_scale + C.chamber_pressure
+    rail = TrueInputs(HEALTHY, TRUE_INPUTS._replace(rail_factor=1.02, rail_shift=-1e6), C).rail
+    plain = TrueInputs(HEALTHY, TRUE_INPUTS, C).rail * C.pressure_scale + C.chamber_pressure
     assert rail == pytest.approx((1.02 * plain - 1e6 - C.chamber_pressure) / C.pressure_scale)
 
 
 def test_a_late_rail_pressure_is_brought_back() -> None:
     ramp = replace(HEALTHY.recording, rail_pressure=1e8 + 1e10 * HEALTHY.recording.time)  # 10 MPa/ms
     late = replace(HEALTHY, recording=ramp)
-    rail = TrueInputs(late, InputTerms(rail_delay=25e-6), C).rail
+    rail = TrueInputs(late, TRUE_INPUTS._replace(rail_delay=25e-6), C).rail
     inside = slice(25, -25)  # the ends of the recording are within the kernel's reach
     assert rail[inside] == pytest.approx(
         (1e8 + 1e10 * (ramp.time[inside] + 25e-6) - C.chamber_pressure) / 1e8, rel=1e-5
@@ -88,13 +88,13 @@ def test_a_late_rail_pressure_is_brought_back() -> None:
 
 
 def test_the_noise_of_a_rail_at_rest_is_not_moved() -> None:
-    still, late = (TrueInputs(NOISY, InputTerms(rail_delay=d), C).rail for d in (0.0, 25e-6))
+    still, late = (TrueInputs(NOISY, TRUE_INPUTS._replace(rail_delay=d), C).rail for d in (0.0, 25e-6))
     assert np.array_equal(still, late)
 
 
 def test_a_late_line_pressure_moves_the_inputs_and_not_the_output() -> None:
     rows = Rows(HEALTHY)
-    inputs = TrueInputs(HEALTHY, InputTerms(), C)
+    inputs = TrueInputs(HEALTHY, TRUE_INPUTS, C)
     straight, late = (batch_of(HEALTHY, rows, inputs, n, 0.0, C) for n in (0, 3))
     assert np.array_equal(late.output, straight.output)
     inside = np.arange(100, straight.bounds[1] - 100)
@@ -105,5 +105,5 @@ def test_a_late_line_pressure_moves_the_inputs_and_not_the_output() -> None:
 def test_samples_of_all_phases_are_judged_from_the_first_that_counts() -> None:
     rows = Rows(HEALTHY)
     assert rows.samples[rows.counted].tolist() == [n for e in HEALTHY.events for n in range(e.counted, e.end)]
-    batch = batch_of(HEALTHY, rows, TrueInputs(HEALTHY, InputTerms(), C), 0, 0.0, C)
+    batch = batch_of(HEALTHY, rows, TrueInputs(HEALTHY, TRUE_INPUTS, C), 0, 0.0, C)
     assert set(phases(HEALTHY, batch)) == set(Phase)

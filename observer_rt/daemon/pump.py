@@ -311,7 +311,7 @@ class FramePump:
         """Runs the compiled loop in its thread."""
         try:
             self._on_thread()
-            while self._compiled.run(self._core.compiled.path, self._wake):
+            while self._compiled.run(self._core.compiled, self._wake):
                 self._may_go_on.clear()
                 if self._pump.memory["is_to_stop"][0]:  # nobody answers any more
                     return

@@ -7,7 +7,8 @@ cdef enum:
     VALID = 1
     LEARNING = 2
     STATE = 3
-    FRAMES = 512  # capacity for results; one input frame causes far fewer than a quarter, as `FULL` of the service keeps free
+    FRAMES = 512  # capacity for results
+    FULL = FRAMES // 4  # ready, beyond which there is room for those of one input frame only, which are far fewer
 
 
 cdef void publish(Publisher* publisher, Observer* observer) noexcept nogil:

@@ -109,20 +109,6 @@ def has_clock_slipped(Clock[::1] clock) -> bool:
     return has_slipped(&clock[0])
 
 
-def place_by_time(keeping, int64_t time) -> float:
-    """Where on the grid a sample lies that was taken at `time` [ns], by the clock of the stamps; nan: not known."""
-    cdef Timekeeping lent
-    _lend_timekeeping(&lent, keeping)
-    return place_at(&lent, time)
-
-
-def is_grid_prompt(keeping, double tolerance) -> bool:
-    """Whether the frames of the grid came when its clock says, to `tolerance` [s], as far as was seen lately."""
-    cdef Timekeeping lent
-    _lend_timekeeping(&lent, keeping)
-    return is_prompt(&lent, tolerance)
-
-
 def store_value(alignment, int64_t index, int64_t role, double value, bint interpolated=False, double share=0.0) -> None:
     """Put one value [SI] of a role at its index on the grid: see alignment.pxi."""
     cdef Alignment lent
@@ -190,43 +176,42 @@ def frames_of_message(
 
 
 cdef class FramePath:
-    """All memory of the way from a received frame to the rates it causes, lent; each array is checked field by field."""
+    """A `messages.Pipeline`, lent: the way from a received frame to the rates it causes. Each array is checked."""
 
-    cdef Pipeline pipeline
-    cdef object lent
+    cdef Pipeline lent
+    cdef object lender
 
-    def __init__(self, inputs, receiver, supervised, input_memory, keeping, alignment, Stream stream, publisher) -> None:
-        cdef Receiver[::1] of_receiver = receiver
-        cdef Supervision[::1] of_supervised = supervised
-        p = &self.pipeline
-        _lend_inputs(&p.inputs, inputs)
-        _require(len(supervised) == p.inputs.message_count, "supervised messages")
-        p.receiver, p.supervised = &of_receiver[0], &of_supervised[0]
-        _lend_input_memory(&p.input_memory, input_memory)
+    def __init__(self, pipeline) -> None:
+        cdef Receiver[::1] receiver = pipeline.receiver
+        cdef Supervision[::1] supervised = pipeline.supervised
+        cdef Stream stream = pipeline.observer.stream
+        p = &self.lent
+        _lend_inputs(&p.inputs, pipeline.inputs)
+        _require(supervised.shape[0] == p.inputs.message_count, "supervised messages")
+        p.receiver, p.supervised, p.observer = &receiver[0], &supervised[0], &stream.observer
+        _lend_input_memory(&p.input_memory, pipeline.input_memory)
         _require(p.input_memory.newest_count == p.inputs.optional_count, "optional inputs")
-        _lend_timekeeping(&p.keeping, keeping)
-        _lend_alignment(&p.alignment, alignment)
-        p.observer = &stream.observer
-        _lend_publisher(&p.publisher, publisher)
-        self.lent = (inputs, receiver, supervised, input_memory, keeping, alignment, stream, publisher)
+        _lend_timekeeping(&p.keeping, pipeline.keeping)
+        _lend_alignment(&p.alignment, pipeline.alignment)
+        _lend_publisher(&p.publisher, pipeline.publisher)
+        self.lender = pipeline
 
     def listen(self, int64_t key, const uint8_t[::1] payload, int64_t stamp) -> None:
         """Take one frame, but observe nothing: its samples only go into the observer's ring."""
-        listen(&self.pipeline, key, &payload[0] if payload.shape[0] else NULL, payload.shape[0], stamp)
+        listen(&self.lent, key, &payload[0] if payload.shape[0] else NULL, payload.shape[0], stamp)
 
-    def take_many(
-        self, const int64_t[::1] keys, const int64_t[::1] stamps, const int64_t[::1] starts, const uint8_t[::1] data,
-        int64_t first, int64_t full
-    ) -> tuple[int, bool]:
-        """Take frames from `first` on: number of the next one, and whether Python must do something first.
+    def take_many(self, block, int64_t first) -> tuple[int, bool]:
+        """Take frames of a `FrameBlock` from `first` on: number of the next, and whether Python must do something first.
 
         Stops where taking them one by one would have Python do something: also when an event has closed or an input
-        is to be read, when `full` rates are ready, and after every frame where that is asked for.
+        is to be read, when rates are FULL, and after every frame where that is asked for.
         """
+        cdef const int64_t[::1] keys = block.keys, stamps = block.stamps, starts = block.starts
+        cdef const uint8_t[::1] data = block.data
         cdef int64_t number, closed
         cdef const uint8_t* payload = &data[0] if data.shape[0] else NULL
         cdef bint waits = False, is_over
-        p = &self.pipeline
+        p = &self.lent
         closed = p.observer.memory.counts.events_closed
         _require(stamps.shape[0] >= keys.shape[0] and starts.shape[0] > keys.shape[0], "frames")
         with nogil:
@@ -237,7 +222,7 @@ cdef class FramePath:
                 is_over = (
                     waits
                     or p.observer.memory.counts.events_closed != closed
-                    or p.publisher.memory.frames >= full
+                    or p.publisher.memory.frames >= FULL
                     or p.input_memory.memory.looks_at_each
                     or p.input_memory.memory.came != p.input_memory.memory.read
                 )
@@ -247,12 +232,20 @@ cdef class FramePath:
         """Observe what is aligned and publish it; whether Python must do something first."""
         cdef bint waits
         with nogil:
-            waits = proceed(&self.pipeline)
+            waits = proceed(&self.lent)
         return waits
 
     def flush(self) -> None:
         """The block of rates under way into a frame, not valid if anything is missing of it."""
-        flush(&self.pipeline.publisher)
+        flush(&self.lent.publisher)
+
+    def place_at(self, int64_t time) -> float:
+        """Where on the grid a sample lies that was taken at `time` [ns], by the clock of the stamps; nan: not known."""
+        return place_at(&self.lent.keeping, time)
+
+    def is_grid_prompt(self, double tolerance) -> bool:
+        """Whether the frames of the grid came when its clock says, to `tolerance` [s], as far as was seen lately."""
+        return is_prompt(&self.lent.keeping, tolerance)
 
 
 cdef class PumpLoop:
@@ -307,7 +300,7 @@ cdef class PumpLoop:
         """
         cdef bint waits
         with nogil:
-            waits = run_pump(&self.pump, &path.pipeline, wake)
+            waits = run_pump(&self.pump, &path.lent, wake)
         return waits
 
 

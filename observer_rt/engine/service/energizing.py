@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.optional_inputs import NANOSECONDS, EnergizingLayout, EnergizingSignal
-from observer_rt.core.frames.frames import is_grid_prompt, place_by_time
 from observer_rt.core.stream.stream import INJECTIONS, RING
 from observer_rt.engine.observer import energize, samples_between, was_shut
 from observer_rt.engine.reports.injection_report import CommandedOpening
@@ -161,7 +160,6 @@ class EnergizingWatch:
         self._sample_rate = sample_rate
         self._window = energizing.window * sample_rate  # samples
         self._late = 0.0 if self._reader.by_index else LATE_STAMP * sample_rate
-        self._keeping = compiled.pipeline.keeping
         self._compiled = compiled
         self._on_missing = on_missing
         self._waiting: deque[Command] = deque(maxlen=REMEMBERED)
@@ -247,7 +245,7 @@ class EnergizingWatch:
 
     def _position(self, moment: int) -> float:
         """Index of a moment; nan while the clock of the stamps is not known."""
-        return float(moment) if self._reader.by_index else place_by_time(self._keeping, moment)
+        return float(moment) if self._reader.by_index else self._compiled.place_at(moment)
 
     def _command_of(self, opening: int) -> Command | None:
         """The command that an opening belongs to, None without one."""
@@ -263,7 +261,7 @@ class EnergizingWatch:
     @property
     def _has_time(self) -> bool:
         """Whether it is known when commands came: not so while stamps leave their clock, such as after it was set."""
-        return self._reader.by_index or is_grid_prompt(self._keeping, LATE_STAMP)
+        return self._reader.by_index or self._compiled.is_grid_prompt(LATE_STAMP)
 
     def _undecided_openings(self) -> list[int]:
         """Indices of the openings whose injections are not reported yet."""

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import Alignment, Timekeeping
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.links.link import FrameBlock
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import Inputs
 from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, OutputMessage, OutputPage, RateMessage
@@ -23,8 +22,6 @@ from observer_rt.engine.observer import INDICES, with_constants
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Constants, Observer
 from observer_rt.foundation.units import MM3_PER_MS, Z_95
-
-FULL = core.FRAMES // 4  # rate frames ready, beyond which there is room for those of one input frame only
 
 
 def make_receiver() -> NDArray[np.void]:
@@ -111,43 +108,18 @@ class Pipeline(NamedTuple):
     publisher: Publisher
 
 
-class CompiledPipeline:
+class CompiledPipeline(core.FramePath):
     """The one owner of a pipeline; the observer's constants are replaced here only."""
 
     def __init__(self, pipeline: Pipeline) -> None:
+        super().__init__(pipeline)
         self.pipeline = pipeline
         """Memory that compiled code works on."""
-        self.path = core.FramePath(
-            pipeline.inputs,
-            pipeline.receiver,
-            pipeline.supervised,
-            pipeline.input_memory,
-            pipeline.keeping,
-            pipeline.alignment,
-            pipeline.observer.stream,
-            pipeline.publisher,
-        )
 
     @property
     def observer(self) -> Observer:
         """The pipeline's observer now; another one after the constants change."""
         return self.pipeline.observer
-
-    def listen(self, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
-        """Take the samples of one frame without observing them."""
-        self.path.listen(key, payload, stamp)
-
-    def take_many(self, block: FrameBlock, first: int) -> tuple[int, bool]:
-        """Take frames of a block from `first` on: number of the next, and whether Python must do something first."""
-        return self.path.take_many(block.keys, block.stamps, block.starts, block.data, first, FULL)
-
-    def proceed(self) -> bool:
-        """Go on after a judgement or with another model; whether Python must do something first."""
-        return self.path.proceed()
-
-    def flush(self) -> None:
-        """Ends the block of rates under way as a frame, not valid if anything is missing of it."""
-        self.path.flush()
 
     def change_constants(self, constants: Constants) -> None:
         """Observe with other constants from here on; not while compiled code is at work with it."""

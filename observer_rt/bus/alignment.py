@@ -5,18 +5,8 @@ Messages of one time base are joined by their unwrapped sample index, those of o
 only with a contiguous E2E counter in every message on the grid and a closed needle before and after. Of a repeated
 block the first wins; an older one is dropped; an index that jumps back or to 0 is a restart of the device.
 
-Frames without an index are counted: by a counter where they carry one, and by a loop locked on their stamps.
-
-The n-th frame of a cyclic message was sent at t0 + n x cycle; its stamp lies later by a delay that is never
-negative. So a frame that comes late is late, not one of the next cycle: frames are lost only when the delay reaches
-the time in which the counter comes round (one cycle where there is no counter) and delays like that do not occur
-otherwise.
-
-A device's clock is a straight line under the stamps of its frames. A frame is never received before it was sent, so
-the delays are positive, and the least of them are the same again and again: the line through the lowest stamps of
-many short windows (the lower convex hull, as used for one-way delays in packet networks: Moon, Skelly, Towsley,
-INFOCOM 1999) gives offset and drift of the clock, whatever jitter lies above it. How far these lowest stamps scatter
-about the line is the uncertainty of the clock.
+Frames without an index are counted, and a device's clock is found by the stamps of its frames: `frame_numbers.pxi`
+and `clock.pxi` of `core/frames` say how.
 
 `MessageTiming` holds the jitter of the messages and the uncertainty of the time of their samples.
 """
@@ -31,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
-from observer_rt.bus.mapping.input_tables import MAX_INPUTS
-from observer_rt.bus.mapping.timing import SLOTS, GridRelation, Joining, Numbering
+from observer_rt.bus.mapping.timing import GridRelation, Joining, Numbering
 from observer_rt.core.frames import frames as core
 from observer_rt.core.stream.stream import RECORDED, RECORDED_RING
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
@@ -66,9 +55,9 @@ def make_alignment(
     """
     alignment = Alignment(
         np.zeros(1, core.ALIGNMENT),
-        np.zeros(MAX_INPUTS, core.STREAM),
-        np.zeros(MAX_INPUTS, core.FOLLOWER),
-        np.zeros(SLOTS, core.SLOT),
+        np.zeros(core.MAX_INPUTS, core.STREAM),
+        np.zeros(core.MAX_INPUTS, core.FOLLOWER),
+        np.zeros(core.SLOTS, core.SLOT),
         recorded,
     )
     memory = alignment.memory[0]

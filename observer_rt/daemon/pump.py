@@ -15,8 +15,7 @@ from observer_rt.bus.links.link import LONGEST_WAIT, Link, LinkDownError
 from observer_rt.bus.links.opening import BusDownError, DescriptorLink
 from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
-from observer_rt.bus.mapping.timing import SLOTS
-from observer_rt.core.frames.frames import ERRORS, PUMP_BUS, WAIT_MS, WAITING, PumpLoop
+from observer_rt.core.frames.frames import ERRORS, PUMP_BUS, SLOTS, WAIT_MS, WAITING, PumpLoop
 from observer_rt.daemon.arrivals import Arrivals
 from observer_rt.daemon.bus_connection import RETRY
 from observer_rt.daemon.pump_memory import Latency, latency_of, make_pump

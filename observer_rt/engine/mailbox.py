@@ -45,7 +45,7 @@ def post_examined(
     """
     if earlier is not None:
         _write_learned(observer, SLOTS + number % SLOTS, earlier)
-        observer.verdicts.slots[number % SLOTS]["earlier"] = number + 1
+        observer.verdicts[number % SLOTS]["earlier"] = number + 1
     loud = np.nan if earlier is None else _loud(earlier)
     _post(observer, number, "examined", objections, is_coloured, loud)
 
@@ -57,7 +57,7 @@ def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured:
 
 
 def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
-    verdict = observer.verdicts.slots[slot]
+    verdict = observer.verdicts[slot]
     _write(observer, slot, outcome.knowledge, outcome.schedule, outcome.known_flow)
     verdict["is_adopted"] = outcome.adoption is Adoption.ADOPTED
     verdict["is_of_flow"] = outcome.change in (Reason.NONE, Reason.SUDDEN_CHANGE)
@@ -75,7 +75,7 @@ def _post(
     observer: Observer, number: int, kind: str, objections: Sequence[Objection], is_coloured: bool, loud: float
 ) -> None:
     """loud: as of `_loud`."""
-    finding = observer.verdicts.slots[number % SLOTS][kind]
+    finding = observer.verdicts[number % SLOTS][kind]
     finding["reason"] = objections[0].reason if objections else Reason.NONE
     finding["is_coloured"] = is_coloured
     at_rest = _at_rest(observer, number) if is_coloured else np.nan
@@ -97,8 +97,8 @@ def _write(
     """Writes what the stream is to carry into a slot."""
     constants = observer.constants
     learned = learned_of(knowledge.in_force, constants.coefficients)
-    verdict = observer.verdicts.slots[slot]
-    observer.verdicts.theta[slot] = knowledge.in_force
+    verdict = observer.verdicts[slot]
+    observer.verdict_theta[slot] = knowledge.in_force
     carried = verdict["carried"]
     carried["curves"] = learned.network.curves.reshape(carried["curves"].shape)
     carried["bias"] = learned.network.bias
@@ -115,4 +115,4 @@ def _write(
     carried["watch_later"] = round(later / constants.interval) if line.servo > 0.0 else 0
     noise, scale = knowledge.state.noise, constants.coefficients.pressure_scale
     verdict["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale
-    observer.verdicts.gains[slot] = schedule.gains
+    observer.verdict_gains[slot] = schedule.gains

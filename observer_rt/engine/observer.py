@@ -22,6 +22,8 @@ from observer_rt.core.stream.stream import (
     REACH,
     RING,
     SAMPLE,
+    SLOTS,
+    VERDICT,
     Stream,
     Timing,
     copy_window,
@@ -38,7 +40,6 @@ from observer_rt.engine.stream.state import (
     Constants,
     Observer,
     confirming_samples,
-    no_verdicts,
     noise_gain,
     ramp_samples,
     sample_dtype,
@@ -137,31 +138,25 @@ def make_observer(
     constants: Constants, knowledge: Knowledge, learner: Learner, healthy: Healthy = NOT_FITTED
 ) -> Observer:
     """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
-    states, parameters = constants.coefficients.states, knowledge.in_force.size
-    verdicts = no_verdicts(parameters, learner.schedule)
-    memory, recorded, ring = np.zeros(1, MEMORY), make_recorded(), np.zeros(RING, SAMPLE)
-    x_tilde, x_hat, gains = (
-        np.zeros((RING, states)),
-        np.zeros((RING, states)),
-        np.zeros_like(learner.schedule.gains),
-    )
+    pair, gains = (RING, constants.coefficients.states), learner.schedule.gains.shape
+    parameters, verdicts = knowledge.in_force.size, 2 * SLOTS
     lent = (
-        memory,
-        recorded,
-        ring,
-        x_tilde,
-        x_hat,
-        gains,
-        *(
-            np.zeros(PENDING_EVENTS, EVENT),
-            np.zeros(INJECTIONS, INJECTION),
-            np.zeros(3, CHANNEL),
-            np.zeros(parameters),
-        ),
+        np.zeros(1, MEMORY),
+        make_recorded(),
+        np.zeros(RING, SAMPLE),
+        np.zeros(pair),
+        np.zeros(pair),
+        np.zeros(gains),
+        np.zeros(PENDING_EVENTS, EVENT),
+        np.zeros(INJECTIONS, INJECTION),
+        np.zeros(3, CHANNEL),
+        np.zeros(parameters),
+        np.zeros(verdicts, VERDICT),
+        np.zeros((verdicts, *gains)),
+        np.zeros((verdicts, parameters)),
     )
-    stream = Stream(*lent, verdicts.slots, verdicts.gains, verdicts.theta)
-    stepper = _bound_stepper(stream, constants)
-    observer = Observer(constants, *lent, verdicts, stream, stepper)
+    stream = Stream(*lent)
+    observer = Observer(constants, *lent, stream, _bound_stepper(stream, constants))
     memory = observer.memory[0]
     prior, judgement, resting = memory["prior"], memory["judgement"], memory["resting_lift"]
     scale, noise, lift = constants.coefficients.pressure_scale, knowledge.state.noise, knowledge.lift

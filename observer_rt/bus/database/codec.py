@@ -29,14 +29,12 @@ from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import find_signal, reserved_codes
-from observer_rt.core.frames.frames import CONDITION, SIGNAL, put_signal_bits, raw_value
+from observer_rt.core.frames import frames as core
 from observer_rt.foundation.errors import UserError
 
-# How the bits of a field are to be read.
-UNSIGNED, SIGNED, FLOAT32, FLOAT64 = 0, 1, 2, 3
 ABOUT_AN_END = 0.01  # of a declared range, by which noise may leave it
 _J1939_VALUES = 0xFB  # most significant byte of the first code that is none, of what is not an enumeration
-_FLOAT_KIND = {32: FLOAT32, 64: FLOAT64}
+_FLOAT_KIND = {32: core.FLOAT32, 64: core.FLOAT64}
 _LARGEST_FLOAT = {32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.float64).max)}
 
 
@@ -47,7 +45,7 @@ def signal_table(message: Message, names: Sequence[str], counter: str | None = N
 
     Raises `UserError`: a signal is missing, does not fit, has scale 0, a float of odd width, or no usable code.
     """
-    table = np.zeros(len(names), SIGNAL)
+    table = np.zeros(len(names), core.SIGNAL)
     for row, name in zip(table, names, strict=True):
         _compile(find_signal(message, name), row, message)
         if name == counter:
@@ -72,7 +70,7 @@ def _compile(signal: Signal, row: np.void, message: Message) -> None:
     if signal.conversion.is_float:
         row["kind"] = _FLOAT_KIND[signal.length]
     else:
-        row["kind"] = SIGNED if signal.is_signed else UNSIGNED
+        row["kind"] = core.SIGNED if signal.is_signed else core.UNSIGNED
     row["scale"] = signal.scale
     row["offset"] = signal.offset
     _set_limits(signal, row, is_j1939=message.protocol == "j1939")
@@ -162,15 +160,15 @@ def _set_reserved_codes(signal: Signal, row: np.void, location: str) -> None:
 
 def _nearest_ordinary(code: int, reserved: list[int], row: np.void, location: str) -> int:
     """The code nearest to `code` whose value is within the limits and not reserved."""
-    value = raw_value(code, row)
+    value = core.raw_value(code, row)
     if not row["lowest"] <= value <= row["highest"]:
         return code  # clamping keeps every number away from it
     mask = int(row["mask"])
     # At most the other reserved code stands between.
     for distance in range(1, len(reserved) + 1):
         for candidate in ((code - distance) & mask, (code + distance) & mask):
-            raw = raw_value(candidate, row)
-            wrapped_round = row["kind"] < FLOAT32 and abs(raw - value) > distance
+            raw = core.raw_value(candidate, row)
+            wrapped_round = row["kind"] < core.FLOAT32 and abs(raw - value) > distance
             if candidate not in reserved and not wrapped_round and row["lowest"] <= raw <= row["highest"]:
                 return candidate
     raise UserError(location, "all codes within its range are reserved", "correct GenSigSNA or GenSigError")
@@ -274,7 +272,7 @@ def blank_frame(message: Message, kind: Mapping[str, int]) -> NDArray[np.uint8]:
     """A frame of `message` of one kind: its selectors set, all else 0."""
     payload = np.zeros(message.length, np.uint8)
     for signal, value in zip(signal_table(message, list(kind)), kind.values(), strict=True):
-        put_signal_bits(payload, signal, value)
+        core.put_signal_bits(payload, signal, value)
     return payload
 
 
@@ -282,4 +280,5 @@ def compile_conditions(message: Message, conditions: Conditions) -> Selection:
     """Table of conditions for `is_selected`, selectors counted from 0."""
     in_order = sorted(conditions, key=lambda condition: condition.selector)
     rows = [(n, value) for n, condition in enumerate(in_order) for value in sorted(condition.values)]
-    return Selection(signal_table(message, [condition.selector for condition in in_order]), np.array(rows, CONDITION))
+    selectors = signal_table(message, [condition.selector for condition in in_order])
+    return Selection(selectors, np.array(rows, core.CONDITION))

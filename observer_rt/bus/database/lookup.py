@@ -22,13 +22,10 @@ import numpy as np
 from cantools.database.can import Database, Message, Signal
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, frame_key
-from observer_rt.core.frames.frames import PROTECTION
+from observer_rt.core.frames.frames import PROFILE_1, PROFILE_5, PROTECTION, UNPROTECTED
 from observer_rt.foundation.errors import UserError, nearest
 from observer_rt.foundation.units import factor_of
 
-UNPROTECTED = 0
-PROFILE_1 = 1
-PROFILE_5 = 5
 PROFILES = (PROFILE_1, PROFILE_5)
 
 NANOSECONDS_PER_MILLISECOND = 1_000_000

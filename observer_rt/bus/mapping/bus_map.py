@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
-from observer_rt.bus.database.codec import FLOAT32, FLOAT64
 from observer_rt.bus.database.lookup import INDEX_BITS, MessageLayout, from_unit, signal_names
 from observer_rt.bus.mapping.input_tables import (
     ROLES,
@@ -35,7 +34,7 @@ from observer_rt.bus.mapping.output_signals import RESULTS, signals_of
 from observer_rt.bus.mapping.timing import GridRelation, grid_relations, map_timing, number_signal
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role
-from observer_rt.core.frames.frames import INPUT_GROUP, decode_signals, encode_signals
+from observer_rt.core.frames.frames import FLOAT32, FLOAT64, INPUT_GROUP, decode_signals, encode_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 

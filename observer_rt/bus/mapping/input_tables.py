@@ -13,7 +13,7 @@ import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import FD_LENGTHS, length_code, length_of
+from observer_rt.bus.can_frame import length_code, length_of
 from observer_rt.bus.database.catalogue import BusMessage
 from observer_rt.bus.database.codec import (
     Conditions,
@@ -35,9 +35,6 @@ from observer_rt.foundation.errors import UserError
 ROLES = tuple(Role)
 OPTIONAL_ROLES = tuple(OptionalRole)
 ENERGIZING = len(OPTIONAL_ROLES)  # number of this input, after those of the optional roles
-MAX_INPUTS = len(ROLES)
-MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
-LONGEST_FRAME = FD_LENGTHS[-1]  # bytes
 
 
 @dataclass(frozen=True)
@@ -140,9 +137,9 @@ class InputTables:
         self, row: NDArray[np.void], message: Message, names: Sequence[str], group: SampleGroup, counter: str | None
     ) -> None:
         """Add a group to the next stream; `names`: signals of its index or `counter`, then of its samples."""
-        if len(names) > MAX_SIGNALS:
+        if len(names) > core.MAX_SIGNALS:
             raise UserError(
-                f"message {message.name}", f"{len(names)} signals of a frame are mapped, at most {MAX_SIGNALS}"
+                f"message {message.name}", f"{len(names)} signals of a frame are mapped, at most {core.MAX_SIGNALS}"
             )
         row["stream"] = len(self._streams)
         row["offset"], row["samples"] = group.offset, group.count

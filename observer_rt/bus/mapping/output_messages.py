@@ -19,10 +19,11 @@ from observer_rt.bus.database.codec import (
     signal_table,
 )
 from observer_rt.bus.database.lookup import PROFILES, MessageLayout, signal_names
-from observer_rt.core.frames.frames import shortest_protected
+from observer_rt.bus.mapping.output_signals import signals_of
+from observer_rt.core.frames.frames import Header, shortest_protected
 from observer_rt.foundation.errors import UserError
 
-HEADER_SIGNALS = ("SampleIndex", "Valid", "Learning", "State")
+HEADER_SIGNALS = signals_of(Header)
 RATE_PATTERN = "InjectionRate_{:02d}"
 
 # A stuff bit follows five equal bits. From the first bit of a run (the stuff bit itself begins one) it takes

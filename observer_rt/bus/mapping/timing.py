@@ -11,19 +11,17 @@ import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.lookup import INDEX_BITS, UNPROTECTED, USUAL_INDEX, MessageLayout, find_signal
+from observer_rt.bus.database.lookup import INDEX_BITS, USUAL_INDEX, MessageLayout, find_signal
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.injector import Meaning
 from observer_rt.config.signals import Role, undone_in_alignment
-from observer_rt.core.frames.frames import TIMING, values_of_counter
+from observer_rt.core.frames.frames import MAX_INTERPOLATED, SLOTS, TIMING, UNPROTECTED, values_of_counter
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
-SLOTS = 1 << 12  # samples that may wait for another message
-MAX_INTERPOLATED = 2  # samples that a gap may have without being a loss
 LONGEST_COUNTER = 16  # bits
 HELD_CYCLES = 2.5  # of a slower signal, where the bench file states no max_hold_ms: one may be lost
 SHORTEST = 0.5  # of the time a frame takes on the bus

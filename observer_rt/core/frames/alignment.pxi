@@ -1,9 +1,6 @@
-# Alignment of blocks of samples to one gapless stream: complete samples, and their order.
+# Alignment of blocks of samples to one gapless stream: complete samples, and their order, as bus.alignment says.
 #
-# Messages of one time base are joined by their unwrapped sample index, those of others follow on the same grid
-# (`resampling`). Up to two missing samples are interpolated, more are a loss. An index jump is legal only with a
-# contiguous E2E counter in every message on the grid and a closed needle before and after. The place of a
-# block is found by `placing`.
+# Samples of other time bases than the grid's follow on it by `resampling`; the place of a block is found by `placing`.
 
 
 cdef enum:

@@ -11,7 +11,7 @@ from libc.string cimport memcpy, memset
 from numpy import atleast_1d
 
 from observer_rt.core.frames.records cimport *
-from observer_rt.core.records import dtype_of
+from observer_rt.core.records import dtype_of, tuple_of
 from observer_rt.core.stream.state cimport (
     BREAK_JUMP, BREAK_LOSS, BREAK_NONE, BREAK_RESTART, DOUBT_NONE, DOUBT_TIME_BASE, INJECTIONS, LIFT, MASK,
     RECORDED_MASK, RECORDED_RING, STATE_DEGRADED, Observer, Recorded
@@ -67,7 +67,7 @@ include "framing.pxi"
 include "python.pxi"
 
 
-# Dtypes of the records, of which Python makes arrays.
+# Dtypes of the records, of which Python makes arrays, and the order of a header's signals.
 cdef double[1024] _blank  # room for each of them
 globals().update(
     SIGNAL=dtype_of(<Signal[:1:1]> <Signal*> _blank, (<Signal*> _blank)[0]),
@@ -98,5 +98,6 @@ globals().update(
     ERROR_FRAME=dtype_of(<ErrorFrame[:1:1]> <ErrorFrame*> _blank, (<ErrorFrame*> _blank)[0]),
     ARRIVAL=dtype_of(<Arrival[:1:1]> <Arrival*> _blank, (<Arrival*> _blank)[0]),
     PUMP=dtype_of(<PumpMemory[:1:1]> <PumpMemory*> _blank, (<PumpMemory*> _blank)[0]),
+    Header=tuple_of(__name__, "Header", (<Header*> _blank)[0]),
 )
 assert all(getattr(each, "itemsize", 0) <= sizeof(_blank) for each in list(globals().values()))

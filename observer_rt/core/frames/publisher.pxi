@@ -2,11 +2,6 @@
 
 
 cdef enum:
-    # places of the header's signals
-    SAMPLE_INDEX = 0
-    VALID = 1
-    LEARNING = 2
-    STATE = 3
     FRAMES = 512  # capacity for results
     FULL = FRAMES // 4  # ready, beyond which there is room for those of one input frame only, which are far fewer
 
@@ -44,10 +39,11 @@ cdef void flush(Publisher* publisher) noexcept nogil:
     if memory.filled == 0:
         return
     is_complete = memory.filled == memory.samples
-    _put(publisher, SAMPLE_INDEX, memory.block_start & INDEX_MASK)
-    _put(publisher, VALID, memory.block_valid and is_complete and not memory.contested)
-    _put(publisher, LEARNING, memory.learning)
-    _put(publisher, STATE, STATE_DEGRADED if memory.contested else memory.block_state)
+    header = &memory.header
+    _put(publisher, header.sample_index, memory.block_start & INDEX_MASK)
+    _put(publisher, header.valid, memory.block_valid and is_complete and not memory.contested)
+    _put(publisher, header.learning, memory.learning)
+    _put(publisher, header.state, STATE_DEGRADED if memory.contested else memory.block_state)
     frame = &publisher.out[memory.frames]
     memset(frame.payload, 0, LONGEST_FRAME)
     frame.length = memory.length
@@ -58,8 +54,7 @@ cdef void flush(Publisher* publisher) noexcept nogil:
     memory.frames += 1
 
 
-cdef void _put(Publisher* publisher, int64_t signal, double value) noexcept nogil:
+cdef void _put(Publisher* publisher, int64_t place, double value) noexcept nogil:
     """One signal of the header, where the message has it."""
-    place = publisher.memory.header[signal]
     if place >= 0:
         publisher.values[place] = value

@@ -6,8 +6,8 @@ from observer_rt.core.stream.state cimport Observer, Recorded
 
 cdef enum:
     MAX_INPUTS = 3
-    MAX_SIGNALS = 512
-    LONGEST_FRAME = 64
+    MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
+    LONGEST_FRAME = 64  # bytes
     POINTS = 16
 
 
@@ -284,6 +284,14 @@ cdef struct OutFrame:
     uint8_t payload[LONGEST_FRAME]
 
 
+# Places of the header's signals among a frame's values, -1: not in the message.
+cdef struct Header:
+    int64_t sample_index
+    int64_t valid
+    int64_t learning
+    int64_t state
+
+
 cdef struct PublisherMemory:
     int64_t published  # position in the observer's stream of the next sample to publish
     int64_t block_start  # index of the block's first sample
@@ -292,7 +300,7 @@ cdef struct PublisherMemory:
     int64_t block_state
     unsigned char learning
     unsigned char contested  # another node sends the same: nothing that goes out is valid
-    int64_t header[4]  # their places among the values, -1: not in the message
+    Header header
     int64_t samples  # of a block, 0: no rates are published
     int64_t length
     Protection protection

@@ -88,7 +88,7 @@ def make_publisher(message: RateMessage | None, learning: bool) -> Publisher:
         return Publisher(memory, np.zeros(0, core.SIGNAL), np.zeros(0), out)
     names = message.page.names
     memory["learning"] = learning
-    memory["header"] = [names.index(name) if name in names else -1 for name in HEADER_SIGNALS]
+    memory["header"] = tuple(names.index(name) if name in names else -1 for name in HEADER_SIGNALS)
     memory["samples"] = message.samples
     memory["length"] = message.layout.length
     memory["protection"] = message.layout.protection

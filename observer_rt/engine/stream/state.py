@@ -20,7 +20,6 @@ from observer_rt.bus.alignment import Break
 from observer_rt.core.model.model import InputTerms, Sensor
 from observer_rt.core.stream import stream as core
 from observer_rt.core.stream.stepper import Stepper
-from observer_rt.engine.estimation.gain import GainSchedule
 from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.effective import Coefficients
 
@@ -101,26 +100,6 @@ class VerdictKind(IntEnum):
     LEARNED = 2  # with what was learned from it
 
 
-class Verdicts(NamedTuple):
-    """Verdicts on closed events: posted by whoever judges, taken by the stream when an event is due.
-
-    Neither waits for the other, and no lock is between them: a finding counts for the event whose number it bears,
-    and its number is written last. There are two times SLOTS: the verdict on the n-th event is in slot n % SLOTS,
-    what an earlier event taught SLOTS further.
-    """
-
-    slots: NDArray[np.void]
-    gains: NDArray[np.float64]  # (2 SLOTS, n, states) gain schedules
-    theta: NDArray[np.float64]  # (2 SLOTS, m)
-
-
-def no_verdicts(parameters: int, schedule: GainSchedule) -> Verdicts:
-    """Slots for an observer that carries so many parameters and such a schedule."""
-    slots = 2 * core.SLOTS
-    gains = np.zeros((slots, *schedule.gains.shape))
-    return Verdicts(np.zeros(slots, core.VERDICT), gains, np.zeros((slots, parameters)))
-
-
 class Constants(NamedTuple):
     """Constants while the observer runs; the stream does not see the line."""
 
@@ -145,10 +124,16 @@ class Constants(NamedTuple):
 
 
 class Observer(NamedTuple):
-    """Constants, preallocated memory, and what of the core works on it."""
+    """Constants, preallocated memory, and what of the core works on it.
+
+    Whoever judges closed events posts verdicts on them, and the stream takes one when an event is due. Neither waits
+    for the other, and no lock is between them: a finding counts for the event whose number it bears, and its number
+    is written last. There are two times SLOTS: the verdict on the n-th event is in slot n % SLOTS, what an earlier
+    event taught SLOTS further.
+    """
 
     constants: Constants
-    memory: NDArray[np.void]  # (1,) `memory.MEMORY`
+    memory: NDArray[np.void]  # (1,) `MEMORY`
     recorded: NDArray[np.void]  # (RECORDED_RING,) `RECORDED`
     ring: NDArray[np.void]  # (RING,) `SAMPLE`
     x_tilde: NDArray[np.float64]  # (RING, states) of the samples in the ring
@@ -158,7 +143,9 @@ class Observer(NamedTuple):
     injections: NDArray[np.void]  # (INJECTIONS,) `INJECTION`
     channels: NDArray[np.void]  # (3,) `CHANNEL`
     theta: NDArray[np.float64]  # (m,) in force
-    verdicts: Verdicts
+    verdicts: NDArray[np.void]  # (2 SLOTS,) `VERDICT`
+    verdict_gains: NDArray[np.float64]  # (2 SLOTS, n, states) gain schedules
+    verdict_theta: NDArray[np.float64]  # (2 SLOTS, m)
     stream: core.Stream
     stepper: Stepper  # of the pair
 

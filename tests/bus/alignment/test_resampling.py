@@ -11,10 +11,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from observer_rt.bus.alignment import Break, is_stale, make_alignment, make_recorded
-from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
-from observer_rt.bus.mapping.timing import SLOTS, GridRelation
+from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.bus.mapping.timing import GridRelation
 from observer_rt.config.signals import Role
-from observer_rt.core.frames.frames import decide_samples, follow_grid, place_samples, store_value
+from observer_rt.core.frames.frames import MAX_INPUTS, SLOTS, decide_samples, follow_grid, place_samples, store_value
 from tests.bus.alignment.alignment_driver import CLOSED_LIFT, LIFT, Row, take_rows
 
 RAIL = ROLES.index(Role.RAIL_PRESSURE)

@@ -14,9 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.lookup import PROFILE_1, PROFILE_5, UNPROTECTED, E2EState, protection_of
+from observer_rt.bus.database.lookup import E2EState, protection_of
 from observer_rt.core.frames.frames import (
+    PROFILE_1,
+    PROFILE_5,
     SUPERVISION,
+    UNPROTECTED,
     check_frame,
     counter_in,
     protect_frame,

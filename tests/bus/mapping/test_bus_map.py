@@ -5,13 +5,14 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.database.catalogue import load_database
-from observer_rt.bus.database.lookup import UNPROTECTED, find_message, reserved_codes
+from observer_rt.bus.database.lookup import find_message, reserved_codes
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.bus.mapping.output_messages import output_message, rate_message
 from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues, signals_of
 from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
 from observer_rt.config.signals import Role
+from observer_rt.core.frames.frames import UNPROTECTED
 from observer_rt.foundation.errors import UserError
 from tests.benches import attributes, own_bench
 from tests.two_injectors import one_injector, two_injectors

@@ -16,8 +16,8 @@ import pytest
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.config.bench import Bench, load_bench
+from observer_rt.core.frames.frames import SLOTS
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import Counters, OutputFrame
 from observer_rt.files.replay.framing import Span, TimedFrame

@@ -111,19 +111,6 @@ class Jitter(NamedTuple):
     greatest: float
 
 
-def make_clock(interval: float, samples: int, shortest: float) -> NDArray[np.void]:
-    """A clock (1,) without a stamp; `interval` [s] between samples, `samples` in a frame.
-
-    shortest: least time [s] from one frame to the next on the bus, 0 without a limit.
-    """
-    clock = np.zeros(1, core.CLOCK)
-    clock["shortest"] = shortest * 1e9
-    clock["interval"] = interval * 1e9
-    clock["samples"] = samples
-    clock["residual"] = math.inf
-    return clock
-
-
 def jitter_of(clock: np.void) -> Jitter:
     """Delays since the line is known; nothing is known of frames before."""
     frames = int(clock["delays"])
@@ -132,13 +119,6 @@ def jitter_of(clock: np.void) -> Jitter:
     mean = float(clock["delay_sum"]) / frames
     variance = max(0.0, float(clock["delay_squares"]) / frames - mean * mean)
     return Jitter(frames, math.sqrt(variance) * 1e-9, float(clock["delay_max"]) * 1e-9)
-
-
-def make_counting(modulus: int) -> NDArray[np.void]:
-    """Memory (1,) for one message that no frame has come of; `modulus` of its counter, 1 without one."""
-    counting = np.zeros(1, core.COUNTING)
-    counting["modulus"] = modulus
-    return counting
 
 
 class Timekeeping(NamedTuple):
@@ -158,12 +138,11 @@ def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leadi
     memory["by_stamps"] = bool(
         np.any(timing["numbering"] != Numbering.INDEX) or np.any(timing["joining"] == Joining.CLOCK)
     )
-    count = len(timing)
-    clocks, counts = np.zeros(count, core.CLOCK), np.zeros(count, core.COUNTING)
-    for number, row in enumerate(timing):
-        clocks[number] = make_clock(float(row["interval"]), int(samples[number]), float(row["shortest"]))[0]
-        counts[number] = make_counting(int(row["modulus"]))[0]
-    return Timekeeping(memory, timing, clocks, counts, np.zeros(count, core.SHIFT))
+    clocks, counts = np.zeros(len(timing), core.CLOCK), np.zeros(len(timing), core.COUNTING)
+    clocks["interval"], clocks["shortest"] = timing["interval"] * SECOND, timing["shortest"] * SECOND
+    clocks["samples"], clocks["residual"] = samples, math.inf
+    counts["modulus"] = timing["modulus"]
+    return Timekeeping(memory, timing, clocks, counts, np.zeros(len(timing), core.SHIFT))
 
 
 @dataclass(frozen=True)

@@ -44,11 +44,15 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
     receiver = pipeline.receiver
     message = &pipeline.inputs.messages[number]
     receiver.frames += message.group_count > 0
-    status = _received(pipeline, number, payload, size)
-    if status == E2E_LENGTH_ERROR or status == E2E_CRC_ERROR:
+    supervised, profile = &pipeline.supervised[number], message.protection.profile
+    status = judge(payload, size, message, supervised)
+    if status == E2E_LENGTH_ERROR:
+        receiver.length_errors += 1
+        receiver.odd_length[number] = size
         return
-    profile = message.protection.profile
-    supervised = &pipeline.supervised[number]
+    if status == E2E_CRC_ERROR:
+        receiver.crc_errors += 1
+        return
     if supervised.state == E2E_INVALID:
         supervised.refused += 1
         return
@@ -94,17 +98,15 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
         take_recorded(pipeline.observer, decided, doubt_of(&pipeline.keeping))
 
 
-cdef int64_t _received(Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t size) noexcept nogil:
+cdef int64_t judge(
+    const uint8_t* payload, int64_t size, const InputMessage* message, Supervision* supervised
+) noexcept nogil:
     """What a frame is worth by its length and its protection, which takes note of it; OK without protection."""
-    receiver, message = pipeline.receiver, &pipeline.inputs.messages[number]
-    supervised, profile = &pipeline.supervised[number], message.protection.profile
+    profile = message.protection.profile
     cdef int64_t status = E2E_OK
     if size != message.length and size != message.padded_length:
-        receiver.length_errors += 1
-        receiver.odd_length[number] = size
         status = E2E_LENGTH_ERROR
     elif not check(payload, size, message.length, &message.protection):
-        receiver.crc_errors += 1
         status = E2E_CRC_ERROR
     elif profile != UNPROTECTED:
         counter, last = frame_counter(payload, profile), supervised.counter

@@ -47,10 +47,10 @@ def protect_frame(uint8_t[::1] payload, int64_t length, protection, int64_t coun
         protect(&payload[0], length, &row[0], counter)
 
 
-def check_frame(const uint8_t[::1] payload, int64_t length, protection) -> bool:
-    """Whether the CRC in a frame is that of its first `length` bytes and its data id: see bus.database.e2e."""
-    cdef const Protection[::1] row = atleast_1d(protection)
-    return check(&payload[0] if payload.shape[0] else NULL, payload.shape[0], length, &row[0])
+def judge_frame(const uint8_t[::1] payload, message, Supervision[::1] supervised) -> int:
+    """E2EStatus of a frame of a message, a row `INPUT_MESSAGE`, of which its state machine (1,) takes note."""
+    cdef const InputMessage[::1] row = atleast_1d(message)
+    return judge(&payload[0] if payload.shape[0] else NULL, payload.shape[0], &row[0], &supervised[0])
 
 
 def values_of_counter(int64_t profile) -> int:
@@ -63,50 +63,20 @@ def shortest_protected(int64_t profile) -> int:
     return shortest_frame(profile)
 
 
-def counter_in(const uint8_t[::1] payload, int64_t profile) -> int:
-    """Counter of a frame whose length was checked; 0 for an unprotected message."""
-    _require(payload.shape[0] >= shortest_frame(profile) or profile == UNPROTECTED, "bytes")
-    return frame_counter(&payload[0], profile)
+def time_frame(keeping, int64_t message, int64_t sequence, int64_t last, int64_t stamp) -> tuple[int, int]:
+    """Take the counter `sequence` and the `stamp` [ns] of a frame: (Count, Doubt in the times of samples that come now).
 
-
-def status_by_counter(int64_t counter, int64_t last_counter, bint seen, int64_t max_delta, int64_t profile) -> int:
-    """E2EStatus of a frame with a good CRC, by its counter: see bus.database.e2e."""
-    return classify(counter, last_counter, seen, max_delta, profile)
-
-
-def take_into_state(Supervision[::1] memory, int64_t status) -> None:
-    """Take one frame of a message into its state machine, (1,) `e2e.SUPERVISION`."""
-    supervise(&memory[0], status)
-
-
-def forget_clock(Clock[::1] clock) -> None:
-    """Begin anew: the index or the stamps no longer continue those before."""
-    forget(&clock[0])
-
-
-def take_clock_stamp(Clock[::1] clock, int64_t index, int64_t stamp) -> bool:
-    """Note that the frame whose last sample is `index` came at `stamp` [ns]; whether that ended a window."""
-    return take_stamp(&clock[0], index, stamp)
-
-
-def time_by_clock(Clock[::1] clock, double index, int64_t epoch) -> float:
-    """Time [ns after the stamp `epoch`] at which the frame that ends in sample `index` came, had it no jitter."""
-    return time_of(&clock[0], index, epoch)
-
-
-def count_one_frame(Counting[::1] counting, Clock[::1] clock, int64_t sequence, int64_t stamp) -> int:
-    """Give a frame its number; `Count`. sequence: its counter; the clock counts in samples."""
-    return count_frame(&counting[0], &clock[0], sequence, stamp)
-
-
-def is_numbered_for_sure(Counting[::1] counting, Clock[::1] clock) -> bool:
-    """Whether the frames of this window and the last are numbered without doubt."""
-    return is_sure(&counting[0], &clock[0])
-
-
-def has_clock_slipped(Clock[::1] clock) -> bool:
-    """Whether the window just ended shows that frames were lost before it, unseen among their delays."""
-    return has_slipped(&clock[0])
+    last: index of its last sample, or -1 without an index: it is that of its number then.
+    """
+    cdef Timekeeping lent
+    cdef int64_t outcome = COUNT_NEXT
+    _lend_timekeeping(&lent, keeping)
+    if last < 0:
+        outcome = number_frame(&lent, message, sequence, stamp)
+        last = (lent.counts[message].number + 1) * lent.clocks[message].samples - 1
+    if outcome == COUNT_NEXT or outcome == COUNT_ANEW:
+        note_frame(&lent, message, last, stamp)
+    return outcome, doubt_of(&lent)
 
 
 def store_value(alignment, int64_t index, int64_t role, double value, bint interpolated=False, double share=0.0) -> None:

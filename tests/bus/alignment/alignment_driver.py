@@ -6,15 +6,26 @@ from enum import IntEnum
 
 import numpy as np
 
-from observer_rt.bus.alignment import Alignment, Break, make_alignment, make_recorded
+from observer_rt.bus.alignment import Alignment, Break, Timekeeping, make_alignment, make_recorded, make_timekeeping
 from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.signals import Role
-from observer_rt.core.frames.frames import decide_samples, place_samples, store_value
+from observer_rt.core.frames.frames import TIMING, decide_samples, place_samples, store_value
 from observer_rt.core.stream.stream import RECORDED_RING
 
 CLOSED_LIFT = 2e-6  # m
 LIFT = ROLES.index(Role.NEEDLE_LIFT)
 WRAP = 1 << 32
+
+
+def keeping_of(
+    numbering: Numbering, interval: float, samples: int = 1, modulus: int = 1, shortest: float = 0.0
+) -> Timekeeping:
+    """Timekeeping of one message before its first frame."""
+    timing = np.zeros(1, TIMING)
+    timing["numbering"], timing["modulus"] = numbering, modulus
+    timing["interval"], timing["shortest"] = interval, shortest
+    return make_timekeeping(timing, np.array([samples]), 0)
 
 
 class Placing(IntEnum):

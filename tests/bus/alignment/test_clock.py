@@ -6,8 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import jitter_of, make_clock
-from observer_rt.core.frames.frames import WINDOW, take_clock_stamp, time_by_clock
+from observer_rt.bus.alignment import jitter_of
+from observer_rt.bus.mapping.timing import Numbering
+from observer_rt.core.frames.frames import WINDOW, time_frame
+from tests.bus.alignment.alignment_driver import keeping_of
 
 EPOCH = 1_700_000_000_000_000_000  # ns
 INTERVAL = 50e-6  # s
@@ -21,16 +23,18 @@ def sent(seconds: float, drift: float = 0.0, samples: int = 1) -> NDArray[np.flo
 
 
 def fed(stamps: NDArray[np.float64], samples: int = 1, shortest: float = 0.0) -> NDArray[np.void]:
-    clock = make_clock(INTERVAL, samples, shortest)
+    keeping = keeping_of(Numbering.INDEX, INTERVAL, samples, shortest=shortest)
     for number, stamp in enumerate(stamps):
-        take_clock_stamp(clock, (number + 1) * samples - 1, EPOCH + round(stamp))
-    return clock
+        time_frame(keeping, 0, 0, (number + 1) * samples - 1, EPOCH + round(stamp))
+    return keeping.clocks
 
 
 def error(clock: NDArray[np.void], sent_last: float, last: int) -> float:
     """s by which the clock is wrong about the last sample."""
-    came: float = time_by_clock(clock, last, EPOCH)
-    return (came - sent_last - DELAY) * 1e-9
+    line = clock[0]
+    came = int(line["first_stamp"]) - EPOCH + line["offset"]
+    came += (last - int(line["first_index"])) * (line["interval"] + line["drift"])
+    return float(came - sent_last - DELAY) * 1e-9
 
 
 @pytest.mark.parametrize("drift", [0.0, 50e-6, -200e-6])
@@ -113,4 +117,4 @@ def test_jitter_is_that_of_the_delays() -> None:
     jitter = jitter_of(clock[0])
     assert jitter.sigma * 1e9 == pytest.approx(late.std(), rel=0.03)
     assert jitter.greatest * 1e9 == pytest.approx(late.max(), rel=0.01)
-    assert jitter_of(make_clock(INTERVAL, 1, 0.0)[0]).frames == 0
+    assert jitter_of(fed(np.empty(0))[0]).frames == 0

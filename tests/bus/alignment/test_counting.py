@@ -8,14 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import make_clock, make_counting
-from observer_rt.core.frames.frames import (
-    count_one_frame,
-    forget_clock,
-    has_clock_slipped,
-    is_numbered_for_sure,
-    take_clock_stamp,
-)
+from observer_rt.bus.mapping.timing import Numbering
+from observer_rt.core.frames.frames import time_frame
+from observer_rt.engine.stream.state import Doubt
+from tests.bus.alignment.alignment_driver import keeping_of
 
 EPOCH = 1_700_000_000_000_000_000  # ns
 CYCLE = 100e-6  # s
@@ -41,26 +37,21 @@ class Counter:
         self.sure: list[bool] = []
         self.anew: list[int] = []
         self.dropped: list[Count] = []
-        self._counting, self._clock = make_counting(modulus), make_clock(CYCLE, 1, 0.0)
+        self._keeping = keeping_of(Numbering.STAMPS if modulus == 1 else Numbering.COUNTER, CYCLE, modulus=modulus)
 
     def take(self, number: int, come: float) -> None:
         """The `number`-th frame sent comes at `come` [s]."""
         stamp = EPOCH + round(come * 1e9)
-        counting, clock = self._counting, self._clock
-        outcome = Count(count_one_frame(counting, clock, number % self.modulus, stamp))
+        outcome, doubt = time_frame(self._keeping, 0, number % self.modulus, -1, stamp)
         if outcome in (Count.REPEATED, Count.OLD):
-            self.dropped.append(outcome)
+            self.dropped.append(Count(outcome))
             return
-        if outcome is Count.ANEW:
-            forget_clock(clock)
-        if counting["number"] == 0:
+        counted = int(self._keeping.counts["number"][0])
+        if counted == 0:
             self.anew.append(len(self.numbers))
-        if take_clock_stamp(clock, int(counting["number"][0]), stamp) and has_clock_slipped(clock):
-            counting["begun"] = False
-            forget_clock(clock)
-        self.numbers.append(int(counting["number"][0]))
+        self.numbers.append(counted)
         self.sent.append(number)
-        self.sure.append(bool(is_numbered_for_sure(counting, clock)))
+        self.sure.append(doubt == Doubt.NONE)
 
     def take_all(self, numbers: NDArray[np.int64], come: NDArray[np.float64]) -> "Counter":
         for number, moment in zip(numbers.tolist(), come.tolist(), strict=True):

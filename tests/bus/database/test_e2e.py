@@ -16,15 +16,13 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import E2EState, protection_of
 from observer_rt.core.frames.frames import (
+    INPUT_MESSAGE,
     PROFILE_1,
     PROFILE_5,
     SUPERVISION,
     UNPROTECTED,
-    check_frame,
-    counter_in,
+    judge_frame,
     protect_frame,
-    status_by_counter,
-    take_into_state,
 )
 
 DATA_ID = 0x0100
@@ -46,13 +44,28 @@ def frame_of(payload: bytes) -> NDArray[np.uint8]:
     return np.frombuffer(payload, np.uint8).copy()
 
 
-@pytest.mark.parametrize(
-    ("profile", "modulus", "most"), [(PROFILE_1, 15, 7), (PROFILE_5, 256, 5), (PROFILE_5, 256, 1)]
-)
+def worth_of(frame: NDArray[np.uint8], length: int, row: np.void, last: int = -1) -> E2EStatus:
+    """Worth of a frame of a message of so many bytes, padded to it; last: counter of the one before, if any."""
+    message, supervised = np.zeros(1, INPUT_MESSAGE), np.zeros(1, SUPERVISION)
+    message["length"], message["padded_length"], message["protection"] = length, frame.size, row
+    supervised["counter"] = last
+    return E2EStatus(judge_frame(frame, message, supervised))
+
+
+def frame_with(row: np.void, counter: int) -> NDArray[np.uint8]:
+    """A frame of 8 bytes."""
+    frame = frame_of(bytes(8))
+    protect_frame(frame, 8, row, counter)
+    return frame
+
+
+@pytest.mark.parametrize(("profile", "modulus", "most"), [(PROFILE_1, 15, 7), (PROFILE_5, 256, 15)])
 def test_every_counter_boundary(profile: int, modulus: int, most: int) -> None:
-    """most: the largest step that is taken; with 1 no loss is tolerated."""
+    """most: the largest step that is taken."""
+    row = protection_of(profile, DATA_ID)
+    frames = [frame_with(row, counter) for counter in range(modulus)]
     for last in range(modulus):
-        status = [status_by_counter((last + d) % modulus, last, True, most, profile) for d in range(modulus)]
+        status = [worth_of(frames[(last + d) % modulus], 8, row, last) for d in range(modulus)]
         assert status[:2] == [E2EStatus.REPEATED, E2EStatus.OK]
         assert status[2 : most + 1] == [E2EStatus.OK_SOME_LOST] * (most - 1)
         assert status[most + 1 :] == [E2EStatus.WRONG_SEQUENCE] * (modulus - 1 - most)
@@ -60,8 +73,8 @@ def test_every_counter_boundary(profile: int, modulus: int, most: int) -> None:
 
 @pytest.mark.parametrize("counter", [0, 1, 254, 255])
 def test_the_first_frame_is_initial_whatever_its_counter(counter: int) -> None:
-    assert status_by_counter(counter, counter, False, 1, PROFILE_5) == E2EStatus.INITIAL
-    assert status_by_counter(counter, 0, False, 1, PROFILE_5) == E2EStatus.INITIAL
+    row = protection_of(PROFILE_5, DATA_ID)
+    assert worth_of(frame_with(row, counter), 8, row) is E2EStatus.INITIAL
 
 
 @dataclass(frozen=True)
@@ -80,6 +93,11 @@ class Reference:
         self.count(made, counter)
         self.protect(made, data_id)
         return bytes(made)
+
+
+def is_good(frame: NDArray[np.uint8], length: int, row: np.void) -> bool:
+    """Whether its protection fits, and the counter is one that the profile has."""
+    return worth_of(frame, length, row) is not E2EStatus.CRC_ERROR
 
 
 def in_nibble(payload: bytearray, counter: int) -> None:
@@ -114,21 +132,25 @@ def test_a_profile_is_that_of_the_reference(name: str, data: st.DataObject, numb
     payload = data.draw(st.binary(min_size=reference.lengths[0], max_size=reference.lengths[1]))
     data_id = data.draw(st.integers(0, 0xFFFF))
     frame, length, row = frame_of(payload), len(payload), protection_of(reference.profile, data_id)
-    assert check_frame(frame, length, row) == reference.check(payload, data_id)
+    assert is_good(frame, length, row) == reference.check(payload, data_id)
     protect_frame(frame, length, row, number)
     assert frame.tobytes() == reference.protected(payload, data_id, number % reference.modulus)
-    assert check_frame(frame, length, row)
-    assert counter_in(frame, reference.profile) == number % reference.modulus
-    assert not check_frame(frame, length, protection_of(reference.profile, data_id ^ 1))
-    assert check_frame(frame_of(frame.tobytes() + b"\xaa"), length, row)  # what follows does not count
+    assert is_good(frame, length, row)
+    assert worth_of(frame, length, row, number % reference.modulus) is E2EStatus.REPEATED
+    assert not is_good(frame, length, protection_of(reference.profile, data_id ^ 1))
+    assert is_good(frame_of(frame.tobytes() + b"\xaa"), length, row)  # what follows does not count
     for wrong in (reference.lengths[0] - 1, length + 1):  # shorter than its protection, beyond the frame
-        assert not check_frame(frame, wrong, row)
+        assert not is_good(frame, wrong, row)
     for bit in range(8 * length):
         frame[bit // 8] ^= 1 << (bit % 8)
-        assert check_frame(frame, length, row) == reference.check(frame.tobytes(), data_id), f"bit {bit}"
+        assert is_good(frame, length, row) == reference.check(frame.tobytes(), data_id), f"bit {bit}"
         frame[bit // 8] ^= 1 << (bit % 8)
 
 
+# A frame of 8 bytes for each, where the counter of the one before was 7.
+COUNTERS = dict(zip(E2EStatus, (8, 9, 7, 107, 0, 0, 0), strict=True))
+FRAMES = {status: frame_with(protection_of(PROFILE_5, DATA_ID), counter) for status, counter in COUNTERS.items()}
+FRAMES |= {E2EStatus.CRC_ERROR: frame_of(bytes(8)), E2EStatus.LENGTH_ERROR: frame_of(bytes(9))}
 GOOD = (E2EStatus.OK, E2EStatus.OK_SOME_LOST, E2EStatus.INITIAL)
 BAD = (E2EStatus.CRC_ERROR, E2EStatus.LENGTH_ERROR)
 
@@ -164,7 +186,9 @@ class StateMachine:
 def test_states_are_those_of_the_plain_state_machine(
     window: int, min_ok: list[int], max_errors: list[int], statuses: list[E2EStatus]
 ) -> None:
-    memory = np.zeros(1, SUPERVISION)
+    message, memory = np.zeros(1, INPUT_MESSAGE), np.zeros(1, SUPERVISION)
+    message["length"] = message["padded_length"] = 8
+    message["protection"] = protection_of(PROFILE_5, DATA_ID)
     memory["window"], memory["min_ok"], memory["max_errors"] = window, min_ok, max_errors
     plain = StateMachine(window, min_ok, max_errors)
     expected = []
@@ -173,7 +197,8 @@ def test_states_are_those_of_the_plain_state_machine(
         expected.append(plain.state)
     states = []
     for status in statuses:
-        take_into_state(memory, status)
+        memory["counter"] = -1 if status is E2EStatus.INITIAL else 7
+        assert judge_frame(FRAMES[status], message, memory) == status
         states.append(int(memory["state"][0]))
     assert states == expected
 
@@ -182,4 +207,4 @@ def test_an_unprotected_frame_stays_as_it_is() -> None:
     frame = frame_of(bytes(range(8)))
     protect_frame(frame, 8, protection_of(UNPROTECTED, DATA_ID), 3)
     assert frame.tobytes() == bytes(range(8))
-    assert check_frame(frame, 8, protection_of(UNPROTECTED, DATA_ID))
+    assert worth_of(frame, 8, protection_of(UNPROTECTED, DATA_ID)) is E2EStatus.OK

@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import GridRelation, Joining, Numbering
 from observer_rt.core.frames import frames as core
-from observer_rt.core.stream.stream import RECORDED, RECORDED_RING
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
 
 LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
@@ -41,17 +40,12 @@ class Alignment(NamedTuple):
     recorded: NDArray[np.void]  # (RECORDED_RING,) RECORDED
 
 
-def make_recorded() -> NDArray[np.void]:
-    """An empty ring of recorded samples, which the alignment writes and the observer takes."""
-    return np.zeros(RECORDED_RING, RECORDED)
-
-
 def make_alignment(
     relations: Sequence[GridRelation | None], closed_lift: float, recorded: NDArray[np.void]
 ) -> Alignment:
     """Empty alignment of messages on the grid (None, or in part) and others that follow it.
 
-    `closed_lift` [m] bounds the lift of a closed needle; `recorded`: the ring it writes to.
+    `closed_lift` [m] bounds the lift of a closed needle; `recorded`: the ring it writes to, of the observer.
     """
     alignment = Alignment(
         np.zeros(1, core.ALIGNMENT),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import Break, make_recorded
+from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stepper import Stepper
 from observer_rt.core.stream.stream import (
     CHANNEL,
@@ -20,6 +20,8 @@ from observer_rt.core.stream.stream import (
     MEMORY,
     PENDING_EVENTS,
     REACH,
+    RECORDED,
+    RECORDED_RING,
     RING,
     SAMPLE,
     SLOTS,
@@ -142,7 +144,7 @@ def make_observer(
     parameters, verdicts = knowledge.in_force.size, 2 * SLOTS
     lent = (
         np.zeros(1, MEMORY),
-        make_recorded(),
+        np.zeros(RECORDED_RING, RECORDED),
         np.zeros(RING, SAMPLE),
         np.zeros(pair),
         np.zeros(pair),
@@ -184,9 +186,7 @@ def with_constants(observer: Observer, constants: Constants) -> Observer:
 
 def _bound_stepper(stream: Stream, constants: Constants, before: Stepper | None = None) -> Stepper:
     """Stepper of the pair by these constants from now on; before: what stepped it so far."""
-    stepper = Stepper(
-        stream, constants.coefficients, constants.sensor, constants.interval, constants.substeps, constants.program
-    )
+    stepper = Stepper(stream, constants)
     if before is not None:
         stepper.go_on_from(before)
     stream.put_constants(constants)

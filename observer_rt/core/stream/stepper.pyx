@@ -23,14 +23,11 @@ cdef double REMEMBERED = 2e-3  # s before a sample, from which on the pair is ru
 
 
 cdef class Stepper(PairStepper):
-    """An observer's model, on the memory of its stream.
+    """An observer's model by its constants, `engine.stream.state.Constants`, on the memory of its stream."""
 
-    coefficients, sensor: named tuples of the model; interval [s]; program (n, 2): of the terms in force.
-    """
-
-    def __init__(self, Stream stream, coefficients, sensor, double interval, int64_t substeps, program) -> None:
-        cdef Model model = Model(coefficients)
-        s, memory = &self.stepping, stream.observer.memory
+    def __init__(self, Stream stream, constants) -> None:
+        cdef Model model = Model(constants.coefficients)
+        s, memory, program = &self.stepping, stream.observer.memory, constants.program
         if model.coefficients.states != stream.observer.states:
             raise ValueError(f"a model of {model.coefficients.states} states for {stream.observer.states} of the observer")
         self.stream = stream
@@ -39,7 +36,7 @@ cdef class Stepper(PairStepper):
         s.network.curves, s.network.bias = &memory.in_force.curves[0][0], memory.in_force.bias
         s.network.nozzle = memory.in_force.nozzle
         s.forced.network = s.network
-        s.fraction, s.interval, s.substeps = sensor.fraction, interval, substeps
+        s.fraction, s.interval, s.substeps = constants.sensor.fraction, constants.interval, constants.substeps
         begin_strokes(&s.strokes)
         s.command = s.command_before = s.strokes.last
         s.observer = &stream.observer

@@ -49,7 +49,6 @@ globals().update(
     LIFT_MEMORY=LIFT_MEMORY,
     LONG_PAST=LONG_PAST,
     LOOK_BACK=LOOK_BACK,
-    LOWEST=LOWEST,
     MAX_EVENT=MAX_EVENT,
     MOST_CROSSTALK=MOST_CROSSTALK,
     OFFSET_FOLLOWS=OFFSET_FOLLOWS,
@@ -61,7 +60,6 @@ globals().update(
     RECORDED_RING=RECORDED_RING,
     RESTLESS=RESTLESS,
     RING=RING,
-    SHORT=SHORT,
     SLOTS=SLOTS,
     SLOWEST_OPENING=SLOWEST_OPENING,
     SLOW_PEAK=SLOW_PEAK,
@@ -105,9 +103,7 @@ cdef class PairStepper:
 cdef class Stream:
     """An observer's memory, lent to the functions that run once a sample; each array is checked field by field.
 
-    memory (1,), recorded (RECORDED_RING,), ring (RING,), events (PENDING_EVENTS,), injections (INJECTIONS,), channels
-    (3,), verdicts (2 SLOTS,): records of `engine.stream.state`; x_tilde, x_hat (RING, states); gains (n, states);
-    theta (m,); verdict_gains (2 SLOTS, n, states); verdict_theta (2 SLOTS, m).
+    The arrays are as `engine.stream.state.Observer` has them.
     """
 
     def __init__(

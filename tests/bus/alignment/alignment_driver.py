@@ -5,13 +5,14 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import Alignment, Break, Timekeeping, make_alignment, make_recorded, make_timekeeping
+from observer_rt.bus.alignment import Alignment, Break, Timekeeping, make_alignment, make_timekeeping
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import TIMING, decide_samples, place_samples, store_value
-from observer_rt.core.stream.stream import RECORDED_RING
+from observer_rt.core.stream.stream import RECORDED, RECORDED_RING
 
 CLOSED_LIFT = 2e-6  # m
 LIFT = ROLES.index(Role.NEEDLE_LIFT)
@@ -56,6 +57,10 @@ class Row:
     """By which share of an interval its lift was taken later."""
 
 
+def empty_ring() -> NDArray[np.void]:
+    return np.zeros(RECORDED_RING, RECORDED)
+
+
 def take_rows(alignment: Alignment, rows: list[Row]) -> None:
     """Append what was decided since."""
     decided = int(alignment.memory["decided"][0])
@@ -94,7 +99,7 @@ class Aligner:
     bad: dict[tuple[int, int], float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._alignment = make_alignment([None] * len(self.roles), CLOSED_LIFT, make_recorded())
+        self._alignment = make_alignment([None] * len(self.roles), CLOSED_LIFT, empty_ring())
 
     def take(self, block: Block) -> Placing:
         raw = block.index % WRAP

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from observer_rt.bus.alignment import Break, is_stale, make_alignment, make_recorded
+from observer_rt.bus.alignment import Break, is_stale, make_alignment
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import GridRelation
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import MAX_INPUTS, SLOTS, decide_samples, follow_grid, place_samples, store_value
-from tests.bus.alignment.alignment_driver import CLOSED_LIFT, LIFT, Row, take_rows
+from tests.bus.alignment.alignment_driver import CLOSED_LIFT, LIFT, Row, empty_ring, take_rows
 
 RAIL = ROLES.index(Role.RAIL_PRESSURE)
 GRID, FOLLOWER = 0, 1
@@ -33,7 +33,7 @@ class JoinedStreams:
     """Line pressure and lift on the grid, the rail pressure beside it."""
 
     def __init__(self, relation: GridRelation) -> None:
-        self._alignment = make_alignment([None, relation], CLOSED_LIFT, make_recorded())
+        self._alignment = make_alignment([None, relation], CLOSED_LIFT, empty_ring())
         self._roles = relation.roles
         self.rows: list[Row] = []
 
@@ -215,7 +215,7 @@ def test_lift_that_misses_samples_is_bridged_and_marked() -> None:
 def test_means_on_the_grid_count_half_a_sample_before() -> None:
     """Rail pressure and lift of one message with the line pressure, whose samples are means."""
     alignment = make_alignment(
-        [GridRelation(1 << RAIL | 1 << LIFT, 1.0, 3.0, False, 0.5, True)], CLOSED_LIFT, make_recorded()
+        [GridRelation(1 << RAIL | 1 << LIFT, 1.0, 3.0, False, 0.5, True)], CLOSED_LIFT, empty_ring()
     )
     values = np.zeros(MAX_INPUTS)
     for start in range(0, 60, 5):
@@ -238,7 +238,7 @@ def test_means_on_the_grid_count_half_a_sample_before() -> None:
 
 
 def test_samples_that_wait_for_a_message_of_the_grid_are_told() -> None:
-    alignment = make_alignment([None, None], CLOSED_LIFT, make_recorded())
+    alignment = make_alignment([None, None], CLOSED_LIFT, empty_ring())
     place_samples(alignment, 0, 0, 1, True)
     place_samples(alignment, 1, 0, 1, True)
     decide_samples(alignment)

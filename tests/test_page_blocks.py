@@ -1,11 +1,13 @@
 """Sections of a bench file on the pages are read as those of the example."""
 
 import tomllib
+from pathlib import Path
 
 import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH
-from observer_rt.config.bench_file import BenchConfig
+from observer_rt.config.bench_file import read_buses
+from observer_rt.config.injector import InjectorConfig
 from observer_rt.config.toml_file import validated
 from tests.pages import Page
 
@@ -18,4 +20,5 @@ def test_sections_are_those_of_a_bench_file(page: str) -> None:
         for key, value in section.items():
             before = bench.setdefault(name, {}).get(key)
             bench[name][key] = {**before, **value} if isinstance(before, dict) else value
-    validated(BenchConfig, bench, lambda *place: f"{page}: {place}", "bench")
+    read_buses(Path(page), bench)
+    validated(InjectorConfig, bench, lambda *place: f"{page}: {place}", "bench")

@@ -13,13 +13,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from observer_rt.config.bench_file import (
-    BenchConfig,
     BenchFile,
     BusesConfig,
     LinkName,
+    read_buses,
     refuse_shared_channels,
     require_link,
 )
@@ -37,9 +37,6 @@ PACKAGE_DATA = Path(str(files("observer_rt") / "data"))
 NOMINAL_INJECTOR = PACKAGE_DATA / "crin3_nominal.toml"
 EXAMPLE_BENCH = PACKAGE_DATA / "example_bench.toml"
 FUELS = PACKAGE_DATA / "fuels.toml"
-
-_Sections = TypeVar("_Sections", bound=Section)
-
 
 _OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "learning"})  # what files need
 
@@ -208,23 +205,23 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, off_bus: b
     if off_bus and _is_off_bus(shared):
         shared = _completed(shared, read_toml(EXAMPLE_BENCH))
     stated = validated(_InjectorNames, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
-    files = {
-        name: BenchFile(path, name, number, shared, own)
+    buses = read_buses(path, shared)
+    files = [
+        BenchFile(path, name, number, shared, own)
         for number, (name, own) in enumerate((stated or {"": {}}).items())
-    }
-    configs = {name: file.read() for name, file in files.items()}
-    buses = _part(BusesConfig, next(iter(configs.values())))
+    ]
+    configs = [file.read() for file in files]
     refuse_shared_channels(f"{path}: ", buses.buses)
     for number, entry in enumerate(buses.dbc):
         require_link(f"{path}: dbc.{number}.link", entry.link, buses.links)
-    for name, config in configs.items():
+    for file, config in zip(files, configs, strict=True):
         for key, link in config.stated_links:
-            require_link(files[name].location(*key.split("."), "link"), link, buses.links)
+            require_link(file.location(*key.split("."), "link"), link, buses.links)
     return Bench(
         path=path,
         config=buses,
         databases=tuple(_database_path(path, number, entry.file) for number, entry in enumerate(buses.dbc)),
-        injectors=tuple(_injector(files[name], config, model) for name, config in configs.items()),
+        injectors=tuple(_injector(file, config, model) for file, config in zip(files, configs, strict=True)),
     )
 
 
@@ -241,17 +238,12 @@ class _InjectorNames(Section):
     injectors: Mapping[LinkName, Mapping[str, Any]]
 
 
-def _injector(file: BenchFile, config: BenchConfig, model: Path | None) -> BenchInjector:
+def _injector(file: BenchFile, config: InjectorConfig, model: Path | None) -> BenchInjector:
     if model is None and config.model.file:
         model = file.path.parent / config.model.file
         _require_file(file.location("model", "file"), model)
     model = model or NOMINAL_INJECTOR
-    return BenchInjector(file, _part(InjectorConfig, config), model, load_injector(model))
-
-
-def _part(model: type[_Sections], config: BenchConfig) -> _Sections:
-    """The sections of a file that are the buses', or an injector's."""
-    return model.model_construct(**{name: getattr(config, name) for name in model.model_fields})
+    return BenchInjector(file, config, model, load_injector(model))
 
 
 def _database_path(bench: Path, number: int, name: str) -> Path:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from observer_rt.config.injector import InjectorConfig, OutputsConfig
-from observer_rt.config.toml_file import Section, unknown_key, validated
+from observer_rt.config.toml_file import Section, place_in, unknown_key, validated
 from observer_rt.foundation.errors import UserError, did_you_mean
 
 BitRate = Annotated[float, Field(ge=5e3, le=2e7)]  # the fastest is that of CAN XL
@@ -56,15 +56,6 @@ class NamedLink:
     def location(self) -> str:
         """Section of the bus in the bench file."""
         return f"links.{self.name}" if self.name else "link"
-
-
-def named_links(first: LinkConfig, further: Mapping[str, FurtherLinkConfig]) -> tuple[NamedLink, ...]:
-    """Buses of a bench with all their keys, in the order of the bus numbers."""
-    links = [NamedLink("", first)]
-    for name, config in further.items():
-        stated = {key: value for key, value in config if value is not None}
-        links.append(NamedLink(name, first.model_copy(update=stated)))
-    return tuple(links)
 
 
 def require_link(location: str, name: str | None, links: Mapping[str, FurtherLinkConfig]) -> None:
@@ -138,21 +129,31 @@ class BusesConfig(Section):
 
     @property
     def buses(self) -> tuple[NamedLink, ...]:
-        """Buses of a bench in the order of the bus numbers, that of `[link]` first."""
-        return named_links(self.link, self.links)
+        """Buses of a bench with all their keys, in the order of the bus numbers, that of `[link]` first."""
+        links = [NamedLink("", self.link)]
+        for name, config in self.links.items():
+            stated = {key: value for key, value in config if value is not None}
+            links.append(NamedLink(name, self.link.model_copy(update=stated)))
+        return tuple(links)
 
     def bus_number(self, link: str | None) -> int:
         """Number of the bus with a name of `[links]`; None is the first."""
         return 0 if link is None else 1 + list(self.links).index(link)
 
 
-class BenchConfig(InjectorConfig, BusesConfig):
-    """Content of a bench file for one injector, whether the file has one or several."""
+def read_buses(path: Path, document: dict[str, Any]) -> BusesConfig:
+    """Take the sections of the buses out of a bench file's document. Raises `UserError` at the key at fault."""
+    sections = {**BusesConfig.model_fields, **InjectorConfig.model_fields}
+    for key in document:
+        if key not in sections:
+            raise unknown_key(f"{path}: {key}", key, sections)
+    stated = {key: document.pop(key) for key in BusesConfig.model_fields if key in document}
+    return validated(BusesConfig, stated, place_in(path), "bench")
 
 
 @dataclass(frozen=True)
 class BenchFile:
-    """A bench file for one of its injectors, whose own sections override the shared ones."""
+    """Sections of a bench file for one of its injectors, whose own ones override those that all share."""
 
     path: Path
     name: str  # of the injector; empty in a file with one injector
@@ -160,7 +161,7 @@ class BenchFile:
     shared: Mapping[str, Any]
     own: Mapping[str, Any]  # sections of `[injectors.<name>]`
 
-    def read(self) -> BenchConfig:
+    def read(self) -> InjectorConfig:
         """Join the sections stated for all injectors and for this one. Raises `UserError` at the key at fault."""
         for key in self.own:
             if key not in InjectorConfig.model_fields:
@@ -170,14 +171,11 @@ class BenchFile:
             shared = joined.get(section, {})
             are_tables = isinstance(shared, dict) and isinstance(content, dict)
             joined[section] = {**shared, **content} if are_tables else content
-        return validated(BenchConfig, joined, self.location, "bench")
+        return validated(InjectorConfig, joined, self.location, "bench")
 
     def _shared_for_this_injector(self) -> dict[str, Any]:
         """The shared sections with this injector's name, its identifiers and its number filled in."""
-        shared = {
-            section: _with_name(content, self.name) if section in InjectorConfig.model_fields else content
-            for section, content in self.shared.items()
-        }
+        shared: dict[str, Any] = _with_name(self.shared, self.name)
         outputs = shared.get("outputs", {})
         if not isinstance(outputs, dict):
             return shared

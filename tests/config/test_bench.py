@@ -18,7 +18,8 @@ from observer_rt.config.bench import (
     load_bench,
     load_injector,
 )
-from observer_rt.config.bench_file import BenchConfig, DatabaseConfig
+from observer_rt.config.bench_file import BusesConfig, DatabaseConfig
+from observer_rt.config.injector import InjectorConfig
 from observer_rt.config.signals import OPTIONAL_SIGNALS, OptionalRole, Role, SignalConfig, SignalsConfig
 from observer_rt.foundation.errors import UserError
 
@@ -79,17 +80,18 @@ def _keys(model: type[BaseModel]) -> dict[str, set[str]]:
 def test_example_bench_shows_every_key_with_its_default() -> None:
     """Each key is there, commented out where its default is nothing; and its value is the default."""
     text = EXAMPLE_BENCH.read_text()
-    for section, keys in _keys(BenchConfig).items():
+    for section, keys in {**_keys(BusesConfig), **_keys(InjectorConfig)}.items():
         expected = set(SignalConfig.model_fields) if section == "signals" else keys
         expected = set(DatabaseConfig.model_fields) if section == "dbc" else expected
         for key in expected:
             assert re.search(rf"\b{key}\b", text), f"{section}.{key} is not shown"
     shown = tomllib.loads(text)
-    defaults = BenchConfig.model_validate({"dbc": shown["dbc"], "signals": shown["signals"]})
-    example = load_bench(EXAMPLE_BENCH)
-    assert {**dict(example.config), **dict(example.injector.config)} == dict(defaults)
+    buses = BusesConfig.model_validate({"dbc": shown["dbc"]})
+    injector = InjectorConfig.model_validate({"signals": shown["signals"]})
+    example, defaults = load_bench(EXAMPLE_BENCH), {**dict(buses), **dict(injector)}
+    assert (example.config, example.injector.config) == (buses, injector)
     for section in ("link", "sampling", "noise", "outputs", "learning"):
-        model = type(getattr(defaults, section))
+        model = type(defaults[section])
         assert set(shown[section]) == {n for n, f in model.model_fields.items() if f.default is not None}
 
 

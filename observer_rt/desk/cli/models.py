@@ -54,11 +54,10 @@ def fit(options: FitOptions) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.signals import effects_on_one_raster
     from observer_rt.desk.evaluation.logged import open_source, without_truths
-    from observer_rt.desk.fitted_model import fitted_model
+    from observer_rt.desk.library.fit import fitted_model
     from observer_rt.engine.service.injector import calibration_of
     from observer_rt.identification.fit.calibrate import write_fitted
     from observer_rt.identification.fit.cross_validation import refuse_clipped, warnings
-    from observer_rt.identification.fit.document import document_of
     from observer_rt.identification.fit.masses import read_masses
     from observer_rt.identification.fit.report import draw_fit, print_fit
     from observer_rt.identification.likelihood import reading
@@ -83,8 +82,7 @@ def fit(options: FitOptions) -> None:
     reading.refuse_rates_missing([one.recording for one in recordings])
     refuse_clipped(recordings)
     weighed = {} if options.mass is None else read_masses(options.mass, recordings, density)
-    warned = warnings(recordings)
-    for line in (*map(reading.coverage, recordings), *(f"warning: {one}" for one in warned)):
+    for line in (*map(reading.coverage, recordings), *(f"warning: {one}" for one in warnings(recordings))):
         say(messages, line)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
@@ -93,13 +91,12 @@ def fit(options: FitOptions) -> None:
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
     write_fitted(output, source, fitted.done, fitted.baseline)
-    document = document_of(fitted.done, fitted.baseline, warned)
     if plot is not None:
         draw_fit(plot, fitted.done)
     if options.json:
-        print(json.dumps(document.as_json(), indent=2))
+        print(json.dumps(fitted.document.as_json(), indent=2))
     else:
-        print_fit(document, results())
+        print_fit(fitted.document, results())
     say(messages, f"{output}: written" + ("" if plot is None else f"; {plot}: figure"))
 
 

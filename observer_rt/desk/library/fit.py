@@ -1,38 +1,50 @@
-"""Calibration of a model, as `Injector.fit` gives it: verdict, parameters, residuals, a figure."""
+"""Calibration of a model to recordings of the healthy injector: verdict, parameters, residuals, a figure."""
 
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import pandas as pd
 
-from observer_rt.desk.fitted_model import FittedModel
+from observer_rt.desk.evaluation.healthy_events import observer_remainder
 from observer_rt.foundation.errors import require
+from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, rounded
+from observer_rt.identification.fit.cross_validation import sensor_gain, warnings
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
+from observer_rt.identification.fit.masses import MeanMass
+from observer_rt.identification.likelihood.measurement import Measurement, without_gain
+from observer_rt.model.accuracy import StatedAccuracy
+from observer_rt.model.baseline import Baseline
+from observer_rt.model.parameters import InjectorParameters
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FitResult:
-    """A fit. notes: what was noted while recordings were read; warnings: doubts about them."""
+    """A fit, as `Injector.fit` gives it. baseline: section of its file; warnings: doubts about the recordings.
 
-    fitted: FittedModel
-    notes: tuple[str, ...] = ()
+    notes: what was noted while they were read.
+    """
+
+    done: CalibrationResult
+    baseline: Baseline
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def adequate(self) -> bool:
         """Whether the model explains its recordings."""
-        return self.fitted.baseline.adequate
+        return self.baseline.adequate
 
     @property
     def verdict(self) -> str:
         """Verdict in words, with what to try where it is not adequate."""
-        return verdict_words(self.fitted.done)
+        return verdict_words(self.done)
 
     @cached_property
     def parameters(self) -> pd.DataFrame:
         """Parameters fitted, by name: value, 95 % interval, value of the file before, unit, symbol."""
-        sizes = {name: asdict(one) for name, one in self.fitted.done.sizes.items()}
+        sizes = {name: asdict(one) for name, one in self.done.sizes.items()}
         frame = pd.DataFrame.from_dict(sizes, orient="index")
         low_high = pd.DataFrame(frame.pop("ci95").tolist(), index=frame.index, columns=["low", "high"])
         return frame[["symbol", "value"]].join(low_high).join(frame[["file", "unit"]])
@@ -40,17 +52,47 @@ class FitResult:
     @cached_property
     def document(self) -> FitDocument:
         """All of it, as `observer-rt fit --json` writes it."""
-        return document_of(self.fitted.done, self.fitted.baseline, self.warnings)
+        return document_of(self.done, self.baseline, self.warnings)
 
     def plot(self) -> Any:
         """Draw line pressures before and after the fit, and residuals by phase: a matplotlib Figure."""
         require("matplotlib")
         from observer_rt.identification.fit.report import fit_figure
 
-        return fit_figure(self.fitted.done)
+        return fit_figure(self.done)
 
     def __repr__(self) -> str:
         return f"{self.verdict}\n{self.parameters.to_string()}"
 
     def _repr_html_(self) -> str:
         return f"<p>{self.verdict}</p>{self.parameters.to_html()}"
+
+
+def fitted_model(
+    start: InjectorParameters,
+    measurements: Sequence[Measurement],
+    weighed: Mapping[int, MeanMass],
+    digests: dict[str, str],
+    progress: Callable[[float], None],
+    calibration: StatedAccuracy,
+) -> FitResult:
+    """Fit a model; weighed: measured masses by the number of the recording; digests: SHA-256 of recordings by name.
+
+    calibration: of the pressure sensors, whose gain is taken out before.
+    Raises `RunError` where no structure has a solution.
+    """
+    doubts = tuple(warnings(measurements))
+    gain = sensor_gain(measurements, calibration)
+    level = calibration.level(gain)
+    if gain != 0.0:
+        measurements = without_gain(measurements, gain, level)
+        weighed = {number: one.by(level) for number, one in weighed.items()}
+    done = replace(calibrate(start, measurements, weighed, progress), flow_level=level)
+    baseline = baseline_of(done, digests)
+    try:
+        observer = observer_remainder(done.injector, baseline, [one.recording for one in measurements])
+    except (ArithmeticError, ValueError) as error:  # a model so far off that the observer's numbers fail
+        done = replace(done, not_observed=str(error))
+        observer, baseline = None, baseline.model_copy(update={"adequate": False})
+    left = {"observer": observer, "line_pressure_sensor_gain": rounded(gain)}
+    return FitResult(done, baseline.model_copy(update=left), doubts)

@@ -17,7 +17,7 @@ from observer_rt.config.signals import effects_on_one_raster
 from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
 from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run
 from observer_rt.desk.library.discovery import DiscoveryResult
-from observer_rt.desk.library.fit import FitResult
+from observer_rt.desk.library.fit import FitResult, fitted_model
 from observer_rt.desk.library.notes import CallNotes, naming_parameters, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
 from observer_rt.desk.library.results import EvaluationResult
@@ -28,7 +28,8 @@ from observer_rt.foundation.files import INJECTOR_FILE
 from observer_rt.foundation.outputs import IN_A_CALL, check_output, write_text
 from observer_rt.foundation.progress import progress_bar
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer, refuse_incomparable
-from observer_rt.identification.fit.cross_validation import refuse_clipped, warnings
+from observer_rt.identification.fit.calibrate import write_fitted
+from observer_rt.identification.fit.cross_validation import refuse_clipped
 from observer_rt.identification.fit.masses import read_masses
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -125,9 +126,6 @@ class Injector:
         RunError
             Where no structure of the model has a solution.
         """
-        from observer_rt.desk.fitted_model import fitted_model
-        from observer_rt.identification.fit.calibrate import write_fitted
-
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
             # Whole: a mass is the mean of all injections.
@@ -137,16 +135,15 @@ class Injector:
             refuse_clipped(measured)
             density = self.bench.injector.density
             weighed = {} if masses is None else read_masses(path_of("masses", masses), measured, density)
-            doubted = warnings(measured)
             with progress_bar(screen, "fitting", 1.0) as progress:
                 sensors = calibration_of(self.bench.injector)
                 fitted = fitted_model(self.parameters, measured, weighed, digests(sources), progress, sensors)
-            said = (*map(coverage, measured), *doubted)
         with TemporaryDirectory() as folder:
             path = Path(folder) / _FITTED
             write_fitted(path, self.file, fitted.done, fitted.baseline)
             made = self._with_file(path)
-        return replace(made, calibration=FitResult(fitted, (*notes, *said), tuple(doubted)))
+        said = (*notes, *map(coverage, measured), *fitted.warnings)
+        return replace(made, calibration=replace(fitted, notes=said))
 
     def evaluate(
         self, recordings: Recordings, state: Pathlike | None = None, chain: bool = False, learn: bool = True

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.injector import Meaning
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.desk.fitted_model import fitted_model
+from observer_rt.desk.library.fit import fitted_model
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.signals.recording import Recording

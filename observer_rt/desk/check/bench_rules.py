@@ -1,4 +1,4 @@
-"""All findings about a bench but those of the machine; what `run` refuses to begin with, too."""
+"""All findings about a bench before it runs, without touching anything; what `run` refuses to begin with, too."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -12,10 +12,20 @@ from observer_rt.daemon.state_file import StateDoesNotFitError, load_knowledge, 
 from observer_rt.desk.check.buses import buses_findings
 from observer_rt.desk.check.findings import Finding, Said, failed, ruled
 from observer_rt.desk.check.injector import mapping_findings, observer_findings, time_findings
+from observer_rt.desk.check.machine import machine_findings
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.plausibility import implausible as beyond_physics
+
+
+def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
+    """Findings about files, buses, observers and machine. Checks that an error in a file prevents are left out.
+
+    state: file with a learned state, which stays as it is, instead of the one that the bench file names. Where there
+    are several injectors, each finding names its injector. Raises `UserError` for one state of several injectors.
+    """
+    return bench_findings(bench, state) + machine_findings(bench)
 
 
 def refuse_errors(

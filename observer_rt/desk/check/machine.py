@@ -9,9 +9,10 @@ from pathlib import Path
 from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
 from observer_rt.bus.links.opening import missing_driver
 from observer_rt.bus.links.socketcan import NO_SOCKETCAN
+from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import LinkConfig, RealTimeConfig
 from observer_rt.daemon.rights import REMEDY, Processors, Rights, processors, rights
-from observer_rt.desk.check.findings import Said, ruled
+from observer_rt.desk.check.findings import Finding, Said, ruled
 
 PROCESSORS = 2  # one for the loop, one for learning
 SHORTEST_QUEUE = 100  # frames
@@ -38,6 +39,17 @@ def this_host(config: RealTimeConfig, loops: int = 1) -> Host:
         processors=len(os.sched_getaffinity(0)),
         loops=processors(config.cpus, loops),
     )
+
+
+def machine_findings(bench: Bench) -> list[Finding]:
+    """Findings about the machine and the interfaces of a bench."""
+    findings = real_time_findings(this_host(bench.config.realtime, len(bench.injectors)))
+    ours = [link for link in bench.config.buses if link.config.interface == "socketcan"]
+    findings += socketcan_findings() if ours else []
+    for link in bench.config.buses:
+        config, location = link.config, link.location
+        findings += interface_findings(config, location=location) if link in ours else driver_findings(config)
+    return findings
 
 
 @ruled("real time")

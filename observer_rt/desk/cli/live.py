@@ -135,8 +135,7 @@ def check(options: CheckOptions) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.desk.check import findings as module
     from observer_rt.desk.check import given_files
-    from observer_rt.desk.check.bench_rules import of_each
-    from observer_rt.desk.check.checkup import checkup
+    from observer_rt.desk.check.bench_rules import checkup, of_each
 
     is_alone = options.bench == EXAMPLE_BENCH and options.model is None and options.state is None
     is_layout = options.recording is not None and (is_alone or describes_files_only(options.bench))

@@ -7,8 +7,8 @@ import pytest
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import load_bench
+from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.buses import buses_findings, expected_load
-from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.check.findings import Finding, Level
 from tests.benches import twin_bench
 

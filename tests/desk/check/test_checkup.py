@@ -11,8 +11,8 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
+from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.buses import expected_load
-from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.check.findings import Finding, Level, as_json_document, as_table
 from tests.daemon.foreign_frames import DATABASES
 from tests.desk.cli.injector_files import in_force

@@ -6,7 +6,7 @@ import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
 from observer_rt.daemon.state_file import model_hash, save_knowledge
-from observer_rt.desk.check.checkup import checkup
+from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.engine.service.injector import configured_noise

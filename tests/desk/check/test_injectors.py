@@ -8,8 +8,8 @@ from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import load_bench
+from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.buses import INJECTIONS_PER_SECOND, expected_load
-from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.desk.check.injector import time_findings
 from observer_rt.foundation.errors import UserError

@@ -6,7 +6,7 @@ import pytest
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.check.checkup import checkup
+from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.findings import Level
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.logged import LoggedSignals

@@ -11,7 +11,7 @@ import pytest
 
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.core.frames.frames import GRACE
-from observer_rt.desk.check.checkup import checkup
+from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.findings import Level
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import make_schedule

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.check.checkup import checkup
+from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
 from observer_rt.files.replay.framing import TimedFrame

@@ -207,8 +207,7 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, off_bus: b
     stated = validated(_InjectorNames, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
     buses = read_buses(path, shared)
     files = [
-        BenchFile(path, name, number, shared, own)
-        for number, (name, own) in enumerate((stated or {"": {}}).items())
+        BenchFile(path, name, number, shared, own) for number, (name, own) in enumerate((stated or {"": {}}).items())
     ]
     configs = [file.read() for file in files]
     refuse_shared_channels(f"{path}: ", buses.buses)

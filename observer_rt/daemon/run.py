@@ -17,7 +17,6 @@ from observer_rt.daemon.bus_connection import LinkOpening, StoppedError, buses_o
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.keeper import Keeper, UnsavedError, keeper_of, kept_files
 from observer_rt.daemon.log import EventLogger, Notifier, ServiceLog
-from observer_rt.daemon.options import RunOptions
 from observer_rt.daemon.reloading import Reloading
 from observer_rt.daemon.rights import REMEDY, Processors, hurry, leave_to_loops, lock_memory, processors, rights
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
@@ -29,6 +28,7 @@ from observer_rt.engine.words import Topic
 from observer_rt.foundation.console import StopRequest, stop_on_signals
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.files import SERVICE_LOG, file_errors
+from observer_rt.foundation.options import RunOptions
 from observer_rt.foundation.outputs import check_own_file
 from observer_rt.foundation.units import MICROSECOND
 

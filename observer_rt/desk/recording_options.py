@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH
-from observer_rt.desk import options as shared
 from observer_rt.files import formats
+from observer_rt.foundation import options as shared
 from observer_rt.foundation.options import Argument, Injector, Option
 
 SIGNALS = ", ".join(formats.suffixes_of(formats.SIGNALS))

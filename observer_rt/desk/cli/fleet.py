@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
-from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import messages
+from observer_rt.foundation import options as shared
 from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.options import Argument, Injector, Option
 from observer_rt.foundation.outputs import check_output, make_folder

@@ -9,12 +9,11 @@ from typing import Annotated
 import typer
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, describes_files_only, load_bench
-from observer_rt.daemon.options import RunOptions
-from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import messages
+from observer_rt.foundation import options as shared
 from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.options import Argument, Injector, Option
+from observer_rt.foundation.options import Argument, Injector, Option, RunOptions
 from observer_rt.foundation.outputs import check_output
 
 

@@ -11,9 +11,9 @@ from typing import Annotated
 from observer_rt.config.bench import Bench, load_bench, load_injector
 from observer_rt.config.effects import effect_named, effects_named
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import Recordings
+from observer_rt.foundation import options as shared
 from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import InterruptionError, UserError, require
 from observer_rt.foundation.options import Argument, Injector, Option

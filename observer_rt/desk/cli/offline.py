@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Annotated
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
-from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import messages
 from observer_rt.desk.recording_options import SIGNALS, EvaluateOptions
+from observer_rt.foundation import options as shared
 from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import REPRODUCED

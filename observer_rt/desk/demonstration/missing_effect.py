@@ -23,7 +23,6 @@ from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, exact_text, load_bench
 from observer_rt.daemon.journal import read_journal
-from observer_rt.daemon.options import RunOptions
 from observer_rt.daemon.run import serve
 from observer_rt.desk.demonstration.bench_injector import BenchOperation, BenchRecording, Departure, record
 from observer_rt.desk.demonstration.worn import PERIOD, RAIL_PRESSURES, demo_link
@@ -35,6 +34,7 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.figures import save_figure
+from observer_rt.foundation.options import RunOptions
 from observer_rt.foundation.outputs import make_folder, write_text
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.amend import AMENDED

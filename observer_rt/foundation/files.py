@@ -1,4 +1,4 @@
-"""Files: their kinds, failures, hashes, encodings, HTML pages from templates."""
+"""Files: their kinds, failures, hashes, encodings."""
 
 import codecs
 import hashlib
@@ -7,13 +7,9 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from observer_rt import __version__
-from observer_rt.foundation.errors import RunError, UserError, require
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
+from observer_rt.foundation.errors import RunError, UserError
 
 _LOOKED_AT = 4096  # bytes of a file, from its beginning
 
@@ -43,22 +39,6 @@ def file_hash(path: Path) -> str:
     """SHA-256 of a file's content, hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def templates_of(package: str) -> "Environment":
-    """The templates in a package's folder `templates`; a name they are not given is an error, but for `version`."""
-    require("jinja2")
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # commands without a page start without it
-
-    templates = Environment(
-        loader=PackageLoader(package),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
-    templates.globals["version"] = __version__
-    return templates
 
 
 def encoding_of(begin: bytes) -> str:

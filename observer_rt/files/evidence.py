@@ -76,7 +76,7 @@ def write_evidence(path: Path, evidence: EventEvidence, time: str) -> None:
         "open_time_s": evidence.open_time,
         "belief": evidence.belief,
     }
-    samples = (evidence.first_index + np.arange(evidence.rail_pressure.size)) / evidence.sample_rate
+    samples = (evidence.first_index + np.arange(evidence.signals.shape[1])) / evidence.sample_rate
     with ParquetWriter(path, SI[:4], {_BELIEF: json.dumps(said)}) as writer:
         writer.write([samples, *evidence.signals])
 

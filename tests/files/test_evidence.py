@@ -21,9 +21,9 @@ SAMPLES = 2000
 
 def event(kind: EvidenceKind, number: int, pressure: float = 100e6, model: str = "ab" * 32) -> EventEvidence:
     random = np.random.default_rng(number)
-    rail, lift, line = random.normal(size=(3, SAMPLES))
+    signals = random.normal(size=(3, SAMPLES))
     belief = {"model_sha256": model, "injections": [{"number": number}]}
-    return EventEvidence(kind, number, 1000 * number, 1e5, pressure, 1.2e-3, belief, rail, lift, line)
+    return EventEvidence(kind, number, 1000 * number, 1e5, pressure, 1.2e-3, belief, signals)
 
 
 def numbers(folder: Path) -> list[int]:
@@ -88,12 +88,12 @@ def test_the_folder_is_bounded_and_keeps_what_there_is_least_of(tmp_path: Path) 
 
 def test_an_event_comes_back_to_the_bit_and_reads_as_a_recording(tmp_path: Path) -> None:
     written = event(EvidenceKind.DOUBTFUL, 3)
-    written.needle_lift[10:20] = np.nan
+    written.signals[1, 10:20] = np.nan
     write_evidence(tmp_path / "one.parquet", written, "2026-05-01T00:00:00.000+00:00")
     kept = read_evidence(tmp_path / "one.parquet")
     assert (kept.kind, kept.belief, kept.open_time) == (written.kind, written.belief, written.open_time)
-    for name in ("rail_pressure", "needle_lift", "line_pressure"):
-        np.testing.assert_array_equal(kept.recording.arrays[name], getattr(written, name))
+    for name, values in zip(("rail_pressure", "needle_lift", "line_pressure"), written.signals, strict=True):
+        np.testing.assert_array_equal(kept.recording.arrays[name], values)
     assert kept.recording.time[0] == pytest.approx(written.first_index / written.sample_rate)
     assert open_recording(tmp_path / "one.parquet").grid_samples == SAMPLES
 

@@ -53,9 +53,9 @@ class EventEvidence:
     """An event's inputs on its grid, and what was believed of it.
 
     kind: see `EvidenceKind`; event: its number since the observer started; first_index: device index of the first
-    sample; sample_rate [Hz]; rail_pressure [Pa], needle_lift [m], line_pressure [Pa]: (n,), nan: did not count;
-    opening_pressure: rail pressure at the opening [Pa]; open_time: from the first opening to the last closing [s];
-    belief: JSON content: model, verdict, masses and indicators of its injections.
+    sample; sample_rate [Hz]; opening_pressure: rail pressure at the opening [Pa]; open_time: from the first opening
+    to the last closing [s]; belief: JSON content: model, verdict, masses and indicators of its injections;
+    signals (3, n): rail pressure [Pa], needle lift [m] and line pressure [Pa], nan: did not count.
     """
 
     kind: EvidenceKind
@@ -65,50 +65,29 @@ class EventEvidence:
     opening_pressure: float
     open_time: float
     belief: dict[str, Any]
-    rail_pressure: NDArray[np.float64]
-    needle_lift: NDArray[np.float64]
-    line_pressure: NDArray[np.float64]
-
-    @property
-    def signals(self) -> tuple[NDArray[np.float64], ...]:
-        """Rail pressure, needle lift and line pressure."""
-        return self.rail_pressure, self.needle_lift, self.line_pressure
+    signals: NDArray[np.float64]
 
     def packed(self) -> bytes:
         """A line of JSON, followed by the signals as float64, for `unpacked`."""
-        said = {
-            "kind": self.kind.value,
-            "event": self.event,
-            "first_index": self.first_index,
-            "sample_rate": self.sample_rate,
-            "opening_pressure": self.opening_pressure,
-            "open_time": self.open_time,
-            "belief": self.belief,
-            "samples": self.rail_pressure.size,
-        }
-        return json.dumps(said).encode() + b"\n" + np.concatenate(self.signals).tobytes()
+        said = {name: value for name, value in vars(self).items() if name != "signals"}
+        line = json.dumps({**said, "samples": self.signals.shape[1]})
+        return line.encode() + b"\n" + self.signals.tobytes()
 
     @classmethod
     def unpacked(cls, line: bytes, values: NDArray[np.float64]) -> Self:
         """Evidence from its line of JSON and its three signals one after another (3 n,)."""
         said = json.loads(line)
         del said["samples"]
-        rail, lift, pressure = np.split(values, 3)
-        signals = {"rail_pressure": rail, "needle_lift": lift, "line_pressure": pressure}
-        return cls(**said | signals | {"kind": EvidenceKind(said["kind"])})
+        return cls(**said | {"kind": EvidenceKind(said["kind"]), "signals": values.reshape(3, -1)})
 
 
 @dataclass(frozen=True, eq=False)
 class EventInputs:
-    """Inputs around an event, copied from the ring: position and device index of the first sample, signals (n,)."""
+    """Inputs around an event, copied from the ring: position and device index of the first sample, signals (3, n)."""
 
     start: int
     first_index: int
-    signals: tuple[NDArray[np.float64], ...]
-
-    def until(self, end: int) -> tuple[NDArray[np.float64], ...]:
-        """Signals up to a position."""
-        return tuple(values[: end - self.start] for values in self.signals)
+    signals: NDArray[np.float64]
 
 
 def event_inputs(observer: Observer, start: int, end: int) -> EventInputs:
@@ -137,7 +116,7 @@ def event_inputs(observer: Observer, start: int, end: int) -> EventInputs:
     return EventInputs(
         start,
         int(observer.ring["index"][start % RING]),
-        (counted(rail, RAIL), counted(lift, LIFT), counted(line, LINE)),
+        np.stack((counted(rail, RAIL), counted(lift, LIFT), counted(line, LINE))),
     )
 
 
@@ -150,7 +129,7 @@ def evidence_of(
         return None
     timing, interval = constants.timing, constants.interval
     margin = len(reports) * (timing.window_lead + timing.window_tail)
-    rail, lift, line = inputs.until(reports[-1].end_position - timing.window_tail + round(TAIL / interval))
+    end = reports[-1].end_position - timing.window_tail + round(TAIL / interval)
     return EventEvidence(
         kind=kind,
         event=reports[0].event,
@@ -159,7 +138,5 @@ def evidence_of(
         opening_pressure=reports[0].rail_pressure,
         open_time=max(sum(one.end_position - one.start_position for one in reports) - margin, 0) * interval,
         belief=belief,
-        rail_pressure=rail,
-        needle_lift=lift,
-        line_pressure=line,
+        signals=inputs.signals[:, : end - inputs.start],
     )

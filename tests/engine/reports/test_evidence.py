@@ -54,7 +54,7 @@ values = st.lists(st.floats(width=64), min_size=1, max_size=40)
 def test_what_is_packed_is_unpacked(rail: list[float], lift: list[float], kind: EvidenceKind, text: str) -> None:
     samples = min(len(rail), len(lift))
     first, second = np.array(rail[:samples]), np.array(lift[:samples])
-    packed = EventEvidence(kind, 7, 123, 1e5, 60e6, 1e-3, {"said": text}, first, second, -first).packed()
+    packed = EventEvidence(kind, 7, 123, 1e5, 60e6, 1e-3, {"said": text}, np.array([first, second, -first])).packed()
     stream = io.BytesIO(packed)
     line = stream.readline()
     unpacked = EventEvidence.unpacked(line, np.frombuffer(stream.read()))

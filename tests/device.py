@@ -26,9 +26,10 @@ from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_inje
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.reports.news import Notes
+from observer_rt.engine.reports.news import MeasuredMass, MissingInjection, News, Notice
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.engine.words import Topic
 from observer_rt.files.formats import read_recording
 from observer_rt.files.replay.framing import Framer, Span, TimedFrame, all_samples, grid_samples
 from observer_rt.files.signals.recording import Recording
@@ -167,6 +168,31 @@ def shuffled(frames: Sequence[TimedFrame], seconds: float, seed: int) -> list[Ti
 def candump_lines(frames: Iterable[TimedFrame], channels: Sequence[str] = ("can0",)) -> list[str]:
     """The frames as candump logs them, all as CAN FD; channels: of the buses."""
     return [f"({f.time:.9f}) {channels[f.bus]} {f.frame_id:03X}##1{f.payload.hex()}\n" for f in frames]
+
+
+class Notes:
+    """Listener that collects all reports and notices."""
+
+    def __init__(self) -> None:
+        self.injections: list[InjectionReport] = []
+        self.measured: list[MeasuredMass] = []
+        self.missing: list[MissingInjection] = []
+        self.messages: list[str] = []
+        self.notices: list[Notice] = []
+
+    def __call__(self, news: News) -> None:
+        """Keep it."""
+        match news:
+            case InjectionReport():
+                self.injections.append(news)
+            case MeasuredMass():
+                self.measured.append(news)
+            case MissingInjection():
+                self.missing.append(news)
+            case Notice(text=text):
+                self.notices.append(news)
+                if news.topic is Topic.LINK:
+                    self.messages.append(text)
 
 
 @dataclass(frozen=True)

@@ -27,14 +27,7 @@ from observer_rt.daemon.snapshot import (
     StatusLine,
 )
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.reports.injection_report import (
-    FIELDS,
-    MASS_BOUND,
-    InjectionReport,
-    Output,
-    none_if_nan,
-    row_of,
-)
+from observer_rt.engine.reports.injection_report import WITH_BOUND, InjectionReport, Output, none_if_nan, row_of
 from observer_rt.engine.reports.news import MeasuredMass, News, Notice
 from observer_rt.engine.service.injector import ComparedRate, NominalInjection, References, calibration_of, noise_text
 from observer_rt.engine.stream.state import Reason, State
@@ -134,8 +127,7 @@ class SnapshotKeeper:
         """Entry of an injection; rows: its samples (n,), None when they are no longer remembered."""
         compared = () if rows is None else self._references(report, rows)
         values = {
-            **row_of(FIELDS, Output.JOURNAL, report, self._c),
-            MASS_BOUND.name: MASS_BOUND.of(report, self._c),
+            **row_of(WITH_BOUND, Output.JOURNAL, report, self._c),
             "density_kg_per_m3": none_if_nan(report.density),
             "measured_mass_mg": None,
             "model": self._model,

@@ -23,7 +23,6 @@ from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.pump import FramePump
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
-from observer_rt.engine.reports.news import Notes
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.injector import References
 from observer_rt.engine.service.messages import OutputFrame
@@ -33,6 +32,7 @@ from observer_rt.files.replay.player import play
 from observer_rt.foundation.errors import RunError
 from tests.benches import SAMPLE_RATE
 from tests.daemon.end_to_end import OUTPUTS, STATUS, Listener, ResultFrames, decoded, output_bus, write_bench
+from tests.device import Notes
 from tests.links import FakeLink
 
 BLOCK_ID = 0x100  # of the message with samples

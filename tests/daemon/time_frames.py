@@ -14,14 +14,13 @@ from observer_rt.desk.simulation.plant import Truth, run_plant
 from observer_rt.desk.simulation.schedule import make_schedule, strokes
 from observer_rt.desk.simulation.simulate import LIFT, PRESSURE, Quantisation, SimulatedNoise
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.reports.news import Notes
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model, sized
 from tests.benches import own_bench
-from tests.device import core_of
+from tests.device import Notes, core_of
 
 EPOCH = 1_700_000_000_000_000_000  # ns, of the receiver's clock
 PLANT_RATE = 200e3

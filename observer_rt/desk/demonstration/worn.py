@@ -27,7 +27,7 @@ from observer_rt.daemon.view import View
 from observer_rt.desk.demonstration.bench_injector import BenchOperation, Departure, record
 from observer_rt.desk.evaluation.curves import MassRow, RateCurves
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.reports.news import News, Notes
+from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.injector import ComparedRate, NominalInjection
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
@@ -93,13 +93,14 @@ class Demo:
         self._nominal = NominalInjection(self.bench.injector)
         self._compared: dict[int, Sequence[ComparedRate]] = {}
         self._published: dict[int, NDArray[np.float64]] = {}
-        self._notes = Notes()
+        self._reports: list[InjectionReport] = []
 
     def references(self, report: InjectionReport, _rows: NDArray[np.void]) -> Sequence[ComparedRate]:
         """True and nominal rate and mass of an injection."""
         return self._compared[report.number]
 
     def _compare(self, daemon: Daemon, report: InjectionReport) -> None:
+        self._reports.append(report)
         first, last = report.start_index, report.end_index
         rate = self._truth.injection_rate[first : last + 1]
         true = ComparedRate("true", rate, self._truth.mass(first, last))
@@ -129,7 +130,7 @@ class Demo:
                 if isinstance(news, InjectionReport):
                     self._compare(daemon, news)
 
-            daemon = Daemon(self.bench, bus, [daemon_link], listeners=[self._notes, compare, snapshots.hear])
+            daemon = Daemon(self.bench, bus, [daemon_link], listeners=[compare, snapshots.hear])
             snapshots.watch(daemon)
 
             def replay() -> None:
@@ -153,10 +154,10 @@ class Demo:
 
     def _result(self) -> DemoResult:
         curves, masses = {}, []
-        for report in self._notes.injections:
+        for report in self._reports:
             true, nominal = self._compared[report.number]
             masses.append(MassRow(report.number, report.mass, nominal.mass, true.mass, report.valid))
-            if report.number in (1, 3, len(self._notes.injections)):
+            if report.number in (1, 3, len(self._reports)):
                 curves[report.number] = RateCurves(
                     f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
                     np.arange(nominal.rate.size) / self.recording.sample_rate,

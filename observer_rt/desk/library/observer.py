@@ -16,8 +16,8 @@ from observer_rt.desk.evaluation.histories import begun_with
 from observer_rt.desk.library.recordings import path_of
 from observer_rt.desk.library.results import KnowledgeHolder
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.reports.injection_report import FIELDS, MASS_BOUND, Output, columns_of, row_of
-from observer_rt.engine.reports.news import Notes
+from observer_rt.engine.reports.injection_report import WITH_BOUND, InjectionReport, Output, columns_of, row_of
+from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.recording_frames import Device
@@ -68,20 +68,20 @@ class SampleObserver(KnowledgeHolder):
         bench = injector.bench.with_sections(sampling=rate)
         self._parameters = injector.parameters
         self._coefficients = effective_model(injector.parameters).coefficients
-        self._notes = Notes()
+        self._reports: list[InjectionReport] = []
         self._rate = sample_rate_Hz
         bus = map_bus(bench)
         before = None if state is None else path_of("state", state)
         restored = begun_with("state", before, injector.parameters, lambda _: None)
         fuel = injector.parameters.fluid.reference_temperature
-        self._core = Core(bench.injector, bus, restored, listeners=[self._notes], fuel_temperature=fuel)
+        self._core = Core(bench.injector, bus, restored, listeners=[self._hear], fuel_temperature=fuel)
         self._device = Device(bus)
         self._device.begin(sample_rate_Hz)
         self._held: Chunk | None = None
         self._samples_fed = self._seen = 0
 
     def __repr__(self) -> str:
-        count = len(self._notes.injections)
+        count = len(self._reports)
         return f"Observer at {self._rate:g} Hz: {self._samples_fed} samples, {count} injections, {self.state}"
 
     def feed(
@@ -140,13 +140,8 @@ class SampleObserver(KnowledgeHolder):
     @property
     def injections(self) -> pd.DataFrame:
         """Injections reported so far, a row each, as of `EvaluationResult.injections`."""
-        names = [*columns_of(FIELDS, Output.PARQUET), MASS_BOUND.name]
-        c = self._coefficients
-        rows = [
-            {**row_of(FIELDS, Output.PARQUET, one, c), MASS_BOUND.name: MASS_BOUND.of(one, c)}
-            for one in self._notes.injections
-        ]
-        return pd.DataFrame(rows, columns=names)
+        rows = [row_of(WITH_BOUND, Output.PARQUET, one, self._coefficients) for one in self._reports]
+        return pd.DataFrame(rows, columns=[*columns_of(WITH_BOUND, Output.PARQUET)])
 
     @property
     def is_valid(self) -> bool:
@@ -168,6 +163,10 @@ class SampleObserver(KnowledgeHolder):
             "an Observer at work cannot be pickled or copied: keep its tables, or call save_state(path) and begin "
             "another from that: Observer(injector, state=path)"
         )
+
+    def _hear(self, news: News) -> None:
+        if isinstance(news, InjectionReport):
+            self._reports.append(news)
 
     def _sent(self, chunk: Chunk) -> Iterator[NDArray[np.void]]:
         """Sends samples in parts that its ring remembers, and yields those observed."""

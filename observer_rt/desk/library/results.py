@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.desk.evaluation.curves import RESULT_FIELDS, SHOWN
+from observer_rt.desk.evaluation.curves import SHOWN
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.desk.evaluation.histories import write_state
 from observer_rt.desk.evaluation.trace import TRACE_COLUMNS, trace_arrays
@@ -28,7 +28,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 
 RECORDING = "recording"
-_BOUND = SHOWN["mass_bound_mg"]
+_FIELDS = tuple(SHOWN.values())
 _SHOWN_ROWS = 12
 _OF_POINTS = ["value", "change", "ci95_halfwidth"]
 _IN_SHORT = (RECORDING, "number", "start_s", "rail_pressure_MPa", "mass_mg", "mass_bound_mg", "valid", "reasons")
@@ -78,12 +78,11 @@ class EvaluationResult(KnowledgeHolder):
         """Injections, a row each: masses, wear, validity; units end the names."""
         c = self._coefficients
         rows = [
-            {RECORDING: _name(one), **row_of(RESULT_FIELDS, Output.PARQUET, each, c), _BOUND.name: _BOUND.of(each, c)}
+            {RECORDING: _name(one), **row_of(_FIELDS, Output.PARQUET, each, c)}
             for one in self.evaluations
             for each in one.injections
         ]
-        columns = [RECORDING, *columns_of(RESULT_FIELDS, Output.PARQUET), _BOUND.name]
-        return pd.DataFrame(rows, columns=columns)
+        return pd.DataFrame(rows, columns=[RECORDING, *columns_of(_FIELDS, Output.PARQUET)])
 
     @cached_property
     def budget(self) -> pd.DataFrame:
@@ -170,7 +169,7 @@ class EvaluationResult(KnowledgeHolder):
     def _in_short(self) -> pd.DataFrame:
         names = _IN_SHORT if len(self.evaluations) > 1 else _IN_SHORT[1:]
         return self.injections[list(names)].round(
-            {"start_s": 4, "rail_pressure_MPa": 1, "mass_mg": 2, _BOUND.name: 2}
+            {"start_s": 4, "rail_pressure_MPa": 1, "mass_mg": 2, "mass_bound_mg": 2}
         )
 
 

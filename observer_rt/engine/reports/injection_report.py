@@ -358,7 +358,8 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
 MASS_BOUND = Field[InjectionReport](
     "mass_bound_mg", float, lambda r, _: r.mass_bound / MILLIGRAM, "± 95 %\nmg", ".1f"
 )
-NAMED = {each.name: each for each in (*FIELDS, MASS_BOUND)}
+WITH_BOUND = (*FIELDS, MASS_BOUND)
+NAMED = {each.name: each for each in WITH_BOUND}
 
 
 def columns_of(fields: Sequence[Field[T]], output: Output) -> dict[str, type]:

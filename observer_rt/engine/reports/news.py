@@ -72,28 +72,3 @@ def fan_out(listeners: Sequence[Listener]) -> Listener:
             listener(news)
 
     return tell
-
-
-class Notes:
-    """Listener that collects all reports and notices."""
-
-    def __init__(self) -> None:
-        self.injections: list[InjectionReport] = []
-        self.measured: list[MeasuredMass] = []
-        self.missing: list[MissingInjection] = []
-        self.messages: list[str] = []
-        self.notices: list[Notice] = []
-
-    def __call__(self, news: News) -> None:
-        """Keep it."""
-        match news:
-            case InjectionReport():
-                self.injections.append(news)
-            case MeasuredMass():
-                self.measured.append(news)
-            case MissingInjection():
-                self.missing.append(news)
-            case Notice(text=text):
-                self.notices.append(news)
-                if news.topic is Topic.LINK:
-                    self.messages.append(text)

@@ -8,13 +8,12 @@ from typing import Any
 import pytest
 
 from observer_rt.engine.estimation.scalars import NOZZLE
-from observer_rt.engine.reports.news import Notes
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.stream.state import Reason
 from observer_rt.files.replay.framing import Span, windows_of
 from observer_rt.files.signals.recording import Recording
 from tests.benches import sample_bench
-from tests.device import Device, core_of, hand, simulated
+from tests.device import Device, Notes, core_of, hand, simulated
 
 INJECTIONS = 8
 V_H = 0.25

@@ -29,6 +29,7 @@ from observer_rt.config.toml_file import Section, place_in, read_toml, validated
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.accuracy import EXACTLY_KNOWN
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters, at_temperature
 from observer_rt.model.wave_line import with_cells
@@ -63,9 +64,9 @@ class BenchInjector:
         return self.file.location(*key.split("."))
 
     @property
-    def density(self) -> float:
-        """Density of the fuel [kg/m3], effects in force included."""
-        return effective_model(self.parameters).coefficients.density
+    def coefficients(self) -> Coefficients:
+        """Coefficients of its model, effects in force included."""
+        return effective_model(self.parameters).coefficients
 
     @property
     def state(self) -> Path | None:

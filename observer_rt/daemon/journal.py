@@ -19,7 +19,6 @@ from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import is_at
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.model.effects import effective_model
 
 APPLICATION_ID = 0x4F425254  # "OBRT", in the file's header
 SCHEMA = 1
@@ -77,7 +76,7 @@ class JournalWriter:
         self._tell = tell
         self._told_lost = 0
         fitted, now = bench.injector, time.time_ns()
-        self._c = effective_model(fitted.parameters).coefficients
+        self._c = fitted.coefficients
         self._run = now // 1000
         self._about_run = (
             self._run,

@@ -125,7 +125,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
             layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time)
             table = kind.table(path, layout)
             table.mapped_by = table.mapped_by if mapping else "by its heading"
-            table.density = density if injector is None or density is not None else injector.density
+            table.density = density if injector is None or density is not None else injector.coefficients.density
             stream = MappedSignals(table, rate)
             stream.notes = (*(() if mapping else (f"{path}: {in_words(layout)}",)), *stream.notes)
     if injector is not None:

@@ -256,7 +256,7 @@ def observer_findings(fitted: BenchInjector) -> list[Finding]:
     """All findings about the observer of an injector; none with too many cells to be stable."""
     integration = _integration(fitted)
     is_stable = integration[0].error is None
-    steps_itself = effective_model(fitted.parameters).coefficients.line.fastest == 0.0
+    steps_itself = fitted.coefficients.line.fastest == 0.0
     fuel = fuel_findings(fitted) if is_stable else []
     observer = _observer(fitted) if is_stable or not steps_itself else []
     return [*integration, *fuel, *_fitted_model(fitted), *level_findings(fitted), *observer]

@@ -21,14 +21,13 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import LEARNED_STATE
 from observer_rt.foundation.outputs import check_output, make_folder, replacing
 from observer_rt.foundation.progress import progress_bar
-from observer_rt.model.effects import effective_model
 
 
 def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
     paths, stated = without_truths(options.recordings, console), bench.injector.parameters
-    c = effective_model(stated).coefficients
-    _refuse_early(paths, options)
+    c, traces = bench.injector.coefficients, _traces(paths, options)
+    _refuse_early(paths, traces, options)
     knowledge = begun_with("--state", options.state, stated, partial(say, console))
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
     look_over(bench, sources, console)
@@ -44,7 +43,7 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
             options.chain,
             progress,
             c if options.plot is not None else None,
-            [stack.enter_context(replacing(path)) for path in _traces(paths, options)],
+            [stack.enter_context(replacing(path)) for path in traces],
         )
     if options.save_state is not None:
         write_state(options.save_state, knowledge, stated)
@@ -60,16 +59,31 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
         plot_injections(options.plot, pictures_of(evaluations), "measured")
 
 
-def _refuse_early(paths: Sequence[Path], options: EvaluateOptions) -> None:
-    """Raise `UserError` for options that do not fit together, and for files that could not be read or written."""
-    location, traces = f"--output {options.output}", _traces(paths, options)
+def _refuse_early(paths: Sequence[Path], traces: Sequence[Path], options: EvaluateOptions) -> None:
+    """Raise `UserError`, before the long work, for options that do not fit together, and for files that could not be
+    written after it, or would replace one that nobody named.
+    """
+    location = f"--output {options.output}"
     if len(paths) > 1 and options.output is not None and not options.has_folder:
         raise UserError(location, "names a file, but there are several recordings", "name a folder")
     if twice := [trace.name for trace in traces if traces.count(trace) > 1]:
         raise UserError(location, f"{twice[0]} would be written twice", "rename the recordings")
     if len(paths) > 1 and options.save_state is not None and not options.chain:
         raise UserError("--save-state", "needs one history, but the recordings are evaluated apart", "add --chain")
-    _check_destinations(paths, options)
+    inputs = {path.resolve() for path in paths}
+    for option, path in options.written.items():
+        if path.resolve() in inputs:
+            raise UserError(f"{option} {path}", "is a recording to be evaluated", "name another file")
+    if options.output is not None and options.has_folder:
+        make_folder("--output", options.output)
+    for trace in traces:
+        check_output("--output", trace, options.force, suffixes=SUFFIXES)
+    if options.plot is not None:
+        check_output("--plot", options.plot, options.force, suffixes=FIGURE_SUFFIXES)
+    if options.save_state is not None:
+        check_output("--save-state", options.save_state, options.force, LEARNED_STATE)
+        with sole_writer(options.save_state):
+            pass  # no daemon keeps it
 
 
 def _traces(paths: Sequence[Path], options: EvaluateOptions) -> list[Path]:
@@ -77,22 +91,3 @@ def _traces(paths: Sequence[Path], options: EvaluateOptions) -> list[Path]:
     if options.output is None or not options.has_folder:
         return [] if options.output is None else [options.output]
     return [options.output / (path.name + TRACE_SUFFIX) for path in paths]
-
-
-def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None:
-    """Refuse, before the long work, what could not be written after it, or would replace a file nobody named."""
-    force = options.force
-    inputs = {path.resolve() for path in paths}
-    for option, path in options.written.items():
-        if path.resolve() in inputs:
-            raise UserError(f"{option} {path}", "is a recording to be evaluated", "name another file")
-    if options.output is not None and options.has_folder:
-        make_folder("--output", options.output)
-    for trace in _traces(paths, options):
-        check_output("--output", trace, force, suffixes=SUFFIXES)
-    if options.plot is not None:
-        check_output("--plot", options.plot, force, suffixes=FIGURE_SUFFIXES)
-    if options.save_state is not None:
-        check_output("--save-state", options.save_state, force, LEARNED_STATE)
-        with sole_writer(options.save_state):
-            pass  # no daemon keeps it

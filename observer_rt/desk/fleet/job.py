@@ -23,7 +23,6 @@ from observer_rt.files.formats import is_log
 from observer_rt.files.signals.doubts import refuse_dead
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.foundation.files import file_errors
-from observer_rt.model.effects import effective_model
 
 _KINDS = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string()}
 SCHEMA = pa.schema(
@@ -87,8 +86,7 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
     """Rows of one injector of a file."""
     name = injector_of(path, task.names, alone)
     file = task.folder / path
-    evaluation = _evaluation(task, file, alone)
-    c = effective_model(alone.injector.parameters).coefficients
+    evaluation, c = _evaluation(task, file, alone), alone.injector.coefficients
     zero, by = zero_of(file, evaluation.source)
     for result in evaluation.injections:
         yield {

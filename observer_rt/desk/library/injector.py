@@ -34,7 +34,6 @@ from observer_rt.identification.fit.masses import read_masses
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import coverage, read_measured, refuse_rates_missing
-from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 
 Pathlike = str | PathLike[str]
@@ -133,7 +132,7 @@ class Injector:
             measured = self._measured(sources, notes, most)
             refuse_rates_missing([one.recording for one in measured])
             refuse_clipped(measured)
-            density = self.bench.injector.density
+            density = self.bench.injector.coefficients.density
             weighed = {} if masses is None else read_masses(path_of("masses", masses), measured, density)
             with progress_bar(screen, "fitting", 1.0) as progress:
                 sensors = calibration_of(self.bench.injector)
@@ -176,8 +175,8 @@ class Injector:
             look_over(self.bench, sources, notes.console)
             before = None if state is None else path_of("state", state)
             knowledge = begun_with("state", before, self.parameters, partial(say, notes.console))
-            c = effective_model(self.parameters).coefficients
             with progress_bar(screen, "evaluating", sum(one.samples for one in sources)) as progress:
+                c = self.bench.injector.coefficients
                 evaluations, knowledge = run_by_run(self.bench, sources, knowledge, learn, chain, progress, c)
         return EvaluationResult(self.bench.injector, tuple(evaluations), knowledge, tuple(notes))
 

@@ -25,7 +25,6 @@ from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import cut, followed
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
-from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 
 if TYPE_CHECKING:
@@ -67,7 +66,7 @@ class SampleObserver(KnowledgeHolder):
         )
         bench = injector.bench.with_sections(sampling=rate)
         self._parameters = injector.parameters
-        self._coefficients = effective_model(injector.parameters).coefficients
+        self._coefficients = injector.bench.injector.coefficients
         self._reports: list[InjectionReport] = []
         self._rate = sample_rate_Hz
         bus = map_bus(bench)

@@ -137,7 +137,7 @@ def _of_table(
     if layout is None and {"time", *SIGNALS[:3]} <= set(table) <= {"time", *SIGNALS}:
         arrays: dict[str, Any] = {str(column): np.asarray(table[column], float) for column in table}
         return _held(Recording(**arrays, path=Path(name)), 0)
-    stream = signals_of(table, layout, name, injector.density)
+    stream = signals_of(table, layout, name, injector.coefficients.density)
     refuse_implausible(stream.path, stream.survey, stream.names)
     for note in stream.notes:
         say(console, note)

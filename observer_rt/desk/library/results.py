@@ -23,8 +23,6 @@ from observer_rt.foundation.errors import require
 from observer_rt.foundation.files import LEARNED_STATE
 from observer_rt.foundation.outputs import IN_A_CALL, check_output
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.model.effective import Coefficients
-from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 
 RECORDING = "recording"
@@ -76,7 +74,7 @@ class EvaluationResult(KnowledgeHolder):
     @cached_property
     def injections(self) -> pd.DataFrame:
         """Injections, a row each: masses, wear, validity; units end the names."""
-        c = self._coefficients
+        c = self.injector.coefficients
         rows = [
             {RECORDING: _name(one), **row_of(_FIELDS, Output.PARQUET, each, c)}
             for one in self.evaluations
@@ -146,10 +144,6 @@ class EvaluationResult(KnowledgeHolder):
     @property
     def _learned(self) -> tuple[Knowledge, InjectorParameters]:
         return self.knowledge, self.injector.parameters
-
-    @property
-    def _coefficients(self) -> Coefficients:
-        return effective_model(self.injector.parameters).coefficients
 
     def __repr__(self) -> str:
         return f"{self._headline}\n{self._in_short.to_string(index=False)}"

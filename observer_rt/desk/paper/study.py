@@ -22,7 +22,7 @@ from observer_rt.engine.service.injector import bench_constants
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.effects import sized
 from observer_rt.model.network import constant_network
 
 SHUT = 1 * MICROMETRE  # lift up to which the needle counts as shut
@@ -113,7 +113,7 @@ def learning_window(
 
 def run_study(bench: Bench, progress: Progress) -> Study:
     """Simulate, train and evaluate all cases; `progress` is called with the share done, 0 to 1."""
-    c = effective_model(bench.injector.parameters).coefficients
+    c = bench.injector.coefficients
     healthy = []
     for pressure in RAIL_PRESSURES:
         schedule = make_schedule([pressure], 1, PERIOD, [ENERGIZING_TIME])
@@ -131,7 +131,7 @@ def _simulated(bench: Bench, wear: float, events: int) -> Simulation:
 
 
 def _wear_case(bench: Bench, wear: float) -> WearCase:
-    c = effective_model(bench.injector.parameters).coefficients
+    c = bench.injector.coefficients
     single = _simulated(bench, wear, 1)
     several = _simulated(bench, wear, TRAININGS)
     (injection,) = injection_windows(single.truth.needle_lift, SAMPLE_RATE)

@@ -108,7 +108,7 @@ def proposed(proposal: Proposal, nominal: EffectiveModel, further: Measurements)
         " + ".join((*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in proposal.terms), *proposal.effects)),
         proposal.effects,
         proposal.may_enter,
-        misfit(proposal.model(nominal), further),
+        misfit(proposal.candidate.model(nominal), further),
     )
 
 

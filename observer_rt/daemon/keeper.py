@@ -269,12 +269,6 @@ def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path |
     return files
 
 
-def _journal_writer(path: Path, bench: Bench, tell: Tell) -> "JournalWriter":
-    from observer_rt.daemon.journal import JournalWriter  # optional: --journal
-
-    return JournalWriter(path, bench, tell)
-
-
 @contextlib.contextmanager
 def keeper_of(bench: Bench, state: Path | None, journal: Path | None, tell: Tell) -> Iterator[Keeper]:
     """Keeper of a daemon's files, theirs alone while it lasts; those the bench file names where none is given.
@@ -285,5 +279,9 @@ def keeper_of(bench: Bench, state: Path | None, journal: Path | None, tell: Tell
     with contextlib.ExitStack() as locks:
         if files.state is not None:
             locks.enter_context(sole_writer(files.state))
-        writer = None if files.journal is None else _journal_writer(files.journal, bench, tell)
+        writer = None
+        if files.journal is not None:
+            from observer_rt.daemon.journal import JournalWriter  # optional: --journal
+
+            writer = JournalWriter(files.journal, bench, tell)
         yield Keeper(bench.injector, files.state, writer, tell)

@@ -225,7 +225,9 @@ def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True
     except OSError as error:
         raise UserError(str(path), f"cannot be read: {error.strerror}", "check path and rights") from None
     try:
-        knowledge = _usable(data, model)
+        knowledge = _knowledge_in(data, model)
+        if problem := problem_of(knowledge, model.scaling.pressure) or _doubt_of(knowledge):
+            raise _UnusableError(problem)
     except _UnusableError as reason:
         if not set_aside:
             raise StateDoesNotFitError(
@@ -236,13 +238,6 @@ def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True
         return RestoredKnowledge(None, f"{warning}\n  remedy: {BEGUN_ANEW}")
     learned = f"correction {knowledge.phi_version}, learned from {knowledge.state.events} events"
     return RestoredKnowledge(knowledge, f"learned state restored from {path}: {learned}")
-
-
-def _usable(data: bytes, model: InjectorParameters) -> Knowledge:
-    knowledge = _knowledge_in(data, model)
-    if problem := problem_of(knowledge, model.scaling.pressure) or _doubt_of(knowledge):
-        raise _UnusableError(problem)
-    return knowledge
 
 
 def _finite_parts(state: Mapping[str, Any], arrays: ArrayTexts) -> Iterator[tuple[str, Any]]:

@@ -86,7 +86,7 @@ def accepted(
     evidence = "; ".join((evidence, *starts_anew(proposal.terms)))
     why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}
     sizes = proposal.candidate.parameters
-    effects = [EffectInForce(id=one, parameters=sizes[one], **why) for one in proposal.effects]
+    effects = [EffectInForce(id=one, parameters=sizes[one], **why) for one in proposal.candidate.named]
     terms = [TermInForce.of(_rounded(term), str(term.equation.unit), proposal.seen, **why) for term in proposal.terms]
     return (*parameters.effects, *effects), (*parameters.terms, *terms)
 

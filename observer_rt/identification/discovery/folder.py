@@ -15,7 +15,6 @@ from observer_rt.identification.discovery.discover import DiscoveryTask
 from observer_rt.identification.discovery.findings import FINDINGS, Findings, ModelSource
 
 REPORT = "report.html"
-ANSWER = (REPORT, FINDINGS, AMENDED)
 _KINDS = {REPORT: None, FINDINGS: files.FINDINGS, AMENDED: None}
 
 
@@ -30,10 +29,9 @@ def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
         raise UserError(
             f"--out {folder}", f"holds the model to be amended as {AMENDED}", "name another folder, or copy the model"
         )
-    for name, kind in _KINDS.items():
-        if (folder / name).exists():
-            check_own_file("--out", folder / name, kind)
-    existing = [name for name in ANSWER if (folder / name).exists()]
+    existing = [name for name in _KINDS if (folder / name).exists()]
+    for name in existing:
+        check_own_file("--out", folder / name, _KINDS[name])
     if existing and not (force and FINDINGS in existing):
         more = ", or add --force to replace what is there" if FINDINGS in existing else ""
         raise UserError(f"--out {folder}", f"holds {', '.join(existing)} already", f"name another folder{more}")

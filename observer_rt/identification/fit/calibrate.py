@@ -20,14 +20,7 @@ from observer_rt.identification.fit.causes import TriedCause, tried_causes
 from observer_rt.identification.fit.cross_validation import by_meter, folds_of, share_between_samples, thinned
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import INERTANCE, NOZZLE, STRUCTURES, FreeParameter, Structure
-from observer_rt.identification.fit.residuals import (
-    Comparison,
-    UnexplainedSignal,
-    compared,
-    pooled,
-    rate_meter,
-    rate_misfit,
-)
+from observer_rt.identification.fit.residuals import Comparison, compared, pooled, rate_meter, rate_misfit
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
     ROUGH_EVENTS,
@@ -127,14 +120,9 @@ class CalibrationResult:
         return sizes
 
     @property
-    def left(self) -> UnexplainedSignal:
-        """Residuals of the line pressure."""
-        return self.comparison.left
-
-    @property
     def above_gate(self) -> tuple[Phase, ...]:
         """Phases in which more is left than noise."""
-        return tuple(phase for phase in Phase if self.left.chi2[phase] > GATE)
+        return tuple(phase for phase in Phase if self.comparison.left.chi2[phase] > GATE)
 
     @property
     def cause(self) -> TriedCause | None:
@@ -146,7 +134,7 @@ class CalibrationResult:
         """Phases the model does not explain, the worst first; none where it is adequate."""
         share, is_bench = self.comparison.share, self.cause is not None and self.cause.is_of_bench
         over = [phase for phase in self.above_gate if is_bench or share(phase) > TOLERATED]
-        return tuple(sorted(over, key=lambda phase: -self.left.chi2[phase]))
+        return tuple(sorted(over, key=lambda phase: -self.comparison.left.chi2[phase]))
 
     @property
     def told_shares(self) -> NDArray[np.float64]:

@@ -143,7 +143,7 @@ def verdict_words(done: CalibrationResult) -> str:
 
 
 def _fit_words(done: CalibrationResult) -> str:
-    left = done.left
+    left = done.comparison.left
     if not done.inadequate and done.not_observed:
         return f"INADEQUATE: the observer cannot learn with this model ({done.not_observed})"
     if not done.inadequate:

@@ -24,7 +24,6 @@ FEWEST = 3  # events of a kind that a search can work with
 class KeptEvidence:
     """Events of one model and kind, joined to a measurement; hashes: one SHA-256 of the files, by their folder."""
 
-    kind: EvidenceKind
     model_sha256: str
     injector_file: Path
     measurement: Measurement
@@ -91,16 +90,10 @@ def evidence_against(
     parts = [{name: each.arrays[name] for name in names} for each in recordings]
     meaning = Meaning(chosen[-1].belief["meaning"])
     (measurement,) = measurements([joined(parts, recordings[0].sample_rate, path=folder, meaning=meaning)])
-    measurement = replace(measurement, stated=_stated(chosen[-1]))
-    hashes = {str(folder): _digest([event.sha256 for event in chosen])}
-    return KeptEvidence(kind, model, Path(chosen[-1].belief["injector_file"]), measurement, hashes)
-
-
-def _stated(event: KeptEvent) -> tuple[SizedEffect, ...]:
-    """Delay and lag stated for the line pressure; the samples are already corrected by those of other channels."""
-    return tuple(SizedEffect(VOCABULARY[name], tuple(values)) for name, values in event.belief["line_sensor"].items())
-
-
-def _digest(hashes: Sequence[str]) -> str:
-    """One hexadecimal SHA-256 of several, in any order."""
-    return hashlib.sha256("".join(sorted(hashes)).encode()).hexdigest()
+    # of the line pressure; the samples are already corrected by the delays and lags of other channels
+    sensor = chosen[-1].belief["line_sensor"]
+    stated = tuple(SizedEffect(VOCABULARY[name], tuple(values)) for name, values in sensor.items())
+    digests = "".join(sorted(event.sha256 for event in chosen))  # the same in any order
+    hashes = {str(folder): hashlib.sha256(digests.encode()).hexdigest()}
+    injector_file = Path(chosen[-1].belief["injector_file"])
+    return KeptEvidence(model, injector_file, replace(measurement, stated=stated), hashes)

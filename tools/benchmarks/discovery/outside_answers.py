@@ -105,8 +105,10 @@ def proposed(proposal: Proposal, nominal: EffectiveModel, further: Measurements)
     """A proposal beside the vocabulary, in plain values."""
     return ProposedTerms(
         tuple(str(term.equation) for term in proposal.terms),
-        " + ".join((*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in proposal.terms), *proposal.effects)),
-        proposal.effects,
+        " + ".join(
+            (*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in proposal.terms), *proposal.candidate.named)
+        ),
+        proposal.candidate.named,
         proposal.may_enter,
         misfit(proposal.candidate.model(nominal), further),
     )

@@ -11,7 +11,6 @@ from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.law_words import as_if
 from observer_rt.identification.discovery.search.candidates import Candidate, Size, size_words
 from observer_rt.identification.likelihood.open_loop import Consequence
-from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import TermLaw
 from observer_rt.model.terms.in_force import SeenRange
 from observer_rt.model.terms.term import Term
@@ -164,11 +163,6 @@ class Proposal:
         return self.candidate.moves
 
     @property
-    def effects(self) -> tuple[str, ...]:
-        """Ids of the effects of the vocabulary beside them."""
-        return self.candidate.named
-
-    @property
     def refusal(self) -> Refusal | None:
         """Objection to the proposal in any model; None where it explains all, or enough, with few terms."""
         if self.adequate or self.objection is not None:
@@ -196,7 +190,3 @@ class Proposal:
     def may_enter(self) -> bool:
         """Whether a model may be given it."""
         return self.refusal is None
-
-    def model(self, nominal: EffectiveModel) -> EffectiveModel:
-        """The model with it."""
-        return self.candidate.model(nominal)

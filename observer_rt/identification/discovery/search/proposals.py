@@ -140,7 +140,7 @@ def with_parts(
         before, after = (math.sqrt(max(gap**2 - noise, 0.0)) for gap in proposal.held_out)
         if proposal.adequate or proposal.objection is not None or not before > 0.0:
             return proposal
-        model, closed = proposal.model(nominal), 1.0 - after / before
+        model, closed = proposal.candidate.model(nominal), 1.0 - after / before
         mass, half = mean_mass(measured, model), _mass_half(measured, model, after)
         refusal = _refusal_in_part(proposal, proposals, closed, half * mass)
         return replace(proposal, part=Part(closed, after, half, refusal))

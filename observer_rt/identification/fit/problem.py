@@ -308,7 +308,7 @@ class Calibration:
             return None
         groups = [group for number, one in enumerate(judged) for group in self._groups(number, one)]
         groups.append(((theta - self.prior_mean) / self.prior_sigmas, 0.0))
-        return _joined(groups)
+        return Residuals.of(groups)
 
     def _groups(self, number: int, judged_model: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
         fold = self.folds[number]
@@ -325,15 +325,7 @@ class Calibration:
     def residuals_of(self, theta: NDArray[np.float64], number: int) -> Residuals | None:
         """Residuals of one fold, without the prior."""
         judged = self.judge(theta, number)
-        return None if judged is None else _joined(self._groups(number, judged))
-
-
-def _joined(groups: Sequence[tuple[NDArray[np.float64], float]]) -> Residuals:
-    return Residuals(
-        np.concatenate([z for z, _ in groups]),
-        np.array([z.size for z, _ in groups]),
-        np.array([log_sigma for _, log_sigma in groups]),
-    )
+        return None if judged is None else Residuals.of(self._groups(number, judged))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,12 @@ class Residuals:
     z: NDArray[np.float64]
     counts: NDArray[np.int64]
     log_sigma: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, groups: Sequence[tuple[NDArray[np.float64], float]]) -> Self:
+        """Groups of residuals (n,), each with its log_sigma, as one."""
+        sizes = np.array([z.size for z, _ in groups])
+        return cls(np.concatenate([z for z, _ in groups]), sizes, np.array([log_sigma for _, log_sigma in groups]))
 
     @property
     def statistic(self) -> float:

@@ -293,11 +293,8 @@ class JointLikelihood:
 
 def residuals_of(judged: Sequence[JudgedModel]) -> Residuals:
     """Residuals of all recordings as one."""
-    parts = [part for one in judged for part in (one.z, one.rate_z)]
-    return Residuals(
-        np.concatenate(parts),
-        np.array([part.size for part in parts]),
-        np.array([value for one in judged for value in (one.log_sigma, one.rate_log_sigma)]),
+    return Residuals.of(
+        [part for one in judged for part in ((one.z, one.log_sigma), (one.rate_z, one.rate_log_sigma))]
     )
 
 

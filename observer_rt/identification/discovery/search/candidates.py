@@ -89,20 +89,6 @@ class Hypothesis:
         grids = product(*(p.starts for p in self.effects[-1].parameters))
         return [np.array([*before, *values]) for values in grids]
 
-    def is_plausible(self, theta: NDArray[np.float64]) -> bool:
-        """Whether every effect has a size that matters and that no bound holds back: the sizes, not the shapes."""
-        return self.is_within_bounds(theta) and all(
-            abs(value - p.off) > DEAD_SHARE * p.dead_zone for p, value in self._sizes(theta)
-        )
-
-    def is_within_bounds(self, theta: NDArray[np.float64]) -> bool:
-        """Whether no bound but `off` holds a size back."""
-        return all(value == p.off or p.lowest < value < p.highest for p, value in self._sizes(theta))
-
-    def _sizes(self, theta: NDArray[np.float64]) -> list[tuple[EffectParameter, float]]:
-        pairs = zip(self.parameters, theta, strict=True)
-        return [(p, float(value)) for p, value in pairs if p.dead_zone > 0.0]
-
 
 class Size(EffectValue):
     """A fitted parameter with its 95 % interval, in its printed unit: as files have it."""
@@ -183,13 +169,18 @@ class Candidate:
 
     @property
     def plausible(self) -> bool:
-        """Whether every effect has a size that matters and that no bound holds back."""
-        return self.hypothesis.is_plausible(self.theta)
+        """Whether every effect has a size that matters and that no bound holds back: the sizes, not the shapes."""
+        matter = (abs(value - p.off) > DEAD_SHARE * p.dead_zone for p, value in self._by_size)
+        return self.within_bounds and all(matter)
 
     @property
     def within_bounds(self) -> bool:
-        """Whether no bound holds a size back."""
-        return self.hypothesis.is_within_bounds(self.theta)
+        """Whether no bound but `off` holds a size back."""
+        return all(value == p.off or p.lowest < value < p.highest for p, value in self._by_size)
+
+    @property
+    def _by_size(self) -> list[tuple[EffectParameter, float]]:
+        return [pair for pair in zip(self.hypothesis.parameters, self.sizes, strict=True) if pair[0].dead_zone > 0.0]
 
     @property
     def is_too_small(self) -> bool:

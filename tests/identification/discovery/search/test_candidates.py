@@ -1,6 +1,5 @@
 """Combinations of effects as parameter vectors, and what they say of themselves."""
 
-import numpy as np
 import pytest
 
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
@@ -17,7 +16,7 @@ LAW = term_effect(TermEquation.NOZZLE_FLOW, "needle_lift/max_lift")
 
 @pytest.mark.parametrize(("friction", "plausible"), [(0.1, True), (1e-6, False), (10.0, False)])
 def test_a_size_that_matters_and_no_bound_holds_back_is_plausible(friction: float, plausible: bool) -> None:
-    assert BOTH.is_plausible(np.array([0.3, 200e-6, friction])) == plausible
+    assert Candidate(BOTH, (0.3, 200e-6, friction), 0.0).plausible == plausible
 
 
 def test_every_class_has_one_representative() -> None:

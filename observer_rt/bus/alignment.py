@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,25 +67,13 @@ def make_alignment(
     return alignment
 
 
-def progress(alignment: Alignment) -> list[int]:
-    """The index on the grid up to which each stream has sent its samples; -1: none yet."""
-    memory = alignment.memory[0]
-    count = int(memory["stream_count"])
-    return [
-        int(stream["next_index"] if stream["seen"] else -1)
-        if stream["on_grid"]
-        else int(follower["next_index"] if follower["begun"] else -1)
-        for stream, follower in zip(alignment.streams[:count], alignment.followers[:count], strict=True)
-    ]
-
-
-def begun_at(alignment: Alignment) -> list[int]:
-    """The index on the grid at which each stream began; -1: it has not."""
+def indices_of(alignment: Alignment, field: Literal["first_index", "next_index"]) -> list[int]:
+    """The index on the grid at which each stream began, or up to which it has sent its samples; -1: it has not."""
     count = int(alignment.memory[0]["stream_count"])
     return [
-        int(stream["first_index"] if stream["seen"] else -1)
+        int(stream[field] if stream["seen"] else -1)
         if stream["on_grid"]
-        else int(follower["first_index"] if follower["begun"] else -1)
+        else int(follower[field] if follower["begun"] else -1)
         for stream, follower in zip(alignment.streams[:count], alignment.followers[:count], strict=True)
     ]
 

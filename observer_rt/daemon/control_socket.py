@@ -20,7 +20,7 @@ from threading import BoundedSemaphore, Thread
 from typing import Any
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.daemon.snapshot import SNAPSHOT
+from observer_rt.daemon.snapshot import SNAPSHOT, line_of
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from observer_rt.foundation.files import is_at
 
@@ -126,11 +126,6 @@ def ask(kept: Path, request: Message) -> Message | None:
     if "error" in answer:
         raise UserError(str(kept), f"its daemon refuses: {answer['error']}", "see the daemon's log")
     return dict(answer)
-
-
-def line_of(said: Message) -> bytes:
-    """A request, or an answer, as a line."""
-    return json.dumps(said).encode() + b"\n"
 
 
 class _SocketServer(ThreadingMixIn, UnixStreamServer):

@@ -38,7 +38,7 @@ MOST_SAMPLES = 1024  # of a look, which the loop waits for
 
 # s that a state must last to be reported: a source that sends windows changes it at each of them.
 LASTING = 1.0
-_ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)
+ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)  # reasons when messages stay away
 _Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
 
 
@@ -275,6 +275,6 @@ class StateWatch:
             return []
         self._reported = standing
         text = "; ".join([named(what), *(named(each) for each in why if each.name != what.name), *standing[2]])
-        if not is_good(what) and any(reason in _ABOUT_INPUTS for reason in why):
+        if not is_good(what) and any(reason in ABOUT_INPUTS for reason in why):
             text += f"; {self._arrivals.as_text(now)}"
         return [Notice(Topic.STATE, text, is_good(what))]

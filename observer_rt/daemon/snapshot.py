@@ -138,9 +138,9 @@ class Snapshot:
 
     def pieces(self) -> Iterator[bytes]:
         """It goes over a socket like this."""
-        yield _line({**asdict(self.status), "injections": len(self.injections)})
+        yield line_of({**asdict(self.status), "injections": len(self.injections)})
         for injection in self.injections:
-            yield _line(injection.text)
+            yield line_of(injection.text)
             yield injection.data
 
 
@@ -164,7 +164,8 @@ def _injection(stream: BufferedIOBase) -> ShownInjection:
     return ShownInjection(**said, curves=dict(zip(names, values, strict=True)))
 
 
-def _line(said: Mapping[str, Any]) -> bytes:
+def line_of(said: Mapping[str, Any]) -> bytes:
+    """A request, or an answer, as a line."""
     return json.dumps(said, allow_nan=False).encode() + b"\n"
 
 

@@ -14,7 +14,7 @@ from observer_rt.bus.links.opening import IdleLink
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.arrivals import SECOND, inputs_of
 from observer_rt.daemon.daemon import Daemon
-from observer_rt.daemon.input_watch import LASTING, REPORTED_AFTER
+from observer_rt.daemon.input_watch import ABOUT_INPUTS, LASTING, REPORTED_AFTER
 from observer_rt.daemon.snapshot import (
     KEPT,
     WITH_CURVES,
@@ -37,7 +37,6 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILL
 
 LONGEST_WAIT = 1.0  # s that a client waits for news at the most
 _POLL_INTERVAL = 0.01  # s between two looks for news
-_OF_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)  # reasons when messages stay away
 
 NOISE_EVERY = 5_000_000_000  # ns between two looks at the spectrum of the noise
 
@@ -211,7 +210,7 @@ def _faults(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason]) -
         if what
     ]
     silent = _silence(daemon, now)
-    if (down or silent) and (not reasons or reasons[0] in _OF_INPUTS):
+    if (down or silent) and (not reasons or reasons[0] in ABOUT_INPUTS):
         return [*down, *silent]
     if is_good(state) or now - daemon.stands_since < LASTING * SECOND:
         return [*down, *silent]

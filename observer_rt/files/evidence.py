@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from observer_rt.config.injector import EvidenceConfig
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.table_writers import SI, ParquetWriter
@@ -121,18 +122,10 @@ def read_evidence(path: Path) -> KeptEvent:
             raise UserError(str(path), "is no evidence kept by `observer-rt run`", remedy) from None
 
 
-@dataclass(frozen=True)
-class FolderLimits:
-    """Bounds of a folder: the size of all files [MiB], and files of one kind and model at one operating point."""
-
-    most_mib: float
-    per_point: int
-
-
 class EvidenceFolder:
     """Keeps evidence, and deletes what it replaces. After a power failure each file is either whole or absent."""
 
-    def __init__(self, path: Path, limits: FolderLimits) -> None:
+    def __init__(self, path: Path, limits: EvidenceConfig) -> None:
         """Raises OSError where the folder cannot be made."""
         path.mkdir(parents=True, exist_ok=True)
         self._path = path
@@ -185,6 +178,7 @@ def main(path: str, most_mib: str, per_point: str) -> None:
     """Write what comes until the input ends. Answers: `kept NAME`, `passed`, `failed WHY`."""
     os.nice(NICE)
     folder: EvidenceFolder | None = None
+    limits = EvidenceConfig(most_mib=float(most_mib), per_point=int(per_point))
     while line := sys.stdin.buffer.readline():
         size = 3 * json.loads(line)["samples"] * np.dtype(np.float64).itemsize
         values = sys.stdin.buffer.read(size)
@@ -192,7 +186,7 @@ def main(path: str, most_mib: str, per_point: str) -> None:
             return
         evidence = EventEvidence.unpacked(line, np.frombuffer(values))
         try:
-            folder = folder or EvidenceFolder(Path(path), FolderLimits(float(most_mib), int(per_point)))
+            folder = folder or EvidenceFolder(Path(path), limits)
             name = folder.take(evidence, datetime.now(UTC))
             answer = f"kept {name}" if name else "passed"
         except OSError as error:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.daemon.control_socket import connected, control_socket, line_of, socket_places
-from observer_rt.daemon.snapshot import SNAPSHOT, WITH_CURVES, Snapshot, StatusLevel, read_snapshot
+from observer_rt.daemon.control_socket import connected, control_socket, socket_places
+from observer_rt.daemon.snapshot import SNAPSHOT, WITH_CURVES, Snapshot, StatusLevel, line_of, read_snapshot
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
 from observer_rt.engine.reports.news import MeasuredMass, Notice

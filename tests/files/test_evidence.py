@@ -9,8 +9,9 @@ import pyarrow
 import pytest
 from pyarrow import parquet
 
+from observer_rt.config.injector import EvidenceConfig
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
-from observer_rt.files.evidence import EvidenceFolder, FolderLimits, read_evidence, write_evidence
+from observer_rt.files.evidence import EvidenceFolder, read_evidence, write_evidence
 from observer_rt.files.formats import open_recording
 from observer_rt.files.signals.table_writers import SI
 from observer_rt.foundation.errors import UserError
@@ -34,7 +35,7 @@ def numbers(folder: Path) -> list[int]:
 def fill(folder: Path, events: list[EventEvidence], most_mib: float = 100.0, per_point: int = 3) -> None:
     """Keep events, one a second, by a writer that is started anew in the middle."""
     for part in (events[: len(events) // 2], events[len(events) // 2 :]):
-        keeper = EvidenceFolder(folder, FolderLimits(most_mib, per_point))
+        keeper = EvidenceFolder(folder, EvidenceConfig(most_mib=most_mib, per_point=per_point))
         for event in part:
             keeper.take(event, BEGIN + timedelta(seconds=event.event))
 

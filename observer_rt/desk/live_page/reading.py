@@ -11,7 +11,7 @@ from socket import SHUT_RDWR, socket
 from typing import Any
 
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.control_socket import connected, line_of, socket_places
+from observer_rt.daemon.control_socket import connected, socket_places
 from observer_rt.daemon.snapshot import (
     KEPT,
     SNAPSHOT,
@@ -20,6 +20,7 @@ from observer_rt.daemon.snapshot import (
     ShownInjection,
     Status,
     StatusLevel,
+    line_of,
     read_snapshot,
 )
 from observer_rt.foundation.errors import REMEDY, ObserverError

@@ -12,15 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt import __version__
-from observer_rt.bus.alignment import (
-    MessageTiming,
-    begun_at,
-    is_stale,
-    make_alignment,
-    make_timekeeping,
-    progress,
-    timing_of,
-)
+from observer_rt.bus.alignment import MessageTiming, indices_of, is_stale, make_alignment, make_timekeeping, timing_of
 from observer_rt.bus.database.lookup import E2EState
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
@@ -263,12 +255,12 @@ class Core:
     @property
     def progress(self) -> list[int]:
         """The sample index up to which each input stream came; -1: nothing yet."""
-        return progress(self.compiled.pipeline.alignment)
+        return indices_of(self.compiled.pipeline.alignment, "next_index")
 
     @property
     def begun_at(self) -> list[int]:
         """Of each of our input messages the sample index at which it began; -1: it has not."""
-        return begun_at(self.compiled.pipeline.alignment)
+        return indices_of(self.compiled.pipeline.alignment, "first_index")
 
     @property
     def state(self) -> tuple[State, Reason]:

@@ -113,6 +113,17 @@ cdef inline double normalised_area(double lift, const Seat* seat) noexcept nogil
     return area
 
 
+cdef inline double normalised_area_slope(double lift, const Seat* seat) noexcept nogil:
+    """Derivative of `normalised_area` [1/m] for an open needle."""
+    cdef double whole = pi * sin(seat.half_cone_angle) / seat.area_scale, share, area
+    cdef double slope = whole * (seat.diameter - lift * sin(2.0 * seat.half_cone_angle))
+    if seat.loss != 0.0:
+        share = seat.loss * exp(-lift / seat.loss_lift)
+        area = seat_area(lift, seat.diameter, seat.half_cone_angle) / seat.area_scale
+        slope = slope * (1.0 - share) + area * share / seat.loss_lift
+    return slope
+
+
 cdef inline double nozzle_law(double x_3, double u_2, const double* learned, const Nozzle* nozzle) noexcept nogil:
     """Normalised nozzle flow q_H of (23), against a chamber pressure that rises while the needle is open (u_2 > 0).
 

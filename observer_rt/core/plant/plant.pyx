@@ -7,48 +7,19 @@ from observer_rt.core.model.hydraulics cimport normalised_area
 from observer_rt.core.model.model cimport (
     Model, Terms, Weights, above_100_mpa, fine_step, rate_after, shown_under_terms, under_terms
 )
+from observer_rt.core.model.needle cimport CORNER_ROUNDING, NeedleStroke, rounded_lift
 from observer_rt.core.model.records cimport SAC, Coefficients, Forced, Inputs, Interval, Knot, inputs_of
 from observer_rt.core.model.sensor cimport lagged
 from observer_rt.core.model.valve cimport (
-    LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_EDGE, Stroke as Lifted, hold_valve, join_valve
+    LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_EDGE, Stroke, hold_valve, join_valve
 )
 
-cdef double CORNER_ROUNDING = 0.03e-3  # s, window over which the corners of a stroke are rounded
 cdef double EMPTY_SAC = 1e-9  # of the pressure scale, below which a shut sac is at chamber pressure
 
 
-# One opening of the needle, before its corners are rounded.
-cdef struct Stroke:
-    double opening  # s: it leaves its seat
-    double top  # it reaches the stop, or, ballistic, turns
-    double closing  # it leaves the stop
-    double closed  # it is back on its seat
-    double opening_speed  # m/s
-    double closing_speed
-
-
-cdef inline double _area_under_ramp(double time) noexcept nogil:
-    return 0.5 * time * time if time > 0.0 else 0.0
-
-
-cdef inline double _area_under_stroke(double time, const Stroke* s) noexcept nogil:
-    """Integral of the unrounded lift up to `time`: four ramps [m s]."""
-    cdef double rise = _area_under_ramp(time - s.opening) - _area_under_ramp(time - s.top)
-    cdef double fall = _area_under_ramp(time - s.closing) - _area_under_ramp(time - s.closed)
-    return s.opening_speed * rise - s.closing_speed * fall
-
-
-cdef double rounded_lift(double time, const Stroke* s) noexcept nogil:
-    """Lift [m] at `time` [s] with rounded corners; exactly 0 outside the stroke."""
-    cdef double half = 0.5 * CORNER_ROUNDING
-    if time <= s.opening - half or time >= s.closed + half:
-        return 0.0
-    return max((_area_under_stroke(time + half, s) - _area_under_stroke(time - half, s)) / CORNER_ROUNDING, 0.0)
-
-
-cdef inline Stroke _stroke(const double[:, ::1] strokes, int64_t number) noexcept nogil:
+cdef inline NeedleStroke _stroke(const double[:, ::1] strokes, int64_t number) noexcept nogil:
     """Row `number` of the table; past its end the needle stays shut: a stroke that never begins."""
-    cdef Stroke s
+    cdef NeedleStroke s
     if number >= strokes.shape[0]:
         s.opening = s.top = s.closing = s.closed = INFINITY
         s.opening_speed = s.closing_speed = 0.0
@@ -63,7 +34,7 @@ cdef inline Inputs _inputs(double rail, double lift, const Coefficients* c) noex
 
 
 cdef inline void _open_valve(
-    Inputs* u, double time, double lift, const Stroke* s, const Stroke* following, const Coefficients* c
+    Inputs* u, double time, double lift, const NeedleStroke* s, const NeedleStroke* following, const Coefficients* c
 ) noexcept nogil:
     """The pilot valve at a time [s] in or before a stroke; it may open for the following one already."""
     cdef double at_stop = lift - (s.top - s.opening) * s.opening_speed + LIFT_OFF
@@ -75,19 +46,13 @@ cdef inline void _open_valve(
         hold_valve(&u.servo, 0.5 * (1.0 + tanh(at_stop / (STOP_EDGE * LIFT_OFF))), &c.valve)
 
 
-cdef inline void _open_for(Inputs* u, double time, const Stroke* s, const Coefficients* c) noexcept nogil:
-    cdef Lifted lifted
+cdef inline void _open_for(Inputs* u, double time, const NeedleStroke* s, const Coefficients* c) noexcept nogil:
+    cdef Stroke lifted
     if isinf(s.opening):
         return
     lifted.lifts, lifted.falls = s.opening + LIFT_OFF / s.opening_speed, s.closing + LIFT_OFF / s.closing_speed
     lifted.pressure = above_100_mpa(u.rail, c)
     join_valve(&u.servo, time, &lifted, &c.valve, 1.0, VALVE_EDGE)
-
-
-def lift_of_stroke(double time, stroke) -> float:
-    """Lift [m] at `time` [s] of a `schedule.Stroke` with rounded corners; exactly 0 outside the stroke."""
-    cdef Stroke s = stroke._asdict()
-    return rounded_lift(time, &s)
 
 
 def run_injector(
@@ -100,7 +65,7 @@ def run_injector(
     indicated: what the sensor shows; due: the first sample of the line pressure not recorded yet. time [s], rail,
     lift [m], rate [m3/s], recorded (k,); states (k, 3); strokes (m, 6).
     """
-    cdef Stroke s = _stroke(strokes, number), following = _stroke(strokes, number + 1)
+    cdef NeedleStroke s = _stroke(strokes, number), following = _stroke(strokes, number + 1)
     cdef Forced forced
     cdef Interval interval
     cdef Knot knot
@@ -116,7 +81,7 @@ def run_injector(
     forced.coefficients, forced.network = model.coefficients, weights.network
     with nogil:
         for n in range(first, last):
-            lift[n] = lift_end = rounded_lift(time[n], &s)
+            lift[n] = lift_end = rounded_lift(time[n], CORNER_ROUNDING, &s)
             u = _inputs(rail[n], lift[n], c)
             _open_valve(&u, time[n], lift[n], &s, &following, c)
             if u.area == 0.0 and fabs(x[SAC]) < EMPTY_SAC:
@@ -141,8 +106,8 @@ def run_injector(
                     s, following = following, _stroke(strokes, number + 1)
                 rail_middle = rail[n] + (i + 0.5) / steps * (rail[n + 1] - rail[n])
                 rail_end = rail[n] + (i + 1.0) / steps * (rail[n + 1] - rail[n])
-                lift_before, lift_end = lift_end, rounded_lift(start + step, &s)
-                middle = _inputs(rail_middle, rounded_lift(start + 0.5 * step, &s), c)
+                lift_before, lift_end = lift_end, rounded_lift(start + step, CORNER_ROUNDING, &s)
+                middle = _inputs(rail_middle, rounded_lift(start + 0.5 * step, CORNER_ROUNDING, &s), c)
                 end_u = _inputs(rail_end, lift_end, c)
                 _open_valve(&middle, start + 0.5 * step, lift_before, &s, &following, c)
                 _open_valve(&end_u, start + step, lift_end, &s, &following, c)

@@ -9,13 +9,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.needle import CORNER_ROUNDING, NeedleStroke, stroke_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.model.needle import needle_law
 from observer_rt.model.parameters import InjectorParameters
 
 FIRST_EVENT = 0.15  # s, standstill in which a reader learns noise and offsets
@@ -30,9 +31,6 @@ ENERGIZING_TIME_OPTION = "--energizing-time"
 SHOTS_OPTION = "--shots"
 PERIOD_OPTION = "--period"
 REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
-OPENING_EXPONENT = 0.4
-CLOSING_EXPONENT = 0.3
-CORNER_ROUNDING = 0.03e-3  # s
 
 
 @dataclass(frozen=True)
@@ -209,19 +207,10 @@ def _number(text: str, option: str, example: str) -> float:
     return value
 
 
-class Stroke(NamedTuple):
+class Stroke(NeedleStroke):
     """One opening of the needle, before its corners are rounded; times in s, speeds in m/s."""
 
-    opening: float
-    """The needle leaves its seat."""
-    top: float
-    """It reaches the stop, or, ballistic, turns."""
-    closing: float
-    """It leaves the stop; equal to `top` when ballistic."""
-    closed: float
-    """It is back on its seat."""
-    opening_speed: float
-    closing_speed: float
+    __slots__ = ()
 
     @property
     def peak_lift(self) -> float:
@@ -231,18 +220,9 @@ class Stroke(NamedTuple):
 
 def stroke(shot: Shot, start: float, rail_pressure: float, parameters: InjectorParameters) -> Stroke | None:
     """Needle stroke of a shot of an event at `start` [s]; None if it is too short to lift the needle."""
-    needle = parameters.needle
-    energized = start + shot.offset
-    opening = energized + needle.opening_delay
-    closing = energized + shot.duration + needle.closing_delay
-    if closing <= opening:
-        return None
-    relative_pressure = rail_pressure / REFERENCE_PRESSURE
-    opening_speed = needle.opening_speed * relative_pressure**OPENING_EXPONENT
-    closing_speed = needle.closing_speed * relative_pressure**CLOSING_EXPONENT
-    top = min(closing, opening + parameters.seat.max_lift / opening_speed)
-    peak_lift = opening_speed * (top - opening)
-    return Stroke(opening, top, closing, closing + peak_lift / closing_speed, opening_speed, closing_speed)
+    begun, pressure = start + shot.offset, rail_pressure / REFERENCE_PRESSURE
+    found = stroke_of(begun, shot.duration, pressure, needle_law(parameters))
+    return None if found is None else Stroke(**found)
 
 
 def energized(schedule: Schedule, time: NDArray[np.float64]) -> NDArray[np.float64]:

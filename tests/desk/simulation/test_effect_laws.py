@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.plant.plant import lift_of_stroke
+from observer_rt.core.model.needle import lift_of_stroke
 from observer_rt.desk.simulation.schedule import make_schedule, strokes
 from observer_rt.desk.simulation.simulate import Simulation, simulate
 from observer_rt.model.effects import VOCABULARY, sized

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.plant.plant import lift_of_stroke
+from observer_rt.core.model.needle import CORNER_ROUNDING, lift_of_stroke
 from observer_rt.desk.simulation.schedule import (
-    CORNER_ROUNDING,
     Schedule,
     Shot,
     Stroke,

@@ -1,0 +1,90 @@
+# A needle that answers a command: when it leaves its seat, how it rises to its stop or turns before, when it is back.
+
+from libc.math cimport exp, pow
+
+cdef enum:
+    NEEDLE_NUMBERS = 4  # that are learned: delay of the opening, ln of its speed, the same of the closing
+
+cdef extern from *:
+    """
+    #define CORNER_ROUNDING 0.03e-3
+    #define OPENING_EXPONENT 0.4
+    #define CLOSING_EXPONENT 0.3
+    """
+    const double CORNER_ROUNDING  # s, window over whose mean the corners of a stroke are rounded
+    const double OPENING_EXPONENT  # of the speeds with the rail pressure
+    const double CLOSING_EXPONENT
+
+
+cdef struct NeedleLaw:
+    double opening_delay  # s, from the start of energizing
+    double opening_speed  # m/s at 100 MPa
+    double closing_delay  # s, from its end
+    double closing_speed
+    double stop  # m
+
+
+# One opening, before its corners are rounded.
+cdef struct NeedleStroke:
+    double opening  # s: it leaves its seat
+    double top  # it reaches the stop, or, ballistic, turns
+    double closing  # it leaves the stop
+    double closed  # it is back on its seat
+    double opening_speed  # m/s
+    double closing_speed
+
+
+cdef inline bint answers(
+    double start, double length, double pressure, const NeedleLaw* needle, const double* learned, NeedleStroke* s
+) noexcept nogil:
+    """Whether a needle lifts for a command [s], and its stroke; pressure: of the rail, over 100 MPa.
+
+    learned (NEEDLE_NUMBERS,): in s and natural logarithms.
+    """
+    s.opening = start + needle.opening_delay + learned[0]
+    s.closing = start + length + needle.closing_delay + learned[2]
+    s.opening_speed = needle.opening_speed * pow(pressure, OPENING_EXPONENT) * exp(learned[1])
+    s.closing_speed = needle.closing_speed * pow(pressure, CLOSING_EXPONENT) * exp(learned[3])
+    s.top = min(s.closing, s.opening + needle.stop / s.opening_speed)
+    s.closed = s.closing + s.opening_speed * (s.top - s.opening) / s.closing_speed
+    return s.closing > s.opening
+
+
+cdef inline double _mean_ramp(double time, double window) noexcept nogil:
+    """Mean over a window of a ramp of slope 1 that begins at 0."""
+    if time >= 0.5 * window:
+        return time
+    return 0.5 * (time + 0.5 * window) ** 2 / window if time > -0.5 * window else 0.0
+
+
+cdef inline double _mean_step(double time, double window) noexcept nogil:
+    """Its derivative."""
+    return min(max(time / window + 0.5, 0.0), 1.0)
+
+
+cdef inline double rounded_lift(double time, double window, const NeedleStroke* s) noexcept nogil:
+    """Lift [m] at a time [s], its corners rounded over a window [s]; exactly 0 outside the stroke."""
+    cdef double rise, fall
+    if time <= s.opening - 0.5 * window or time >= s.closed + 0.5 * window:
+        return 0.0
+    rise = _mean_ramp(time - s.opening, window) - _mean_ramp(time - s.top, window)
+    fall = _mean_ramp(time - s.closing, window) - _mean_ramp(time - s.closed, window)
+    return max(s.opening_speed * rise - s.closing_speed * fall, 0.0)
+
+
+cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, double* by_number) noexcept nogil:
+    """Derivatives of `rounded_lift` by what is learned."""
+    cdef double rise = _mean_ramp(time - s.opening, window) - _mean_ramp(time - s.top, window)
+    cdef double fall = _mean_ramp(time - s.closing, window) - _mean_ramp(time - s.closed, window)
+    cdef double begins = _mean_step(time - s.opening, window), turns = _mean_step(time - s.top, window)
+    cdef double falls = _mean_step(time - s.closing, window), ends = _mean_step(time - s.closed, window)
+    cdef double up = s.opening_speed, down = s.closing_speed, peak = up * (s.top - s.opening)
+    by_number[3] = ends * peak - down * fall
+    if s.top < s.closing:  # it gets to its stop
+        by_number[0] = -up * (begins - turns)
+        by_number[1] = up * rise - turns * peak
+        by_number[2] = down * (falls - ends)
+    else:
+        by_number[0] = -up * (begins - ends)
+        by_number[1] = up * rise - ends * peak
+        by_number[2] = up * (turns - ends) + down * (falls - ends)

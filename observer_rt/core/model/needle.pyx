@@ -1,0 +1,66 @@
+"""The needle as it answers commands: strokes, lifts, and the seat areas of a window with their slopes."""
+
+from libc.stdint cimport int64_t
+
+from observer_rt.core.model.hydraulics cimport Seat, normalised_area, normalised_area_slope
+from observer_rt.core.model.needle cimport *
+from observer_rt.core.records import tuple_of
+
+cdef double[8] _blank  # room for either struct
+globals().update(
+    CORNER_ROUNDING=CORNER_ROUNDING,
+    NEEDLE_NUMBERS=NEEDLE_NUMBERS,
+    NeedleLaw=tuple_of(__name__, "NeedleLaw", (<NeedleLaw*> _blank)[0]),
+    NeedleStroke=tuple_of(__name__, "NeedleStroke", (<NeedleStroke*> _blank)[0]),
+)
+
+cdef double[NEEDLE_NUMBERS] NOTHING_LEARNED  # zeros
+
+
+def stroke_of(double start, double length, double pressure, needle) -> dict[str, float] | None:
+    """Stroke of a `model.needle.NeedleLaw` for a command [s]; pressure: of the rail, over 100 MPa; None: it does not lift."""
+    cdef NeedleLaw of_needle = needle._asdict()
+    cdef NeedleStroke s
+    return s if answers(start, length, pressure, &of_needle, NOTHING_LEARNED, &s) else None
+
+
+def lift_of_stroke(double time, stroke) -> float:
+    """Lift [m] at `time` [s] of a `schedule.Stroke` with rounded corners; exactly 0 outside the stroke."""
+    cdef NeedleStroke s = stroke._asdict()
+    return rounded_lift(time, CORNER_ROUNDING, &s)
+
+
+def commanded_areas(
+    const double[:, :] commands, const double[:] pressures, needle, const double[::1] learned, seat, double interval,
+    double[::1] areas, double[:, ::1] slopes, int64_t[::1] shots
+) -> None:
+    """Normalised seat areas (n,) at samples, by commands (k, 2) as of `Window`, and their slopes (n, NEEDLE_NUMBERS).
+
+    pressures (k,): of the rail at each command, over 100 MPa; learned (NEEDLE_NUMBERS,); areas, slopes: 0 at first;
+    shots (n,): numbers of the commands that open the needle.
+    """
+    cdef NeedleLaw of_needle = needle._asdict()
+    cdef Seat of_seat = seat._asdict()
+    cdef NeedleStroke s
+    cdef double[NEEDLE_NUMBERS] by_number
+    cdef double window = max(CORNER_ROUNDING, 2.0 * interval), time, lift, steep, start, end
+    cdef int64_t command, k, number, n = areas.shape[0]
+    if learned.shape[0] != NEEDLE_NUMBERS or shots.shape[0] < n or slopes.shape[0] < n or slopes.shape[1] != NEEDLE_NUMBERS:
+        raise ValueError("arrays of a needle do not fit each other")
+    with nogil:
+        for command in range(commands.shape[0]):
+            start, end = commands[command, 0] * interval, commands[command, 1] * interval
+            if not answers(start, end - start, pressures[command], &of_needle, &learned[0], &s):
+                continue
+            for k in range(max(<int64_t> ((s.opening - window) / interval), 0), n):
+                time = k * interval
+                if time >= s.closed + 0.5 * window:
+                    break
+                lift = rounded_lift(time, window, &s)
+                if lift <= 0.0:
+                    continue
+                areas[k], shots[k] = normalised_area(lift, &of_seat), command
+                steep = normalised_area_slope(lift, &of_seat)
+                lift_slopes(time, window, &s, by_number)
+                for number in range(<int64_t> NEEDLE_NUMBERS):
+                    slopes[k, number] = steep * by_number[number]

@@ -155,7 +155,7 @@ class FuelTemperatureConfig(SlowQuantityConfig):
 
 class SignalsConfig(Section):
     rail_pressure: SignalConfig
-    needle_lift: SignalConfig
+    needle_lift: SignalConfig | None = None  # without it the needle is known by the energizing alone
     line_pressure: SignalConfig
     learning_enable: LearningEnableConfig | None = None
     measured_mass: SlowQuantityConfig | None = None  # of an injection
@@ -174,15 +174,24 @@ class SignalsConfig(Section):
 
     @field_validator("needle_lift")
     @classmethod
-    def _no_accuracy(cls, lift: SignalConfig) -> SignalConfig:
-        if "accuracy_percent" in lift.model_fields_set:
+    def _no_accuracy(cls, lift: SignalConfig | None) -> SignalConfig | None:
+        if lift is not None and "accuracy_percent" in lift.model_fields_set:
             raise ValueError("'accuracy_percent' is for pressures; leave it out")
         return lift
 
+    @model_validator(mode="after")
+    def _tells_of_the_needle(self) -> Self:
+        if self.needle_lift is None and self.energizing is None:
+            raise ValueError(
+                "nothing tells when the needle opens; state [signals.needle_lift], or, where it is not measured, "
+                "[signals.energizing]"
+            )
+        return self
+
     def of(self, role: Role) -> SignalConfig:
-        """The mapping of a role."""
-        mapping: SignalConfig = getattr(self, role.value)
-        return mapping
+        """The mapping of a role; a lift that is not measured has the samples of the line pressure, read by nobody."""
+        mapping: SignalConfig | None = getattr(self, role.value)
+        return mapping or self.line_pressure.model_copy(update=dict.fromkeys(_KEYS, 0.0))
 
     @property
     def optional(self) -> tuple[tuple[OptionalRole, SlowSignalConfig], ...]:
@@ -193,7 +202,7 @@ class SignalsConfig(Section):
 
 def undone_in_alignment(signals: SignalsConfig, role: Role) -> float:
     """Delay [s] by which samples of lift or rail pressure are moved with their message: the lift's, if it has one."""
-    lift, own = signals.needle_lift, signals.of(role)
+    lift, own = signals.of(Role.NEEDLE_LIFT), signals.of(role)
     together = (own.message, own.link) == (lift.message, lift.link)
     return (lift if together else own).filter_delay_us * MICROSECOND
 
@@ -211,7 +220,7 @@ def effects_on_one_raster(fitted: "BenchInjector") -> tuple[SizedEffect, ...]:
     Raises `UserError` for a delay that the samples stored beside an injection do not bridge.
     """
     signals = fitted.config.signals
-    lift = signals.needle_lift.filter_delay_us
+    lift = signals.of(Role.NEEDLE_LIFT).filter_delay_us
     for role in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE):
         apart = abs(signals.of(role).filter_delay_us - lift)
         if apart > MOST_APART_US:
@@ -240,8 +249,16 @@ def with_exact_sensors(signals: SignalsConfig) -> SignalsConfig:
     return _changed(signals, lambda _: {"accuracy_percent": 0.0})
 
 
+def without_lift(signals: SignalsConfig) -> SignalsConfig:
+    """Signals of a recording whose needle is known by the energizing alone."""
+    return signals.model_copy(update={"needle_lift": None})
+
+
 def _changed(signals: SignalsConfig, change: Callable[[Role], dict[str, float]]) -> SignalsConfig:
-    return signals.model_copy(update={role.value: signals.of(role).model_copy(update=change(role)) for role in Role})
+    stated = {role: mapping for role in Role if (mapping := getattr(signals, role.value)) is not None}
+    return signals.model_copy(
+        update={role.value: mapping.model_copy(update=change(role)) for role, mapping in stated.items()}
+    )
 
 
 def _effects(signals: SignalsConfig, rail_delay: float, line_delay: float) -> tuple[SizedEffect, ...]:
@@ -249,7 +266,7 @@ def _effects(signals: SignalsConfig, rail_delay: float, line_delay: float) -> tu
     sizes = (
         ("rail_pressure_skew", "d", rail_delay),
         ("channel_skew", "d", line_delay),
-        ("needle_lift_sensor_lag", "tau", signals.needle_lift.lag_us * MICROSECOND),
+        ("needle_lift_sensor_lag", "tau", signals.of(Role.NEEDLE_LIFT).lag_us * MICROSECOND),
         ("line_pressure_sensor_lag", "tau", signals.line_pressure.lag_us * MICROSECOND),
     )
     return tuple(sized(name, **{key: size}) for name, key, size in sizes if size != 0.0)

@@ -110,7 +110,7 @@ def _write(
     carried["level"] = constants.calibration.level(knowledge.in_force[Parameter.LINE_PRESSURE_GAIN])
     line, valve = learned.coefficients.line, learned.coefficients.valve
     carried["line"][: len(line)] = line
-    carried["valve"] = valve
+    carried["valve"], carried["needle"] = valve, learned.needle
     later = COMMAND_AFTER if valve.commanded else KNOWN_AFTER + max(valve.start, valve.end)
     carried["watch_later"] = round(later / constants.interval) if line.servo > 0.0 else 0
     noise, scale = knowledge.state.noise, constants.coefficients.pressure_scale

@@ -31,7 +31,7 @@ from observer_rt.core.stream.stream import (
     copy_window,
     dead_band,
 )
-from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.predictor import SETTLE, Window
 from observer_rt.engine.learning.adequacy import Innovations
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -54,10 +54,10 @@ from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import Clock, averaged, sensor_of
 from observer_rt.model.effects import effective_model
+from observer_rt.model.needle import needle_law
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
 
-SETTLE = 3 * MILLISECOND
 GOOD = 1 * MILLISECOND
 BOUNCE = 0.3 * MILLISECOND
 STAYS = 10 * MILLISECOND
@@ -88,12 +88,13 @@ def constants_for(
     means: bool = False,
     stated: Sequence[SizedEffect] = (),
     calibration: StatedAccuracy = EXACT,
+    has_lift: bool = True,
 ) -> Constants:
     """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
 
     rail_every: samples to one of the rail pressure; means: samples are means over the sample period before;
     stated: delays and lags of the channels to be undone.
-    calibration: of level and pressure sensors.
+    calibration: of level and pressure sensors; has_lift: whether it is recorded, or by commands alone.
     """
     model = effective_model(parameters, stated)
     interval = 1.0 / sample_rate
@@ -133,6 +134,7 @@ def constants_for(
         quickest=QUICKEST * max(parameters.needle.opening_speed, parameters.needle.closing_speed) * interval,
         program=model.program,
         calibration=calibration,
+        needle=None if has_lift else needle_law(parameters),
     )
 
 
@@ -240,7 +242,8 @@ def event_window(observer: Observer, number: int) -> Window | None:
     copy_window(observer.ring, start, late, *columns)
     openings = np.count_nonzero(np.diff(window.inputs[:, 1] > 0.0, prepend=False) & (window.inputs[:, 1] > 0.0))
     begun = Clock(start * observer.constants.interval, float(event["injections"] - openings))
-    return window._replace(clock=begun, commands=commands_at(observer, start, end))
+    needle = observer.constants.needle
+    return window._replace(clock=begun, commands=commands_at(observer, start, end), needle=needle)
 
 
 def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:

@@ -126,6 +126,10 @@ REASONS: Mapping[Reason, Words] = {
         "what was learned does not reach such an injection",
         "wait: the next one like it is mostly valid; the log says what is known, and which recording would help",
     ),
+    Reason.PRELIMINARY: Words(
+        "the needle lift is not measured, so the rate is known once the needle is shut",
+        "take the corrected rate and the mass",
+    ),
     Reason.LIFT_DEAD: Words(
         "the line pressure shows injections, the needle lift none",
         "check the sensor, its amplifier and cable; is it of this injector?",

@@ -158,7 +158,7 @@ def write_recording(path: Path, recording: Recording) -> None:
     Raises `UserError` for an unknown suffix or a path that cannot be written, `RunError` when writing fails.
     """
     _check_suffix(path, SIGNALS_WRITTEN)
-    with file_errors(path), replacing(path) as part, recording_writer(part, recording.signals) as write:
+    with file_errors(path), replacing(path) as part, recording_writer(part, recording.recorded) as write:
         write(recording)
 
 

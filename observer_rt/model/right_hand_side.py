@@ -25,6 +25,10 @@ class ByTheta(NamedTuple):
     nozzle: NDArray[np.int64]  # (NOZZLE_NUMBERS,)
     valve: NDArray[np.int64]  # (VALVE_NUMBERS,)
     valve_sizes: NDArray[np.float64]  # of theta = 1
+    needle: NDArray[np.int64]  # (NEEDLE_NUMBERS,)
+    needle_sizes: NDArray[np.float64]
+    shots: int  # commands of an event, whose delays are two columns each from the first on
+    first_shot: int
     line_columns: NDArray[np.int64]
     line_coefficients: NDArray[np.int64]
     line_slopes: NDArray[np.float64]
@@ -48,14 +52,17 @@ class Tangent(NamedTuple):
     theta: ByTheta
 
 
-def tangent_of(c: Coefficients, theta: ByTheta, columns: int) -> Tangent:
-    """A tangent of 0, at least so many columns wide."""
+def tangent_of(c: Coefficients, theta: ByTheta, columns: int, is_commanded: bool = False) -> Tangent:
+    """A tangent of 0, at least so many columns wide; is_commanded: the seat area is that of a needle's numbers."""
     n, m = c.states, -(-columns // COLUMNS) * COLUMNS
     of_nozzle, of_seat = theta.neurons[:4].sum(), theta.neurons[4:].sum()
     nozzle = (theta.nozzle_bias, *theta.nozzle, *range(theta.nozzle_weight, theta.nozzle_weight + of_nozzle))
     seat = (theta.seat_bias, *range(theta.seat_weight, theta.seat_weight + of_seat))
     parts = np.zeros(m, np.uint8)
-    for part, acting in ((BY_NOZZLE, nozzle), (BY_SEAT, seat), (BY_LINE, (*theta.line_columns, *theta.valve))):
+    by_part = {BY_NOZZLE: nozzle, BY_SEAT: seat, BY_LINE: (*theta.line_columns, *theta.valve)}
+    if is_commanded:
+        by_part[BY_NOZZLE | BY_SEAT] = *theta.needle, *range(theta.first_shot, theta.first_shot + 2 * theta.shots)
+    for part, acting in by_part.items():
         parts[list(acting)] |= part
     return Tangent(
         np.zeros((n, m)),

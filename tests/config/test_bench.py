@@ -175,7 +175,7 @@ def test_for_files_a_layout_is_all_it_takes(tmp_path: Path, off_bus: bool, more:
     assert config.recording.time is not None
     assert config.recording.time.column == "Zeit"
     example = load_bench().injector.config
-    assert config.signals.needle_lift == example.signals.needle_lift.model_copy(update={"delay_us": 20.0})
+    assert config.signals.needle_lift == example.signals.of(Role.NEEDLE_LIFT).model_copy(update={"delay_us": 20.0})
     assert config.sampling == example.sampling
 
 

@@ -208,6 +208,10 @@ def _map_message(
     fitted: BenchInjector, message: Message, roles: Sequence[Role], row: NDArray[np.void], tables: InputTables
 ) -> list[list[Role]]:
     """Add a message to the tables; returns the roles of each of its streams."""
+
+    def is_measured(role: Role) -> bool:
+        return role is not Role.NEEDLE_LIFT or fitted.config.signals.needle_lift is not None
+
     samples: dict[Role, tuple[str, ...]] = {}
     streams: dict[tuple[SampleGroup, ...], list[Role]] = {}
     for role in roles:
@@ -221,7 +225,12 @@ def _map_message(
                 "name as many samples for every signal of a message",
             )
         for other in samples:
-            if other is not role and set(samples[other]) & set(samples[role]):
+            if (
+                is_measured(other)
+                and is_measured(role)
+                and other is not role
+                and set(samples[other]) & set(samples[role])
+            ):
                 raise UserError(
                     fitted.location(f"signals.{role}"),
                     f"{other} and {role} read the same signals of {message.name}",
@@ -246,9 +255,10 @@ def _map_message(
             for role in together:
                 column, config = ROLES.index(role), fitted.config.signals.of(role)
                 group_row["position"][column] = len(names)
-                group_row["factor"][column] = from_unit(
-                    fitted.location(f"signals.{role}"), message, samples[role][0], config.unit, _UNITS[role]
-                )
+                if is_measured(role):
+                    group_row["factor"][column] = from_unit(
+                        fitted.location(f"signals.{role}"), message, samples[role][0], config.unit, _UNITS[role]
+                    )
                 names.extend(samples[role][group.offset : group.offset + group.count])
             with named(fitted.location(f"signals.{together[0]}")):
                 tables.add_group(group_row, message, names, group, None if number is None else number.name)

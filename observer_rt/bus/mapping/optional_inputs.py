@@ -166,6 +166,12 @@ def map_optional(
         if pulses is not None and source == carrier:
             link = databases.links[source.bus]
             energizing = _energizing(fitted, pulses, link, source.message, layout, leading)
+            if fitted.config.signals.needle_lift is None and not energizing.tells_samples:
+                raise UserError(
+                    fitted.location("signals.energizing"),
+                    "does not tell to a sample when the injector is energized, and no needle lift is measured",
+                    "name its index, of the line pressure's time base; or measure the lift, [signals.needle_lift]",
+                )
         slow.append(SlowMessage(layout, signals, energizing))
         tables.add_optional(layout, slow[-1].inputs)
     return tuple(slow)

@@ -11,6 +11,7 @@ from observer_rt.core.model.model cimport (
     Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, flow_numbers, flow_slopes, predict, rate_after,
     servos_over, shown_under_terms, trusted_under_terms, under_terms
 )
+from observer_rt.core.model.needle cimport NEEDLE_NUMBERS
 from observer_rt.core.model.records cimport (
     SAC, Coefficients, FlowSlopes, Forced, Gradient, Inputs, Interval, Knot, Tangent, inputs_of, opened_since
 )
@@ -21,10 +22,11 @@ from observer_rt.core.model.valve cimport Servo
 cdef class _Followed:
     """A window's samples and a model, as `follow` goes along them."""
 
-    cdef const double[:, :] inputs, knots
+    cdef const double[:, :] inputs, knots, by_needle
     cdef const double[:] output
     cdef const double[:, ::1] servos
     cdef const unsigned char[:] resting, masked
+    cdef const int64_t[:] shots
     cdef Model model
     cdef Weights weights
     cdef Terms terms
@@ -33,12 +35,15 @@ cdef class _Followed:
 
     def __init__(self, window, setting, learned, Terms terms) -> None:
         self.inputs, self.output, self.resting = window.inputs, window.output, window.resting.view("u1")
-        self.knots, self.masked = window.knots, window.masked.view("u1")
+        self.knots, self.masked, self.by_needle = window.knots, window.masked.view("u1"), window.by_needle
+        self.shots = window.shots
         samples = self.output.shape[0]
         if self.inputs.shape[0] < samples or self.inputs.shape[1] != 2 or self.resting.shape[0] < samples:
             raise ValueError("arrays of a window do not fit each other")
         if 0 < self.knots.shape[0] < samples:
             raise ValueError("a window has fewer knots than samples")
+        if 0 < self.by_needle.shape[0] < samples or self.shots.shape[0] < self.by_needle.shape[0] or self.by_needle.shape[1] != NEEDLE_NUMBERS:
+            raise ValueError("slopes by the needle do not fit the window")
         self.model, self.weights, self.terms = Model(learned.coefficients), Weights(learned.network), terms
         self.forced.coefficients, self.forced.network = self.model.coefficients, self.weights.network
         self.servos = servos_over(
@@ -49,12 +54,17 @@ cdef class _Followed:
     cdef void force(self, const double* x, int64_t k) noexcept nogil:
         """Between sample k and the one before it, from a state x (n,) on, under the terms in force."""
         cdef Knot knot
+        cdef int64_t number
         cdef const Servo* servo = <const Servo*> &self.servos[k - 1, 0]
         cdef double since = opened_since(self.interval.end.since, self.inputs[k - 1, 1], self.inputs[k, 1])
         self.interval.start = inputs_of(self.inputs[k - 1, 0], self.inputs[k - 1, 1])
         self.interval.end = inputs_of(self.inputs[k, 0], self.inputs[k, 1])
         self.interval.start.servo, self.interval.end.servo = servo[0], servo[1]
         self.interval.start.since, self.interval.end.since = since, since + self.interval.length
+        for number in range(NEEDLE_NUMBERS if self.by_needle.shape[0] > 0 else 0):
+            self.interval.start.by_needle[number] = self.by_needle[k - 1, number]
+            self.interval.end.by_needle[number] = self.by_needle[k, number]
+            self.interval.start.shot, self.interval.end.shot = self.shots[k - 1], self.shots[k]
         knot.share = knot.area = 0.0
         if self.knots.shape[0] > 0:
             knot.share, knot.area = self.knots[k - 1, 0], self.knots[k - 1, 1]

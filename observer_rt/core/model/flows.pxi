@@ -159,5 +159,13 @@ cdef void flow_numbers(
                 of_neurons[NEXT + part] + within * (of_neurons[2 * NEXT + part] + within * of_neurons[3 * NEXT + part])
             ))
         column += t.neurons[curve]
+    for number in range(<int64_t> NEEDLE_NUMBERS):
+        change = u.by_needle[number] * theta.needle_sizes[number]
+        of_h[theta.needle[number]], of_s[theta.needle[number]] = flows.h_area * change, flows.s_area * change
+    for number in range(2 * theta.shots):
+        of_h[theta.first_shot + number] = of_s[theta.first_shot + number] = 0.0
+    for number in range(2 if theta.shots > 0 else 0):  # both of its delays
+        part = theta.first_shot + 2 * u.shot + number
+        of_h[part], of_s[part] = of_h[theta.needle[2 * number]], of_s[theta.needle[2 * number]]
     for number in range(<int64_t> NOZZLE_NUMBERS):
         of_h[theta.nozzle[number]] = flows.h_number[number][0] * flows.h_number[number][1]

@@ -277,7 +277,16 @@ cdef inline Inputs between(Inputs start, Inputs end, double share) noexcept nogi
     u.area = max(start.area + share * (end.area - start.area), 0.0)
     u.servo = between_servos(&start.servo, &end.servo, share)
     u.since = start.since + share * (end.since - start.since)
+    between_needles(&start, &end, share, &u)
     return u
+
+
+cdef inline void between_needles(const Inputs* start, const Inputs* end, double share, Inputs* u) noexcept nogil:
+    """Slopes of the area by the needle's numbers, at a share (0..1) of the way between two samples."""
+    cdef int64_t number
+    u.shot = max(start.shot, end.shot)
+    for number in range(<int64_t> NEEDLE_NUMBERS):
+        u.by_needle[number] = start.by_needle[number] + share * (end.by_needle[number] - start.by_needle[number])
 
 
 cdef inline int64_t _steps_in(const double* x, const Interval* interval, const Coefficients* c) noexcept nogil:
@@ -318,6 +327,7 @@ cdef inline void _advance_lump(
     bend.area = knot.area
     bend.servo = between_servos(&interval.start.servo, &interval.end.servo, knot.share)
     bend.since = interval.start.since + knot.share * (interval.end.since - interval.start.since)
+    between_needles(&interval.start, &interval.end, knot.share, &bend)
     part.end, part.length = bend, knot.share * interval.length
     part.substeps = <int64_t> ceil(knot.share * interval.substeps)
     _advance(x, &part, c, network, t, n)

@@ -59,7 +59,8 @@ cdef class Carried:
         cdef const int64_t[::1] columns = tangent.theta.line_columns, coefficients = tangent.theta.line_coefficients
         cdef const int64_t[::1] nozzle = tangent.theta.nozzle
         cdef const double[::1] slopes = tangent.theta.line_slopes, sizes = tangent.theta.valve_sizes
-        cdef const int64_t[::1] valve = tangent.theta.valve
+        cdef const int64_t[::1] valve = tangent.theta.valve, needle = tangent.theta.needle
+        cdef const double[::1] needle_sizes = tangent.theta.needle_sizes
         t = &self.tangent
         t.n, t.m, t.size = by.shape[0], by.shape[1], by_coefficient.shape[1]
         fits = (
@@ -73,6 +74,7 @@ cdef class Carried:
             and basis.shape[2] == 4 and basis.shape[3] == MOST_NEURONS
             and columns.shape[0] == coefficients.shape[0] == slopes.shape[0] and nozzle.shape[0] == NOZZLE_NUMBERS
             and valve.shape[0] == sizes.shape[0] == VALVE_NUMBERS
+            and needle.shape[0] == needle_sizes.shape[0] == NEEDLE_NUMBERS
         )
         if not fits:
             raise ValueError("arrays of a tangent do not fit each other")
@@ -84,6 +86,8 @@ cdef class Carried:
         theta.seat_bias, theta.seat_weight = tangent.theta.seat_bias, tangent.theta.seat_weight
         theta.nozzle = &nozzle[0]
         theta.valve, theta.valve_sizes = &valve[0], &sizes[0]
+        theta.needle, theta.needle_sizes = &needle[0], &needle_sizes[0]
+        theta.shots, theta.first_shot = tangent.theta.shots, tangent.theta.first_shot
         theta.pairs = slopes.shape[0]
         if theta.pairs:
             theta.columns, theta.coefficients, theta.slopes = &columns[0], &coefficients[0], &slopes[0]

@@ -4,6 +4,7 @@ from libc.stdint cimport int64_t
 from libc.string cimport memset
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Nozzle, Sac, Seat
+from observer_rt.core.model.needle cimport NEEDLE_NUMBERS
 from observer_rt.core.model.valve cimport VALVE_NUMBERS, Servo, Valve
 
 cdef enum:
@@ -103,6 +104,8 @@ cdef struct Inputs:
     double area  # A_S
     double since  # s, that the needle opened
     Servo servo
+    double[NEEDLE_NUMBERS] by_needle  # slopes of A_S by what is learned of a needle that answers commands
+    int64_t shot  # number of the command
 
 
 cdef inline Inputs inputs_of(double rail, double area) noexcept nogil:
@@ -139,6 +142,10 @@ cdef struct ByTheta:
     const int64_t* nozzle  # (NOZZLE_NUMBERS,)
     const int64_t* valve  # (VALVE_NUMBERS,)
     const double* valve_sizes  # of theta = 1
+    const int64_t* needle  # (NEEDLE_NUMBERS,)
+    const double* needle_sizes
+    int64_t shots  # of an event, whose delays are two columns each behind those of theta
+    int64_t first_shot  # its column
     int64_t pairs  # of coefficients and columns; those of a column follow each other
     const int64_t* columns
     const int64_t* coefficients

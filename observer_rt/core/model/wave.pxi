@@ -226,6 +226,8 @@ cdef void leapfrog(
             first = share + j * part
             mean.area = open_area(interval, knot, first, first + part, &last.area)
             mean.servo = between_servos(&interval.start.servo, &interval.end.servo, first + 0.5 * part)
+            between_needles(&interval.start, &interval.end, first + 0.5 * part, &mean)
+            between_needles(&interval.start, &interval.end, first + part, &last)
             move_end(x, mean, last, step / ends, c, network, t)
     empty_if_drained(x, interval, t)
 

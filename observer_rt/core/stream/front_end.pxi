@@ -19,6 +19,31 @@ cdef double STEPPED = 30e-6  # m, below which an opening that stops is probably 
 cdef double OFF_SEAT = 40e-6  # m, that a lift may leap at its seat, because the sensor's offset is not that of the seat
 
 
+cdef double commanded_lift(Observer* observer, int64_t position) noexcept nogil:
+    """Lift [m] at a sample, by the commands up to it and what was learned, of a needle whose lift is not recorded."""
+    cdef NeedleStroke s
+    cdef double interval = observer.constants.interval, window = max(CORNER_ROUNDING, 2.0 * interval), lift = 0.0
+    cdef double pressure
+    cdef int64_t number, since
+    cdef bint lifts
+    c, commands, in_force = &observer.constants, &observer.memory.commands, &observer.memory.in_force
+    commands.answered = max(commands.answered, commands.count - COMMANDS)
+    for number in range(commands.answered, commands.count):
+        since = <int32_t> (observer.ring[position & MASK].index - commands.starts[number % COMMANDS])
+        if since < 0:
+            break
+        pressure = observer.ring[(position - min(since, MASK)) & MASK].rail_pressure * c.pressure_scale + c.chamber_pressure
+        pressure = max(pressure / 1e8, 0.1)
+        lifts = answers(
+            0.0, commands.lengths[number % COMMANDS] * interval, pressure, &c.needle, in_force.needle, &s
+        )
+        if lifts:
+            lift = max(lift, rounded_lift(since * interval, window, &s))
+        if number == commands.answered and since * interval > s.closed + window:
+            commands.answered += 1
+    return lift
+
+
 cdef double opening_band(double lift_noise) noexcept nogil:
     """Lift [m] above which the needle is open, from the lift noise [m]; below half of it it is shut again."""
     return max(DEAD_BAND_FLOOR, DEAD_BAND_SIGMAS * lift_noise)

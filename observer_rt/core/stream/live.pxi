@@ -32,6 +32,7 @@ cdef void _prepare_live(Stepping* s) noexcept nogil:
     t.parts, t.neurons = live.parts, NO_NEURONS
     t.theta.nozzle_bias, t.theta.seat_bias = OF_NOZZLE, OF_SEAT
     t.theta.nozzle, t.theta.valve, t.theta.valve_sizes = SPARE, SPARE, NO_SIZES
+    t.theta.needle, t.theta.needle_sizes = SPARE, NO_SIZES
     g = &live.gradient
     g.offset, g.sensor = SPARE[0], live.no_numbers
     g.before, g.indicated, g.error = live.before, live.indicated, live.error

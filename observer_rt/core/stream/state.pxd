@@ -3,6 +3,7 @@
 from libc.stdint cimport int64_t
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Seat
+from observer_rt.core.model.needle cimport NEEDLE_NUMBERS, NeedleLaw
 from observer_rt.core.model.network cimport CURVES
 from observer_rt.core.model.sensor cimport SENSOR_GAIN, SENSOR_NUMBERS, InputTerms, Sensor
 from observer_rt.core.model.valve cimport Valve
@@ -195,6 +196,7 @@ cdef struct Mode:
 # engine/observer.py: when the injector was energized, where its pilot valve goes by that; the n-th at n % COMMANDS
 cdef struct Commands:
     int64_t count
+    int64_t answered  # by a needle that is shut again (front_end.pxi)
     int64_t starts[COMMANDS]  # sample index
     double lengths[COMMANDS]  # samples, infinite while not known
 
@@ -213,6 +215,7 @@ cdef struct Carried:
     double level  # factor on flows: of the rail pressure, by what was learned of its sensor
     double line[MOST_COEFFICIENTS]  # its coefficients with what was learned of it
     Valve valve
+    double needle[NEEDLE_NUMBERS]
     int64_t watch_later  # samples by which innovations are watched later, 0 without control flow
     # where the flow is known well enough: rail pressures, and for each bin of them the time since the needle opened [s]
     double rail_from
@@ -441,6 +444,7 @@ cdef struct Constants:
     double rail_every  # samples to one of the rail pressure
     Undoing undoing
     double quickest  # m a sample: no needle is
+    NeedleLaw needle  # that answers the commands, for its lift is not recorded; else one without a stop
 
 # What steps the pair: one of STEPPING_, at a position.
 ctypedef double (*Step)(void* stepper, int64_t what, int64_t position) noexcept nogil

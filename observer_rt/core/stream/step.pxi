@@ -100,6 +100,8 @@ cdef inline void _inspect_ahead(Observer* observer, int64_t position) noexcept n
     positions = &observer.memory.positions
     for k in range(positions.inspected, position + lookahead_at(observer, position) + 1):
         row = &observer.ring[k & MASK]
+        if observer.constants.needle.stop > 0.0:
+            row.needle_lift = commanded_lift(observer, k)
         outlier = inspect(observer, k)
         if row.doubt == DOUBT_NONE:
             row.doubt = outlier
@@ -286,6 +288,7 @@ cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
         judgement.reason,
         monitor.contradicted or judgement.halted_in > 0,
         judgement.phi_version > 0,
+        observer.constants.needle.stop > 0.0 and not row.resting,
     )
     row.reason = reason_of_sample(&facts)
     row.valid = row.reason == REASON_NONE

@@ -4,10 +4,11 @@ One unit, for its parts call each other at every sample; a file for each of them
 """
 
 from libc.math cimport NAN, INFINITY, ceil, copysign, exp, fabs, isfinite, isnan, log, rint, sqrt
-from libc.stdint cimport int64_t
+from libc.stdint cimport int32_t, int64_t
 from libc.string cimport memcpy
 
 from observer_rt.core.model.hydraulics cimport Seat, normalised_area
+from observer_rt.core.model.needle cimport CORNER_ROUNDING, NeedleStroke, answers, rounded_lift
 from observer_rt.core.records import dtype_of, tuple_of
 from observer_rt.core.stream.ramps cimport slope_of_means
 from observer_rt.core.stream.state cimport *
@@ -152,6 +153,9 @@ cdef class Stream:
         c.rail_every = constants.rail_every
         c.undoing = constants.undoing._asdict()
         c.quickest = constants.quickest
+        c.needle.stop = 0.0
+        if constants.needle is not None:
+            c.needle = constants.needle._asdict()
 
     def bind(self, PairStepper stepper) -> None:
         """Have the pair stepped by another stepper from here on."""

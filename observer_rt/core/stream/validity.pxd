@@ -22,6 +22,7 @@ cdef enum:  # Reason, those that the core finds
     REASON_LIFT_ZERO = 23
     REASON_OUTSIDE_LEARNED_RANGE = 28
     REASON_LIFT_DEAD = 29
+    REASON_PRELIMINARY = 30
 
 
 cdef struct SampleFacts:
@@ -38,6 +39,7 @@ cdef struct SampleFacts:
     int64_t judgement  # Reason the last judged event did not pass
     bint is_contradicted  # by the innovations since, or by how the needle opened
     bint has_learned  # something is in force
+    bint is_preliminary  # the needle may be open, and its lift is not recorded
 
 
 cdef inline int64_t reason_of_sample(const SampleFacts* facts) noexcept nogil:
@@ -60,6 +62,8 @@ cdef inline int64_t reason_of_sample(const SampleFacts* facts) noexcept nogil:
         return REASON_CONTRADICTED
     if not facts.is_in_learned_range:
         return REASON_OUTSIDE_LEARNED_RANGE
+    if facts.is_preliminary:
+        return REASON_PRELIMINARY
     return facts.unsynchronised_by
 
 

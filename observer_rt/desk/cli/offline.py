@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
+
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.cli.command import messages
 from observer_rt.desk.recording_options import SIGNALS, EvaluateOptions
@@ -45,6 +47,9 @@ class SimulateOptions:
     noise: Annotated[str, Option("on: noise and 16-bit quantisation; off: none.", "on|off")] = "on"
     measured_rate: Annotated[bool, Option("Add a measured injection rate with its errors.")] = False
     energizing: Annotated[bool, Option("Add a column that is 1 while the injector is energized.")] = False
+    no_lift: Annotated[bool, Option("Leave out the needle lift, as most benches must: energizing stands for it.")] = (
+        False
+    )
     seed: Annotated[int, Option("Seed of the noise.", minimum=0)] = 0
     model: Annotated[Path, Option("Injector file (default: the nominal injector).")] = NOMINAL_INJECTOR
     force: shared.Force = False
@@ -86,8 +91,10 @@ def simulate(options: SimulateOptions) -> None:
             parameters, schedule, rate, deviations, noise, options.measured_rate, options.seed, progress
         )
     recording = made.recording
-    if options.energizing:
+    if options.energizing or options.no_lift:
         recording = recording.with_arrays({"energizing": times.energized(schedule, recording.time)})
+    if options.no_lift:
+        recording = recording.with_arrays({"needle_lift": np.full(recording.samples, np.nan)})
     write_recording(output, recording)
     simulation.write_truth(truth, made.truth)
     effects = "; ".join((*parameters.in_force, *map(simulation.sizes_of, deviations))) or "no effect"

@@ -13,6 +13,7 @@ from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.formats import LOGS_WRITTEN, SIGNALS_WRITTEN, is_log, open_log, open_writer, stamp_step
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.replay.recording_frames import Device
+from observer_rt.files.signals.doubts import refuse_without_lift
 from observer_rt.files.signals.table_writers import recording_writer
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
@@ -66,7 +67,7 @@ def _signals(
             with (
                 replacing(targets[number]) as part,
                 file_errors(targets[number]),
-                recording_writer(part, stream.optional) as write,
+                recording_writer(part, stream.recorded) as write,
             ):
                 for chunk in part_of:
                     write(chunk)
@@ -95,6 +96,7 @@ def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) 
             "name a bench file by --bench, which says how they are sent",
         )
     stream = open_source(source, bench, (), console)
+    refuse_without_lift(stream, "convert a recording with a lift: frames of samples carry no commands")
     bench = bench_for(bench, stream)
     names = [link.config.channel for link in bench.config.buses]
     device = Device(map_bus(bench))

@@ -222,7 +222,9 @@ def _line_side(last: InjectionResult, c: Coefficients) -> list[str]:
     indicators = last.report.indicators
     result = []
     for _, shown in SCALARS.shown():
-        estimate, unit = indicators[shown.effect], shown.screen_unit or shown.unit
+        if (estimate := indicators.get(shown.effect)) is None:
+            continue
+        unit = shown.screen_unit or shown.unit
         if shown.label and estimate.sigma and abs(estimate.value) > NOTEWORTHY * estimate.sigma:
             factor = shown.factor(c, unit)
             value, halfwidth = estimate.value * factor, Z_95 * estimate.sigma * factor

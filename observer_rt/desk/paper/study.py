@@ -16,8 +16,8 @@ from observer_rt.desk.paper.training import BETA, train
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import FIRST_EVENT, make_schedule
 from observer_rt.desk.simulation.simulate import Simulation, simulate
-from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.observer import LEARNING_LEAD, SETTLE, WINDOW_LEAD, WINDOW_TAIL, Durations
+from observer_rt.engine.estimation.predictor import SETTLE, Window
+from observer_rt.engine.observer import LEARNING_LEAD, WINDOW_LEAD, WINDOW_TAIL, Durations
 from observer_rt.engine.service.injector import bench_constants
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND

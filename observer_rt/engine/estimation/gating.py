@@ -60,6 +60,11 @@ class Belief:
         both = np.outer(factor, factor)
         return Belief(self.mean, both * self.covariance, both * self.error_covariance)
 
+    def distance(self, theta: NDArray[np.float64]) -> float:
+        """Square of the distance of theta (m,) from the mean, in standard deviations."""
+        away = theta - self.mean
+        return float(away @ self.information @ away)
+
     @property
     def information(self) -> NDArray[np.float64]:
         """Inverse covariance (m, m). Raises numpy.linalg.LinAlgError when not positive definite."""

@@ -5,6 +5,7 @@ What makes coloured innovations white: a high pass that takes the slow part away
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,13 @@ from observer_rt.engine.estimation.predictor import (
     innovations,
     innovations_with_sensitivity,
 )
-from observer_rt.engine.estimation.scalars import Parameter, learned_of
+from observer_rt.engine.estimation.scalars import JITTER, Parameter, learned_of
 from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.model.effective import LAG_UNIT
 
+JITTER_SIZE = JITTER / LAG_UNIT
+ANSWERS = 4  # runs of an event at most, until its shots are as late as explains most
+MOST_JITTER, NEAR_JITTER = 3.0, 0.3  # standard deviations: of a move between two runs, and of one that slopes tell
 NONE_MASKED = np.empty(0, np.bool_)
 OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
 INFORMED = 1e-2  # of the belief's information: a direction of which an event says less does not count
@@ -101,6 +106,47 @@ class Linearisation:
         return float(chi2 / max(gradient.size - INFORMED * np.vdot(weights, before), 1.0))
 
 
+class ShotDelays(NamedTuple):
+    """Delays of an event's shots beyond what theta says, both of each, in `JITTER_SIZE`.
+
+    theta (m,), and the likeliest with it (k,); by_theta (k, m): how they go with it; covariance (k, k), theta held.
+    """
+
+    theta: NDArray[np.float64]
+    likeliest: NDArray[np.float64]
+    by_theta: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+    def seconds(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The likeliest with another theta (m,), in s."""
+        return np.asarray(JITTER * (self.likeliest + self.by_theta @ (theta - self.theta)))
+
+
+@dataclass(frozen=True, eq=False)
+class Jitter:
+    """Delays of an event's shots beyond what theta says, marginalised: each anew, with a known standard deviation.
+
+    slopes (n, k): of the whitened innovations, by delays in standard deviations; solved (k, n): the likeliest changes
+    of the delays by innovations; inverse (k, k): of the information.
+    """
+
+    slopes: NDArray[np.float64]
+    solved: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, slopes: NDArray[np.float64], burn_in: int, sigma: float) -> "Jitter":
+        """By slopes (n, k)."""
+        counted = slopes / sigma**2
+        counted[:burn_in] = 0.0
+        inverse = np.linalg.inv(counted.T @ slopes + np.eye(slopes.shape[1]))
+        return cls(slopes, -inverse @ counted.T, inverse)
+
+    def move(self, innovations: NDArray[np.float64], delays: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Change (k,) from delays (k,) to the likeliest."""
+        return np.asarray(self.solved @ innovations - self.inverse @ delays)
+
+
 class EventCost:
     """J(theta) = robust sum of (e~/sigma)^2 / 2 over one event.
 
@@ -145,6 +191,10 @@ class EventCost:
         self.slopes = self.unfiltered_slopes = NO_SLOPES
         """(n, m) of the innovations, and with the colour of the noise, where J was last linearised."""
         self.unfiltered = self.innovations = NO_RATE
+        self.jitter = np.zeros(window.shot_columns)
+        """Delays of the shots beyond those of theta, (2 shots,) in standard deviations, that explain most."""
+        self.delays: ShotDelays | None = None
+        """They, where J was last linearised, of a needle that answers commands."""
 
     @property
     def terms(self) -> int:
@@ -157,21 +207,29 @@ class EventCost:
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
+        if self.jitter.size:
+            self._answer(theta)
+            return self._cost(theta)
         learned = learned_of(theta, self._setting.coefficients)
         self.unfiltered = np.empty(self._window.output.size)
         innovations(self._window, self._setting, learned, self.unfiltered)
+        self._whiten()
         return self._cost(theta)
 
     def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
         """J round theta (m,); leaves the innovations and their slopes (n, m) behind."""
-        self.unfiltered = np.empty(self._window.output.size)
-        slopes = np.empty((self.unfiltered.size, theta.size))
-        innovations_with_sensitivity(self._window, self._setting, theta, self.unfiltered, slopes)
-        value = self._cost(theta)
-        self.unfiltered_slopes, self.slopes = slopes, self.whitened(slopes)
         gradient = np.zeros(theta.size)
         information = np.zeros((theta.size, theta.size))
+        jitter = self._answer(theta)
         weigh(self.innovations, self.slopes, self.burn_in, self.sigma, self._together, gradient, information)
+        if jitter is not None:
+            answered = jitter.solved @ self.slopes
+            self.slopes = self.slopes + jitter.slopes @ answered
+            weigh(self.innovations, self.slopes, self.burn_in, self.sigma, self._together, gradient, information)
+            self.delays = ShotDelays(theta, self.jitter, answered, jitter.inverse)
+            gradient += answered.T @ self.jitter
+            information += answered.T @ answered
+        value = self._cost(theta)
         by_offset = np.zeros(theta.size)
         by_offset[_OFFSET], by_offset[_GAIN] = 1.0, self._rail_pressure
         gradient += self._offset_weight * self._beside_rest(theta) * by_offset
@@ -191,9 +249,34 @@ class EventCost:
         return float(theta[_OFFSET] + theta[_GAIN] * self._rail_pressure) - self._offset
 
     def _cost(self, theta: NDArray[np.float64]) -> float:
+        cost = robust_cost(self.innovations, self.burn_in, self.sigma, self._together)
+        cost += self.of_offset(theta) + 0.5 * float(self.jitter @ self.jitter)
+        return cost / self.temper if math.isfinite(cost) else math.inf
+
+    def _whiten(self) -> None:
         if self._expected is not None:
             self.unfiltered -= self._expected
         self.innovations = self.whitened(self.unfiltered)
-        cost = robust_cost(self.innovations, self.burn_in, self.sigma, self._together)
-        cost += self.of_offset(theta)
-        return cost / self.temper if math.isfinite(cost) else math.inf
+
+    def _answer(self, theta: NDArray[np.float64]) -> Jitter | None:
+        """Follow the event with theta (m,), its shots as late as explains most; the jitter about that, if any."""
+        self.unfiltered = np.empty(self._window.output.size)
+        slopes = np.empty((self.unfiltered.size, theta.size + self.jitter.size))
+        jitter, move = None, self.jitter
+        for _ in range(ANSWERS if self.jitter.size else 1):
+            window = self._window.with_jitter(self.jitter * JITTER, self._setting.interval)
+            innovations_with_sensitivity(window, self._setting, theta, self.unfiltered, slopes)
+            self._whiten()
+            if not self.jitter.size or not np.isfinite(self.innovations).all():
+                break
+            by_shots = slopes[:, theta.size :] * JITTER_SIZE
+            jitter = Jitter.of(self.whitened(by_shots), self.burn_in, self.sigma)
+            move = np.clip(jitter.move(self.innovations, self.jitter), -MOST_JITTER, MOST_JITTER)
+            self.jitter = self.jitter + move
+            if np.abs(move).max() < NEAR_JITTER:
+                self.innovations = self.innovations + jitter.slopes @ move
+                self.unfiltered += by_shots @ move
+                break
+        self.unfiltered_slopes = slopes[:, : theta.size].copy() if self.jitter.size else slopes
+        self.slopes = self.whitened(self.unfiltered_slopes)
+        return jitter

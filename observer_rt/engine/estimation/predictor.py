@@ -9,15 +9,19 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.predictor import follow, move_lift, propagate_noise
 from observer_rt.core.model.model import SENSOR_NUMBERS
+from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, commanded_areas
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import SCALARS, LearnedModel, Parameter, by_theta, learned_of
 from observer_rt.model.effective import LAG_UNIT, NO_CLOCK, NO_PROGRAM, Clock, Coefficients
+from observer_rt.model.hydraulics import AT
 from observer_rt.model.right_hand_side import Tangent, tangent_of
 
 NO_RATE = np.empty(0)
-NO_COMMANDS = np.empty((0, 2))
+NO_COMMANDS = NO_KNOTS = np.empty((0, 2))
 NO_SLOPES = np.empty((0, 0))
+NO_NEEDLE, NO_SHOTS = np.empty((0, NEEDLE_NUMBERS)), np.empty(0, np.int64)
 DELAY_STEP = 2.5e-6  # s, either way, by which the lift is moved for a slope
+SETTLE = 3e-3  # s of a shut needle, after which the sac is certainly at rest
 DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 
 
@@ -30,6 +34,8 @@ class Window(NamedTuple):
     in `integrator.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not. masked:
     (n,) y is an outlier and does not count; (0,): none is. clock: time and openings up to the first sample. commands:
     (k, 2), first samples with and without energizing, infinite where not known, by which a pilot valve may go.
+    needle: that answers them, None where its lift is recorded; by_needle: (n, NEEDLE_NUMBERS), slopes of A_S, and
+    shots: (n,), numbers of the commands, (0, ..): none.
     """
 
     inputs: NDArray[np.float64]
@@ -37,15 +43,54 @@ class Window(NamedTuple):
     resting: NDArray[np.bool_]
     start: NDArray[np.float64]
     opening: int
-    knots: NDArray[np.float64] = np.empty((0, 2))
+    knots: NDArray[np.float64] = NO_KNOTS
     masked: NDArray[np.bool_] = np.empty(0, np.bool_)
     clock: Clock = NO_CLOCK
     commands: NDArray[np.float64] = NO_COMMANDS
+    needle: NeedleLaw | None = None
+    by_needle: NDArray[np.float64] = NO_NEEDLE
+    shots: NDArray[np.int64] = NO_SHOTS
 
     def until(self, end: int) -> "Window":
         """Cuts the window to its first `end` samples; the inputs go on, for a pilot valve is ahead of the lift."""
         sampled = ("output", "resting", "masked")
         return self._replace(**{name: getattr(self, name)[:end] for name in sampled})
+
+    def as_learned(self, learned: LearnedModel, setting: "Setting") -> "Window":
+        """The window with the needle as it was learned: by commands, or by its recorded lift, which may be late."""
+        if self.needle is None:
+            return self.with_lift_earlier(learned.lift_delay / setting.interval)
+        c, inputs = setting.coefficients, self.inputs.copy()
+        n = len(inputs)
+        areas, slopes, shots = np.zeros(n), np.zeros((n, NEEDLE_NUMBERS)), np.zeros(n, np.int64)
+        begun = inputs[np.clip(self.commands[:, 0], 0, n - 1).astype(np.int64), 0]
+        pressures = (begun * c.pressure_scale + c.chamber_pressure) / AT
+        commanded_areas(
+            self.commands, pressures, self.needle, learned.needle, c.seat, setting.interval, areas, slopes, shots
+        )
+        inputs[:, 1] = areas
+        is_open = areas > 0.0
+        every, settled = np.arange(n), round(SETTLE / setting.interval)
+        last = np.maximum.accumulate(np.where(is_open, every, -settled - 1))
+        resting = (every - last > settled) & ~np.append(is_open[1:], False)
+        first = int(np.argmax(is_open)) if is_open.any() else self.opening
+        return self._replace(
+            inputs=inputs,
+            resting=resting[: self.resting.size],
+            opening=max(first, 1),
+            knots=NO_KNOTS,
+            by_needle=slopes,
+            shots=shots,
+        )
+
+    @property
+    def shot_columns(self) -> int:
+        """Columns by the delays of every shot, of a needle that answers commands."""
+        return 0 if self.needle is None else 2 * len(self.commands)
+
+    def with_jitter(self, jitter: NDArray[np.float64], interval: float) -> "Window":
+        """The window whose shots answer so much later (2 shots,) [s], by both delays of each."""
+        return self if not jitter.size else self._replace(commands=self.commands + jitter.reshape(-1, 2) / interval)
 
     def with_lift_earlier(self, samples: float) -> "Window":
         """The window with its lift so many samples earlier, on straight lines between samples and knots."""
@@ -91,9 +136,14 @@ class Gradient(NamedTuple):
     error: NDArray[np.float64]  # of the innovation
 
 
-def gradient_of(theta: NDArray[np.float64], c: Coefficients, extra: int = 0) -> Gradient:
-    """A gradient of 0 for theta (m,) on the model `c`, with `extra` columns behind those of theta."""
-    tangent = tangent_of(c, by_theta(theta, c), theta.size + extra)
+def gradient_of(
+    theta: NDArray[np.float64], c: Coefficients, extra: int = 0, is_commanded: bool = False, shots: int = 0
+) -> Gradient:
+    """A gradient of 0 for theta (m,) on the model `c`, with `extra` columns behind those of theta.
+
+    is_commanded: the needle answers commands; shots: of an event, whose delays these columns then are.
+    """
+    tangent = tangent_of(c, by_theta(theta, c)._replace(shots=shots), theta.size + extra, is_commanded)
     width = tangent.by.shape[1]
     sensor, (before, indicated, error) = np.zeros((SENSOR_NUMBERS, width)), np.zeros((3, width))
     sensor[np.arange(SENSOR_NUMBERS), SCALARS.sensor.columns] = SCALARS.sensor.sizes
@@ -102,7 +152,7 @@ def gradient_of(theta: NDArray[np.float64], c: Coefficients, extra: int = 0) -> 
 
 def innovations(window: Window, setting: Setting, learned: LearnedModel, result: NDArray[np.float64]) -> None:
     """Innovations e~ = y - o - (indicated pressure of x~) of every sample into `result` (n,); result[0] is 0."""
-    window = window.with_lift_earlier(learned.lift_delay / setting.interval)
+    window = window.as_learned(learned, setting)
     follow(window, setting, learned, window.output.size, result, NO_RATE, None, NO_SLOPES)
 
 
@@ -115,12 +165,16 @@ def innovations_with_sensitivity(
 ) -> None:
     """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, m): the filtered gradient.
 
-    That by the delay of the lift is a difference: the lift has corners between the samples.
+    That by the delay of the lift is a difference: the lift has corners between the samples. Behind those of theta
+    slopes has the window's `shot_columns`.
     """
     learned = learned_of(theta, setting.coefficients)
-    gradient = gradient_of(theta, setting.coefficients)
-    here = window.with_lift_earlier(learned.lift_delay / setting.interval)
+    extra = window.shot_columns
+    gradient = gradient_of(theta, setting.coefficients, extra, window.needle is not None, extra // 2)
+    here = window.as_learned(learned, setting)
     follow(here, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)
+    if window.needle is not None:
+        return
     later, earlier = np.empty((2, window.output.size))
     innovations(window, setting, learned._replace(lift_delay=learned.lift_delay + DELAY_STEP), later)
     innovations(window, setting, learned._replace(lift_delay=learned.lift_delay - DELAY_STEP), earlier)
@@ -149,7 +203,7 @@ def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> O
     """x^ with the parameters theta (m,) over a window, its sensitivities starting at 0 at the opening."""
     n, m, states = window.output.size, theta.size, setting.coefficients.states
     learned = learned_of(theta, setting.coefficients)
-    window = window.with_lift_earlier(learned.lift_delay / setting.interval)
+    window = window.as_learned(learned, setting)
     opened = np.flatnonzero(window.inputs[:n, 1] > 0.0)
     drained = min(int(opened[-1] if opened.size else 0) + 1 + math.ceil(DRAINING / setting.interval), n)
     result = OpenLoop(
@@ -161,9 +215,10 @@ def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> O
         by_area=np.zeros(n),
         fullness=np.zeros(n),
     )
-    gradient = gradient_of(theta, setting.coefficients, states)
+    gradient = gradient_of(theta, setting.coefficients, states, window.needle is not None)
     follow(window, setting, learned, window.opening, np.empty(n), NO_RATE, gradient, NO_SLOPES, run=result)
-    result.slopes[:, Parameter.LIFT_DELAY] = np.gradient(result.rate) * (LAG_UNIT / setting.interval)
+    if window.needle is None:
+        result.slopes[:, Parameter.LIFT_DELAY] = np.gradient(result.rate) * (LAG_UNIT / setting.interval)
     if setting.rail_share == 0.0:
         return result
     level = level_of(theta, setting)

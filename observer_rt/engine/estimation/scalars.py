@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import SENSOR_NUMBERS
+from observer_rt.core.model.needle import NEEDLE_NUMBERS
 from observer_rt.engine.estimation.gating import Gate
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MM3_PER_MS
 from observer_rt.model.effective import LAG_UNIT, Coefficients
@@ -38,6 +39,7 @@ NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset
 EXACTLY = 1e-6  # standard deviation of a gain that is none
 GAIN_DRIFT = 1e-3  # from event to event, of the gain's prior
 WEIGHT_DRIFT = 0.006  # of their prior: drift of the network's weights
+JITTER = 12e-6  # s, of a needle's delays from shot to shot
 _TINY = 1e-100  # step of a complex derivative, which loses nothing by being small
 
 _several = lru_cache(maxsize=8, typed=True)
@@ -66,6 +68,10 @@ class Parameter(IntEnum):
     CONTROL_EXPONENT = 15 + HIDDEN  # n
     DISPLACEMENT = 16 + HIDDEN  # A_d, as flow at 1 m/s in units of Q_0
     LIFT_DELAY = 17 + HIDDEN  # of the recorded needle lift against both pressures, in units of LAG_UNIT
+    OPENING_DELAY = 18 + HIDDEN  # of a needle that answers commands, beyond that of the file, in units of LAG_UNIT
+    OPENING_SPEED = 19 + HIDDEN  # natural logarithm of it over that of the file
+    CLOSING_DELAY = 20 + HIDDEN
+    CLOSING_SPEED = 21 + HIDDEN
 
 
 class Element(Enum):
@@ -74,6 +80,7 @@ class Element(Enum):
     NOZZLE = "nozzle"
     SENSOR = "sensor"
     VALVE = "valve"
+    NEEDLE = "needle"
 
 
 class ScalarUnit(Enum):
@@ -190,6 +197,11 @@ class Scalars:
         """Numbers of the pilot valve (VALVE_NUMBERS,)."""
         return self._numbers(Element.VALVE)
 
+    @cached_property
+    def needle(self) -> Numbers:
+        """Numbers of a needle that answers commands (NEEDLE_NUMBERS,)."""
+        return self._numbers(Element.NEEDLE)
+
     def of_line(self, theta: NDArray[np.float64]) -> tuple[float, ...]:
         """Entries of theta (m,) that change line and guide, in the order of `laws`."""
         values = theta.tolist()
@@ -248,6 +260,11 @@ def _control_flow(c: Coefficients) -> float:
     return c.flow_scale * math.sqrt(AT / c.pressure_scale)
 
 
+def _later(effect: str, label: str) -> ShownIndicator:
+    """A delay."""
+    return ShownIndicator(effect, lambda _: LAG_UNIT, label=label, unit=("s", 1.0), screen_unit=("us", MICROSECOND))
+
+
 def _weights(name: str, column: int, **priors: float) -> Iterator[Scalar]:
     """Rows of the weights of the neurons over each input, from a column on, with their priors (one sigma)."""
     groups = GROUPS[:4] if name == "nozzle" else GROUPS[4:]
@@ -284,8 +301,7 @@ SCALARS = Scalars((
                                                  label="line pressure sensor offset", unit=("MPa", MEGAPASCAL))),
     Scalar("lag", Parameter.SENSOR_LAG, prior=35e-6, drift=0.1e-6, longest_step=25e-6, bounds=(0.0, 0.5e-3),
            counted=ScalarUnit.TIME, gated_from=0.0, element=Element.SENSOR,
-           shown=ShownIndicator("line_pressure_sensor_lag", lambda _: LAG_UNIT, label="line pressure sensor lag",
-                       unit=("s", 1.0), screen_unit=("us", MICROSECOND))),
+           shown=_later("line_pressure_sensor_lag", "line pressure sensor lag")),
     # Prior and drift are those of sensors without any, a bench's take their place.
     Scalar("gain", Parameter.LINE_PRESSURE_GAIN, prior=EXACTLY, drift=GAIN_DRIFT * EXACTLY, longest_step=0.02,
            bounds=(-0.1, 0.1), held=True, element=Element.SENSOR),
@@ -315,8 +331,18 @@ SCALARS = Scalars((
            change=lambda line, a: line._replace(displaced=line.displaced + line.a1 * a)),
     # It does not drift: an event that shows another one moves it, and no other.
     Scalar("lift_delay", Parameter.LIFT_DELAY, prior=1e-10, drift=0.0, longest_step=30e-6, bounds=(-0.2e-3, 0.2e-3),
-           counted=ScalarUnit.TIME, shown=ShownIndicator("needle_lift_sensor_lag", lambda _: LAG_UNIT,
-                       label="needle lift late by", unit=("s", 1.0), screen_unit=("us", MICROSECOND))),
+           counted=ScalarUnit.TIME, shown=_later("needle_lift_sensor_lag", "needle lift late by")),
+    # Of the needle of a bench without its lift; they jitter from shot to shot.
+    Scalar("opening_delay", Parameter.OPENING_DELAY, prior=70e-6, drift=1e-6, longest_step=40e-6,
+           bounds=(-0.3e-3, 0.4e-3), counted=ScalarUnit.TIME, element=Element.NEEDLE,
+           shown=_later("needle_opens_later", "needle opens later by")),
+    Scalar("opening_speed", Parameter.OPENING_SPEED, prior=0.17, drift=2e-3, longest_step=0.2, bounds=(-1.0, 1.0),
+           element=Element.NEEDLE, shown=ShownIndicator("needle_opens_faster", label="needle opens faster, ln v")),
+    Scalar("closing_delay", Parameter.CLOSING_DELAY, prior=110e-6, drift=1e-6, longest_step=40e-6,
+           bounds=(-0.3e-3, 0.5e-3), counted=ScalarUnit.TIME, element=Element.NEEDLE,
+           shown=_later("needle_closes_later", "needle closes later by")),
+    Scalar("closing_speed", Parameter.CLOSING_SPEED, prior=0.17, drift=2e-3, longest_step=0.2, bounds=(-1.0, 1.0),
+           element=Element.NEEDLE, shown=ShownIndicator("needle_closes_faster", label="needle closes faster, ln v")),
 ))
 # fmt: on
 
@@ -336,6 +362,9 @@ WEIGHTS = np.delete(
 """Columns of the network's weights, in the order of its neurons."""
 
 
+NOTHING = np.zeros(NEEDLE_NUMBERS)
+
+
 class LearnedModel(NamedTuple):
     """theta taken apart: phi's network, the coefficients with the line's terms, sensor offset [p_0] and numbers."""
 
@@ -344,6 +373,7 @@ class LearnedModel(NamedTuple):
     offset: float
     sensor: NDArray[np.float64]  # (SENSOR_NUMBERS,): lag [s], gain over the rail sensor's
     lift_delay: float = 0.0  # s, by which the lift is recorded late; x^ and x~ of the running engine do without
+    needle: NDArray[np.float64] = NOTHING  # (NEEDLE_NUMBERS,), where its lift is not recorded
 
 
 def nothing_learned(c: Coefficients) -> LearnedModel:
@@ -388,6 +418,7 @@ def _meaning(content: bytes, line: Any, c: Coefficients) -> LearnedModel:
         float(theta[Parameter.LINE_PRESSURE_OFFSET]),
         SCALARS.sensor.of(theta),
         float(theta[Parameter.LIFT_DELAY]) * LAG_UNIT,
+        SCALARS.needle.of(theta),
     )
 
 
@@ -411,6 +442,10 @@ def _by_values(line: Any, values: tuple[float, ...]) -> ByTheta:
         SCALARS.nozzle.columns,
         SCALARS.valve.columns,
         SCALARS.valve.sizes,
+        SCALARS.needle.columns,
+        SCALARS.needle.sizes,
+        0,
+        PARAMETERS,
         np.array(columns, np.int64),
         np.array(numbers, np.int64),
         np.array(slopes, np.float64),

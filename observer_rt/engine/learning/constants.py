@@ -27,6 +27,7 @@ SPEED, TURNS = 6.0, 0.5  # usual drifts an event: prior of the velocity, and its
 SHIFT = 30.0  # usual drifts, of all; M
 LIFT_DELAY_CHANGE = 30e-6  # s: an amplifier, or a filter ahead of a converter; P
 LIFT_DELAYS = (-60e-6, -40e-6, -20e-6, 20e-6, 40e-6, 60e-6)  # s, at which a fit of the lift's delay may begin; M
+OPENING_DELAYS, CLOSING_DELAYS = (-70e-6, 0.0, 70e-6), (-120e-6, 0.0, 120e-6)  # s, of a needle by commands; M
 FILED = 0.02  # of their prior, by which line and sensors may be off where no event has said otherwise; M
 NUDGE = 0.03  # of a flow: the prior as a whole pays so much for its width that it hides such a change; M
 
@@ -40,6 +41,7 @@ BEYOND = 2.0  # nats that may lie beyond limits and the reach of a linearisation
 LIVE = 5e-3  # weight from which on a hypothesis is carried on; M
 SCALE_FITS = 3  # of an explanation, each at the scale of the weights that the one before makes the likeliest; M
 FIRST_STEPS, STEPS = 8, 2  # Gauss-Newton iterations: of a fit from far, and of one from near
+NEEDLE_STEPS = 5  # of each that seeks the needle of a first event; M
 
 # Two beliefs.
 ALIKE, ALIKE_VARIANCE = 1.0, 4.0  # standard deviations of the means; ratio of the variances: in one mode, one; M

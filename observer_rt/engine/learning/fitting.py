@@ -19,7 +19,7 @@ from observer_rt.core.learning.evidence import integrate_cost
 from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief, Gate, best_subset
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
-from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
+from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation, ShotDelays
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta
 from observer_rt.engine.learning.constants import BEYOND, NEARLY_WHITE, NEARLY_WHITE_BLOCKS
 from observer_rt.engine.learning.healthy import Healthy
@@ -61,7 +61,8 @@ def theta_limits(c: Coefficients) -> Limits:
 class EventFit:
     """One event fitted: the active columns, and the cost round the estimate.
 
-    innovations: at the estimate (n,); unfiltered: with the noise's colour; slopes (n, m): where last linearised.
+    innovations: at the estimate (n,); unfiltered: with the noise's colour; slopes (n, m): where linearised;
+    delays: as of `EventCost`.
     """
 
     active: frozenset[int]
@@ -69,6 +70,7 @@ class EventFit:
     innovations: NDArray[np.float64]
     unfiltered: NDArray[np.float64]
     slopes: NDArray[np.float64]
+    delays: ShotDelays | None
 
 
 @dataclass(frozen=True)
@@ -89,8 +91,7 @@ class EventFitter:
         prior_vector = prior_information @ prior.mean
 
         def total(theta: NDArray[np.float64], value: float) -> float:
-            distance = theta - prior.mean
-            return value + 0.5 * float(distance @ prior_information @ distance)
+            return value + 0.5 * prior.distance(theta)
 
         here, active = start, self.active
         here_total = total(here.theta, here.value)
@@ -114,7 +115,7 @@ class EventFitter:
             if abs(before - here_total) < TOLERANCE:
                 break
         cost = self.cost
-        return EventFit(active, here, cost.innovations, cost.unfiltered, cost.slopes)
+        return EventFit(active, here, cost.innovations, cost.unfiltered, cost.slopes, cost.delays)
 
     def _within_reach(self, here: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """The target, or the point towards it up to which the slopes hold; within bounds."""

@@ -30,6 +30,7 @@ STATED = (*(column for column, _ in SCALARS.laws), *SCALARS.valve.columns.tolist
 """Columns of what the files of injector and bench state, until an event says otherwise."""
 LINE = tuple(column for column, _ in SCALARS.laws)
 VALVE = tuple(SCALARS.valve.columns.tolist())
+NEEDLE = tuple(SCALARS.needle.columns.tolist())
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,14 +143,15 @@ LINE_CHANGED = Kind("line changed", Mode.STEADY, c.LINE_CHANGES, (*LINE, *VALVE)
                     reason=Reason.MODEL_INADEQUATE)  # another pipe, air in it, another pilot valve
 LIFT_LATE = Kind("lift late", Mode.STEADY, c.CHANGES, (int(P.LIFT_DELAY),), size=c.LIFT_DELAY_CHANGE / LAG_UNIT,
                  reason=Reason.LIFT_SENSOR_LAG)  # or early: a filter, another clock
+NEEDLE_CHANGED = Kind("needle changed", Mode.STEADY, c.CHANGES, NEEDLE, of_prior=1.0)  # or its drive
 OTHER_INJECTOR = Kind("another injector", Mode.STEADY, c.OTHER_INJECTOR,
-                      (*WEAR, *SENSOR, *LINE, *VALVE, int(P.LIFT_DELAY)), of_prior=1.0)  # or all was learned wrongly
+                      (*WEAR, *SENSOR, *LINE, *VALVE, *NEEDLE, int(P.LIFT_DELAY)), of_prior=1.0)  # or all is wrong
 SHIFTED = Kind("shifted a little", Mode.STEADY, c.SHIFTS, (*WEAR, *SENSOR, *LINE), drifts=c.SHIFT,
                reason=None)  # the model, from one operating point to another
 AT_FAULT = Kind("at fault", Mode.PASSING, c.FAULT_BEGINS, reason=Reason.CONTRADICTED)  # nothing is learned
 INADEQUATE = Kind("model inadequate", Mode.LASTING, c.INADEQUATE_BEGINS, reason=Reason.MODEL_INADEQUATE)
 # fmt: on
-NEW = (CHANGED, NUDGED, SENSOR_CHANGED, LINE_CHANGED, LIFT_LATE, SHIFTED, OTHER_INJECTOR)
+NEW = (CHANGED, NUDGED, SENSOR_CHANGED, LINE_CHANGED, LIFT_LATE, NEEDLE_CHANGED, SHIFTED, OTHER_INJECTOR)
 NEW_AT_FIRST = (SENSOR_CHANGED, LINE_CHANGED, LIFT_LATE)
 BELIEVED = (BEFORE, QUICK, SHIFTED)
 """Kinds of events that came as something believed of the injector said."""
@@ -157,8 +159,11 @@ UNLIKE_BEFORE = (CHANGED, OTHER_INJECTOR)
 """Kinds of events after which what other operating points showed of the flow is not known to hold."""
 
 
-def transitions(mode: Mode, is_prior: bool) -> Iterator[tuple[Kind, float]]:
-    """Kinds of the next event and their probabilities; is_prior: nothing was learned yet that could change."""
+def transitions(mode: Mode, is_prior: bool, has_lift: bool) -> Iterator[tuple[Kind, float]]:
+    """Kinds of the next event and their probabilities; is_prior: nothing was learned yet that could change.
+
+    has_lift: it is recorded, else the needle is known by its commands.
+    """
     begins = {QUICK: QUICK.rate, AT_FAULT: AT_FAULT.rate, INADEQUATE: INADEQUATE.rate}
     stays, of_fault = STAYS[mode], AT_FAULT.rate + INADEQUATE.rate
     if mode is Mode.QUICK:
@@ -170,6 +175,7 @@ def transitions(mode: Mode, is_prior: bool) -> Iterator[tuple[Kind, float]]:
         begins |= dict.fromkeys(NEW_AT_FIRST, c.NOT_AS_FILED * (1.0 - stays))
     else:
         begins |= {kind: kind.rate for kind in NEW}
+    begins.pop(NEEDLE_CHANGED if has_lift else LIFT_LATE, None)
     yield BEFORE, max(1.0 - sum(begins.values()), 1e-3)
     yield from begins.items()
 

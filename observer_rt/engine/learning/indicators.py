@@ -49,11 +49,13 @@ def indicators_of(
     u: NDArray[np.float64],
     calibration: StatedAccuracy = EXACT,
     rails: Sequence[float] = (),
+    has_lift: bool = True,
 ) -> Indicators:
     """Indicators by theta (m,) at state x (3,) and inputs u (2,), sigmas from its covariance (m, m).
 
     None but those of nozzle and seat enters Q_H^; these are no better known than the level, by `calibration`. rails:
-    pressures [p_0] of recent events; by what the nozzle's change is another there, it is no wear.
+    pressures [p_0] of recent events; by what the nozzle's change is another there, it is no wear. has_lift: it is
+    recorded, so that nothing is learned of the needle.
     """
     nozzle, by_nozzle = nozzle_change(theta, x, u)
     seat, by_seat = seat_change(theta, SEAT_AREA, SEAT_DROP)
@@ -73,7 +75,8 @@ def indicators_of(
             variance += max(elsewhere, default=0.0)
         return Estimate(value, math.sqrt(variance))
 
-    return {shown.effect: estimate(shown.effect, column) for column, shown in SCALARS.shown()}
+    untold = SCALARS.needle.columns if has_lift else [Parameter.LIFT_DELAY]
+    return {shown.effect: estimate(shown.effect, column) for column, shown in SCALARS.shown() if column not in untold}
 
 
 def _elsewhere(

@@ -1,13 +1,14 @@
 """Confidence intervals of injection rate and injected volume, from an event re-simulated."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.prediction_error import JITTER_SIZE, ShotDelays
 from observer_rt.engine.estimation.predictor import (
     InputVariance,
     OpenLoop,
@@ -16,6 +17,7 @@ from observer_rt.engine.estimation.predictor import (
     input_variance,
     open_loop,
 )
+from observer_rt.engine.estimation.scalars import Parameter
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
 # Error of the rate (one sigma) as a share of its change from sample to sample: between samples the inputs are not
@@ -82,6 +84,26 @@ def resimulated(
     run = open_loop(window, setting, theta)
     by_inputs = input_variance(window, run, setting, noise)
     return Resimulation(run, by_inputs, covariance, setting.interval)
+
+
+def with_shots(event: Resimulation, window: Window, delays: ShotDelays) -> Resimulation:
+    """An event whose shots answered commands, each by delays of its own, which go with theta and are known so well.
+
+    What a delay moves is taken for the flow of its own shot.
+    """
+    assert window.needle is not None
+    opened = window.commands[:, 0] + window.needle.opening_delay / event.interval
+    shot = np.searchsorted(opened, np.arange(event.run.rate.size), side="right") - 1
+    own = np.maximum(shot, 0)[:, None] == np.arange(opened.size)
+    by_delays = event.run.slopes[:, [Parameter.OPENING_DELAY, Parameter.CLOSING_DELAY]] * JITTER_SIZE
+    by_shots = (own[:, :, None] * by_delays[:, None, :]).reshape(shot.size, -1)
+    volumes = np.cumsum(by_shots, axis=0) * event.interval
+    rate, volume = (((each @ delays.covariance) * each).sum(axis=1) for each in (by_shots, volumes))
+    return replace(
+        event,
+        run=event.run._replace(slopes=event.run.slopes + by_shots @ delays.by_theta),
+        by_inputs=InputVariance(event.by_inputs.rate + rate, event.by_inputs.volume + volume),
+    )
 
 
 def volume_budget(event: Resimulation, window: slice) -> VolumeBudget:

@@ -173,13 +173,14 @@ def report_of(
         return float(injection[name]) * c.pressure_scale + c.chamber_pressure
 
     event, outcome = judged.event, judged.outcome
-    c = judged.fuel.constants.coefficients
+    constants = judged.fuel.constants
+    c = constants.coefficients
     middle = injection["middle_x"], injection["middle_u"]
     theta = judged.knowledge.in_force if outcome is None else outcome.estimate
     covariance = None if outcome is None else outcome.covariance
     points = () if outcome is None else outcome.knowledge.state.learned.learned_at
     rails = [point.rail_pressure for point in points]
-    indicators = indicators_of(theta, covariance, *middle, judged.fuel.constants.calibration, rails)
+    indicators = indicators_of(theta, covariance, *middle, constants.calibration, rails, constants.needle is None)
     volume = live_volume = float(injection["volume"])
     sigma, budget, corrected = None, None, None
     belongs = injection["event"] == event["number"]
@@ -222,7 +223,7 @@ def report_of(
         commanded=commanded,
         further=reasons[1:],
         posterior=outcome.posterior if belongs and outcome is not None else (),
-        calibration=judged.fuel.constants.calibration,
+        calibration=constants.calibration,
         budget=budget,
         recurs=outcome is not None and outcome.knowledge.state.changes > OFTEN,
     )
@@ -296,11 +297,13 @@ def _indicator(shown: ShownIndicator) -> IndicatorFields:
     name, unit = shown.key or shown.effect, shown.unit[0]
     suffix = "" if unit == "-" else "_" + re.sub(r"\W+", "_", unit.replace("/", " per ")).strip("_")
 
-    def value(report: InjectionReport, c: Coefficients) -> float:
-        return report.indicators[shown.effect].value * shown.factor(c)
+    def value(report: InjectionReport, c: Coefficients) -> float | None:
+        estimate = report.indicators.get(shown.effect)
+        return None if estimate is None else estimate.value * shown.factor(c)
 
     def ci95(report: InjectionReport, c: Coefficients) -> list[float] | None:
-        interval = report.indicators[shown.effect].ci95
+        estimate = report.indicators.get(shown.effect)
+        interval = None if estimate is None else estimate.ci95
         return interval and [bound * shown.factor(c) for bound in interval]
 
     outputs, heading = Output.JOURNAL | Output.PARQUET, f"{name.partition('_')[0]}\nflow"
@@ -387,6 +390,7 @@ def injection_record(report: InjectionReport, c: Coefficients, has_energizing: b
     record["indicators"] = {
         each.name: {"value": each.value.of(report, c), "ci95": each.ci95.of(report, c), "unit": each.unit}
         for each in INDICATORS
+        if each.value.get(report, c) is not None
     }
     if has_energizing:
         record["energizing"] = report.commanded and {each.name: each.of(report, c) for each in _COMMAND}

@@ -101,7 +101,17 @@ def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bo
     means = fitted.config.sampling.meaning is Meaning.MEAN
     stated = effects_after_alignment(fitted.config.signals)
     calibration = calibration_of(fitted)
-    return constants_for(injector, rate, durations, events_required, rail_every(fitted), means, stated, calibration)
+    return constants_for(
+        injector,
+        rate,
+        durations,
+        events_required,
+        rail_every(fitted),
+        means,
+        stated,
+        calibration,
+        fitted.config.signals.needle_lift is not None,
+    )
 
 
 def calibration_of(fitted: BenchInjector) -> StatedAccuracy:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import Break
 from observer_rt.core.model.model import InputTerms, Sensor
+from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.core.stream import stream as core
 from observer_rt.core.stream.stepper import Stepper
 from observer_rt.model.accuracy import StatedAccuracy
@@ -83,6 +84,7 @@ class Reason(IntEnum):
     INPUT_PROTECTION = 27  # the end-to-end protection of an input says that it cannot be used
     OUTSIDE_LEARNED_RANGE = 28  # what was learned does not tell the flow of such an injection well enough
     LIFT_DEAD = 29  # the line pressure shows injections, the lift none
+    PRELIMINARY = 30  # the needle's lift is not recorded: the rate is known when the needle is shut
 
 
 def sample_dtype(states: int) -> np.dtype[np.void]:
@@ -116,6 +118,7 @@ class Constants(NamedTuple):
     quickest: float  # m a sample: no needle is
     program: NDArray[np.float64]  # of the terms in force
     calibration: StatedAccuracy  # of level and pressure sensors
+    needle: NeedleLaw | None = None  # that answers the commands, where its lift is not recorded
 
     def by_commands(self) -> "Constants":
         """The same where a pilot valve goes by the injector's commands: `observer.energize`."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from observer_rt.engine.stream.state import Reason, State
 
-_NOT_KNOWN_YET = (Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE)
+_NOT_KNOWN_YET = (Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE, Reason.PRELIMINARY)
 _PASSING = frozenset({Reason.STARTING, Reason.JUMPED, *_NOT_KNOWN_YET})
 """Reasons that pass by themselves. A second sender does not, so it is more severe."""
 OF_MODEL = frozenset(

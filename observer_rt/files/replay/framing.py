@@ -13,7 +13,7 @@ from observer_rt.bus.mapping.bus_map import BusMap, message_of, message_timing, 
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
-from observer_rt.config.signals import Role
+from observer_rt.config.signals import Role, without_lift
 from observer_rt.core.frames.frames import frames_of_message
 from observer_rt.engine.signal_survey import Survey
 from observer_rt.files.signals.recording import Recording
@@ -48,6 +48,8 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
             f"is sampled at {rate:g} Hz, the observer takes {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz",
             "check the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s"),
         )
+    if not recording.has_lift:
+        bench = bench.with_sections(signals=without_lift(bench.injector.config.signals))
     sampling = bench.injector.config.sampling
     if recording.meaning not in (None, sampling.meaning):
         sampling = sampling.model_copy(update={"meaning": recording.meaning})
@@ -239,7 +241,7 @@ def _merged(messages: Sequence[FramedRecording]) -> FramedRecording:
 def clamped_in(survey: Survey, bus: BusMap) -> list[str]:
     """Lines for the roles with values that the bus cannot hold, which are clamped when sent."""
     warnings = []
-    for role in ROLES:
+    for role in (each for each in ROLES if each.value in survey.signals):
         extremes, limits = survey.signals[role.value], role_range(bus, role)
         unit, factor = _SHOWN_UNIT[role]
         for reached, limit, is_beyond in (

@@ -16,6 +16,7 @@ from observer_rt.files.replay.framing import (
     block_samples,
     windows_of,
 )
+from observer_rt.files.signals.doubts import refuse_without_lift
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, cut, followed
 from observer_rt.foundation.errors import RunError, UserError
@@ -30,6 +31,7 @@ def recording_frames(stream: SignalStream, bus: BusMap, windowed: bool) -> Itera
 
     windowed: only round injections, for which the recording is read beforehand. Raises `UserError` without any.
     """
+    refuse_without_lift(stream, "replay a recording with a lift: frames of samples carry no commands")
     block = block_samples(bus)
     spans = [Span(0, stream.grid_samples)]
     if windowed:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.files.signals.naming import is_unit, name_and_unit, signals_named
-from observer_rt.files.signals.recording import OPTIONAL
+from observer_rt.files.signals.recording import is_needed
 from observer_rt.files.signals.table import TIME, Heading
 from observer_rt.files.signals.time_axis import Calendar, calendar_of
 from observer_rt.foundation.errors import UserError, hint
@@ -129,10 +129,11 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False,
     counts = Counter(bare)
     names = [name if counts[name] == 1 else cell for name, cell in zip(bare, cells, strict=True)]
     places: dict[str, int] = {}
+    has_energizing = "energizing" in wanted and wanted["energizing"].column in names
     for signal, column in wanted.items():
         if (at := _column_number(column, cells, f"{path}, line {max(heading, 0) + 1}")) is not None:
             places[signal] = at
-        elif not (is_own and signal in OPTIONAL):
+        elif not is_own or is_needed(signal, has_energizing):
             raise UserError(
                 f"{path}, line {max(heading, 0) + 1}",
                 f"column '{column.column}' is missing{hint(column.column, cells)}",

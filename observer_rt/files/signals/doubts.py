@@ -6,6 +6,7 @@ from pathlib import Path
 
 from observer_rt.config.signals import Role
 from observer_rt.engine.signal_survey import OPEN, SWAPPED, Implausible, Survey, swapped
+from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE
 from observer_rt.model.baseline import Baseline
@@ -91,6 +92,12 @@ def doubts(
             f"rail_pressure is {mean:.4g} MPa in the mean, and the model was fitted at {low:.4g} to {high:.4g} MPa",
             "check the unit of both pressures, or fit the model at such a rail pressure, too",
         )
+
+
+def refuse_without_lift(stream: SignalStream, remedy: str) -> None:
+    """Raise `UserError` for a recording without needle lift, where energizing cannot stand for it."""
+    if not stream.has_lift:
+        raise UserError(f"{stream.path or 'recording'}, needle_lift", "was not recorded", remedy)
 
 
 def refuse_perforated(path: Path | None, survey: Survey) -> None:

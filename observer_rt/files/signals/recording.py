@@ -35,6 +35,13 @@ EQUIDISTANT = (
 
 OPTIONAL = ("injection_rate", "energizing")  # which a recording may have or not
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", *OPTIONAL)
+
+
+def is_needed(signal: str, has_energizing: bool) -> bool:
+    """Whether a recording must have a signal; energizing stands in for the lift."""
+    return signal not in OPTIONAL and not (signal == "needle_lift" and has_energizing)
+
+
 Arrays = Mapping[str, NDArray[np.float64]]
 """Time and signals by name, each (n,)."""
 
@@ -193,6 +200,16 @@ class Recording:
     def signals(self) -> dict[str, NDArray[np.float64]]:
         """The signals by name, without time and those that were not recorded."""
         return {name: values for name in SIGNALS if (values := getattr(self, name)) is not None}
+
+    @property
+    def has_lift(self) -> bool:
+        """Whether the lift was recorded; else the needle is known by the energizing alone."""
+        return bool(np.isfinite(self.needle_lift).any()) or self.energizing is None
+
+    @property
+    def recorded(self) -> tuple[str, ...]:
+        """Names of the signals that were recorded."""
+        return tuple(name for name in self.signals if self.has_lift or name != "needle_lift")
 
     @property
     def arrays(self) -> dict[str, NDArray[np.float64]]:

@@ -36,6 +36,8 @@ class SignalStream(ABC):
         self.rate = 0.0
         self.optional: tuple[str, ...] = ()
         """Signals that it has, of those that a recording need not have."""
+        self.has_lift = True
+        """Whether the lift was recorded; else the needle is known by the energizing alone."""
         self.notes: tuple[str, ...] = ()
         """Notes for the user on how the file was read."""
         self.survey = Survey()
@@ -55,6 +57,11 @@ class SignalStream(ABC):
     def path(self) -> Path | None:
         """The file; None for signals in memory."""
         return self._path
+
+    @property
+    def recorded(self) -> tuple[str, ...]:
+        """Names of the signals that were recorded."""
+        return ("rail_pressure", *(("needle_lift",) if self.has_lift else ()), "line_pressure", *self.optional)
 
     @property
     def sample_rate(self) -> float:
@@ -139,10 +146,10 @@ class HeldSignals(SignalStream):
         self.rate = recording.sample_rate
         self.stretches = (Stretch(float(recording.time[0]), recording.samples),)
         self.optional = tuple(name for name in OPTIONAL if name in recording.signals)
-        self.meaning, self.meter = recording.meaning, recording.meter
+        self.meaning, self.meter, self.has_lift = recording.meaning, recording.meter, recording.has_lift
         for first in range(0, recording.samples, SAMPLES_AT_ONCE):  # what is in the cache
             rows = slice(first, first + SAMPLES_AT_ONCE)
-            self.survey.take_together({name: values[rows] for name, values in recording.signals.items()})
+            self.survey.take_together({name: recording.signals[name][rows] for name in recording.recorded})
 
     def chunks(self) -> Iterator[Chunk]:
         """Views of the recording."""

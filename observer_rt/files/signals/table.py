@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
-from observer_rt.files.signals.recording import OPTIONAL
+from observer_rt.files.signals.recording import is_needed
 from observer_rt.foundation.errors import UserError, hint
 
 TIME = "time"
@@ -122,13 +122,14 @@ def present(
     path: Path, wanted: Mapping[str, ColumnConfig], names: Collection[str], is_own: bool, word: str = "column"
 ) -> dict[str, ColumnConfig]:
     """The columns wanted that a file has. Raises `UserError` where one is missing that it must have."""
-    columns = {}
+    columns, energizing = {}, wanted.get("energizing")
+    has_energizing = energizing is not None and energizing.column in names
     for name, column in wanted.items():
         if (count := list(names).count(column.column)) > 1:
             raise UserError(str(path), f"{word} '{column.column}' appears {count} times", "keep one")
         if column.column in names:
             columns[name] = column
-        elif not (is_own and name in OPTIONAL):
+        elif not is_own or is_needed(name, has_energizing):
             raise UserError(
                 str(path),
                 f"{word} '{column.column}' is missing{hint(column.column, names)}",
@@ -153,7 +154,8 @@ class SignalFormat:
     def is_own(self, path: Path, other: RecordingConfig | None) -> bool:
         """Whether a file is in our own layout, and not in another one."""
         names = self.table.names(path)
-        needed = [column.column for name, column in self.mapping.signals if name not in OPTIONAL]
+        has_energizing = dict(self.mapping.signals)["energizing"].column in names
+        needed = [column.column for name, column in self.mapping.signals if is_needed(name, has_energizing)]
         needed += [self.mapping.time.column] if self.mapping.time is not None else []
         is_in_another = other is not None and all(column.column in names for _, column in other.signals)
         return all(name in names for name in needed) and not is_in_another

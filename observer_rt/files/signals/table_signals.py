@@ -64,6 +64,7 @@ class TableSignals(SignalStream):
         }
         self._scales = {name: self._scale(name, column) for name, column in self._mapped.items()}
         self.optional = tuple(name for name in OPTIONAL if name in self._mapped)
+        self.has_lift = "needle_lift" in self._mapped
         self.notes = tuple(table.notes)
         self.origin = table.origin
 
@@ -76,6 +77,8 @@ class TableSignals(SignalStream):
                 yield TablePart(time_scale.to_si(part.time), signals)
 
     def _chunk(self, time: Values, signals: Mapping[str, Values], stretch: int, first: int) -> Chunk:
+        if not self.has_lift:
+            signals = {"needle_lift": np.full(time.size, np.nan), **signals}
         of = {"path": self.path, "rate": self.rate, "stretch": stretch, "first": first}
         return Chunk(time, **signals, **of)  # type: ignore[arg-type]
 

@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.files.signals.recording import OPTIONAL, Recording
+from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 
 WRITE_FORMAT = "%.12g"
@@ -192,13 +192,13 @@ _LAYOUTS = {".csv": PRINTED, ".mf4": SI, ".parquet": SI}
 
 
 @contextmanager
-def recording_writer(path: Path, optional: Collection[str]) -> Iterator[Callable[[Recording], None]]:
+def recording_writer(path: Path, recorded: Collection[str]) -> Iterator[Callable[[Recording], None]]:
     """Writes the parts it is given in our own layout of the suffix, replacing an existing file.
 
-    optional: signals that the parts have, of those that a recording need not have.
+    recorded: names of the signals that the parts have.
     """
     suffix = path.suffix.lower()
-    columns = [each for each in _LAYOUTS[suffix] if each.channel not in OPTIONAL or each.channel in optional]
+    columns = [each for each in _LAYOUTS[suffix] if each.channel in ("time", *recorded)]
     with TABLE_WRITERS[suffix](path, columns) as writer:
 
         def write(part: Recording) -> None:

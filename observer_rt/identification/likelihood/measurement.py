@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from observer_rt.config.injector import Meaning
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.observer import SETTLE, Durations
+from observer_rt.engine.estimation.predictor import SETTLE
+from observer_rt.engine.observer import Durations
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
 from observer_rt.foundation.errors import UserError

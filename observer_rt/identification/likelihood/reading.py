@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.engine.signal_survey import refuse_implausible
-from observer_rt.files.signals.doubts import doubts, refuse_dead, refuse_perforated
+from observer_rt.files.signals.doubts import doubts, refuse_dead, refuse_perforated, refuse_without_lift
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled, SignalStream
 from observer_rt.foundation.console import say
@@ -45,6 +45,7 @@ def read_measured(
     refuse_sample_rates(sources)
     for source in sources:
         refuse_implausible(source.path, source.survey, source.names)
+        refuse_without_lift(source, "give recordings with a lift: of those without only `evaluate` makes something")
         refuse_dead(source.path, source.survey, source.names)
         refuse_perforated(source.path, source.survey)
         for doubt in doubts(source.survey, baseline, source.names):

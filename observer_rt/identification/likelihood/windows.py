@@ -14,10 +14,9 @@ from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import InputTerms, rest_state
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
-from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
+from observer_rt.engine.estimation.predictor import NO_SLOPES, SETTLE, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.engine.learning.healthy import EventStretch, expected
-from observer_rt.engine.observer import SETTLE
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.identification.likelihood.channel_noise import rail_on_time
 from observer_rt.identification.likelihood.measurement import MARGIN, START_MEAN, JudgedEvent, Measurement, shut_mask

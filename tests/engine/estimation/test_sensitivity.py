@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.predictor import Window, innovations_with_sensitivity
-from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
+from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.model.effective import LAG_UNIT
+from observer_rt.model.needle import needle_law
 from tests.differences import assert_columns_agree, differences
 from tests.engine.estimation.conftest import (
     SMOOTH,
@@ -27,6 +28,7 @@ from tests.model.conftest import with_line
 HEALTHY = np.zeros(PARAMETERS)
 FLOW = list(range(Parameter.LINE_PRESSURE_OFFSET))  # nozzle and seat
 VALVE = list(range(Parameter.CONTROL_START, Parameter.DISPLACEMENT))  # does nothing without flow
+NEEDLE = SCALARS.needle.columns.tolist()
 SERVO = worn_theta()
 SERVO[Parameter.CONTROL_FLOW : Parameter.DISPLACEMENT + 1] = 0.08, 0.3, -0.4, 0.2, -0.3, 0.02
 QUICK = worn_theta()
@@ -42,7 +44,9 @@ def with_slopes(
     return result, slopes
 
 
-def assert_slopes(case: Case, window: Window, theta: NDArray[np.float64], by_corners: float = 0.2) -> None:
+def assert_slopes(
+    case: Case, window: Window, theta: NDArray[np.float64], by_corners: float = 0.2, share: float = 1e-6
+) -> None:
     """Against differences of the innovations, by every parameter; by the lift's delay, over half a sample.
 
     by_corners: share of a move of the lift that its corners between the samples may be.
@@ -50,9 +54,12 @@ def assert_slopes(case: Case, window: Window, theta: NDArray[np.float64], by_cor
     _, slopes = with_slopes(case, window, theta)
     expected = differences(lambda moved: innovations_at(case, window, moved), theta, 1e-5)
     moves = np.abs(expected).max(axis=0) > 0.0
-    assert moves[[p for p in range(PARAMETERS) if p not in VALVE]].all()
+    still = {*VALVE, *(NEEDLE if window.needle is None else [Parameter.LIFT_DELAY])}
+    assert moves[[p for p in range(PARAMETERS) if p not in still]].all()
     assert moves[VALVE].all() == (theta[Parameter.CONTROL_FLOW] > 0.0)
-    assert_columns_agree(slopes[:, SMOOTH], expected[:, SMOOTH], 1e-6)
+    assert_columns_agree(slopes[:, SMOOTH], expected[:, SMOOTH], share)
+    if window.needle is not None:
+        return
     move = np.eye(PARAMETERS)[Parameter.LIFT_DELAY] * 5e-6 / LAG_UNIT
     moved = innovations_at(case, window, theta + move) - innovations_at(case, window, theta - move)
     predicted = slopes @ (2.0 * move)
@@ -70,6 +77,21 @@ def test_slopes_are_the_derivatives_of_the_innovations(case: Case, theta: NDArra
 def test_slopes_with_effects_in_force(affected: Case) -> None:
     """Everything the right-hand side may be asked for at once, and a slow sensor recorded late."""
     assert_slopes(affected, simulated_event(affected, worn_theta(seed=7), event_inputs(), seed=3), worn_theta())
+
+
+@pytest.mark.parametrize("commands", [[(80.0, 190.0)], [(80.0, 120.0), (230.0, 245.0)]], ids=["stop", "ballistic"])
+@pytest.mark.parametrize("line", ["lump", "wave"])
+def test_slopes_of_a_needle_that_answers_commands(case: Case, line: str, commands: list[tuple[float, float]]) -> None:
+    """Its area is computed with theta: all slopes are exact, those by its delays and speeds, too."""
+    injector, theta = load_injector(), worn_theta()
+    window = simulated_event(case, worn_theta(seed=7), event_inputs(rail=0.7), seed=3)
+    if line == "wave":
+        case = make_case(with_line(injector, model="wave"))
+        window = window._replace(start=start_at_rest(case.c, 0.7))
+    theta[NEEDLE] = 0.2, 0.1, -0.3, -0.1
+    assert_slopes(
+        case, window._replace(needle=needle_law(injector), commands=np.array(commands)), theta, share=1e-5
+    )  # a step of waves is iterated
 
 
 def test_slopes_with_a_lift_sampled_between(case: Case) -> None:

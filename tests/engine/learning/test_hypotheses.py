@@ -10,6 +10,7 @@ from observer_rt.engine.learning.hypotheses import (
     BEFORE,
     INADEQUATE,
     LIFT_LATE,
+    NEEDLE_CHANGED,
     NEW,
     NEW_AT_FIRST,
     QUICK,
@@ -25,14 +26,16 @@ HYPOTHESES = (BEFORE, QUICK, *NEW, AT_FAULT, INADEQUATE)
 MOVING = [kind for kind in HYPOTHESES if kind.columns]
 
 
+@pytest.mark.parametrize("has_lift", [False, True])
 @pytest.mark.parametrize("is_prior", [False, True])
 @pytest.mark.parametrize("mode", Mode)
-def test_one_of_them_an_event_is(mode: Mode, is_prior: bool) -> None:
-    result = dict(transitions(mode, is_prior))
+def test_one_of_them_an_event_is(mode: Mode, is_prior: bool, has_lift: bool) -> None:
+    result = dict(transitions(mode, is_prior, has_lift))
     assert sum(result.values()) == pytest.approx(1.0)
     assert min(result.values()) > 0.0
     assert BEFORE in result
-    assert {kind for kind in NEW if kind in result} == set(NEW_AT_FIRST if is_prior else NEW)
+    other = {NEEDLE_CHANGED if has_lift else LIFT_LATE}
+    assert {kind for kind in NEW if kind in result} == set(NEW_AT_FIRST if is_prior else NEW) - other
 
 
 @pytest.mark.parametrize("kind", MOVING, ids=[kind.name for kind in MOVING])

@@ -27,6 +27,7 @@ WELL = {
     "judgement": 0,
     "is_contradicted": False,
     "has_learned": True,
+    "is_preliminary": False,
 }
 SETTLES = [Reason.STARTING, Reason.JUMPED, Reason.SAMPLES_LOST, Reason.NEEDLE_STUCK]
 IN_ORDER: list[tuple[dict[str, int], Reason]] = [
@@ -39,6 +40,7 @@ IN_ORDER: list[tuple[dict[str, int], Reason]] = [
     ({"events": 1}, Reason.TOO_FEW_EVENTS),
     ({"is_contradicted": True}, Reason.CONTRADICTED),
     ({"is_in_learned_range": False}, Reason.OUTSIDE_LEARNED_RANGE),
+    ({"is_preliminary": True}, Reason.PRELIMINARY),
 ]
 
 
@@ -54,7 +56,7 @@ def test_of_several_reasons_the_first_in_order(chosen: list[int]) -> None:
         facts |= IN_ORDER[number][0]
     reason, state = of_sample(**facts)
     assert reason is (IN_ORDER[min(chosen)][1] if chosen else Reason.NONE)
-    not_known_yet = {6, 7, 8} if 6 in chosen else {8}  # what too few events cannot contradict
+    not_known_yet = {6, 7, 8, 9} if 6 in chosen else {8, 9}  # what too few events cannot contradict
     assert (state is State.DEGRADED) == bool(set(chosen) - not_known_yet)
 
 

@@ -10,18 +10,20 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.phases import phases_of
 from observer_rt.engine.estimation.gating import best_subset
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
-from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
+from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation, ShotDelays
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
+from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import pooled
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, is_same, resting_segments
 from observer_rt.engine.learning.disturbances.masks import Sigmas, without_stretches
-from observer_rt.engine.learning.hypotheses import UNLIKE_BEFORE, Mode, is_alike
+from observer_rt.engine.learning.fitting import EventFitter
+from observer_rt.engine.learning.hypotheses import STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector, shrink
 from observer_rt.engine.learning.learned_range import EventPoint, operating_point, remembered
-from observer_rt.engine.learning.posterior.explaining import Explanation, Weighing
+from observer_rt.engine.learning.posterior.explaining import NEEDLE_STARTS, Explanation, Weighing
 from observer_rt.engine.learning.posterior.reader import (
     ClosedEvent,
     EventReader,
@@ -157,6 +159,11 @@ class ExplainedEvent(NamedTuple):
         return self.lead.reading.window
 
     @property
+    def delays(self) -> ShotDelays | None:
+        """Delays of its shots as the leading explanation has them, of a needle that answers commands."""
+        return None if self.lead.fit is None else self.lead.fit.delays
+
+    @property
     def fault_weight(self) -> float:
         """Probability that the event is at fault, or the model inadequate."""
         return sum(explanation.weight for explanation, _ in self.explanations if not explanation.is_good)
@@ -249,16 +256,33 @@ class _Reads:
             off,
         )
 
+    def _first(self, learned: LearnedInjector, window: Window, cost: EventCost) -> Linearisation:
+        """The cost at the belief; of a needle that answers commands, before events, at the best of several fits."""
+        first = cost.linearised(learned.theta)
+        if window.needle is None or not learned.is_prior:
+            return first
+        fitter = EventFitter(cost, learned.active, self._reader.limits)
+        prior = learned.belief.narrowed(STATED, c.FILED)
+        fits = []
+        for move in NEEDLE_STARTS:
+            cost.jitter = np.zeros_like(cost.jitter)
+            fits.append(fitter.fit(cost.linearised(learned.theta + move), prior, c.NEEDLE_STEPS).linearisation)
+        cost.jitter = np.zeros_like(cost.jitter)
+        best = min(fits, key=lambda fit: fit.value + 0.5 * prior.distance(fit.theta))
+        needle, theta = SCALARS.needle.columns, learned.theta.copy()
+        theta[needle] = best.theta[needle]
+        return cost.linearised(theta)
+
     def _linearised(
         self, learned: LearnedInjector, window: Window, cost: EventCost
     ) -> tuple[Linearisation, RestingPressure]:
         """Linearises a cost at the belief, with offset and gain as rest says where these are others."""
         reader = self._reader
-        first = cost.linearised(learned.theta)
+        first = self._first(learned, window, cost)
         resting = resting_pressure(window, cost, learned.theta, reader.interval, reader.pressure_scale)
         move = resting.held(learned.belief).prior.mean - learned.belief.mean
         move[list(SCALARS.gate.columns)] = 0.0
         if np.abs(move[list(_SENSOR)]).max() * reader.pressure_scale < MOVED:
             return first, resting
-        first = cost.linearised(learned.theta + move)
+        first = cost.linearised(first.theta + move)
         return first, resting_pressure(window, cost, first.theta, reader.interval, reader.pressure_scale)

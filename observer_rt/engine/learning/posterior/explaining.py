@@ -1,7 +1,7 @@
 """Explains an event as every kind that it may be, and computes the weights of these explanations."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
-from observer_rt.engine.estimation.scalars import WEIGHTS, Parameter, Theta
+from observer_rt.engine.estimation.scalars import PARAMETERS, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
@@ -22,6 +22,7 @@ from observer_rt.engine.learning.hypotheses import (
     BELIEVED,
     INADEQUATE,
     LIFT_LATE,
+    NEEDLE_CHANGED,
     QUICK,
     SHIFTED,
     STATED,
@@ -35,6 +36,20 @@ from observer_rt.engine.learning.hypotheses import (
 from observer_rt.engine.learning.learned_injector import NOISE, LearnedInjector, at_scale, weighed_scales
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
 from observer_rt.model.effective import LAG_UNIT
+
+
+def _moved(delays: Mapping[int, Sequence[float]]) -> Theta:
+    """Moves of theta (k, m) by delays [s] in its columns."""
+    moves = np.zeros((len(next(iter(delays.values()))), PARAMETERS))
+    for column, each in delays.items():
+        moves[:, column] = np.array(each) / LAG_UNIT
+    return moves
+
+
+_OPENINGS, _CLOSINGS = zip(*((a, b) for a in c.OPENING_DELAYS for b in c.CLOSING_DELAYS), strict=True)
+NEEDLE_STARTS = _moved({Parameter.OPENING_DELAY: _OPENINGS, Parameter.CLOSING_DELAY: _CLOSINGS})
+"""Moves of theta (k, m) from which the needle of an event may be sought, for its delays have several minima."""
+STARTED = {LIFT_LATE: _moved({Parameter.LIFT_DELAY: c.LIFT_DELAYS}), NEEDLE_CHANGED: NEEDLE_STARTS}
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,11 +140,11 @@ def fitter_of(before: LearnedInjector, reading: EventReading, reader: EventReade
     return EventFitter(reading.cost, before.active, reader.limits)
 
 
-def offered(account: Account) -> Mapping[Kind, float]:
-    """Kinds of the next event, and logarithms of their probabilities."""
+def offered(account: Account, has_lift: bool) -> Mapping[Kind, float]:
+    """Kinds of the next event, and logarithms of their probabilities; has_lift: as of `transitions`."""
     offers: dict[Kind, float] = {}
     for mode, weight in account.modes.items():
-        for kind, rate in transitions(mode, account.learned.is_prior):
+        for kind, rate in transitions(mode, account.learned.is_prior, has_lift):
             offers[kind] = offers.get(kind, 0.0) + weight * rate
     return {kind: math.log(probability) for kind, probability in offers.items()}
 
@@ -144,7 +159,7 @@ class Weighing:
 
     def add(self, account: Account, reading: EventReading) -> None:
         """Explain the event by each kind that an account offers. Raises numpy.linalg.LinAlgError if singular."""
-        learned, logs = account.learned, offered(account)
+        learned, logs = account.learned, offered(account, reading.window.needle is None)
         moved, priors = self._priors(account, logs)
         belief, explanations = learned.belief, dict[Kind, _FoundExplanation]()
         likely, _ = weighed_scales(belief.mean, belief.covariance)
@@ -167,12 +182,12 @@ class Weighing:
 
         left = list(explanations)
         while left:  # the one that promises most; a fit may break that, and shows the others the cost from nearer by
-            kind = max(left, key=lambda kind: (kind is BEFORE, kind is not LIFT_LATE, log_of(kind)))
+            kind = max(left, key=lambda kind: (kind is BEFORE, kind not in STARTED, log_of(kind)))
             left.remove(kind)
             explanation = explanations[kind]
             is_new = learned.is_prior
-            if kind is LIFT_LATE:  # after those that it looks like: they begin where it is far behind them
-                is_new = self._start_late(reading, explanation, is_new) or is_new
+            if kind in STARTED:  # after those that it looks like: they begin where it is far behind them
+                is_new = self._start(reading, explanation, STARTED[kind], is_new) or is_new
             self._fit(learned, reading, explanation, math.inf if is_new else log_of(kind) - best_of_all())
             if explanation.fit is not None:
                 for other in left:
@@ -258,18 +273,16 @@ class Weighing:
     def _widened(self, belief: Belief, kind: Kind) -> Belief:
         return belief.widened(self._reader.widths(kind)) if kind.columns else belief
 
-    def _start_late(self, reading: EventReading, late: _FoundExplanation, is_new: bool) -> bool:
-        """Whether much is to be explained, and a delay of the lift explains some; linearises it at the best."""
+    def _start(self, reading: EventReading, late: _FoundExplanation, moves: Theta, is_new: bool) -> bool:
+        """Whether much is to be explained, and theta moved (k, m) explains some; linearises it at the best."""
         first = reading.first
         if not (is_new or first.value - late.cost.expected(late.theta) > c.FALLS_FAR):
             return False
-        starts = np.tile(first.theta, (len(c.LIFT_DELAYS), 1))
-        starts[:, Parameter.LIFT_DELAY] += np.array(c.LIFT_DELAYS) / LAG_UNIT
-        values = [reading.cost.value(each) for each in starts]
+        values = [reading.cost.value(first.theta + move) for move in moves]
         best = int(np.argmin(values))
         if values[best] >= first.value:
             return False
-        late.weigh(reading.cost.linearised(starts[best]), self._reader.limits)
+        late.weigh(reading.cost.linearised(first.theta + moves[best]), self._reader.limits)
         return True
 
     def _nearly_white(

@@ -26,7 +26,7 @@ from observer_rt.engine.learning.hypotheses import (
     UNLIKE_BEFORE,
     Velocity,
 )
-from observer_rt.engine.learning.interval import Resimulation, resimulated
+from observer_rt.engine.learning.interval import Resimulation, resimulated, with_shots
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import HOLDS, UNSEEN, extrapolation_sigma, is_new, known_flow
 from observer_rt.engine.learning.posterior.event import Continued, ExplainedEvent
@@ -66,7 +66,7 @@ class EventMass:
         if np.max(np.abs(theta - self.theta)[list(FLOWS)]) <= c.FAR_FLOW:
             return self.moved(theta)
         learned, interval = learned_of(theta, self.setting.coefficients), self.setting.interval
-        window = self.window.with_lift_earlier(learned.lift_delay / interval).until(self.flows_until)
+        window = self.window.as_learned(learned, self.setting).until(self.flows_until)
         rate, errors = np.empty((2, window.output.size))
         follow(window, self.setting, learned, window.opening, errors, rate, None, NO_SLOPES)
         volume = float(np.trapezoid(rate[_part(window)])) * interval
@@ -211,8 +211,12 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     # before anything was learned the best explanation is carried, though it is not believed
     theta = explanation.theta if learned.is_prior else learned.theta
     covariance = learned.gated.covariance
-    again = resimulated(explained.window, setting, explained.state.noise, theta, covariance)
-    mass = mass_of(explained.window, setting, theta, again)
+    window, delays = explained.window, explained.delays
+    if delays is not None:
+        window = window.with_jitter(delays.seconds(theta), setting.interval)
+    again = resimulated(window, setting, explained.state.noise, theta, covariance)
+    again = again if delays is None else with_shots(again, window, delays)
+    mass = mass_of(window, setting, theta, again)
     look_alikes = look_alikes_in(explained, reader)
     systematic = math.hypot(
         reader.healthy.mass_share, UNSEEN * extrapolation_sigma(explained.point, explanation.before.learned_at)

@@ -12,7 +12,7 @@ sample with clocks of their own.
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -170,29 +170,23 @@ def candump_lines(frames: Iterable[TimedFrame], channels: Sequence[str] = ("can0
     return [f"({f.time:.9f}) {channels[f.bus]} {f.frame_id:03X}##1{f.payload.hex()}\n" for f in frames]
 
 
+@dataclass
 class Notes:
     """Listener that collects all reports and notices."""
 
-    def __init__(self) -> None:
-        self.injections: list[InjectionReport] = []
-        self.measured: list[MeasuredMass] = []
-        self.missing: list[MissingInjection] = []
-        self.messages: list[str] = []
-        self.notices: list[Notice] = []
+    injections: list[InjectionReport] = field(default_factory=list)
+    measured: list[MeasuredMass] = field(default_factory=list)
+    missing: list[MissingInjection] = field(default_factory=list)
+    notices: list[Notice] = field(default_factory=list)
 
     def __call__(self, news: News) -> None:
-        """Keep it."""
-        match news:
-            case InjectionReport():
-                self.injections.append(news)
-            case MeasuredMass():
-                self.measured.append(news)
-            case MissingInjection():
-                self.missing.append(news)
-            case Notice(text=text):
-                self.notices.append(news)
-                if news.topic is Topic.LINK:
-                    self.messages.append(text)
+        kinds = InjectionReport, MeasuredMass, MissingInjection, Notice
+        kept: tuple[list[Any], ...] = self.injections, self.measured, self.missing, self.notices
+        kept[kinds.index(type(news))].append(news)
+
+    @property
+    def messages(self) -> list[str]:
+        return [notice.text for notice in self.notices if notice.topic is Topic.LINK]
 
 
 @dataclass(frozen=True)

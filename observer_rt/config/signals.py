@@ -249,11 +249,6 @@ def with_exact_sensors(signals: SignalsConfig) -> SignalsConfig:
     return _changed(signals, lambda _: {"accuracy_percent": 0.0})
 
 
-def without_lift(signals: SignalsConfig) -> SignalsConfig:
-    """Signals of a recording whose needle is known by the energizing alone."""
-    return signals.model_copy(update={"needle_lift": None})
-
-
 def _changed(signals: SignalsConfig, change: Callable[[Role], dict[str, float]]) -> SignalsConfig:
     stated = {role: mapping for role in Role if (mapping := getattr(signals, role.value)) is not None}
     return signals.model_copy(

@@ -54,7 +54,6 @@ from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import Clock, averaged, sensor_of
 from observer_rt.model.effects import effective_model
-from observer_rt.model.needle import needle_law
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
 
@@ -88,13 +87,12 @@ def constants_for(
     means: bool = False,
     stated: Sequence[SizedEffect] = (),
     calibration: StatedAccuracy = EXACT,
-    has_lift: bool = True,
 ) -> Constants:
     """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
 
     rail_every: samples to one of the rail pressure; means: samples are means over the sample period before;
     stated: delays and lags of the channels to be undone.
-    calibration: of level and pressure sensors; has_lift: whether it is recorded, or by commands alone.
+    calibration: of level and pressure sensors.
     """
     model = effective_model(parameters, stated)
     interval = 1.0 / sample_rate
@@ -134,7 +132,6 @@ def constants_for(
         quickest=QUICKEST * max(parameters.needle.opening_speed, parameters.needle.closing_speed) * interval,
         program=model.program,
         calibration=calibration,
-        needle=None if has_lift else needle_law(parameters),
     )
 
 

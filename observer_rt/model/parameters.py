@@ -18,6 +18,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
+from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.baseline import Baseline, Remainder
@@ -139,7 +140,7 @@ class Scaling(_Section):
 
 
 class Needle(_Section):
-    """Energizing time -> lift, for simulation only."""
+    """Energizing time -> lift: for simulation, and where the lift is not measured."""
 
     opening_delay: Annotated[NonNegative, UnitName("s")]
     opening_speed: Annotated[Positive, UnitName("m/s")]  # at 100 MPa, ~ rail pressure ^ 0.4
@@ -200,6 +201,11 @@ class InjectorParameters(_Section):
     remainder: Remainder | None = None  # of terms that were accepted in part
 
     @property
+    def needle_law(self) -> NeedleLaw:
+        """How its needle answers commands."""
+        return NeedleLaw(**dict(self.needle), stop=self.seat.max_lift)
+
+    @property
     def in_force(self) -> tuple[str, ...]:
         """Effects and terms that are added to the nominal model, in words."""
         return (*(effect.words for effect in self.effects), *(term.words for term in self.terms))
@@ -219,11 +225,6 @@ class Departures(NamedTuple):
 
 
 NO_DEPARTURES = Departures()
-
-
-def is_plausible(temperature: float) -> bool:
-    """Whether fuel can have this temperature [K]; false for nan."""
-    return LOWEST_TEMPERATURE <= temperature <= HIGHEST_TEMPERATURE
 
 
 def at_temperature(injector: InjectorParameters, temperature: float) -> InjectorParameters:

@@ -1,6 +1,5 @@
 """Density and bulk moduli of fuel at another temperature, under pressure, and of a fuel by its name."""
 
-import math
 from pathlib import Path
 
 import pytest
@@ -8,7 +7,7 @@ import pytest
 from observer_rt.config.bench import FUELS, NOMINAL_INJECTOR, load_injector
 from observer_rt.config.toml_file import read_toml
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.parameters import InjectorParameters, at_temperature, is_plausible
+from observer_rt.model.parameters import InjectorParameters, at_temperature
 from tests.model.conftest import filled
 
 NOMINAL = load_injector()
@@ -50,12 +49,6 @@ def test_without_a_reference_it_is_refused() -> None:
 def test_a_law_that_leaves_no_fuel_is_refused(changes: dict[str, float], cause: str) -> None:
     with pytest.raises(UserError, match=cause):
         at_temperature(with_fluid(**changes), 423.15)
-
-
-@pytest.mark.parametrize(("temperature", "expected"), [(233.0, False), (234.0, True), (423.0, True), (424.0, False)])
-def test_plausible_temperatures(temperature: float, expected: bool) -> None:
-    assert is_plausible(temperature) is expected
-    assert not is_plausible(math.nan)
 
 
 @pytest.mark.parametrize("name", read_toml(FUELS))

@@ -53,7 +53,7 @@ class Evaluation:
         """
         self.path = source.path
         self.sample_rate = source.sample_rate
-        self.has_rate = "injection_rate" in source.optional
+        self.has_rate, self.has_lift = "injection_rate" in source.optional, source.has_lift
         self.injections: list[InjectionResult] = []
         self.curves: dict[int, RateCurves] = {}
         """Curves of injections by their number, where any are drawn."""

@@ -63,6 +63,7 @@ class LoggedSignals(SignalStream):
         super().__init__(path)
         sampling = bench.injector.config.sampling
         self.meaning = sampling.meaning
+        self.has_lift = bench.injector.config.signals.needle_lift is not None
         # The samples as they were sent; the reader of this class accounts for their meaning.
         bench = bench.with_sections(
             sampling=sampling.model_copy(update={"meaning": Meaning.INSTANT}),
@@ -186,7 +187,7 @@ class LoggedSignals(SignalStream):
         """Signals [SI] of the samples that came; the lift before its interpolation."""
         came = rows[~rows["interpolated"]]
         pressures = {role: self._pressure(came, role) for role in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE)}
-        return {**pressures, Role.NEEDLE_LIFT: came["needle_lift"]}
+        return {**pressures, Role.NEEDLE_LIFT: came["needle_lift"]} if self.has_lift else pressures
 
     def _pressure(self, rows: NDArray[np.void], name: str) -> NDArray[np.float64]:
         c = self._coefficients

@@ -74,6 +74,8 @@ def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
             Check("line_pressure_noise", noise.line_pressure / MEGAPASCAL, "MPa", True),
             Check("needle_lift_noise", noise.needle_lift / MICROMETRE, "um", True),
         ]
+    if not evaluation.has_lift:
+        return result[:3]
     result += [
         Check("needle_lift_zero", lift.zero / MICROMETRE, "um", abs(lift.zero) < FURTHEST_ZERO),
         Check("needle_lift_crosstalk", crosstalk, "um/MPa", lift.crosstalk == 0.0),

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import Model, Terms, Weights, rest_state
+from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.core.plant.plant import run_injector
-from observer_rt.desk.simulation.schedule import Stroke
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.network import constant_network
 from observer_rt.model.stability import fastest_rate
@@ -48,7 +48,7 @@ class Truth:
 
 def run_plant(
     model: EffectiveModel,
-    strokes: Sequence[Stroke],
+    strokes: Sequence[NeedleStroke],
     time: NDArray[np.float64],
     rail_pressure: NDArray[np.float64],
     progress: Progress | None = None,
@@ -64,7 +64,7 @@ def run_plant(
     period = float(time[-1] - time[0]) / (time.size - 1)
     steps = math.ceil(period / longest_step)
     time, rail = np.ascontiguousarray(time), (rail_pressure - c.chamber_pressure) / c.pressure_scale
-    table = np.array(strokes, dtype=np.float64).reshape(len(strokes), len(Stroke._fields))
+    table = np.array(strokes, dtype=np.float64).reshape(len(strokes), len(NeedleStroke._fields))
     states, lift, rate, recorded = np.empty((time.size, 3)), *np.empty((3, time.size))
     x = np.zeros(c.states)
     rest_state(x, float(rail[0]), c)

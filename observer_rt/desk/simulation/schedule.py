@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from observer_rt.core.model.needle import CORNER_ROUNDING, NeedleStroke, stroke_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
-from observer_rt.model.needle import needle_law
 from observer_rt.model.parameters import InjectorParameters
 
 FIRST_EVENT = 0.15  # s, standstill in which a reader learns noise and offsets
@@ -207,22 +206,11 @@ def _number(text: str, option: str, example: str) -> float:
     return value
 
 
-class Stroke(NeedleStroke):
-    """One opening of the needle, before its corners are rounded; times in s, speeds in m/s."""
-
-    __slots__ = ()
-
-    @property
-    def peak_lift(self) -> float:
-        """Highest lift before rounding [m]."""
-        return self.opening_speed * (self.top - self.opening)
-
-
-def stroke(shot: Shot, start: float, rail_pressure: float, parameters: InjectorParameters) -> Stroke | None:
+def stroke(shot: Shot, start: float, rail_pressure: float, parameters: InjectorParameters) -> NeedleStroke | None:
     """Needle stroke of a shot of an event at `start` [s]; None if it is too short to lift the needle."""
     begun, pressure = start + shot.offset, rail_pressure / REFERENCE_PRESSURE
-    found = stroke_of(begun, shot.duration, pressure, needle_law(parameters))
-    return None if found is None else Stroke(**found)
+    answer = stroke_of(begun, shot.duration, pressure, parameters.needle_law)
+    return None if answer is None else NeedleStroke(**answer)
 
 
 def energized(schedule: Schedule, time: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -233,7 +221,7 @@ def energized(schedule: Schedule, time: NDArray[np.float64]) -> NDArray[np.float
     return ((starts[last] <= time) & (time < starts[last] + durations[last])).astype(np.float64)
 
 
-def strokes(schedule: Schedule, parameters: InjectorParameters) -> tuple[Stroke, ...]:
+def strokes(schedule: Schedule, parameters: InjectorParameters) -> tuple[NeedleStroke, ...]:
     """All needle strokes of a schedule, in order.
 
     Raises `UserError` when a needle would have to open again before it has closed.

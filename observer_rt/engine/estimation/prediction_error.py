@@ -107,44 +107,30 @@ class Linearisation:
 
 
 class ShotDelays(NamedTuple):
-    """Delays of an event's shots beyond what theta says, both of each, in `JITTER_SIZE`.
+    """Delays of an event's shots beyond what theta says, both of each, in `JITTER_SIZE`; they are marginalised.
 
-    theta (m,), and the likeliest with it (k,); by_theta (k, m): how they go with it; covariance (k, k), theta held.
-    """
-
-    theta: NDArray[np.float64]
-    likeliest: NDArray[np.float64]
-    by_theta: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-
-    def seconds(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The likeliest with another theta (m,), in s."""
-        return np.asarray(JITTER * (self.likeliest + self.by_theta @ (theta - self.theta)))
-
-
-@dataclass(frozen=True, eq=False)
-class Jitter:
-    """Delays of an event's shots beyond what theta says, marginalised: each anew, with a known standard deviation.
-
-    slopes (n, k): of the whitened innovations, by delays in standard deviations; solved (k, n): the likeliest changes
-    of the delays by innovations; inverse (k, k): of the information.
+    likeliest (k,): with theta (m,), by_theta (k, m): how they go with it, where J is linearised; covariance (k, k),
+    theta held; slopes (n, k): of the whitened innovations; solved (k, n): changes of the likeliest by innovations.
     """
 
     slopes: NDArray[np.float64]
     solved: NDArray[np.float64]
-    inverse: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    theta: NDArray[np.float64] = NO_RATE
+    likeliest: NDArray[np.float64] = NO_RATE
+    by_theta: NDArray[np.float64] = NO_SLOPES
 
     @classmethod
-    def of(cls, slopes: NDArray[np.float64], burn_in: int, sigma: float) -> "Jitter":
-        """By slopes (n, k)."""
+    def of(cls, slopes: NDArray[np.float64], burn_in: int, sigma: float) -> "ShotDelays":
+        """By slopes (n, k); each anew, with a standard deviation of 1."""
         counted = slopes / sigma**2
         counted[:burn_in] = 0.0
-        inverse = np.linalg.inv(counted.T @ slopes + np.eye(slopes.shape[1]))
-        return cls(slopes, -inverse @ counted.T, inverse)
+        covariance, _ = inverse_of(counted.T @ slopes + np.eye(slopes.shape[1]))
+        return cls(slopes, -covariance @ counted.T, covariance)
 
-    def move(self, innovations: NDArray[np.float64], delays: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Change (k,) from delays (k,) to the likeliest."""
-        return np.asarray(self.solved @ innovations - self.inverse @ delays)
+    def seconds(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The likeliest with another theta (m,), in s."""
+        return np.asarray(JITTER * (self.likeliest + self.by_theta @ (theta - self.theta)))
 
 
 class EventCost:
@@ -226,7 +212,7 @@ class EventCost:
             answered = jitter.solved @ self.slopes
             self.slopes = self.slopes + jitter.slopes @ answered
             weigh(self.innovations, self.slopes, self.burn_in, self.sigma, self._together, gradient, information)
-            self.delays = ShotDelays(theta, self.jitter, answered, jitter.inverse)
+            self.delays = jitter._replace(theta=theta, likeliest=self.jitter, by_theta=answered)
             gradient += answered.T @ self.jitter
             information += answered.T @ answered
         value = self._cost(theta)
@@ -258,7 +244,7 @@ class EventCost:
             self.unfiltered -= self._expected
         self.innovations = self.whitened(self.unfiltered)
 
-    def _answer(self, theta: NDArray[np.float64]) -> Jitter | None:
+    def _answer(self, theta: NDArray[np.float64]) -> ShotDelays | None:
         """Follow the event with theta (m,), its shots as late as explains most; the jitter about that, if any."""
         self.unfiltered = np.empty(self._window.output.size)
         slopes = np.empty((self.unfiltered.size, theta.size + self.jitter.size))
@@ -270,8 +256,10 @@ class EventCost:
             if not self.jitter.size or not np.isfinite(self.innovations).all():
                 break
             by_shots = slopes[:, theta.size :] * JITTER_SIZE
-            jitter = Jitter.of(self.whitened(by_shots), self.burn_in, self.sigma)
-            move = np.clip(jitter.move(self.innovations, self.jitter), -MOST_JITTER, MOST_JITTER)
+            jitter = ShotDelays.of(self.whitened(by_shots), self.burn_in, self.sigma)
+            move = np.clip(
+                jitter.solved @ self.innovations - jitter.covariance @ self.jitter, -MOST_JITTER, MOST_JITTER
+            )
             self.jitter = self.jitter + move
             if np.abs(move).max() < NEAR_JITTER:
                 self.innovations = self.innovations + jitter.slopes @ move

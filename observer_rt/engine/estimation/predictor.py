@@ -11,7 +11,7 @@ from observer_rt.core.learning.predictor import follow, move_lift, propagate_noi
 from observer_rt.core.model.model import SENSOR_NUMBERS
 from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, commanded_areas
 from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.scalars import SCALARS, LearnedModel, Parameter, by_theta, learned_of
+from observer_rt.engine.estimation.scalars import SENSOR_LAW, LearnedModel, Parameter, by_theta, learned_of
 from observer_rt.model.effective import LAG_UNIT, NO_CLOCK, NO_PROGRAM, Clock, Coefficients
 from observer_rt.model.hydraulics import AT
 from observer_rt.model.right_hand_side import Tangent, tangent_of
@@ -146,7 +146,7 @@ def gradient_of(
     tangent = tangent_of(c, by_theta(theta, c)._replace(shots=shots), theta.size + extra, is_commanded)
     width = tangent.by.shape[1]
     sensor, (before, indicated, error) = np.zeros((SENSOR_NUMBERS, width)), np.zeros((3, width))
-    sensor[np.arange(SENSOR_NUMBERS), SCALARS.sensor.columns] = SCALARS.sensor.sizes
+    sensor[np.arange(SENSOR_NUMBERS), SENSOR_LAW.columns] = SENSOR_LAW.sizes
     return Gradient(tangent, Parameter.LINE_PRESSURE_OFFSET, sensor, before, indicated, error)
 
 

@@ -182,26 +182,6 @@ class Scalars:
         rows = sorted(self.rows, key=attrgetter("turn"))
         return tuple((row.column, row.change) for row in rows if row.change is not None)
 
-    @cached_property
-    def nozzle(self) -> Numbers:
-        """Numbers of the nozzle law (NOZZLE_NUMBERS,)."""
-        return self._numbers(Element.NOZZLE)
-
-    @cached_property
-    def sensor(self) -> Numbers:
-        """Numbers of the law of the line-pressure sensor (SENSOR_NUMBERS,)."""
-        return self._numbers(Element.SENSOR)
-
-    @cached_property
-    def valve(self) -> Numbers:
-        """Numbers of the pilot valve (VALVE_NUMBERS,)."""
-        return self._numbers(Element.VALVE)
-
-    @cached_property
-    def needle(self) -> Numbers:
-        """Numbers of a needle that answers commands (NEEDLE_NUMBERS,)."""
-        return self._numbers(Element.NEEDLE)
-
     def of_line(self, theta: NDArray[np.float64]) -> tuple[float, ...]:
         """Entries of theta (m,) that change line and guide, in the order of `laws`."""
         values = theta.tolist()
@@ -240,7 +220,8 @@ class Scalars:
         """Column and appearance of the scalars shown."""
         return ((row.column, row.shown) for row in self.rows if row.shown is not None)
 
-    def _numbers(self, element: Element) -> Numbers:
+    def numbers(self, element: Element) -> Numbers:
+        """Numbers of an element's law, as many as the core has of it."""
         numbers = [(row.column + i, row) for row in self.rows if row.element is element for i in range(row.columns)]
         columns, rows = zip(*numbers, strict=True)
         return Numbers(np.array(columns), np.array([row.counted.unit(1.0) for row in rows]))
@@ -347,6 +328,7 @@ SCALARS = Scalars((
 # fmt: on
 
 PARAMETERS = SCALARS.width
+NOZZLE_LAW, SENSOR_LAW, VALVE_LAW, NEEDLE_LAW = map(SCALARS.numbers, Element)
 
 
 def with_gain(vector: NDArray[np.float64], gain: float) -> NDArray[np.float64]:
@@ -395,7 +377,7 @@ def network_of(theta: NDArray[np.float64]) -> Network:
     """The network in a parameter vector (m,)."""
     network = network_with(theta[WEIGHTS])
     network.bias[0], network.bias[1] = theta[_NOZZLE], theta[_SEAT]
-    network.nozzle[:] = SCALARS.nozzle.of(theta)
+    network.nozzle[:] = NOZZLE_LAW.of(theta)
     return network
 
 
@@ -410,15 +392,15 @@ def by_theta(theta: NDArray[np.float64], c: Coefficients) -> ByTheta:
 @_several
 def _meaning(content: bytes, line: Any, c: Coefficients) -> LearnedModel:
     theta = np.frombuffer(content)
-    valve = Valve(*(np.array(c.valve) + np.append(SCALARS.valve.of(theta), 0.0)).tolist())
+    valve = Valve(*(np.array(c.valve) + np.append(VALVE_LAW.of(theta), 0.0)).tolist())
     changed = c._replace(line=_changed(line, SCALARS.of_line(theta)), valve=valve)
     return LearnedModel(
         network_of(theta),
         changed,
         float(theta[Parameter.LINE_PRESSURE_OFFSET]),
-        SCALARS.sensor.of(theta),
+        SENSOR_LAW.of(theta),
         float(theta[Parameter.LIFT_DELAY]) * LAG_UNIT,
-        SCALARS.needle.of(theta),
+        NEEDLE_LAW.of(theta),
     )
 
 
@@ -439,11 +421,11 @@ def _by_values(line: Any, values: tuple[float, ...]) -> ByTheta:
         int(Parameter.SEAT_WEIGHT),
         NEURONS,
         BASIS,
-        SCALARS.nozzle.columns,
-        SCALARS.valve.columns,
-        SCALARS.valve.sizes,
-        SCALARS.needle.columns,
-        SCALARS.needle.sizes,
+        NOZZLE_LAW.columns,
+        VALVE_LAW.columns,
+        VALVE_LAW.sizes,
+        NEEDLE_LAW.columns,
+        NEEDLE_LAW.sizes,
         0,
         PARAMETERS,
         np.array(columns, np.int64),

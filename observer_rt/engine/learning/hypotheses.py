@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, symmetric
-from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter, Theta
+from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, VALVE_LAW, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effective import LAG_UNIT
@@ -26,11 +26,11 @@ _BACK_PRESSURE = range(P.BACK_PRESSURE, P.BACK_PRESSURE + 2)
 WEAR = (int(P.NOZZLE_BIAS), int(P.SEAT_BIAS), *WEIGHTS.tolist(), *_BACK_PRESSURE)
 SENSOR = (int(P.LINE_PRESSURE_OFFSET), int(P.SENSOR_LAG), int(P.LINE_PRESSURE_GAIN))
 _ALIKE = np.array([*WEAR, *SENSOR])
-STATED = (*(column for column, _ in SCALARS.laws), *SCALARS.valve.columns.tolist(), int(P.SENSOR_LAG))
+STATED = (*(column for column, _ in SCALARS.laws), *VALVE_LAW.columns.tolist(), int(P.SENSOR_LAG))
 """Columns of what the files of injector and bench state, until an event says otherwise."""
 LINE = tuple(column for column, _ in SCALARS.laws)
-VALVE = tuple(SCALARS.valve.columns.tolist())
-NEEDLE = tuple(SCALARS.needle.columns.tolist())
+VALVE = tuple(VALVE_LAW.columns.tolist())
+NEEDLE = tuple(NEEDLE_LAW.columns.tolist())
 
 
 @dataclass(frozen=True, eq=False)

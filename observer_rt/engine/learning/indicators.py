@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, WEIGHTS, Parameter
+from observer_rt.engine.estimation.scalars import NEEDLE_LAW, NOZZLE, NOZZLE_LAW, SCALARS, SEAT, WEIGHTS, Parameter
 from observer_rt.foundation.units import Z_95
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.network import OF_NOZZLE, activations
@@ -20,7 +20,7 @@ OPENED_SINCE = 1e-3  # s, at which a change of the nozzle flow is stated
 # Of A_0 and p_0, at which a change of the seat flow is stated: there events tell most of it.
 SEAT_AREA, SEAT_DROP = 0.3, 0.2
 _NOZZLE, _SEAT = int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)
-_RISE, _RISE_WITH_SEAT = SCALARS.nozzle.columns.tolist()
+_RISE, _RISE_WITH_SEAT = NOZZLE_LAW.columns.tolist()
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def indicators_of(
             variance += max(elsewhere, default=0.0)
         return Estimate(value, math.sqrt(variance))
 
-    untold = SCALARS.needle.columns if has_lift else [Parameter.LIFT_DELAY]
+    untold = NEEDLE_LAW.columns if has_lift else [Parameter.LIFT_DELAY]
     return {shown.effect: estimate(shown.effect, column) for column, shown in SCALARS.shown() if column not in untold}
 
 
@@ -106,7 +106,7 @@ def nozzle_change(
     """
     sigmas, area = activations(x, (u[0], u[1], since))[..., :OF_NOZZLE], u[1]
     factor = 1.0 + theta[_NOZZLE] + sigmas @ theta[WEIGHTS[:OF_NOZZLE]]
-    x_3, rises = np.maximum(x[2], LEAST_SAC_PRESSURE), SCALARS.nozzle.of(theta)
+    x_3, rises = np.maximum(x[2], LEAST_SAC_PRESSURE), NOZZLE_LAW.of(theta)
     against_chamber = np.sqrt(np.maximum(1.0 - (rises[0] + rises[1] * area) / x_3, 0.0))
     slopes = np.zeros((*sigmas.shape[:-1], theta.size))
     slopes[..., _NOZZLE] = against_chamber

@@ -101,17 +101,10 @@ def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bo
     means = fitted.config.sampling.meaning is Meaning.MEAN
     stated = effects_after_alignment(fitted.config.signals)
     calibration = calibration_of(fitted)
-    return constants_for(
-        injector,
-        rate,
-        durations,
-        events_required,
-        rail_every(fitted),
-        means,
-        stated,
-        calibration,
-        fitted.config.signals.needle_lift is not None,
-    )
+    every = rail_every(fitted)
+    constants = constants_for(injector, rate, durations, events_required, every, means, stated, calibration)
+    has_lift = fitted.config.signals.needle_lift is not None
+    return constants if has_lift else constants._replace(needle=injector.needle_law)
 
 
 def calibration_of(fitted: BenchInjector) -> StatedAccuracy:

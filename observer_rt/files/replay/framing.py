@@ -13,7 +13,7 @@ from observer_rt.bus.mapping.bus_map import BusMap, message_of, message_timing, 
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
-from observer_rt.config.signals import Role, without_lift
+from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import frames_of_message
 from observer_rt.engine.signal_survey import Survey
 from observer_rt.files.signals.recording import Recording
@@ -49,7 +49,7 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
             "check the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s"),
         )
     if not recording.has_lift:
-        bench = bench.with_sections(signals=without_lift(bench.injector.config.signals))
+        bench = bench.with_sections(signals=bench.injector.config.signals.model_copy(update={"needle_lift": None}))
     sampling = bench.injector.config.sampling
     if recording.meaning not in (None, sampling.meaning):
         sampling = sampling.model_copy(update={"meaning": recording.meaning})

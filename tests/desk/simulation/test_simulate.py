@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.desk.simulation.plant import Truth, run_plant
-from observer_rt.desk.simulation.schedule import Schedule, Shot, Stroke, make_schedule
+from observer_rt.desk.simulation.schedule import Schedule, Shot, make_schedule
 from observer_rt.desk.simulation.simulate import (
     LIFT,
     PRESSURE,
@@ -59,7 +60,7 @@ def test_check_masses_of_the_nominal_injector(open_time: float, rail_pressure: f
     """The figures beside the nominal parameters, for a needle that opens and closes in 0.25 ms each."""
     ramp, start = 0.25e-3, 1e-3
     speed = NOMINAL.seat.max_lift / ramp
-    needle = Stroke(start, start + ramp, start + open_time - ramp, start + open_time, speed, speed)
+    needle = NeedleStroke(start, start + ramp, start + open_time - ramp, start + open_time, speed, speed)
     time = np.arange(600) / 100e3
     truth = run_plant(effective_model(NOMINAL), [needle], time, np.full(600, rail_pressure))
     assert mass(truth) == pytest.approx(expected, rel=0.03)

@@ -10,7 +10,7 @@ from observer_rt.core.model.laws import seat_area_slope
 from observer_rt.core.model.model import advance_state, fault_with_rate
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.predictor import Window, input_variance, open_loop
-from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter, learned_of
+from observer_rt.engine.estimation.scalars import NEEDLE_LAW, PARAMETERS, Parameter, learned_of
 from observer_rt.model.effective import LAG_UNIT
 from tests.differences import assert_columns_agree, differences
 from tests.engine.estimation.conftest import NOISE, SMOOTH, Case, event_inputs, simulated_event, with_time, worn_theta
@@ -53,7 +53,7 @@ def assert_slopes(case: Case, theta: NDArray[np.float64], by_corners: float = 0.
     assert np.linalg.norm(left[beyond_corner]) < by_corners * np.linalg.norm(moved[beyond_corner])
     largest = np.abs(expected).max(axis=0)  # m3/s
     assert not largest[list(SENSOR)].any()  # x^ runs open loop
-    assert np.delete(largest, [*SENSOR, *VALVE, *SCALARS.needle.columns]).min() > 1e-9
+    assert np.delete(largest, [*SENSOR, *VALVE, *NEEDLE_LAW.columns]).min() > 1e-9
 
 
 @pytest.mark.parametrize("theta", [HEALTHY, worn_theta()], ids=["healthy", "worn"])

@@ -10,7 +10,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, WEIGHTS, Parameter, learned_of, network_of
+from observer_rt.engine.estimation.scalars import PARAMETERS, VALVE_LAW, WEIGHTS, Parameter, learned_of, network_of
 from observer_rt.model.effective import coefficients
 from observer_rt.model.line import stiffened
 from observer_rt.model.parameters import LineOutflow
@@ -32,7 +32,7 @@ from tests.model.conftest import with_line
 
 BURN_IN = 20
 HEALTHY = np.zeros(PARAMETERS)
-VALVE = np.isin(np.arange(PARAMETERS), SCALARS.valve.columns)
+VALVE = np.isin(np.arange(PARAMETERS), VALVE_LAW.columns)
 SIGMA = 1.5e-3  # of p_0: what the predictor's innovations have at 100 kHz
 
 

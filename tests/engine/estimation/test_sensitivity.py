@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.predictor import Window, innovations_with_sensitivity
-from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
+from observer_rt.engine.estimation.scalars import NEEDLE_LAW, PARAMETERS, Parameter
 from observer_rt.model.effective import LAG_UNIT
-from observer_rt.model.needle import needle_law
 from tests.differences import assert_columns_agree, differences
 from tests.engine.estimation.conftest import (
     SMOOTH,
@@ -28,7 +27,7 @@ from tests.model.conftest import with_line
 HEALTHY = np.zeros(PARAMETERS)
 FLOW = list(range(Parameter.LINE_PRESSURE_OFFSET))  # nozzle and seat
 VALVE = list(range(Parameter.CONTROL_START, Parameter.DISPLACEMENT))  # does nothing without flow
-NEEDLE = SCALARS.needle.columns.tolist()
+NEEDLE = NEEDLE_LAW.columns.tolist()
 SERVO = worn_theta()
 SERVO[Parameter.CONTROL_FLOW : Parameter.DISPLACEMENT + 1] = 0.08, 0.3, -0.4, 0.2, -0.3, 0.02
 QUICK = worn_theta()
@@ -90,7 +89,7 @@ def test_slopes_of_a_needle_that_answers_commands(case: Case, line: str, command
         window = window._replace(start=start_at_rest(case.c, 0.7))
     theta[NEEDLE] = 0.2, 0.1, -0.3, -0.1
     assert_slopes(
-        case, window._replace(needle=needle_law(injector), commands=np.array(commands)), theta, share=1e-5
+        case, window._replace(needle=injector.needle_law, commands=np.array(commands)), theta, share=1e-5
     )  # a step of waves is iterated
 
 

@@ -29,13 +29,15 @@ def quantised_recordings(draw: st.DrawFn) -> Recording:
     samples = draw(st.integers(2, 30))
     start = draw(st.integers(0, 10**9))
     period = draw(st.integers(10, 10_000))
+    lift = _signal(draw, samples, -5000, 1.0, 1e8)
+    energizing = _signal(draw, samples, 0, 1.0, 1.0) if draw(st.booleans()) else None
     return Recording(
         time=(start + period * np.arange(samples)) / 1e7,
         rail_pressure=_signal(draw, samples, -2000, 5000.0, 1.0),
-        needle_lift=_signal(draw, samples, -5000, 1.0, 1e8),
+        needle_lift=lift if energizing is None or draw(st.booleans()) else np.full(samples, np.nan),
         line_pressure=_signal(draw, samples, -2000, 5000.0, 1.0),
         injection_rate=_signal(draw, samples, -10_000, 1.0, 1e8) if draw(st.booleans()) else None,
-        energizing=_signal(draw, samples, 0, 1.0, 1.0) if draw(st.booleans()) else None,
+        energizing=energizing,
     )
 
 

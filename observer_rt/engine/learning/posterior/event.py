@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.phases import phases_of
 from observer_rt.engine.estimation.gating import best_subset
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
-from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation, ShotDelays
+from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import SCALARS, Parameter
+from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, Parameter
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import pooled
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, is_same, resting_segments
 from observer_rt.engine.learning.disturbances.masks import Sigmas, without_stretches
 from observer_rt.engine.learning.fitting import EventFitter
-from observer_rt.engine.learning.hypotheses import STATED, UNLIKE_BEFORE, Mode, is_alike
+from observer_rt.engine.learning.hypotheses import NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector, shrink
 from observer_rt.engine.learning.learned_range import EventPoint, operating_point, remembered
-from observer_rt.engine.learning.posterior.explaining import NEEDLE_STARTS, Explanation, Weighing
+from observer_rt.engine.learning.posterior.explaining import STARTED, Explanation, Weighing
 from observer_rt.engine.learning.posterior.reader import (
     ClosedEvent,
     EventReader,
@@ -159,11 +159,6 @@ class ExplainedEvent(NamedTuple):
         return self.lead.reading.window
 
     @property
-    def delays(self) -> ShotDelays | None:
-        """Delays of its shots as the leading explanation has them, of a needle that answers commands."""
-        return None if self.lead.fit is None else self.lead.fit.delays
-
-    @property
     def fault_weight(self) -> float:
         """Probability that the event is at fault, or the model inadequate."""
         return sum(explanation.weight for explanation, _ in self.explanations if not explanation.is_good)
@@ -264,12 +259,12 @@ class _Reads:
         fitter = EventFitter(cost, learned.active, self._reader.limits)
         prior = learned.belief.narrowed(STATED, c.FILED)
         fits = []
-        for move in NEEDLE_STARTS:
+        for move in STARTED[NEEDLE_CHANGED]:
             cost.jitter = np.zeros_like(cost.jitter)
             fits.append(fitter.fit(cost.linearised(learned.theta + move), prior, c.NEEDLE_STEPS).linearisation)
         cost.jitter = np.zeros_like(cost.jitter)
         best = min(fits, key=lambda fit: fit.value + 0.5 * prior.distance(fit.theta))
-        needle, theta = SCALARS.needle.columns, learned.theta.copy()
+        needle, theta = NEEDLE_LAW.columns, learned.theta.copy()
         theta[needle] = best.theta[needle]
         return cost.linearised(theta)
 

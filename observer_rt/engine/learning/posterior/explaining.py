@@ -1,10 +1,11 @@
 """Explains an event as every kind that it may be, and computes the weights of these explanations."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,19 +38,11 @@ from observer_rt.engine.learning.learned_injector import NOISE, LearnedInjector,
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
 from observer_rt.model.effective import LAG_UNIT
 
-
-def _moved(delays: Mapping[int, Sequence[float]]) -> Theta:
-    """Moves of theta (k, m) by delays [s] in its columns."""
-    moves = np.zeros((len(next(iter(delays.values()))), PARAMETERS))
-    for column, each in delays.items():
-        moves[:, column] = np.array(each) / LAG_UNIT
-    return moves
-
-
-_OPENINGS, _CLOSINGS = zip(*((a, b) for a in c.OPENING_DELAYS for b in c.CLOSING_DELAYS), strict=True)
-NEEDLE_STARTS = _moved({Parameter.OPENING_DELAY: _OPENINGS, Parameter.CLOSING_DELAY: _CLOSINGS})
-"""Moves of theta (k, m) from which the needle of an event may be sought, for its delays have several minima."""
-STARTED = {LIFT_LATE: _moved({Parameter.LIFT_DELAY: c.LIFT_DELAYS}), NEEDLE_CHANGED: NEEDLE_STARTS}
+NEEDLE_STARTS, LATE_STARTS = np.zeros((9, PARAMETERS)), np.zeros((len(c.LIFT_DELAYS), PARAMETERS))
+NEEDLE_STARTS[:, [Parameter.OPENING_DELAY, Parameter.CLOSING_DELAY]] = [*product(c.OPENING_DELAYS, c.CLOSING_DELAYS)]
+LATE_STARTS[:, Parameter.LIFT_DELAY] = c.LIFT_DELAYS
+STARTED = {LIFT_LATE: LATE_STARTS / LAG_UNIT, NEEDLE_CHANGED: NEEDLE_STARTS / LAG_UNIT}
+"""Moves of theta (k, m) from which a kind may be sought, for delays have several minima."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""A pilot valve that goes by the injector's commands, as a recording or the bus has them."""
+"""Pilot valve and needle that go by the injector's commands, as a recording or the bus has them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,8 +12,10 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import Shot as Command
 from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.estimation.scalars import VALVE_LAW
 from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.files.signals.recording import Recording
+from observer_rt.model.effective import LAG_UNIT
 from observer_rt.model.effects import sized
 from observer_rt.model.hydraulics import DELAY
 from tests.benches import SAMPLE_RATE, sample_bench
@@ -24,8 +26,21 @@ from tests.engine.plant_runs import in_turn
 from tests.observed_plants import ObservedRun, bench_at, recording_of
 from tests.plants.laws import Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Needle, record, strokes_of
-from tests.plants.windows import windows_of
+from tests.plants.plant import Bench, Needle, Outcome, record, strokes_of
+from tests.plants.windows import true_masses, windows_of
+
+
+def commanded(
+    bench: Bench, outcome: Outcome, opens_after: float, shuts_after: float, jitter: float = 0.0, late: float = 0.0
+) -> Recording:
+    """A recording with the commands that opened the needle, and shut it again, so long before [s]."""
+    rng, time = np.random.default_rng(5), outcome.measured.time - late
+    level = np.zeros(time.size)
+    for event, start in zip(bench.events, bench.starts, strict=False):
+        for opening, _, closing, *_ in strokes_of(event, start, bench.needle, bench.injector.max_lift):
+            on, off = rng.normal((opening - opens_after, closing - shuts_after), jitter)
+            level[time >= on], level[time >= off] = 1.0, 0.0
+    return replace(recording_of(outcome), energizing=level)
 
 
 def learned(
@@ -38,15 +53,10 @@ def learned(
     events, laws = in_turn(18, lambda _: faults, RAIL_PRESSURES, DURATIONS), Laws(control_flow=flow)
     bench = Bench(Injector(), Needle(), events, seed=3, laws=laws)
     outcome = record(bench)
-    time, level = outcome.measured.time - late, np.zeros(outcome.measured.time.size)
-    for event, start in zip(bench.events, bench.starts, strict=False):
-        for opening, _, closing, *_ in strokes_of(event, start, bench.needle, bench.injector.max_lift):
-            level[time >= opening - laws.control_lead - opens_after] = 1.0
-            level[time >= closing - laws.control_trail - shuts_after] = 0.0
-    recording = replace(recording_of(outcome), energizing=level)
-    history = evaluate(bench_at(bench.sample_rate), [recording])
+    before = laws.control_lead + opens_after, laws.control_trail + shuts_after
+    history = evaluate(bench_at(bench.sample_rate), [commanded(bench, outcome, *before, late=late)])
     masses = windows_of(outcome, bench.sample_rate).masses(outcome.truth.injection_rate, bench.injector.density)
-    changes = SCALARS.valve.of(history.knowledge.in_force)[:2]
+    changes = VALVE_LAW.of(history.knowledge.in_force)[:2]
     return ObservedRun(history.evaluations[0].reports, masses)[FIRST:], [DELAY - each for each in changes]
 
 
@@ -74,6 +84,37 @@ def test_a_command_goes_by_the_sample_at_which_it_comes() -> None:
 
 
 @pytest.mark.parametrize(
+    ("faults", "opens_later", "closes_later", "needle"),
+    [
+        (Faults(), 60e-6, -120e-6, Needle(0.9, 0.8)),
+        (Faults(orifice_area=0.3), -70e-6, 130e-6, Needle(0.7, 1.0)),
+        (Faults(orifice_area=-0.2, seat_area=0.2), 80e-6, 80e-6, Needle()),
+    ],
+)
+def test_without_the_lift_masses_are_right_from_the_first_injection_on(
+    faults: Faults, opens_later: float, closes_later: float, needle: Needle
+) -> None:
+    law = load_injector().needle_law
+    events = in_turn(9, lambda _: faults, (60e6, 100e6, 140e6), (0.6e-3, 1.9e-3, 1.0e-3))
+    outcome = record(bench := Bench(Injector(), needle, events, seed=3))
+    before = law.opening_delay + opens_later, law.closing_delay + closes_later
+    recording = without_lift(commanded(bench, outcome, *before, jitter=10e-6))
+    reports = evaluate(bench_at(bench.sample_rate), [recording]).evaluations[0].reports
+    run_of_events = ObservedRun(reports, true_masses(outcome, bench))
+    assert all(run_of_events.valid)
+    assert np.abs(run_of_events.errors).max() < 0.015
+    assert np.median(np.abs(run_of_events.errors)) < 0.004
+    assert np.mean(run_of_events.inside) >= 0.85
+    delays = [reports[-1].indicators[name].value * LAG_UNIT for name in ("needle_opens_later", "needle_closes_later")]
+    assert delays == pytest.approx([opens_later, closes_later], abs=30e-6)
+
+
+def without_lift(recording: Recording) -> Recording:
+    return replace(recording, needle_lift=np.full(recording.samples, np.nan))
+
+
+@pytest.mark.parametrize("has_lift", [True, False])
+@pytest.mark.parametrize(
     ("lines", "frames"),
     [
         (EnergizingBy.LEVEL, on_change),
@@ -83,15 +124,19 @@ def test_a_command_goes_by_the_sample_at_which_it_comes() -> None:
     ids=["level", "duration", "block"],
 )
 def test_on_the_bus_it_is_as_in_a_recording(
-    tmp_path: Path, lines: str, frames: Callable[[Pulses], list[TimedFrame]]
+    tmp_path: Path, lines: str, frames: Callable[[Pulses], list[TimedFrame]], has_lift: bool
 ) -> None:
     """Frames tell of a command some samples after it; what was observed meanwhile is observed again."""
     schedule = make_schedule([100e6], 8, 0.05, shots=(Command(1.1e-3),))
     worn = sized("orifice_area", v_H=0.1), sized("control_flow", c=4e-6)
     seen = simulate(load_injector(), schedule, SAMPLE_RATE, worn, SimulatedNoise(), seed=8).recording
     pulses = [(event.start, event.shots[0].duration) for event in schedule.events]
-    live = run(pulse_bench(tmp_path, lines), merged(samples(seen), frames(pulses)))
-    column = replace(seen, energizing=energized(schedule, seen.time))
+    path, column = pulse_bench(tmp_path, lines), replace(seen, energizing=energized(schedule, seen.time))
+    if not has_lift:
+        before, _, after = path.read_text().partition("[signals.needle_lift]")
+        path.write_text(before + after[after.index("[signals.line_pressure]") :])
+        column = without_lift(column)
+    live = run(path, merged(samples(seen), frames(pulses)))
     offline = evaluate(load_bench(sample_bench(tmp_path)), [column]).evaluations[0].reports
     assert [report.valid for report in live.reports] == [report.valid for report in offline]
     masses = [[report.mass for report in reports] for reports in (live.reports, offline)]

@@ -88,9 +88,8 @@ def test_slopes_of_a_needle_that_answers_commands(case: Case, line: str, command
         case = make_case(with_line(injector, model="wave"))
         window = window._replace(start=start_at_rest(case.c, 0.7))
     theta[NEEDLE] = 0.2, 0.1, -0.3, -0.1
-    assert_slopes(
-        case, window._replace(needle=injector.needle_law, commands=np.array(commands)), theta, share=1e-5
-    )  # a step of waves is iterated
+    window = window._replace(needle=injector.needle_law, commands=np.array(commands))
+    assert_slopes(case, window, theta, share=5e-4)  # a drained sac is empty from one sample to the next
 
 
 def test_slopes_with_a_lift_sampled_between(case: Case) -> None:

@@ -178,15 +178,14 @@ class Notes:
     measured: list[MeasuredMass] = field(default_factory=list)
     missing: list[MissingInjection] = field(default_factory=list)
     notices: list[Notice] = field(default_factory=list)
+    messages: list[str] = field(default_factory=list)
 
     def __call__(self, news: News) -> None:
         kinds = InjectionReport, MeasuredMass, MissingInjection, Notice
         kept: tuple[list[Any], ...] = self.injections, self.measured, self.missing, self.notices
         kept[kinds.index(type(news))].append(news)
-
-    @property
-    def messages(self) -> list[str]:
-        return [notice.text for notice in self.notices if notice.topic is Topic.LINK]
+        if isinstance(news, Notice) and news.topic is Topic.LINK:
+            self.messages.append(news.text)
 
 
 @dataclass(frozen=True)

@@ -138,6 +138,7 @@ def test_what_does_not_compile_without_warning_is_said_with_its_line(package: Pa
 
 @pytest.mark.slow
 def test_without_headers_the_command_that_brings_them_is_named(package: Path) -> None:
+    edited(package)
     program = (
         "import sys, sysconfig; sys.path.insert(0, 'tools/lib'); import build_core\n"
         "build_core.sysconfig.get_path = lambda name: '/nowhere'\n"

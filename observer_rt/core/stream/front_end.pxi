@@ -31,7 +31,7 @@ cdef double commanded_lift(Observer* observer, int64_t position) noexcept nogil:
     for number in range(commands.answered, commands.count):
         since = <int32_t> (observer.ring[position & MASK].index - commands.starts[number % COMMANDS])
         if since < 0:
-            break
+            continue
         pressure = observer.ring[(position - min(since, MASK)) & MASK].rail_pressure * c.pressure_scale + c.chamber_pressure
         pressure = max(pressure / 1e8, 0.1)
         lifts = answers(

@@ -188,6 +188,8 @@ cdef void _begin_segment(Observer* observer, int64_t position) noexcept nogil:
     if row.broken != BREAK_JUMP:
         # the needle may have moved meanwhile: nothing is known of the sac
         shut_needle(observer, row.index)
+    if row.broken == BREAK_RESTART:
+        memory.commands.answered = memory.commands.count  # their indices are of another count
     memory.positions.segment_start = position
     synchronisation.rested = position
     synchronisation.synchronised = False

@@ -1,6 +1,6 @@
 """The plants as the observer meets them: a recording, a bench of that sample rate, and its reports."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +60,24 @@ def recording_of(outcome: Outcome) -> Recording:
     """What the observer is given: no truth."""
     m = outcome.measured
     return Recording(m.time, m.rail_pressure, m.needle_lift, m.line_pressure)
+
+
+def commanded(
+    bench: plant.Bench, outcome: Outcome, opens: float, shuts: float, jitter: float = 0.0, late: float = 0.0
+) -> Recording:
+    """A recording with commands, that opened the needle and shut it again so long after [s]."""
+    rng, time = np.random.default_rng(5), outcome.measured.time - late
+    level = np.zeros(time.size)
+    for event, start in zip(bench.events, bench.starts, strict=False):
+        for opening, _, closing, *_ in plant.strokes_of(event, start, bench.needle, bench.injector.max_lift):
+            on, off = rng.normal((opening - opens, closing - shuts), jitter)
+            level[time >= on], level[time >= off] = 1.0, 0.0
+    return replace(recording_of(outcome), energizing=level)
+
+
+def without_lift(recording: Recording) -> Recording:
+    """As a bench has it that does not measure the lift."""
+    return replace(recording, needle_lift=np.full(recording.samples, np.nan))
 
 
 def bench_at(sample_rate: float, model: Path | None = None, accuracy_percent: float = 0.0) -> Bench:

@@ -7,10 +7,13 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import pandas as pd
 import typer
 
 from observer_rt.config.bench import load_injector
+from observer_rt.desk.evaluation.evaluate import evaluate
+from tests.observed_plants import commanded, without_lift
 from tests.plants.plant import record
 from tests.plants.real import WHOLE, Setting
 from tests.plants.windows import windows_of
@@ -19,10 +22,11 @@ from tools.benchmarks import command_line as cli
 from tools.benchmarks.campaign import Bar, How, Row, chance_of_95, conclude, run_cases, table, tally, values_of
 from tools.benchmarks.cases import CLASSES, Group, make_case
 from tools.benchmarks.discovery.discrepancies import Discrepancy
-from tools.benchmarks.scoring import LIVE, OBSERVER, bench_for_case, estimate_of, score_outcome
+from tools.benchmarks.scoring import LIVE, OBSERVER, bench_for_case, estimate_of, score_evaluation, score_outcome
 from tools.benchmarks.unscented import unscented_rate
 
 CASES = 60  # per class
+OPENS_LATER, CLOSES_LATER, JITTER = (-80e-6, 80e-6), (-150e-6, 150e-6), 10e-6  # s, of a needle without lift
 PEER = "peer"
 PEER_KINDS = ("orifice_area", "seat_area", "orifice_and_seat_area", "line_friction", "healthy")  # of its states
 ERRORS, NOMINAL_ERRORS, RMSE = "observer_errors_pct", "nominal_errors_pct", "observer_rmse"
@@ -108,10 +112,16 @@ class AccuracyTier(StrEnum):
     C = "C"
 
 
-def score_case(class_name: str, seed: int, number: int, with_peer: bool) -> Row:
+def score_case(class_name: str, seed: int, number: int, with_peer: bool, has_lift: bool = True) -> Row:
     """Record a case, and score the observer and the peer on it; a filter wants the whole recording."""
     case = make_case(class_name, seed, number)
     outcome, kind = record(case.bench), CLASSES[class_name]
+    if not has_lift:
+        rng = np.random.default_rng([seed, number])
+        delays = 0.32e-3 + rng.uniform(*OPENS_LATER), 0.27e-3 + rng.uniform(*CLOSES_LATER)
+        recording = without_lift(commanded(case.bench, outcome, *delays, jitter=JITTER))
+        evaluation = evaluate(bench_for_case(case), [recording]).evaluations[0]
+        return score_evaluation(case, outcome, bench_for_case(case), evaluation).facts()
     score = score_outcome(case, outcome, bench_for_case(case))
     if with_peer and kind.group is not Group.STABILITY and not kind.windowed:
         windows, density = windows_of(outcome, case.bench.sample_rate), case.bench.injector.density
@@ -153,6 +163,7 @@ def accuracy(
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
     no_peers: Annotated[bool, typer.Option("--no-peers", help="Only our observer.")] = False,
+    no_lift: Annotated[bool, typer.Option("--no-lift", help="Tier A: the needle by commands alone.")] = False,
     tier: Annotated[
         AccuracyTier,
         typer.Option(help="A: a plant of the nominal structure. B: richer, C: realistic; `fit` fits to it."),
@@ -169,8 +180,9 @@ def accuracy(
         _on_real_injectors([Setting(name) for name in settings], cases or 1, seed, jobs, out, as_json)
         return
     names = cli.chosen_names(classes, "--classes", CLASSES, CLASSES)
+    how = " by commands" if no_lift else "" if no_peers else " with peer"
     todo = {
-        f"{name} {seed} {number}{'' if no_peers else ' with peer'}": (name, seed, number, not no_peers)
+        f"{name} {seed} {number}{how}": (name, seed, number, not no_peers, not no_lift)
         for name in names
         for number in range(cases or CASES)
     }

@@ -14,7 +14,6 @@ from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.estimation.scalars import VALVE_LAW
 from observer_rt.files.replay.framing import TimedFrame
-from observer_rt.files.signals.recording import Recording
 from observer_rt.model.effective import LAG_UNIT
 from observer_rt.model.effects import sized
 from observer_rt.model.hydraulics import DELAY
@@ -23,24 +22,11 @@ from tests.daemon.pulses import EnergizingBy, Pulses, blocks, durations, on_chan
 from tests.device import merged, run
 from tests.engine.learning.test_control_flow import DURATIONS, FIRST, RAIL_PRESSURES
 from tests.engine.plant_runs import in_turn
-from tests.observed_plants import ObservedRun, bench_at, recording_of
+from tests.observed_plants import ObservedRun, bench_at, commanded, without_lift
 from tests.plants.laws import Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Needle, Outcome, record, strokes_of
+from tests.plants.plant import Bench, Needle, record
 from tests.plants.windows import true_masses, windows_of
-
-
-def commanded(
-    bench: Bench, outcome: Outcome, opens_after: float, shuts_after: float, jitter: float = 0.0, late: float = 0.0
-) -> Recording:
-    """A recording with the commands that opened the needle, and shut it again, so long before [s]."""
-    rng, time = np.random.default_rng(5), outcome.measured.time - late
-    level = np.zeros(time.size)
-    for event, start in zip(bench.events, bench.starts, strict=False):
-        for opening, _, closing, *_ in strokes_of(event, start, bench.needle, bench.injector.max_lift):
-            on, off = rng.normal((opening - opens_after, closing - shuts_after), jitter)
-            level[time >= on], level[time >= off] = 1.0, 0.0
-    return replace(recording_of(outcome), energizing=level)
 
 
 def learned(
@@ -107,10 +93,6 @@ def test_without_the_lift_masses_are_right_from_the_first_injection_on(
     assert np.mean(run_of_events.inside) >= 0.85
     delays = [reports[-1].indicators[name].value * LAG_UNIT for name in ("needle_opens_later", "needle_closes_later")]
     assert delays == pytest.approx([opens_later, closes_later], abs=30e-6)
-
-
-def without_lift(recording: Recording) -> Recording:
-    return replace(recording, needle_lift=np.full(recording.samples, np.nan))
 
 
 @pytest.mark.parametrize("has_lift", [True, False])

@@ -61,8 +61,10 @@ def build_in_place() -> None:
         if _is_current(_sources_state()):  # another process was first
             return
         modules = build(_kind())
-        for name, built in modules.items():
-            _install(built, CORE / name)
+        for name, built in modules.items():  # by rename: processes that run keep the module that they have loaded
+            if not (target := CORE / name).exists() or target.stat().st_mtime_ns != built.stat().st_mtime_ns:
+                shutil.copy2(built, temporary := target.with_suffix(".new"))
+                temporary.replace(target)
         for ending in (SUFFIX, STUB):
             for orphan in set(CORE.rglob(f"*{ending}")) - {CORE / name for name in modules}:
                 orphan.unlink()
@@ -115,14 +117,6 @@ def _sources() -> list[Path]:
 def _module_names() -> list[str]:
     sources = (path for path in _sources() if path.suffix == ".pyx")
     return ["views", *(path.relative_to(CORE).with_suffix("").as_posix() for path in sources)]
-
-
-def _install(built: Path, target: Path) -> None:
-    """By rename: processes that run keep the module that they have loaded."""
-    if not target.exists() or target.stat().st_mtime_ns != built.stat().st_mtime_ns:
-        temporary = target.with_suffix(".new")
-        shutil.copy2(built, temporary)
-        temporary.replace(target)
 
 
 def _configure(folder: Path, kind: Kind) -> None:

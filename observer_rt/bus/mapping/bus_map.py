@@ -305,7 +305,7 @@ def role_range(bus: BusMap, role: Role) -> RoleRange:
 def role_resolution(bus: BusMap, role: Role, value: float) -> float:
     """Distance of two neighbouring values [SI] on the bus, near `value` [SI]; the coarsest of the samples."""
     factor = role_factor(bus, role)
-    return max(_step(signal[0], value / factor) for signal in _samples(bus, role)) * factor
+    return max(_step(signal[0], value / factor) for signal in _samples(bus, role)) * factor if factor else np.inf
 
 
 def _groups(bus: BusMap, number: int, role: Role) -> list[np.void]:

@@ -148,6 +148,9 @@ def _protection(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
 
 
 def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
+    if role is Role.NEEDLE_LIFT and fitted.config.signals.needle_lift is None:
+        text = f"{role}: not measured, learned by the energizing; rates are PRELIMINARY until the needle is shut"
+        return graded("mapping", True, text)
     number = message_of(bus, role)
     layout, message = bus.input_layouts[number], bus.inputs.messages[number]
     is_lift = role is Role.NEEDLE_LIFT

@@ -206,15 +206,13 @@ class EventCost:
         """J round theta (m,); leaves the innovations and their slopes (n, m) behind."""
         gradient = np.zeros(theta.size)
         information = np.zeros((theta.size, theta.size))
-        jitter = self._answer(theta)
+        self.delays = self._answer(theta)
+        if self.delays is not None:
+            self.slopes = self.slopes + self.delays.slopes @ self.delays.by_theta
         weigh(self.innovations, self.slopes, self.burn_in, self.sigma, self._together, gradient, information)
-        if jitter is not None:
-            answered = jitter.solved @ self.slopes
-            self.slopes = self.slopes + jitter.slopes @ answered
-            weigh(self.innovations, self.slopes, self.burn_in, self.sigma, self._together, gradient, information)
-            self.delays = jitter._replace(theta=theta, likeliest=self.jitter, by_theta=answered)
-            gradient += answered.T @ self.jitter
-            information += answered.T @ answered
+        if self.delays is not None:
+            gradient += self.delays.by_theta.T @ self.jitter
+            information += self.delays.by_theta.T @ self.delays.by_theta
         value = self._cost(theta)
         by_offset = np.zeros(theta.size)
         by_offset[_OFFSET], by_offset[_GAIN] = 1.0, self._rail_pressure
@@ -245,7 +243,7 @@ class EventCost:
         self.innovations = self.whitened(self.unfiltered)
 
     def _answer(self, theta: NDArray[np.float64]) -> ShotDelays | None:
-        """Follow the event with theta (m,), its shots as late as explains most; the jitter about that, if any."""
+        """Follow the event with theta (m,), its shots as late as explains most: these, if any."""
         self.unfiltered = np.empty(self._window.output.size)
         slopes = np.empty((self.unfiltered.size, theta.size + self.jitter.size))
         jitter, move = None, self.jitter
@@ -267,4 +265,4 @@ class EventCost:
                 break
         self.unfiltered_slopes = slopes[:, : theta.size].copy() if self.jitter.size else slopes
         self.slopes = self.whitened(self.unfiltered_slopes)
-        return jitter
+        return jitter and jitter._replace(theta=theta, likeliest=self.jitter, by_theta=jitter.solved @ self.slopes)

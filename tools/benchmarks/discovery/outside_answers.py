@@ -77,7 +77,9 @@ def ask_outside(
     recordings = [with_healthy_offset(one, baseline) for one in recorded]
     points = [point.measurement for point in by_operating_point(recordings)]
     begin = time.process_time()
-    with vocabulary_without(without), noted_search() as noted:
+    with patch.dict(effects._in_use), noted_search() as noted:
+        for name in without:
+            del effects._in_use[name]
         findings = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
     core_seconds = time.process_time() - begin
     outcome = noted[-1]
@@ -112,15 +114,6 @@ def proposed(proposal: Proposal, nominal: EffectiveModel, further: Measurements)
         proposal.may_enter,
         misfit(proposal.candidate.model(nominal), further),
     )
-
-
-@contextmanager
-def vocabulary_without(ids: Sequence[str]) -> Iterator[None]:
-    """The vocabulary, meanwhile, has these effects not."""
-    with patch.dict(effects._in_use):
-        for name in ids:
-            del effects._in_use[name]
-        yield
 
 
 @contextmanager

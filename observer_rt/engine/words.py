@@ -127,7 +127,7 @@ REASONS: Mapping[Reason, Words] = {
         "wait: the next one like it is mostly valid; the log says what is known, and which recording would help",
     ),
     Reason.PRELIMINARY: Words(
-        "the needle lift is not measured, so the rate is known once the needle is shut",
+        "without a needle lift the rate is known once the needle is shut",
         "take the corrected rate and the mass",
     ),
     Reason.LIFT_DEAD: Words(

@@ -53,6 +53,7 @@ class FitOptions(ModelOptions):
 def fit(options: FitOptions) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.signals import effects_on_one_raster
+    from observer_rt.desk.evaluation.answered_lift import with_answered_lift
     from observer_rt.desk.evaluation.logged import open_source, without_truths
     from observer_rt.desk.library.fit import fitted_model
     from observer_rt.engine.service.injector import calibration_of
@@ -78,7 +79,8 @@ def fit(options: FitOptions) -> None:
     read = partial(open_source, bench=decoder, from_channels=from_channels, console=messages, density=density)
     most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: a mass is the mean of all injections
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    recordings = reading.read_measured(paths, read, messages, most, stated)
+    lift_of = partial(with_answered_lift, start)
+    recordings = reading.read_measured(paths, read, messages, most, stated, lift_of=lift_of)
     reading.refuse_rates_missing([one.recording for one in recordings])
     refuse_clipped(recordings)
     weighed = {} if options.mass is None else read_masses(options.mass, recordings, density)

@@ -89,7 +89,7 @@ def observer_remainder(
     """
     rate = recordings[0].sample_rate
     fitted = injector.model_copy(update={"baseline": baseline})
-    bench, collected = _bench_of(fitted, recordings[0]), list[list[_HealthyEvent]]()
+    bench, collected = bench_of(fitted, recordings[0]), list[list[_HealthyEvent]]()
     knowledge: Knowledge | None = None
     for recording in recordings:
         if recording.sample_rate != rate:
@@ -106,12 +106,12 @@ def learned_laws(injector: InjectorParameters, recordings: Sequence[Recording]) 
     """Laws of nozzle and seat that the network learns from recordings; none where the observer refuses them."""
     alike = [one for one in recordings if one.sample_rate == recordings[0].sample_rate]
     try:
-        return evaluate(_bench_of(injector, alike[0]), alike).evaluations[-1].learned
+        return evaluate(bench_of(injector, alike[0]), alike).evaluations[-1].learned
     except UserError:
         return ()
 
 
-def _bench_of(injector: InjectorParameters, recording: Recording) -> Bench:
+def bench_of(injector: InjectorParameters, recording: Recording) -> Bench:
     """The example's bench as a recording was made, on which the injector is learned with whatever its fit says."""
     bench = load_bench().with_parameters(injector)
     sampling = SamplingConfig(rate_hz=recording.sample_rate, meaning=recording.meaning or Meaning.INSTANT)

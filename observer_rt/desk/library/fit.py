@@ -7,16 +7,25 @@ from typing import Any
 
 import pandas as pd
 
+from observer_rt.desk.evaluation.answered_lift import answered_again
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
 from observer_rt.foundation.errors import require
 from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, rounded
 from observer_rt.identification.fit.cross_validation import sensor_gain, warnings
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 from observer_rt.identification.fit.masses import MeanMass
+from observer_rt.identification.fit.problem import STRUCTURES, Structure
 from observer_rt.identification.likelihood.measurement import Measurement, without_gain
 from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.parameters import InjectorParameters
+
+TRADED = (
+    "without a needle lift, seat.flow_coefficient is known only as its product with the needle's opening speed: "
+    "its interval holds for the speed that stands in [needle]"
+)
+ROUNDS = 3  # of a needle whose lift was not measured: it follows from the model that the round before fitted
+PLAIN = STRUCTURES[:4]  # of all rounds but the last: one lump, or waves
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,18 +90,42 @@ def fitted_model(
     calibration: of the pressure sensors, whose gain is taken out before.
     Raises `RunError` where no structure has a solution.
     """
-    doubts = tuple(warnings(measurements))
+    doubts = [*warnings(measurements)]
     gain = sensor_gain(measurements, calibration)
     level = calibration.level(gain)
     if gain != 0.0:
         measurements = without_gain(measurements, gain, level)
         weighed = {number: one.by(level) for number, one in weighed.items()}
-    done = replace(calibrate(start, measurements, weighed, progress), flow_level=level)
+    if measurements[0].is_answered:
+        doubts.append(TRADED)
+        done = _with_needle(start, measurements, weighed, progress)
+    else:
+        done = calibrate(start, measurements, weighed, progress)
+    done = replace(done, flow_level=level)
     baseline = baseline_of(done, digests)
     try:
-        observer = observer_remainder(done.injector, baseline, [one.recording for one in measurements])
+        observer = observer_remainder(done.injector, baseline, [one.recording for one in done.measurements])
     except (ArithmeticError, ValueError) as error:  # a model so far off that the observer's numbers fail
         done = replace(done, not_observed=str(error))
         observer, baseline = None, baseline.model_copy(update={"adequate": False})
     left = {"observer": observer, "line_pressure_sensor_gain": rounded(gain)}
-    return FitResult(done, baseline.model_copy(update=left), doubts)
+    return FitResult(done, baseline.model_copy(update=left), tuple(doubts))
+
+
+def _with_needle(
+    start: InjectorParameters,
+    measurements: Sequence[Measurement],
+    weighed: Mapping[int, MeanMass],
+    progress: Callable[[float], None],
+) -> CalibrationResult:
+    """Calibrate where no lift was measured: each time with the lift that follows from the time before."""
+
+    def calibrated(number: int, structures: Sequence[Structure]) -> CalibrationResult:
+        return calibrate(start, measurements, weighed, lambda share: progress((number + share) / ROUNDS), structures)
+
+    done = calibrated(0, PLAIN)
+    for number in range(1, ROUNDS):
+        injector, measurements = answered_again(done.injector, measurements)
+        start = start.model_copy(update={"needle": injector.needle})
+        done = calibrated(number, STRUCTURES if number == ROUNDS - 1 else PLAIN)
+    return done

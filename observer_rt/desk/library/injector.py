@@ -14,6 +14,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_inje
 from observer_rt.config.effects import effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.config.signals import effects_on_one_raster
+from observer_rt.desk.evaluation.answered_lift import with_answered_lift
 from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
 from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run
 from observer_rt.desk.library.discovery import DiscoveryResult
@@ -33,7 +34,7 @@ from observer_rt.identification.fit.cross_validation import refuse_clipped
 from observer_rt.identification.fit.masses import read_masses
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.reading import coverage, read_measured, refuse_rates_missing
+from observer_rt.identification.likelihood.reading import LiftOf, coverage, read_measured, refuse_rates_missing
 from observer_rt.model.parameters import InjectorParameters
 
 Pathlike = str | PathLike[str]
@@ -129,7 +130,7 @@ class Injector:
             sources = sources_of(recordings, self.bench, notes.console)
             # Whole: a mass is the mean of all injections.
             most = MOST_SAMPLES if masses is None else sys.maxsize
-            measured = self._measured(sources, notes, most)
+            measured = self._measured(sources, notes, most, partial(with_answered_lift, self.parameters))
             refuse_rates_missing([one.recording for one in measured])
             refuse_clipped(measured)
             density = self.bench.injector.coefficients.density
@@ -233,13 +234,18 @@ class Injector:
         return replace(self, bench=bench, file=InjectorFile.read(path), calibration=None)
 
     def _measured(
-        self, sources: Sequence[SignalStream], notes: CallNotes, most: int = MOST_SAMPLES
+        self,
+        sources: Sequence[SignalStream],
+        notes: CallNotes,
+        most: int = MOST_SAMPLES,
+        lift_of: LiftOf | None = None,
     ) -> tuple[Measurement, ...]:
         """Looks for injections."""
         named = {source.path: source for source in sources if source.path is not None}
         stated = effects_on_one_raster(self.bench.injector)
         paths = [source.path for source in sources if source.path is not None]
-        return read_measured(paths, named.__getitem__, notes.console, most, stated, self.parameters.baseline)
+        baseline = self.parameters.baseline
+        return read_measured(paths, named.__getitem__, notes.console, most, stated, baseline, lift_of)
 
     def __repr__(self) -> str:
         return "\n".join(self._lines)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.predictor import follow, move_lift, propagate_noise
 from observer_rt.core.model.model import SENSOR_NUMBERS
-from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, commanded_areas
+from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, NeedleStroke, commanded_areas, stroke_of
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import SENSOR_LAW, LearnedModel, Parameter, by_theta, learned_of
 from observer_rt.model.effective import LAG_UNIT, NO_CLOCK, NO_PROGRAM, Clock, Coefficients
@@ -60,17 +60,13 @@ class Window(NamedTuple):
         """The window with the needle as it was learned: by commands, or by its recorded lift, which may be late."""
         if self.needle is None:
             return self.with_lift_earlier(learned.lift_delay / setting.interval)
-        c, inputs = setting.coefficients, self.inputs.copy()
-        n = len(inputs)
+        c, inputs, interval = setting.coefficients, self.inputs.copy(), setting.interval
+        n, pressures = len(inputs), self._pressures(c)
         areas, slopes, shots = np.zeros(n), np.zeros((n, NEEDLE_NUMBERS)), np.zeros(n, np.int64)
-        begun = inputs[np.clip(self.commands[:, 0], 0, n - 1).astype(np.int64), 0]
-        pressures = (begun * c.pressure_scale + c.chamber_pressure) / AT
-        commanded_areas(
-            self.commands, pressures, self.needle, learned.needle, c.seat, setting.interval, areas, slopes, shots
-        )
+        commanded_areas(self.commands, pressures, self.needle, learned.needle, c.seat, interval, areas, slopes, shots)
         inputs[:, 1] = areas
         is_open = areas > 0.0
-        every, settled = np.arange(n), round(SETTLE / setting.interval)
+        every, settled = np.arange(n), round(SETTLE / interval)
         last = np.maximum.accumulate(np.where(is_open, every, -settled - 1))
         resting = (every - last > settled) & ~np.append(is_open[1:], False)
         first = int(np.argmax(is_open)) if is_open.any() else self.opening
@@ -82,6 +78,21 @@ class Window(NamedTuple):
             by_needle=slopes,
             shots=shots,
         )
+
+    def strokes(self, learned: LearnedModel, setting: "Setting") -> tuple[NeedleStroke, ...]:
+        """Strokes of a needle that answers commands as it was learned, in time order [s] from the first sample on."""
+        if self.needle is None:
+            return ()
+        needle, spans = needle_with(self.needle, learned.needle), setting.interval * self.commands
+        spans[:, 1] -= spans[:, 0]
+        pressures = self._pressures(setting.coefficients)
+        answers = [stroke_of(*span, pressure, needle) for span, pressure in zip(spans, pressures, strict=True)]
+        return tuple(NeedleStroke(**answer) for answer in answers if answer is not None)
+
+    def _pressures(self, c: Coefficients) -> NDArray[np.float64]:
+        """Of the rail at each command (k,), over 100 MPa."""
+        begun = np.clip(self.commands[:, 0], 0, len(self.inputs) - 1).astype(np.int64)
+        return np.asarray((self.inputs[begun, 0] * c.pressure_scale + c.chamber_pressure) / AT)
 
     @property
     def shot_columns(self) -> int:
@@ -104,6 +115,17 @@ class Window(NamedTuple):
             opening=max(self.opening - math.ceil(samples), 1),
             knots=knots,
         )
+
+
+def needle_with(needle: NeedleLaw, learned: NDArray[np.float64]) -> NeedleLaw:
+    """A needle as was learned of it (NEEDLE_NUMBERS,): delays in s, speeds as natural logarithms."""
+    opens, rises, closes, falls = learned.tolist()
+    return needle._replace(
+        opening_delay=needle.opening_delay + opens,
+        opening_speed=needle.opening_speed * math.exp(rises),
+        closing_delay=needle.closing_delay + closes,
+        closing_speed=needle.closing_speed * math.exp(falls),
+    )
 
 
 class Setting(NamedTuple):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.prediction_error import JITTER_SIZE, ShotDelays
 from observer_rt.engine.estimation.predictor import (
@@ -34,7 +35,8 @@ class Resimulation:
     run: over the event's window; by_inputs: variance by the noise of the inputs; covariance (m, m): of the error of
     the theta of the run; interval: of the samples [s]; systematic, unknown: error of the model as a share of the
     volume (one sigma), on a healthy injector and on this one by recent events; calibration: of the level, which no
-    event shows; moved: share by which the mean over all explanations of the event is larger than the run.
+    event shows; moved: share by which the mean over all explanations of the event is larger than the run; strokes: of
+    a needle whose lift is not recorded, in s from the first sample on.
     """
 
     run: OpenLoop
@@ -45,6 +47,7 @@ class Resimulation:
     unknown: float = 0.0
     calibration: StatedAccuracy = EXACT
     moved: float = 0.0
+    strokes: tuple[NeedleStroke, ...] = ()
 
     @property
     def model_share(self) -> float:
@@ -137,3 +140,13 @@ def volume_in(event: Resimulation, window: slice) -> float:
 def corrected_rate(event: Resimulation, window: slice) -> NDArray[np.float64]:
     """Rate [m3/s] at the samples of a window of the event, by its own pressures."""
     return np.asarray((1.0 + event.moved) * event.run.rate[window], np.float64)
+
+
+def stroke_in(event: Resimulation, window: slice) -> NeedleStroke | None:
+    """Stroke that lies in a window of the event, in s from its first sample on; None where the lift is recorded."""
+    start, end = event.interval * window.start, event.interval * window.stop
+    for stroke in event.strokes:
+        if start < 0.5 * (stroke.opening + stroke.closed) < end:
+            times = {name: getattr(stroke, name) - start for name in ("opening", "top", "closing", "closed")}
+            return stroke._replace(**times)
+    return None

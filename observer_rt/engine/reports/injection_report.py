@@ -12,10 +12,18 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, ShownIndicator
 from observer_rt.engine.learning.constants import OFTEN
 from observer_rt.engine.learning.indicators import Indicators, indicators_of
-from observer_rt.engine.learning.interval import VolumeBudget, corrected_rate, rate_sigma, volume_budget, volume_in
+from observer_rt.engine.learning.interval import (
+    VolumeBudget,
+    corrected_rate,
+    rate_sigma,
+    stroke_in,
+    volume_budget,
+    volume_in,
+)
 from observer_rt.engine.learning.knowledge import EventRecord
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import InjectionFacts, contested, reason_of_injection
@@ -64,7 +72,8 @@ class InjectionReport:
     `commanded`: None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which
     the flow was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty
     where nothing was learned from it. calibration: of the level; budget: of the volume's uncertainty, where its
-    event was learned from. recurs: the flow has changed in some of the events before, too.
+    event was learned from. recurs: the flow has changed in some of the events before, too. stroke: of its needle, in
+    s from its start on, where the lift is not recorded and its event was learned from.
     """
 
     number: int
@@ -95,6 +104,7 @@ class InjectionReport:
     calibration: StatedAccuracy = EXACT
     budget: VolumeBudget | None = None
     recurs: bool = False
+    stroke: NeedleStroke | None = None
 
     @property
     def posterior_text(self) -> str:
@@ -182,13 +192,14 @@ def report_of(
     rails = [point.rail_pressure for point in points]
     indicators = indicators_of(theta, covariance, *middle, constants.calibration, rails, constants.needle is None)
     volume = live_volume = float(injection["volume"])
-    sigma, budget, corrected = None, None, None
+    sigma, budget, corrected, stroke = None, None, None, None
     belongs = injection["event"] == event["number"]
     if belongs and outcome is not None and outcome.resimulated is not None:
         again, first = outcome.resimulated, int(event["start_position"])
         window = slice(int(injection["start_position"]) - first, int(injection["end_position"]) - first + 1)
         volume, budget = volume_in(again, window), volume_budget(again, window)
         corrected, sigma = corrected_rate(again, window), rate_sigma(again, window)
+        stroke = stroke_in(again, window)
     passed = not judged.objections
     reason = reason_of_injection(
         InjectionFacts(
@@ -226,6 +237,7 @@ def report_of(
         calibration=constants.calibration,
         budget=budget,
         recurs=outcome is not None and outcome.knowledge.state.changes > OFTEN,
+        stroke=stroke,
     )
 
 

@@ -1,8 +1,10 @@
 """Recordings read in chunks: as long as the disk is large, in memory that does not depend on it."""
 
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import TypeAlias
 
@@ -97,9 +99,10 @@ class SignalStream(ABC):
             reached = start + part.samples
             yield replace(part, time=self._grid(start, reached), stretch=0, first=start)
 
-    def collected(self) -> Recording:
-        """Recording of all samples in memory, as `on_one_grid`."""
-        return replace(joined(list(self.on_one_grid())), meaning=self.meaning, meter=self.meter, notes=self.notes)
+    def collected(self, most: int = sys.maxsize) -> Recording:
+        """Recording of all samples in memory, as `on_one_grid`; of the first only where there are far more."""
+        parts = takewhile(lambda part: part.first < most, self.on_one_grid())
+        return replace(joined(list(parts)), meaning=self.meaning, meter=self.meter, notes=self.notes)
 
     def _grid(self, first: int, end: int) -> NDArray[np.float64]:
         """Times [s] of samples [first, end) of the one grid."""
@@ -157,8 +160,8 @@ class HeldSignals(SignalStream):
         for first in range(0, chunk.samples, SAMPLES_AT_ONCE):
             yield cut(chunk, first, first + SAMPLES_AT_ONCE)
 
-    def collected(self) -> Recording:
-        """The recording."""
+    def collected(self, most: int = sys.maxsize) -> Recording:
+        """The recording, whole."""
         recording = self._recording
         return recording if recording.meaning is self.meaning else replace(recording, meaning=self.meaning)
 

@@ -240,6 +240,8 @@ def write_fitted(path: Path, file: InjectorFile, done: CalibrationResult, baseli
             value = parameter.of(injector)
             number = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
             content[parameter.section][parameter.key] = number
+        if done.measurements[0].is_answered:
+            content["needle"] = section_of({key: rounded(value) for key, value in dict(injector.needle).items()})
         if (share := done.level_share) is not None:
             density = done.file.accuracy.fuel_density_percent
             content["accuracy"] = {"fuel_density_percent": density, "mass_percent": rounded(100.0 * share)}

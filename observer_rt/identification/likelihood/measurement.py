@@ -90,7 +90,7 @@ class Measurement:
 
     noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
     the events [Pa]; duration: mean time the needle is open in an event [s]; injections: in the whole recording;
-    stated: delays and lags of its channels.
+    stated: delays and lags of its channels; is_answered: its lift was not measured, but follows from commands.
     """
 
     recording: Recording
@@ -101,6 +101,7 @@ class Measurement:
     duration: float
     injections: FoundInjections
     stated: tuple[SizedEffect, ...] = ()
+    is_answered: bool = False
 
     @property
     def interval(self) -> float:

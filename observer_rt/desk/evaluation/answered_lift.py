@@ -1,0 +1,67 @@
+"""The lift of a needle that is not measured, as the pressures of its injections show it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from observer_rt.core.model.needle import CORNER_ROUNDING, lift_of_stroke
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.evaluation.healthy_events import bench_of
+from observer_rt.engine.estimation.predictor import needle_with
+from observer_rt.engine.estimation.scalars import NEEDLE_LAW
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import UserError
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.measurement import measurements as judged
+from observer_rt.model.parameters import InjectorParameters
+
+
+def with_answered_lift(injector: InjectorParameters, recordings: Sequence[Recording]) -> list[Recording]:
+    """Recordings with the lift of every injection; one that they have is not used.
+
+    Raises `UserError` where no injection is explained, and as `evaluate`.
+    """
+    return _answered(injector, recordings)[1]
+
+
+def answered_again(
+    injector: InjectorParameters, measurements: Sequence[Measurement]
+) -> tuple[InjectorParameters, tuple[Measurement, ...]]:
+    """An injector with the needle that was learned of it, and measurements with the lift by it.
+
+    Theirs followed from another injector. Raises as `with_answered_lift`.
+    """
+    injector, recordings = _answered(injector, [one.recording for one in measurements])
+    again = zip(judged(recordings), measurements, strict=True)
+    return injector, tuple(replace(new, stated=old.stated, is_answered=True) for new, old in again)
+
+
+def _answered(
+    injector: InjectorParameters, recordings: Sequence[Recording]
+) -> tuple[InjectorParameters, list[Recording]]:
+    blind = [replace(one, needle_lift=np.full(one.samples, np.nan)) for one in recordings]
+    history = evaluate(bench_of(injector, blind[0]), blind)
+    if not any(report.stroke for one in history.evaluations for report in one.reports):
+        raise UserError(
+            str(recordings[0].path or "recording"),
+            "no injection answers its command as the injector file's needle would",
+            "check `energizing`, and delays and speeds in [needle] of the injector file",
+        )
+    needle = needle_with(injector.needle_law, NEEDLE_LAW.of(history.knowledge.in_force))._asdict()
+    del needle["stop"]
+    learned = injector.model_copy(update={"needle": injector.needle.model_copy(update=needle)})
+    return learned, [_with_lift(one, of) for one, of in zip(recordings, history.evaluations, strict=True)]
+
+
+def _with_lift(recording: Recording, evaluation: Evaluation) -> Recording:
+    lift, rate = np.zeros(recording.samples), recording.sample_rate
+    for report in evaluation.reports:
+        if report.stroke is None:
+            continue
+        first = report.start_index - evaluation.first_index
+        begin = max(int(first + (report.stroke.opening - CORNER_ROUNDING) * rate), 0)
+        end = min(int(first + (report.stroke.closed + CORNER_ROUNDING) * rate), lift.size)
+        for sample in range(begin, end):
+            lift[sample] = lift_of_stroke((sample - first) / rate, report.stroke)
+    return replace(recording, needle_lift=lift)

@@ -9,6 +9,7 @@ from observer_rt.core.records import tuple_of
 cdef double[8] _blank  # room for either struct
 globals().update(
     CORNER_ROUNDING=CORNER_ROUNDING,
+    NEEDLE_JITTER=NEEDLE_JITTER,
     NEEDLE_NUMBERS=NEEDLE_NUMBERS,
     NeedleLaw=tuple_of(__name__, "NeedleLaw", (<NeedleLaw*> _blank)[0]),
     NeedleStroke=tuple_of(__name__, "NeedleStroke", (<NeedleStroke*> _blank)[0]),

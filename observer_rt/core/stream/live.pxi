@@ -1,8 +1,8 @@
 # The live rate: a mixture of filters beside x^ that follow the running injection by its own line pressure.
 #
-# Each is an extended Kalman filter on z = [p_L, Q_L, p_S, r, s, indicated pressure]: r and s are what nozzle and seat
-# pass more than the model with phi, as shares of the model's; 0 at an opening from rest, random walks while the needle
-# is open. The filters differ in how far and how fast these may go, and weigh by the likelihood of the line pressure
+# Each is an extended Kalman filter on z = [p_L, Q_L, p_S, r, s, indicated pressure, delay]: r and s are what nozzle and
+# seat pass more than the model with phi, as shares of the model's; 0 at an opening from rest, random walks while the
+# needle is open. A needle that answers commands has another delay at each opening and closing. The filters differ in how far and how fast these may go, and weigh by the likelihood of the line pressure
 # since the opening. Where no event has shown the flow, the first goes as far as the second. They are linearised
 # together, at their mean. Line and sensor are as believed: what one of them does is taken for a flow here, and only the
 # event's own fit tells them apart.
@@ -16,7 +16,9 @@ cdef double[FILTERS][4] WIDTHS = [  # sd at the opening of r and s, walk of r an
 cdef double[FILTERS] ODDS = [0.98, 0.01, 0.01]
 cdef double LEAST_CHANGE = -0.9  # of r and s
 cdef double WHITE = 2.5  # mean square of innovations, up to which a model leaves little of a healthy injector
-cdef int64_t[VALVE_NUMBERS] SPARE = [6] * 4  # column of what is not asked for
+cdef int64_t[VALVE_NUMBERS] SPARE = [7] * 4  # column of what is not asked for
+cdef int64_t[NEEDLE_NUMBERS] DELAYS = [6, 7, 7, 7]  # one of both, for either edge is an area so much later
+cdef double[NEEDLE_NUMBERS] DELAY_SIZES = [1.0, 0.0, 0.0, 0.0]
 cdef double[VALVE_NUMBERS] NO_SIZES  # zeros
 cdef int64_t[CURVES] NO_NEURONS  # zeros
 
@@ -32,7 +34,7 @@ cdef void _prepare_live(Stepping* s) noexcept nogil:
     t.parts, t.neurons = live.parts, NO_NEURONS
     t.theta.nozzle_bias, t.theta.seat_bias = OF_NOZZLE, OF_SEAT
     t.theta.nozzle, t.theta.valve, t.theta.valve_sizes = SPARE, SPARE, NO_SIZES
-    t.theta.needle, t.theta.needle_sizes = SPARE, NO_SIZES
+    t.theta.needle, t.theta.needle_sizes = DELAYS, DELAY_SIZES
     g = &live.gradient
     g.offset, g.sensor = SPARE[0], live.no_numbers
     g.before, g.indicated, g.error = live.before, live.indicated, live.error
@@ -45,6 +47,8 @@ cdef void _begin_live(Stepping* s, int64_t position) noexcept nogil:
     cdef double gain = s.observer.gains[(s.observer.gain_rows - 1) * s.observer.states], pressure
     cdef int64_t i, k
     live, line = &s.live, &s.coefficients.line.lump
+    live.states = LIVE_STATES if s.observer.constants.needle.stop > 0.0 else OF_DELAY
+    live.falls = False
     live.variance = (1.0 - gain) / s.observer.memory.innovation_noise.weight
     pressure = gain * live.variance
     memset(live.mean, 0, sizeof(live.mean))
@@ -59,6 +63,8 @@ cdef void _begin_live(Stepping* s, int64_t position) noexcept nogil:
         one.covariance[1][1] = pressure * line.a3 / line.a1
         for k in range(2):
             one.covariance[OF_NOZZLE + k][OF_NOZZLE + k] = WIDTHS[i][k] * WIDTHS[i][k]
+        if live.states > OF_DELAY:
+            one.covariance[OF_DELAY][OF_DELAY] = 1.0
         one.log_weight = log(ODDS[i])
     _go_on_as(s.of_live, s.of_tilde)
     live.follows, live.has_widened = True, False
@@ -125,6 +131,8 @@ cdef void _advance_live(Stepping* s, int64_t position) noexcept nogil:
     live.indicated[SHOWN] = 1.0
     s.forced.network = live.network
     _force(s, position, x, &live.network, s.of_live)
+    if live.states > OF_DELAY:
+        _delay_needle(live, before.seat_area - row.seat_area, NEEDLE_JITTER / s.interval, &s.forced.interval)
     shown = predict(x, &indicated, &s.forced, s.fraction, observer.memory.in_force.sensor, g)
     shown = shown_under_terms(shown, &s.forced, s.of_live)
     is_measured = row.innovation != 0.0
@@ -137,7 +145,7 @@ cdef void _advance_live(Stepping* s, int64_t position) noexcept nogil:
         for j in range(3):
             live.change[j][i] = live.by[j * LIVE_COLUMNS + i]
         live.change[SHOWN][i] = live.indicated[i]
-    live.change[OF_NOZZLE][OF_NOZZLE] = live.change[OF_SEAT][OF_SEAT] = 1.0
+    live.change[OF_NOZZLE][OF_NOZZLE] = live.change[OF_SEAT][OF_SEAT] = live.change[OF_DELAY][OF_DELAY] = 1.0
     flow_noise = s.coefficients.line.lump.a3 * s.interval * observer.channels[RAIL].noise
     memcpy(live.moved_mean, live.mean, sizeof(live.mean))
     memcpy(live.moved_mean, x, 3 * sizeof(double))
@@ -160,6 +168,23 @@ cdef void _advance_live(Stepping* s, int64_t position) noexcept nogil:
             live.mean[j] += live.filters[i].weight * live.filters[i].mean[j]
 
 
+cdef void _delay_needle(Live* live, double falls_by, double samples, Interval* interval) noexcept nogil:
+    """Shift an interval's area by the delay at the filters' mean; samples: in a unit of it; falls_by: the area, so far."""
+    cdef int64_t i, k
+    if falls_by != 0.0 and (falls_by > 0.0) != live.falls:  # another edge
+        live.falls = not live.falls
+        live.mean[OF_DELAY] = 0.0
+        for i in range(<int64_t> FILTERS):
+            one = &live.filters[i]
+            one.mean[OF_DELAY] = 0.0
+            for k in range(<int64_t> LIVE_STATES):
+                one.covariance[OF_DELAY][k] = one.covariance[k][OF_DELAY] = 0.0
+            one.covariance[OF_DELAY][OF_DELAY] = 1.0
+    interval.start.by_needle[0] = interval.end.by_needle[0] = falls_by * samples
+    interval.start.area += falls_by * samples * live.mean[OF_DELAY]
+    interval.end.area += falls_by * samples * live.mean[OF_DELAY]
+
+
 cdef void _advance_filter(
     Live* live, Filter* one, const double* widths, double steps, double flow_noise, double innovation, bint is_measured
 ) noexcept nogil:
@@ -168,38 +193,38 @@ cdef void _advance_filter(
     cdef double[LIVE_STATES] away
     cdef double[LIVE_STATES] cross
     cdef double error = innovation, expected = live.variance, total
-    cdef int64_t i, j, k
+    cdef int64_t i, j, k, n = live.states
     for k in range(2):
         one.covariance[OF_NOZZLE + k][OF_NOZZLE + k] += steps * widths[2 + k] * widths[2 + k]
-    for i in range(<int64_t> LIVE_STATES):
+    for i in range(n):
         away[i] = one.mean[i] - live.mean[i]
-        for j in range(<int64_t> LIVE_STATES):
+        for j in range(n):
             total = 0.0
-            for k in range(<int64_t> LIVE_STATES):
+            for k in range(n):
                 total += live.change[i][k] * one.covariance[k][j]
             moved[i][j] = total
-    for i in range(<int64_t> LIVE_STATES):
+    for i in range(n):
         total = 0.0
-        for k in range(<int64_t> LIVE_STATES):
+        for k in range(n):
             total += one.covariance[i][k] * live.error[k]
         expected += live.error[i] * total
         error += live.error[i] * away[i]
-    for i in range(<int64_t> LIVE_STATES):
+    for i in range(n):
         cross[i], total = 0.0, live.moved_mean[i]
-        for k in range(<int64_t> LIVE_STATES):
+        for k in range(n):
             cross[i] -= moved[i][k] * live.error[k]
             total += live.change[i][k] * away[k]
         one.mean[i] = total
         for j in range(i + 1):
             total = 0.0
-            for k in range(<int64_t> LIVE_STATES):
+            for k in range(n):
                 total += moved[i][k] * live.change[j][k]
             one.covariance[i][j] = one.covariance[j][i] = total
     one.covariance[1][1] += flow_noise
     if not is_measured:
         return
     one.log_weight -= 0.5 * (log(expected) + error * error / expected)
-    for i in range(<int64_t> LIVE_STATES):
+    for i in range(n):
         one.mean[i] += cross[i] / expected * error
         for j in range(i + 1):
             one.covariance[i][j] -= cross[i] * cross[j] / expected

@@ -12,10 +12,11 @@ from observer_rt.core.stream.stream cimport PairStepper, Stream
 
 cdef enum:
     FILTERS = 3
-    LIVE_STATES = 6  # p_L, Q_L, p_S, and
+    LIVE_STATES = 7  # p_L, Q_L, p_S, and
     OF_NOZZLE = 3  # .. what the nozzle passes more, as a share,
     OF_SEAT = 4  # .. the seat,
-    SHOWN = 5  # .. the indicated pressure
+    SHOWN = 5  # .. the indicated pressure,
+    OF_DELAY = 6  # .. how much later than learned a needle answers whose lift is not recorded, in NEEDLE_JITTER
     LIVE_PARTS = 2
     LIVE_COLUMNS = LIVE_PARTS * WIDTH  # of all states, and one to spare
 
@@ -31,6 +32,8 @@ cdef struct Filter:
 cdef struct Live:
     bint follows
     bint has_widened  # the first filter, for the flow is not known here
+    bint falls  # the needle, whose lift is not recorded
+    int64_t states  # that there are
     double variance  # of a sample of the line pressure [p_0^2], as the innovation monitor expects it
     Filter[FILTERS] filters
     double[LIVE_STATES] mean  # of them all

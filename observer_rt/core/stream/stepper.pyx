@@ -12,6 +12,7 @@ from observer_rt.core.model.records cimport (
     BY_NOZZLE, BY_SEAT, SAC, Coefficients, FlowSlopes, Forced, Forcing, Inputs, Interval, Knot, Network, inputs_of,
     opened_since
 )
+from observer_rt.core.model.needle cimport NEEDLE_JITTER, NEEDLE_NUMBERS
 from observer_rt.core.model.network cimport CURVES
 from observer_rt.core.model.valve cimport VALVE_NUMBERS, Stroke, valve_edge
 from observer_rt.core.stream.state cimport (

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.gating import inverse_of
 from observer_rt.core.learning.whitening import NO_HIGH_PASS, robust_cost, weigh, whiten
+from observer_rt.core.model.needle import NEEDLE_JITTER
 from observer_rt.engine.estimation.predictor import (
     NO_RATE,
     NO_SLOPES,
@@ -20,11 +21,11 @@ from observer_rt.engine.estimation.predictor import (
     innovations,
     innovations_with_sensitivity,
 )
-from observer_rt.engine.estimation.scalars import JITTER, Parameter, learned_of
+from observer_rt.engine.estimation.scalars import Parameter, learned_of
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.effective import LAG_UNIT
 
-JITTER_SIZE = JITTER / LAG_UNIT
+JITTER_SIZE = NEEDLE_JITTER / LAG_UNIT
 ANSWERS = 4  # runs of an event at most, until its shots are as late as explains most
 MOST_JITTER, NEAR_JITTER = 3.0, 0.3  # standard deviations: of a move between two runs, and of one that slopes tell
 NONE_MASKED = np.empty(0, np.bool_)
@@ -130,7 +131,7 @@ class ShotDelays(NamedTuple):
 
     def seconds(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """The likeliest with another theta (m,), in s."""
-        return np.asarray(JITTER * (self.likeliest + self.by_theta @ (theta - self.theta)))
+        return np.asarray(NEEDLE_JITTER * (self.likeliest + self.by_theta @ (theta - self.theta)))
 
 
 class EventCost:
@@ -248,7 +249,7 @@ class EventCost:
         slopes = np.empty((self.unfiltered.size, theta.size + self.jitter.size))
         jitter, move = None, self.jitter
         for _ in range(ANSWERS if self.jitter.size else 1):
-            window = self._window.with_jitter(self.jitter * JITTER, self._setting.interval)
+            window = self._window.with_jitter(self.jitter * NEEDLE_JITTER, self._setting.interval)
             innovations_with_sensitivity(window, self._setting, theta, self.unfiltered, slopes)
             self._whiten()
             if not self.jitter.size or not np.isfinite(self.innovations).all():

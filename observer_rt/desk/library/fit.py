@@ -24,8 +24,8 @@ TRADED = (
     "without a needle lift, seat.flow_coefficient is known only as its product with the needle's opening speed: "
     "its interval holds for the speed that stands in [needle]"
 )
-ROUNDS = 3  # of a needle whose lift was not measured: it follows from the model that the round before fitted
-PLAIN = STRUCTURES[:4]  # of all rounds but the last: one lump, or waves
+ROUNDS = 5  # of a needle whose lift was not measured: it follows from the model that the round before fitted
+PLAIN = STRUCTURES[:4]  # of the first round, whose lift is rough: one lump, or waves; those between keep its choice
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,5 +127,5 @@ def _with_needle(
     for number in range(1, ROUNDS):
         injector, measurements = answered_again(done.injector, measurements)
         start = start.model_copy(update={"needle": injector.needle})
-        done = calibrated(number, STRUCTURES if number == ROUNDS - 1 else PLAIN)
+        done = calibrated(number, STRUCTURES if number == ROUNDS - 1 else [done.fitted.structure])
     return done

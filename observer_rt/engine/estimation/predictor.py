@@ -83,10 +83,9 @@ class Window(NamedTuple):
         """Strokes of a needle that answers commands as it was learned, in time order [s] from the first sample on."""
         if self.needle is None:
             return ()
-        needle, spans = needle_with(self.needle, learned.needle), setting.interval * self.commands
-        spans[:, 1] -= spans[:, 0]
-        pressures = self._pressures(setting.coefficients)
-        answers = [stroke_of(*span, pressure, needle) for span, pressure in zip(spans, pressures, strict=True)]
+        needle, pressures = needle_with(self.needle, learned.needle), self._pressures(setting.coefficients)
+        spans = zip(*(setting.interval * self.commands).T, pressures, strict=True)
+        answers = [stroke_of(start, end - start, pressure, needle) for start, end, pressure in spans]
         return tuple(NeedleStroke(**answer) for answer in answers if answer is not None)
 
     def _pressures(self, c: Coefficients) -> NDArray[np.float64]:

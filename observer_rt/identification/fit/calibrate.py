@@ -43,6 +43,7 @@ GATE = 2.5  # chi2 of a phase, above which a model is not adequate
 TOLERATED = 0.03  # of the swing of the line pressure, up to which a residual is part of every interval
 # Of a mass: impedance of the cells at the closed end, corners of the lift and the like.
 LEAST_MASS_SHARE = 1.2e-3
+ANSWERED_SHARE = 3e-3  # of a mass, where the lift was not measured; M: on plants of other lines and needles
 RATE_MISFIT = 0.02  # of a measured rate, from which on its meter, and not the injector, has its shape
 METERED = 0.5  # of this misfit, from which on poles of the meter explain it
 ORIGIN = "observer-rt fit"
@@ -150,13 +151,15 @@ class CalibrationResult:
     def mass_share(self) -> float:
         """Standard deviation of a mass, as a share, that learning will not remove.
 
-        From what a recording left out changes, from structures that explain the recordings as well, and from edges of
-        the lift between slow instants. How well a measured level was determined is in `level_share`.
+        From what a recording left out changes, from structures that explain the recordings as well, from edges of
+        the lift between slow instants, and from a lift that was not measured. How well a measured level was
+        determined is in `level_share`.
         """
         held_out = self.fitted.held_out
         left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))
         between = max(map(share_between_samples, self.measurements))
-        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, between)
+        answered = ANSWERED_SHARE if self.measurements[0].is_answered else 0.0
+        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, between, answered)
 
     @property
     def level_share(self) -> float | None:

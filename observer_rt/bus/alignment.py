@@ -142,11 +142,6 @@ class MessageTiming:
     lately: float
     """Greatest delay in the last 0.2 s [s]."""
 
-    @property
-    def pressure_error(self) -> float:
-        """Line pressure [Pa] that `unknown` is worth."""
-        return self.unknown * LINE_SLOPE
-
     def as_text(self) -> str:
         """Summary for the screen in one line: delays, drift, and their effect on the samples."""
         if self.jitter.frames == 0:

@@ -25,7 +25,8 @@ from observer_rt.config.bench_file import (
 )
 from observer_rt.config.injector import InjectorConfig
 from observer_rt.config.signals import with_exact_sensors
-from observer_rt.config.toml_file import Section, place_in, read_toml, validated
+from observer_rt.config.toml_file import place_in, read_toml, validated
+from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.accuracy import EXACTLY_KNOWN
@@ -186,12 +187,8 @@ def exact_text(path: Path) -> str:
     return re.sub(r"(?m)^(\w+_percent) = [\d.]+", r"\1 = 0.0", path.read_text(encoding="utf-8"))
 
 
-def describes_files_only(path: Path) -> bool:
-    """Whether a bench file with `[recording]` has no bus sections. Raises `UserError` for one that is no TOML."""
-    return _is_off_bus(read_toml(path))
-
-
-def _is_off_bus(shared: Mapping[str, Any]) -> bool:
+def is_off_bus(shared: Mapping[str, Any]) -> bool:
+    """Whether the content of a bench file with `[recording]` has no bus sections."""
     return "recording" in shared and _OFF_BUS.issuperset(shared)
 
 
@@ -203,7 +200,7 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, off_bus: b
     Raises `UserError` naming file, key, problem and remedy.
     """
     shared = read_toml(path)
-    if off_bus and _is_off_bus(shared):
+    if off_bus and is_off_bus(shared):
         shared = _completed(shared, read_toml(EXAMPLE_BENCH))
     stated = validated(_InjectorNames, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
     buses = read_buses(path, shared)

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from observer_rt.config.injector import InjectorConfig, OutputsConfig
-from observer_rt.config.toml_file import Section, place_in, unknown_key, validated
+from observer_rt.config.toml_file import place_in, unknown_key, validated
+from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
 
 BitRate = Annotated[float, Field(ge=5e3, le=2e7)]  # the fastest is that of CAN XL

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from observer_rt.config.signals import Role, SignalsConfig
-from observer_rt.config.toml_file import Section
+from observer_rt.foundation.documents import Section
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
 OneCharacter = Annotated[str, Field(min_length=1, max_length=1)]

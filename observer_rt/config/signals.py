@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from observer_rt.config.toml_file import Positive, Section
+from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MASS_UNITS, MICROSECOND, TEMPERATURE_ORIGINS
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
-from observer_rt.model.parameters import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, InjectorParameters
+from observer_rt.model.parameters import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, InjectorParameters, Positive
 
 if TYPE_CHECKING:
     from observer_rt.config.bench import BenchInjector

@@ -5,9 +5,9 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from observer_rt.foundation.errors import UserError, did_you_mean
 
@@ -23,13 +23,6 @@ _KINDS = {
 _DEEP = re.compile(rb"^[ \t\[]*(?:[\w-]+[ \t]*\.[ \t]*){50}", re.MULTILINE)  # for such a key tomllib takes very long
 
 _Model = TypeVar("_Model", bound=BaseModel)
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-
-
-class Section(BaseModel):
-    """A section of a file; unknown keys are refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 def validated(model: type[_Model], document: Mapping[str, Any], location_of: Callable[..., str], kind: str) -> _Model:

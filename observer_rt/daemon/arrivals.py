@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from observer_rt.bus.alignment import MessageTiming
+from observer_rt.bus.alignment import LINE_SLOPE, MessageTiming
 from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
@@ -187,8 +187,8 @@ def lateness(timing: Sequence[MessageTiming]) -> str:
     if unknown == math.inf:
         text += ", clocks not known yet"
     elif unknown > 0.0:
-        error = max(one.pressure_error for one in timing)
-        text += f"; joined by clock, known to {unknown / MICROSECOND:.2g} us ({error / MEGAPASCAL:.2g} MPa)"
+        error = unknown * LINE_SLOPE / MEGAPASCAL
+        text += f"; joined by clock, known to {unknown / MICROSECOND:.2g} us ({error:.2g} MPa)"
     return text
 
 

@@ -121,7 +121,11 @@ class JournalWriter:
                 connection.execute("BEGIN IMMEDIATE")
                 connection.execute(_ADD_RUN, self._about_run)
                 for at, entry in batch:  # one by one, so that the loop gets its turn between two of them
-                    self._add(connection, at, entry)
+                    if isinstance(entry, MeasuredMass):
+                        connection.execute(_ADD_MASS, (entry.mass / MILLIGRAM, self._run, entry.report.number))
+                    else:
+                        row = row_of(FIELDS, Output.JOURNAL, entry, self._c)
+                        connection.execute(_ADD_INJECTION, {"run": self._run, "judged_utc": utc(at), **row})
             self._is_begun = True
             for _ in batch:
                 _, entry = self._waiting.popleft()
@@ -151,14 +155,6 @@ class JournalWriter:
         self.removed, self.written = self.removed + self.written, 0
         self._give_up()
         self._is_begun = False
-
-    def _add(self, connection: sqlite3.Connection, at: int, entry: InjectionReport | MeasuredMass) -> None:
-        """at: Unix time [ns]."""
-        if isinstance(entry, MeasuredMass):
-            connection.execute(_ADD_MASS, (entry.mass / MILLIGRAM, self._run, entry.report.number))
-        else:
-            row = row_of(FIELDS, Output.JOURNAL, entry, self._c)
-            connection.execute(_ADD_INJECTION, {"run": self._run, "judged_utc": utc(at), **row})
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:

@@ -182,7 +182,10 @@ class FramePump:
         self._links = links
         self._ends: dict[int, SocketCanLink] = {}  # what the loop reads and writes, by bus
         self._core = core
-        self._fed = _to_be_fed(links, bus)
+        self._fed = {number for number, link in enumerate(links) if not isinstance(link, SocketCanLink)}
+        with_samples = {layout.bus for layout in bus.input_layouts}
+        if self._fed & with_samples:  # then all that have, so that none gets ahead
+            self._fed |= with_samples
         self._pace = Pace(core, bus, self._is_silent)
         self._arrivals = arrivals
         self._on_unsent = on_unsent
@@ -362,10 +365,3 @@ class FramePump:
                 failure = end.failure(OSError(code, os.strerror(code)))
                 return BusDownError(number, failure) if isinstance(failure, LinkDownError) else failure
         return None
-
-
-def _to_be_fed(links: Sequence[Link], bus: BusMap) -> set[int]:
-    """Buses the loop cannot read itself; if one of these has samples, all that have, so that none gets ahead."""
-    fed = {number for number, link in enumerate(links) if not isinstance(link, SocketCanLink)}
-    with_samples = {layout.bus for layout in bus.input_layouts}
-    return fed | with_samples if fed & with_samples else fed

@@ -108,19 +108,16 @@ class SnapshotKeeper:
         samples = {id(report): rows for report, rows in list(self._samples)}  # which come before the news
         for news, moment in pending:
             if isinstance(news, MeasuredMass):
-                self._note_mass(news)
+                for number, (report, shown) in enumerate(self._kept):
+                    if report is news.report:
+                        values = {**shown.values, "measured_mass_mg": news.mass / MILLIGRAM}
+                        self._kept[number] = report, replace(shown, values=values)
                 continue
             self._count += 1
             self._kept.append((news, self._shown(news, samples.get(id(news)), moment)))
             if len(self._kept) > WITH_CURVES:
                 report, shown = self._kept[-1 - WITH_CURVES]
                 self._kept[-1 - WITH_CURVES] = report, replace(shown, curves={})
-
-    def _note_mass(self, measured: MeasuredMass) -> None:
-        for number, (report, shown) in enumerate(self._kept):
-            if report is measured.report:
-                values = {**shown.values, "measured_mass_mg": measured.mass / MILLIGRAM}
-                self._kept[number] = report, replace(shown, values=values)
 
     def _shown(self, report: InjectionReport, rows: NDArray[np.void] | None, moment: int) -> ShownInjection:
         """Entry of an injection; rows: its samples (n,), None when they are no longer remembered."""

@@ -284,13 +284,19 @@ def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
             raise _UnusableError(f"its format is version {version!r}, not {VERSION}{by}")
         if document["sha256"] != _digest(document["content"]):
             raise _UnusableError("it was changed or damaged: its content does not match its checksum")
-        start = no_state(LARGEST_NOISE, model.scaling.pressure)
+        start = no_state(LARGEST_NOISE, model.scaling.pressure)  # before any event
         content = restored(_Content, document["content"], SimpleNamespace(in_force=start.learned.theta))
         if (other := content.model_sha256) != (this := model_hash(model)):
             raise _UnusableError(
                 f"it was learned for another injector model, SHA-256 {other[:8]}... instead of {this[:8]}..."
             )
-        state = _state_in(ArrayTexts(content.arrays).put_in(content.state), start)
+        values = ArrayTexts(content.arrays).put_in(content.state)
+        hints = get_type_hints(LearningState, include_extras=True)
+        fields = {name: restored(hints[name], values[name], getattr(start, name), name) for name in _WHOLE}
+        for name in values.keys() & set(kept_names(LearningState)) - set(_WHOLE):
+            with suppress(NotAsExpectedError):
+                fields[name] = restored(hints[name], values[name], getattr(start, name), name)
+        state = replace(start, **fields)
         if content.columns != SCALARS.names:
             raise _UnusableError("it is of a version that learned other parameters")
         if not state.learned.active <= set(SCALARS.gate.columns):
@@ -298,16 +304,6 @@ def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
         return Knowledge(state, content.in_force, content.phi_version, content.lift)
     except (ValueError, OverflowError, RecursionError, LookupError, TypeError, AttributeError) as error:
         raise _UnusableError(f"its content is not as expected ({error})") from None
-
-
-def _state_in(values: Mapping[str, Any], start: LearningState) -> LearningState:
-    """State restored from what `plain` made of it; start: before any event."""
-    hints = get_type_hints(LearningState, include_extras=True)
-    fields = {name: restored(hints[name], values[name], getattr(start, name), name) for name in _WHOLE}
-    for name in values.keys() & set(kept_names(LearningState)) - set(_WHOLE):
-        with suppress(NotAsExpectedError):
-            fields[name] = restored(hints[name], values[name], getattr(start, name), name)
-    return replace(start, **fields)
 
 
 def restored_knowledge(

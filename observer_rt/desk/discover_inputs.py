@@ -1,7 +1,6 @@
-"""Inputs of `discover`: recordings from files or evidence that a daemon kept, and the model to compare them with."""
+"""Tasks of `discover`: recordings from files or evidence that a daemon kept, and the model to compare them with."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -12,31 +11,24 @@ from observer_rt.config.signals import effects_on_one_raster
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.desk.evaluation.logged import open_source, without_truths
 from observer_rt.foundation.errors import UserError
+from observer_rt.identification.discovery.discover import DiscoveryTask
 from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
-from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import hashes, read_measured, without_copies
 from observer_rt.model.effects import effective_model
 
 
-@dataclass(frozen=True, eq=False)
-class DiscoverInputs:
-    """All that a search looks at."""
-
-    model: Path  # injector file
-    measured: tuple[Measurement, ...]
-    hashes: dict[str, str]  # SHA-256 of the measured files, by name
-    healthy: tuple[Measurement, ...] = ()
-
-
-def inputs_of_recordings(
+def task_of_recordings(
     recordings: Sequence[Path],
     healthy: Sequence[Path],
     model: Path | None,
     decoder: Bench | None,
     from_channel: Sequence[str],
     console: Console,
-) -> DiscoverInputs:
-    """Inputs from recordings; model None: that of the bench file. Raises `UserError` for files that cannot serve."""
+) -> tuple[Path, DiscoveryTask]:
+    """Injector file, and recordings to compare with it; model None: the bench file's.
+
+    Raises `UserError` for files that cannot serve.
+    """
     start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
     injector = load_injector(start)
     density = effective_model(injector).coefficients.density
@@ -45,11 +37,13 @@ def inputs_of_recordings(
     read = partial(open_source, bench=decoder, from_channels=from_channel, console=console, density=density)
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
     measured = read_measured([*paths, *references], read, console, stated=stated, baseline=injector.baseline)
-    return DiscoverInputs(start, measured[: len(paths)], hashes(paths), measured[len(paths) :])
+    return start, DiscoveryTask(injector, measured[: len(paths)], measured[len(paths) :], hashes(paths))
 
 
-def inputs_of_evidence(folder: Path, model: Path | None, decoder: Bench | None, console: Console) -> DiscoverInputs:
-    """Inputs from the evidence about one model: `model`, else that of the bench file, else that of the newest event.
+def task_of_evidence(
+    folder: Path, model: Path | None, decoder: Bench | None, console: Console
+) -> tuple[Path, DiscoveryTask]:
+    """Injector file, and the evidence about it: `model`, else the bench file's, else that of the newest event.
 
     Raises `UserError` for a folder without evidence, and for an injector file that was changed since.
     """
@@ -57,10 +51,10 @@ def inputs_of_evidence(folder: Path, model: Path | None, decoder: Bench | None, 
     wanted = None if named is None else model_hash(load_injector(named))
     kept = evidence_against(read_folder(folder, console), folder, wanted, console)
     start = named or kept.injector_file
-    if model_hash(load_injector(start)) != kept.model_sha256:
+    if model_hash(injector := load_injector(start)) != kept.model_sha256:
         raise UserError(
             f"--from-evidence {folder}",
             f"was kept with an earlier content of {start}",
             "name a copy with that content by --model, or let the observer see more injections",
         )
-    return DiscoverInputs(start, (kept.measurement,), kept.hashes)
+    return start, DiscoveryTask(injector, (kept.measurement,), (), kept.hashes)

@@ -4,17 +4,25 @@ First it learns for that model from the events that were kept with the one in fo
 estimated as well as the last one before. Then either both happen or neither: a daemon that cannot be asked, or does
 not end up with this model, leaves the bench file as it was. What the file named before is noted beside it, so that
 each step can be undone, one at a time.
+
+A finding adds effects and terms; what differs besides are corrections that taking it over would undo.
 """
 
 import fcntl
+import json
 import os
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
+import tomlkit
+from pydantic import BaseModel
 from rich.console import Console
+from tomlkit.exceptions import TOMLKitError
 
 from observer_rt.config.bench import Bench, BenchInjector, load_bench, load_injector
 from observer_rt.config.signals import as_observed
@@ -22,17 +30,41 @@ from observer_rt.daemon.control_socket import Message, ask, socket_places
 from observer_rt.daemon.reloading import RELOAD
 from observer_rt.daemon.state_file import learned_beside, model_hash, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.desk.model_steps import TakeOver, naming, note_steps, replace_text, steps
-from observer_rt.desk.other_changes import other_changes, parameter_changes
 from observer_rt.files.evidence import KeptEvent
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import to_disk
+from observer_rt.foundation.outputs import replacing, to_disk, write_text
 from observer_rt.identification.likelihood.kept_events import read_folder
+from observer_rt.model.parameters import EffectInForce, InjectorParameters, UnitName
+from observer_rt.model.terms.in_force import TermInForce
 
 MOST = 100  # kept events that are learned from, the newest; a hundredth of a second each
 _AMENDED = "_amended_"  # in the name of a copy, before its number
+HISTORY = ".taken_over.json"  # behind the name of the bench file
+_MARK = "\ufeff"  # at the beginning of files by some editors
+_OF_A_FINDING = frozenset({"effects", "terms", "remainder"})
+_OF_A_FIT = "baseline"
+
+
+@dataclass(frozen=True)
+class TakeOver:
+    """One change: the injector, the file that the bench named before (None: none) and after, and the time.
+
+    learned_from: number of kept events from which the new model learned before it was put into force.
+    """
+
+    injector: str
+    before: str | None
+    after: str
+    time: str
+    learned_from: int = 0
+
+    @property
+    def as_text(self) -> str:
+        """The file that the bench names now, and the origin of its learned state."""
+        learned = f", with what {self.learned_from} events of the evidence taught it" if self.learned_from else ""
+        return f"{self.after}{learned}"
 
 
 @dataclass(frozen=True)
@@ -59,7 +91,7 @@ def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = 
         fitted, model = bench.injector, load_injector(amended)
         if model == fitted.parameters:
             raise UserError(str(amended), "is the model in force already", "name another one")
-        changes = other_changes(fitted.parameters, model)
+        changes = (*parameter_changes(fitted.parameters, model), *_lost(fitted.parameters, model))
         if changes and not accepts_changes:
             raise UserError(
                 str(amended),
@@ -98,7 +130,7 @@ def undo(path: Path, injector: str = "") -> StepOutcome:
         remaining = [step for step in done if step.injector != injector or step in own]
         answer = _in_force(path, injector, last.before, remaining)
         after = load_bench(path).of(injector or None).injector.parameters
-        return StepOutcome(last, parameter_changes(fitted.parameters, after), answer)
+        return StepOutcome(last, tuple(parameter_changes(fitted.parameters, after)), answer)
 
 
 @contextmanager
@@ -206,3 +238,98 @@ def _kept_with(fitted: BenchInjector) -> Sequence[KeptEvent]:
     model = model_hash(fitted.parameters)
     kept = read_folder(fitted.evidence, Console(quiet=True))
     return [one for one in kept if one.belief["model_sha256"] == model][-MOST:]
+
+
+def naming(path: Path, content: bytes, injector: str, file: str | None) -> bytes:
+    """Content of a bench file that names an injector file for one of its injectors; None: that of the package.
+
+    Raises `UserError` for a text that cannot be changed.
+    """
+    text = content.decode("utf-8")
+    mark, text = (_MARK, text[1:]) if text.startswith(_MARK) else ("", text)
+    try:
+        document: Any = tomlkit.parse(text)
+    except TOMLKitError as error:
+        raise UserError(
+            str(path), f"cannot be changed as text: {error}", "name the file by hand: [model] file"
+        ) from None
+    section = document["injectors"][injector] if injector else document
+    if file is not None:
+        section.setdefault("model", tomlkit.table())["file"] = file
+    elif "model" in section:
+        section["model"].pop("file", None)
+    changed = tomlkit.dumps(document)
+    if "\r\n" in text and not re.search(r"(?<!\r)\n", text):  # the added lines get the file's line ends
+        changed = re.sub(r"(?<!\r)\n", "\r\n", changed)
+    return (mark + changed).encode("utf-8")
+
+
+def replace_text(path: Path, content: bytes) -> None:
+    """Replace a bench file in one step; its rights and owner stay."""
+    owner = path.stat()
+    with file_errors(path), replacing(path) as part:
+        part.write_bytes(content)
+        with suppress(PermissionError):
+            os.chown(part, owner.st_uid, owner.st_gid)
+
+
+def steps(path: Path) -> list[TakeOver]:
+    """Steps that were not undone, the oldest first."""
+    history = path.with_name(path.name + HISTORY)
+    if not history.exists():
+        return []
+    with file_errors(history):
+        try:
+            return [TakeOver(**step) for step in json.loads(history.read_text(encoding="utf-8"))]
+        except (ValueError, TypeError):
+            raise UserError(str(history), "is no history of models taken over", "move it away") from None
+
+
+def note_steps(path: Path, done: Sequence[TakeOver]) -> None:
+    """Note the steps that were taken."""
+    history = path.with_name(path.name + HISTORY)
+    if not done:
+        with file_errors(history):
+            history.unlink(missing_ok=True)
+        return
+    write_text(history, json.dumps([asdict(step) for step in done], indent=2) + "\n")
+
+
+def parameter_changes(before: BaseModel, after: BaseModel, prefix: str = "") -> Iterator[str]:
+    """Parameters that differ, such as `line.length 0.16 m -> 0.15 m`. prefix: section of both, with a dot."""
+    for key, field in type(before).model_fields.items():
+        old, new = getattr(before, key), getattr(after, key)
+        if old == new or key in _OF_A_FINDING:
+            continue
+        if key == _OF_A_FIT:
+            yield f"{key}: that of another fit"
+        elif isinstance(old, BaseModel):
+            yield from parameter_changes(old, new, f"{prefix}{key}.")
+        else:
+            unit = next((each for each in field.metadata if isinstance(each, UnitName)), "")
+            yield f"{prefix}{key} {_shown(old, unit)} -> {_shown(new, unit)}"
+
+
+def _shown(value: object, unit: str) -> str:
+    if value is None:
+        return "(left out)"
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.12g} {unit}".rstrip()
+
+
+def _lost(before: InjectorParameters, after: InjectorParameters) -> Iterator[str]:
+    """Effects and terms in force that the other file leaves out or states otherwise."""
+    stated: list[EffectInForce | TermInForce] = [*before.effects, *before.terms]
+    kept: list[EffectInForce | TermInForce] = [*after.effects, *after.terms]
+    for entry in stated:
+        if _stated(entry) not in map(_stated, kept):
+            yield f"{entry.words} is left out, or stated otherwise"
+
+
+def _stated(entry: EffectInForce | TermInForce) -> tuple[object, ...]:
+    """What an effect or term does."""
+    if isinstance(entry, TermInForce):
+        size = entry.coefficient
+        return entry.equation, entry.law, size and (size.value, size.unit)
+    return entry.id, {name: (size.value, size.unit) for name, size in entry.parameters.items()}

@@ -75,6 +75,12 @@ class Entry:
         return core_schema.any_schema(serialization=entry)
 
 
+class Section(BaseModel):
+    """A section of a file of the user; unknown keys are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
 class DocumentPart(BaseModel):
     """A part of a document: figures in the units of their names."""
 

@@ -7,7 +7,7 @@ run only.
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, partial
 from types import NoneType
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
@@ -17,6 +17,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 NOT_KEPT: Mapping[str, Any] = {"kept": False}
 """Metadata of a field that no file holds."""
 _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
+_hints: Callable[[type], Mapping[str, Any]] = cache(partial(get_type_hints, include_extras=True))
 
 Count = Annotated[int, Field(ge=0, lt=1 << 53)]
 
@@ -84,8 +85,3 @@ def _array(value: Any, kind: Any, like: Any, location: str) -> Any:
     if like is not None and like.size and array.shape != like.shape:
         raise NotAsExpectedError(f"{location}: shape {array.shape} instead of {like.shape}")
     return array
-
-
-@cache
-def _hints(kind: type) -> Mapping[str, Any]:
-    return get_type_hints(kind, include_extras=True)

@@ -3,14 +3,21 @@
 For libraries that read what others wrote with code that trusts it. One server process imports what the work needs,
 once, and forks a worker for every piece of work. What a worker leaves behind is deleted with its folder. A worker may
 be in the hands of the file it reads: what it says is read as plain data only, and callers check it (`checked`).
+
+A message is its length (8 bytes), JSON of that length, and the bytes of the arrays that the JSON names. It may hold
+None, bool, int, float and str; lists, tuples (which come as lists) and dictionaries of these with keys of text; numpy
+arrays of numbers, moments, text, or records of them. Reading one never executes anything.
 """
 
 import atexit
 import json
+import math
 import os
+import re
 import resource
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -21,12 +28,13 @@ from enum import StrEnum
 from importlib import import_module
 from io import BufferedReader
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, TypeVar
+from typing import Any, BinaryIO, NamedTuple, NoReturn, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.plain_messages import MessageError, read_message, write_message
 
 CPU_SECONDS = 5  # for any file; damaged ones can lead a reader in circles
 SECONDS_PER_BYTE = 4e-6  # more than reading takes
@@ -34,7 +42,15 @@ MEMORY = 4 << 30  # bytes, for any file
 MEMORY_PER_BYTE = 8
 LONGEST_REQUEST = 1 << 16
 _PACKAGE_FOLDER = Path(__file__).parents[2]
+_LENGTH = struct.Struct("<Q")
+LONGEST_TEXT = 1 << 26  # bytes of JSON
+_PLAIN_TYPE = re.compile(r"[<>|][biufmMSU]\d{1,9}(\[\d{0,9}\w+\])?")
+_TYPE, _SHAPE, _FIELDS = "type", "shape", "fields"  # what stands for an array, and for a dictionary
 T = TypeVar("T")
+
+
+class _MessageError(Exception):
+    """Bytes that are no message, or end within one."""
 
 
 class WorkerError(Exception):
@@ -100,11 +116,11 @@ def checked(kind: TypeAdapter[T], answer: Any) -> T:
 
 def _answer(pipe: BufferedReader, most_bytes: int) -> tuple[_Kind, Any]:
     try:
-        kind, content = read_message(pipe, most_bytes)
+        kind, content = _read_message(pipe, most_bytes)
         return _Kind(kind), content
     except EOFError:
         raise WorkerError("what reads it crashed, or did not come to an end") from None
-    except (MessageError, ValueError, TypeError) as error:
+    except (_MessageError, ValueError, TypeError) as error:
         raise WorkerError(f"what reads it gave no answer that can be read: {error}") from None
 
 
@@ -201,13 +217,13 @@ def _work(request: _Request, answers: int) -> NoReturn:
             try:
                 work = getattr(import_module(request.module), request.function)
                 for value in work(Path(request.path), *request.arguments):
-                    write_message(pipe, (_Kind.ITEM, value))
+                    _write_message(pipe, (_Kind.ITEM, value))
                 end: tuple[Any, ...] = (_Kind.END, None)
             except UserError as error:
                 end = (_Kind.USER_ERROR, (error.location, error.problem, error.remedy))
             except Exception as error:  # whatever foreign code raises
                 end = (_Kind.FAILURE, f"{type(error).__name__}: {error}")
-            write_message(pipe, end)
+            _write_message(pipe, end)
     finally:
         os._exit(0)
 
@@ -221,3 +237,74 @@ def _limit(request: _Request) -> None:
     for kind, limit in limits:
         highest = resource.getrlimit(kind)[1]
         resource.setrlimit(kind, (limit if highest == resource.RLIM_INFINITY else min(limit, highest), highest))
+
+
+def _write_message(stream: BinaryIO, value: Any) -> None:
+    """Write a value. Raises `TypeError` for anything but plain data, before the first byte is written."""
+    arrays: list[NDArray[Any]] = []
+    text = json.dumps(_packed(value, arrays)).encode()
+    if len(text) > LONGEST_TEXT:
+        raise TypeError(f"{len(text)} bytes of text are too many at once: send arrays, or less")
+    stream.write(_LENGTH.pack(len(text)) + text)
+    for array in arrays:
+        stream.write(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
+    stream.flush()
+
+
+def _read_message(stream: BufferedReader, most_bytes: int) -> Any:
+    """Read a value; most_bytes: of one array. Raises `EOFError` at the end, and `_MessageError`."""
+    start = stream.read(_LENGTH.size)
+    if not start:
+        raise EOFError
+    try:
+        (length,) = _LENGTH.unpack(start)
+        if length > LONGEST_TEXT:
+            raise _MessageError(f"announces {length} bytes of text")
+        return _unpacked(json.loads(stream.read(length)), stream, most_bytes)
+    except (struct.error, ValueError, TypeError, LookupError, RecursionError, OverflowError, MemoryError) as error:
+        raise _MessageError(str(error)) from None
+
+
+def _packed(value: Any, arrays: list[NDArray[Any]]) -> Any:
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, list | tuple):
+        return [_packed(item, arrays) for item in value]
+    if isinstance(value, dict) and all(isinstance(key, str) for key in value):
+        return {_FIELDS: {key: _packed(item, arrays) for key, item in value.items()}}
+    if isinstance(value, np.ndarray):
+        described = np.lib.format.dtype_to_descr(value.dtype)
+        _type_of(described)
+        arrays.append(value)
+        return {_TYPE: described, _SHAPE: value.shape}
+    raise TypeError(f"{type(value).__name__} is no plain data: send numbers, text, lists, dictionaries or arrays")
+
+
+def _unpacked(value: Any, stream: BufferedReader, most_bytes: int) -> Any:
+    if isinstance(value, list):
+        return [_unpacked(item, stream, most_bytes) for item in value]
+    if not isinstance(value, dict):
+        return value
+    if _FIELDS in value:
+        return {key: _unpacked(item, stream, most_bytes) for key, item in value[_FIELDS].items()}
+    kind, shape = _type_of(value[_TYPE]), tuple(map(int, value[_SHAPE]))
+    size = math.prod(shape) * kind.itemsize
+    if min(shape, default=0) < 0 or size > most_bytes:
+        raise _MessageError(f"announces an array of {shape}")
+    data = np.empty(size, np.uint8)
+    position = 0
+    while position < size:
+        count = stream.readinto(data.data[position:])
+        if not count:
+            raise _MessageError("ends within an array")
+        position += count
+    return data.view(kind).reshape(shape)
+
+
+def _type_of(described: Any) -> np.dtype[Any]:
+    """Type of the items, as `numpy.lib.format` describes it. Raises `TypeError` for one that is not plain."""
+    if isinstance(described, list):
+        return np.dtype([(name, _type_of(kind), *map(tuple, shape)) for name, kind, *shape in described])
+    if not (isinstance(described, str) and _PLAIN_TYPE.fullmatch(described)):
+        raise TypeError(f"an array of {described} is no plain data")
+    return np.dtype(described)

@@ -9,7 +9,9 @@ import math
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from observer_rt.foundation.documents import Section
 
 Percent = Annotated[float, Field(ge=0, le=30)]
 LEAK = 1.1  # change of a mass by a flow beside the nozzle, over that flow's share
@@ -18,15 +20,13 @@ WEAR_BY_GAIN, WEAR_BY_DENSITY = 0.5, 0.5
 _GEOMETRY = ("line_diameter_percent", "line_length_percent", "parallel_flow_percent")
 
 
-class Accuracy(BaseModel):
+class Accuracy(Section):
     """How well an injector file is known; what it leaves out is as a workshop knows its parts.
 
     parallel_flow: that leaves the line beside the open nozzle, over the injected one; control_flow: of a servo
     injector, by how much it is another exactly while the needle is open, which no pressure tells from the nozzle;
     mass: of the level, where masses were measured, in place of geometry and gains.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     line_diameter_percent: Percent = 1.0
     line_length_percent: Percent = 0.5

@@ -3,17 +3,15 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+
+from observer_rt.foundation.documents import Section
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Quotient = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
-class _BaselineSection(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class PhaseFigures(_BaselineSection):
+class PhaseFigures(Section):
     """Mean square of the normalised innovations by phase of an event: 1 for noise alone, None for an unseen phase."""
 
     standstill: Quotient | None = None
@@ -33,7 +31,7 @@ class PhaseFigures(_BaselineSection):
         return 1.0 if value is None else float(value)
 
 
-class NoiseFigures(_BaselineSection):
+class NoiseFigures(Section):
     """Standard deviation of a sample's white noise at `sample_rate_Hz` of the baseline."""
 
     rail_pressure_MPa: Annotated[float, Field(gt=0)]  # noqa: N815 - units as on screens
@@ -41,7 +39,7 @@ class NoiseFigures(_BaselineSection):
     needle_lift_um: Annotated[float, Field(gt=0)]
 
 
-class Appearance(_BaselineSection):
+class Appearance(Section):
     """Apparent size of an effect on the healthy injector, in its unit.
 
     mean: over the recordings; uncertainty: standard deviation of the mean; scatter: standard deviation between
@@ -54,7 +52,7 @@ class Appearance(_BaselineSection):
     unit: str
 
 
-class HealthyShape(_BaselineSection):
+class HealthyShape(Section):
     """Mean innovation of the healthy injector [MPa] at the knots of `engine.estimation.healthy_shape`.
 
     opening, closing: after the needle leaves its seat and after it returns, at 100 MPa of rail pressure; slopes:
@@ -67,7 +65,7 @@ class HealthyShape(_BaselineSection):
     closing_slope: tuple[float, ...]
 
 
-class HealthyRemainder(_BaselineSection):
+class HealthyRemainder(Section):
     """Innovations that a model leaves of the healthy injector: of the fit's predictor, or of the observer's x~.
 
     variance, colour: of the innovations beyond the shape, as of `Baseline`, each recording by the shape of the
@@ -88,7 +86,7 @@ class HealthyRemainder(_BaselineSection):
         return {name: value for name, value in dump(self).items() if name in self.model_fields_set}
 
 
-class Baseline(_BaselineSection):
+class Baseline(Section):
     """Residuals of the fitted model on recordings of the healthy injector.
 
     variance, chi2, colour: of the innovations of the line pressure, of samples, of means of 8, and the larger of
@@ -118,7 +116,7 @@ class Baseline(_BaselineSection):
     date: str = ""
 
 
-class Remainder(_BaselineSection):
+class Remainder(Section):
     """Residuals of a model whose terms were accepted in part: they belong to its stated uncertainty.
 
     line_pressure_MPa: rms beyond noise on events held out; mass_share: standard deviation of a mass, as a share, that

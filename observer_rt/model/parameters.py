@@ -16,9 +16,10 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from observer_rt.core.model.needle import NeedleLaw
+from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.baseline import Baseline, Remainder
@@ -45,10 +46,6 @@ class UnitName(str):
     """Unit of a parameter, among the annotations of its field."""
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
 class LineOutflow(StrEnum):
     """Flow that drains the line in (20): the paper's Q_H, or Q_S as mass conservation demands."""
 
@@ -56,7 +53,7 @@ class LineOutflow(StrEnum):
     SEAT = "seat"
 
 
-class Fluid(_Section):
+class Fluid(Section):
     fuel: str | None = None  # of data/fuels.toml, whose values the keys have that a file leaves out
     density_line: Annotated[Positive, UnitName("kg/m3")]  # rho_L
     density_nozzle: Annotated[Positive, UnitName("kg/m3")]  # rho_C
@@ -80,7 +77,7 @@ class Fluid(_Section):
         return Compressibility(self.bulk_modulus_sac, self.bulk_modulus_by_pressure)
 
 
-class LineParameters(_Section):
+class LineParameters(Section):
     length: Annotated[Positive, UnitName("m")]  # L_L
     diameter: Annotated[Positive, UnitName("m")]
     volume: Annotated[Positive, UnitName("m3")]  # V_L
@@ -110,14 +107,14 @@ class LineParameters(_Section):
         return math.pi / 4 * self.diameter**2
 
 
-class SeatParameters(_Section):
+class SeatParameters(Section):
     flow_coefficient: Positive  # alpha_S, -
     diameter: Annotated[Positive, UnitName("m")]  # d_S
     cone_angle: Annotated[float, Field(gt=0, lt=180), UnitName("deg")]  # full angle
     max_lift: Annotated[Positive, UnitName("m")]
 
 
-class NozzleParameters(_Section):
+class NozzleParameters(Section):
     flow_coefficient: Positive  # alpha_H, -
     holes: Annotated[int, Field(ge=1)]
     hole_diameter: Annotated[Positive, UnitName("m")]
@@ -129,17 +126,17 @@ class NozzleParameters(_Section):
         return self.holes * math.pi / 4 * self.hole_diameter**2
 
 
-class Chamber(_Section):
+class Chamber(Section):
     pressure: Annotated[NonNegative, UnitName("Pa")]  # p_C
 
 
-class Scaling(_Section):
+class Scaling(Section):
     pressure: Annotated[Positive, UnitName("Pa")] = 1.0e8  # p_0
     flow: Annotated[Positive, UnitName("m3/s")] = 6.0e-5  # Q_0
     area: Annotated[Positive, UnitName("m2")] = 7.0e-7  # A_0
 
 
-class Needle(_Section):
+class Needle(Section):
     """Energizing time -> lift: for simulation, and where the lift is not measured."""
 
     opening_delay: Annotated[NonNegative, UnitName("s")]
@@ -148,7 +145,7 @@ class Needle(_Section):
     closing_speed: Annotated[Positive, UnitName("m/s")]  # at 100 MPa, ~ rail pressure ^ 0.3
 
 
-class EffectValue(_Section):
+class EffectValue(Section):
     """A parameter of an effect, in the unit named; without an interval where nobody estimated it."""
 
     value: Finite
@@ -156,7 +153,7 @@ class EffectValue(_Section):
     unit: str
 
 
-class EffectInForce(_Section):
+class EffectInForce(Section):
     """An effect added to the nominal model, because `discover` found it or somebody knows it of this injector."""
 
     id: str
@@ -182,7 +179,7 @@ def _known_format(number: int) -> int:
     return number
 
 
-class InjectorParameters(_Section):
+class InjectorParameters(Section):
     """Parameters of one injector and its line (SI units; effects in the units they name)."""
 
     format: Annotated[int, AfterValidator(_known_format)] = FORMAT

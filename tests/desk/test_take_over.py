@@ -12,8 +12,7 @@ import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.daemon.control_socket import Message, control_socket
-from observer_rt.desk.model_steps import steps
-from observer_rt.desk.take_over import take_over, undo
+from observer_rt.desk.take_over import steps, take_over, undo
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from tests.desk.cli.injector_files import worn_file
 

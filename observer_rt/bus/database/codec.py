@@ -150,12 +150,10 @@ def _largest_float_to(limit: int) -> float:
 def _set_reserved_codes(signal: Signal, row: np.void, location: str) -> None:
     not_available, error = reserved_codes(signal)
     reserved = [code for code in (not_available, error) if code is not None]
-    if not_available is not None:
-        row["has_not_available"], row["not_available"] = True, not_available
-        row["instead_of_not_available"] = _nearest_ordinary(not_available, reserved, row, location)
-    if error is not None:
-        row["has_error"], row["error"] = True, error
-        row["instead_of_error"] = _nearest_ordinary(error, reserved, row, location)
+    for name, code in (("not_available", not_available), ("error", error)):
+        if code is not None:
+            row[f"has_{name}"], row[name] = True, code
+            row[f"instead_of_{name}"] = _nearest_ordinary(code, reserved, row, location)
 
 
 def _nearest_ordinary(code: int, reserved: list[int], row: np.void, location: str) -> int:

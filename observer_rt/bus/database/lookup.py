@@ -33,6 +33,7 @@ USUAL_INDEX = "SampleIndex"  # where the bench file names none
 INDEX_BITS = 32
 NOT_AVAILABLE_NAMES = ("sna", "not_available", "signal_not_available", "value_not_available")
 ERROR_NAMES = ("error", "err", "signal_error")
+_PLAIN = str.maketrans(" -", "__")  # of names in a value table
 _DATA_ID = "E2EDataId"
 
 
@@ -191,8 +192,8 @@ def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | N
     """The code as the bits of the field. Negative is a code for a signed signal, -1 means none otherwise."""
     code = stated = _integer_attribute(signal, attribute)
     if stated is None and not signal.conversion.is_float:
-        choices = (signal.choices or {}).items()
-        code = next((int(value) for value, name in choices if _plain(str(name)) in names), None)
+        plain = ((int(value), str(name).strip().lower()) for value, name in (signal.choices or {}).items())
+        code = next((value for value, name in plain if name.translate(_PLAIN) in names), None)
     if code is None or (code == -1 and not signal.is_signed):
         return None
     bits: int = signal.length
@@ -206,10 +207,6 @@ def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | N
             f"give a raw code from 0 to {(1 << bits) - 1}",
         )
     return code & ((1 << bits) - 1)
-
-
-def _plain(name: str) -> str:
-    return name.strip().lower().replace(" ", "_").replace("-", "_")
 
 
 def _integer_attribute(owner: Message | Signal, name: str) -> int | None:

@@ -190,7 +190,7 @@ def _map_inputs(
         fitted,
         [(source.message, roles) for source, roles in streams],
         [databases.links[source.bus] for source, _ in streams],
-        tables.stream_samples,
+        [samples for samples, _ in tables.streams],
     )
     require_one_rate(fitted, streams, timing["steps"].tolist())
     signals = fitted.config.signals
@@ -262,7 +262,7 @@ def _map_message(
                 names.extend(samples[role][group.offset : group.offset + group.count])
             with named(fitted.location(f"signals.{together[0]}")):
                 tables.add_group(group_row, message, names, group, None if number is None else number.name)
-        tables.add_stream(int(row["samples"]), sum(1 << ROLES.index(role) for role in together))
+        tables.streams.append((int(row["samples"]), sum(1 << ROLES.index(role) for role in together)))
     tables.add_message(row, message, [group for groups in streams for group in groups])
     return list(streams.values())
 

@@ -125,7 +125,8 @@ class InputTables:
 
     def __init__(self) -> None:
         self._groups: list[NDArray[np.void]] = []
-        self._streams: list[tuple[int, int]] = []
+        self.streams: list[tuple[int, int]] = []
+        """By stream: samples of each role that the frames with one sample index carry, and its roles, a bit mask."""
         self._messages: list[NDArray[np.void]] = []
         self._optional: list[NDArray[np.void]] = []
         self._kinds: list[NDArray[np.void]] = []
@@ -141,20 +142,11 @@ class InputTables:
             raise UserError(
                 f"message {message.name}", f"{len(names)} signals of a frame are mapped, at most {core.MAX_SIGNALS}"
             )
-        row["stream"] = len(self._streams)
+        row["stream"] = len(self.streams)
         row["offset"], row["samples"] = group.offset, group.count
         table = signal_table(message, names, counter)
         self._add_signals(row, table, compile_conditions(message, group.conditions))
         self._groups.append(row)
-
-    def add_stream(self, samples: int, roles: int) -> None:
-        """Add the stream of the groups just added: `samples` of each of its `roles` (a bit mask) per index."""
-        self._streams.append((samples, roles))
-
-    @property
-    def stream_samples(self) -> list[int]:
-        """Samples of every role that the frames with one sample index carry, by stream."""
-        return [samples for samples, _ in self._streams]
 
     def add_message(self, row: NDArray[np.void], message: Message, groups: Sequence[SampleGroup]) -> None:
         """Add a message whose groups were added just before."""
@@ -196,7 +188,7 @@ class InputTables:
         """Tables of all inputs added, with the timing of every stream."""
         return Inputs(
             np.array(self._messages, core.INPUT_MESSAGE),
-            np.array(self._streams, core.INPUT_STREAM),
+            np.array(self.streams, core.INPUT_STREAM),
             np.array(self._groups, core.INPUT_GROUP),
             np.array(self._optional, core.OPTIONAL_INPUT),
             np.concatenate(self._signals),

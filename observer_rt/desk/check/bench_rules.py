@@ -48,22 +48,28 @@ def bench_findings(
 
     state, journal: instead of those of the bench file, of the injector with this name, None: of the only one.
     """
-    alone = None if state is None and journal is None else bench.of(injector).injector
+    chosen = None if state is None and journal is None else bench.of(injector).injector
     findings = _files(bench)
-    findings += _for_each_injector(
-        bench, lambda fitted: _injector(fitted, *((state, journal) if fitted is alone else (None, None)))
-    )
+
+    def injector_findings(alone: Bench) -> list[Finding]:
+        fitted = alone.injector
+        kept = _kept(fitted, state, journal) if fitted is chosen else _kept(fitted, None, None)
+        beyond = plausibility_findings(fitted.parameters)
+        return [*_injector_file(fitted), *_effects(fitted), *kept, *beyond]
+
+    findings += of_each(bench, injector_findings)
     try:
         mapped = map_bench(bench)
         maps = {fitted.name: bus for fitted, bus in zip(bench.injectors, mapped.injectors, strict=True)}
-        findings += _for_each_injector(
-            bench, lambda fitted: mapping_findings(fitted, maps[fitted.name], mapped.database_messages)
+        messages = mapped.database_messages
+        findings += of_each(
+            bench, lambda alone: mapping_findings(alone.injector, maps[alone.injector.name], messages)
         )
         findings += buses_findings(bench, mapped)
-        findings += _for_each_injector(bench, lambda fitted: time_findings(maps[fitted.name]))
+        findings += of_each(bench, lambda alone: time_findings(maps[alone.injector.name]))
     except UserError as error:
         findings.append(failed("mapping", error))
-    findings += _for_each_injector(bench, observer_findings)
+    findings += of_each(bench, lambda alone: observer_findings(alone.injector))
     return findings
 
 
@@ -76,21 +82,11 @@ def of_each(bench: Bench, findings_of: Callable[[Bench], list[Finding]]) -> list
     ]
 
 
-def _for_each_injector(bench: Bench, findings_of: Callable[[BenchInjector], list[Finding]]) -> list[Finding]:
-    return of_each(bench, lambda alone: findings_of(alone.injector))
-
-
 @ruled("files")
 def _files(bench: Bench) -> Iterator[Said]:
     yield f"bench {bench.path}"
     names = ", ".join(str(path) for path in bench.databases)
     yield f"bus database {names}, hash {database_hash(bench.databases):08X}"
-
-
-def _injector(fitted: BenchInjector, state: Path | None, journal: Path | None) -> list[Finding]:
-    """The injector's own files, and whether an injector can be like that."""
-    kept = _kept(fitted, state, journal)
-    return [*_injector_file(fitted), *_effects(fitted), *kept, *plausibility_findings(fitted.parameters)]
 
 
 @ruled("files")

@@ -322,6 +322,8 @@ def _observer(fitted: BenchInjector) -> list[Finding]:
     lookahead = constants.timing.lookahead + constants.undoing.ahead
     line_mode = constants.coefficients.line.mode / (2 * math.pi)
     opens, shuts = dead_band(configured_noise(fitted).needle_lift * noise_gain(constants.undoing.lift_lag))
+    gap, delay = fitted.config.learning.event_gap_ms, fitted.config.learning.learning_delay_ms
+    longest = MAX_EVENT / rate / MILLISECOND
     return [
         graded(
             "line mode",
@@ -337,17 +339,11 @@ def _observer(fitted: BenchInjector) -> list[Finding]:
             "lower the noise of the needle lift",
         ),
         graded("look-ahead", True, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us"),
-        *_event_timing(fitted),
+        graded(
+            "events",
+            longest >= 2 * gap,
+            f"openings within {gap:g} ms are one event; a new correction takes force {gap + delay:g} ms after the "
+            f"needle shuts; learned from events up to {longest:.0f} ms, gap included",
+            "shorten learning.event_gap_ms or sample slower",
+        ),
     ]
-
-
-@ruled("events")
-def _event_timing(fitted: BenchInjector) -> Iterator[Said]:
-    learning = fitted.config.learning
-    longest = MAX_EVENT / fitted.config.sampling.rate_hz / MILLISECOND
-    text = (
-        f"openings within {learning.event_gap_ms:g} ms are one event; a new correction takes force "
-        f"{learning.event_gap_ms + learning.learning_delay_ms:g} ms after the needle shuts; learned from events "
-        f"up to {longest:.0f} ms, gap included"
-    )
-    yield longest >= 2 * learning.event_gap_ms, text, "shorten learning.event_gap_ms or sample slower"

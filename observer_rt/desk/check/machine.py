@@ -10,7 +10,7 @@ from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
 from observer_rt.bus.links.opening import missing_driver
 from observer_rt.bus.links.socketcan import NO_SOCKETCAN
 from observer_rt.config.bench import Bench
-from observer_rt.config.bench_file import LinkConfig, RealTimeConfig
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.daemon.rights import REMEDY, Processors, Rights, processors, rights
 from observer_rt.desk.check.findings import Finding, Said, ruled
 
@@ -18,6 +18,7 @@ PROCESSORS = 2  # one for the loop, one for learning
 SHORTEST_QUEUE = 100  # frames
 NETWORK = Path("/sys/class/net")
 _INTERFACE_IS_UP = 1  # IFF_UP
+_VIRTUAL = "vcan"  # which the names of such interfaces begin with
 
 
 @dataclass(frozen=True)
@@ -30,20 +31,16 @@ class Host:
     loops: Processors
 
 
-def this_host(config: RealTimeConfig, loops: int = 1) -> Host:
-    """The machine this runs on, by what the bench file asks for, for so many loops."""
-    swaps = Path("/proc/swaps")
-    return Host(
-        rights=rights(config.priority),
-        swap_in_use=swaps.exists() and len(swaps.read_text().splitlines()) > 1,  # the first line is a heading
-        processors=len(os.sched_getaffinity(0)),
-        loops=processors(config.cpus, loops),
-    )
-
-
 def machine_findings(bench: Bench) -> list[Finding]:
     """Findings about the machine and the interfaces of a bench."""
-    findings = real_time_findings(this_host(bench.config.realtime, len(bench.injectors)))
+    asked, swaps = bench.config.realtime, Path("/proc/swaps")
+    host = Host(
+        rights=rights(asked.priority),
+        swap_in_use=swaps.exists() and len(swaps.read_text().splitlines()) > 1,  # the first line is a heading
+        processors=len(os.sched_getaffinity(0)),
+        loops=processors(asked.cpus, len(bench.injectors)),
+    )
+    findings = real_time_findings(host)
     ours = [link for link in bench.config.buses if link.config.interface == "socketcan"]
     findings += socketcan_findings() if ours else []
     for link in bench.config.buses:
@@ -88,7 +85,10 @@ def interface_findings(link: LinkConfig, network: Path = NETWORK, location: str 
         )
         state = (folder / "operstate").read_text().strip()
     except OSError:
-        yield False, f"{name} does not exist", _create(link)
+        remedy = "connect the device and load its driver; `ip -details link show type can` lists what there is"
+        if name.startswith(_VIRTUAL):
+            remedy = f"sudo ip link add {name} type vcan && {_bring_up(link)}"
+        yield False, f"{name} does not exist", remedy
         return
     if kind != ARPHRD_CAN:
         yield False, f"{name} is no CAN interface", f"set {location}.channel to one"
@@ -115,19 +115,9 @@ def driver_findings(link: LinkConfig) -> Iterator[Said]:
         )
 
 
-def _create(link: LinkConfig) -> str:
-    if _is_virtual(link):
-        return f"sudo ip link add {link.channel} type vcan && {_bring_up(link)}"
-    return "connect the device and load its driver; `ip -details link show type can` lists what there is"
-
-
 def _bring_up(link: LinkConfig) -> str:
     name = link.channel
-    if _is_virtual(link):
+    if name.startswith(_VIRTUAL):
         return f"sudo ip link set {name}{f' mtu {FD_MTU}' if link.fd else ''} up"
     fd = f" dbitrate {link.data_bit_rate:.0f} fd on" if link.fd else ""
     return f"sudo ip link set {name} up type can bitrate {link.bit_rate:.0f}{fd} restart-ms 100"
-
-
-def _is_virtual(link: LinkConfig) -> bool:
-    return link.channel.startswith("vcan")

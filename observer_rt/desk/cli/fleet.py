@@ -86,9 +86,7 @@ def trend(options: TrendOptions) -> None:
     """Show the wear of every injector over dates, the most worn first, and when it reaches limits."""
     from observer_rt.desk.fleet.dataset import read_injections
     from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern
-    from observer_rt.desk.fleet.trend import NEEDED, Limit, trends
-    from observer_rt.desk.fleet.trend_report import as_json as document
-    from observer_rt.desk.fleet.trend_report import table_of
+    from observer_rt.desk.fleet.trend import NEEDED, Limit, as_json, table_of, trends
 
     plot, pattern = options.plot, options.time_from
     if plot is not None:
@@ -97,7 +95,7 @@ def trend(options: TrendOptions) -> None:
     dates = None if pattern is None else PathPattern.read(TIME_FROM, pattern)
     made = trends(read_injections(options.results_of, NEEDED), dates)
     if options.json:
-        print(json.dumps(document(made, limits), indent=2))
+        print(json.dumps(as_json(made, limits), indent=2))
     else:
         results().print(table_of(made, limits))
     if plot is not None:

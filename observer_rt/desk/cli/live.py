@@ -8,13 +8,14 @@ from typing import Annotated
 
 import typer
 
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, describes_files_only, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, is_off_bus, load_bench
+from observer_rt.config.toml_file import read_toml
 from observer_rt.desk.cli.command import messages
 from observer_rt.foundation import options as shared
 from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.options import Argument, Injector, Option, RunOptions
-from observer_rt.foundation.outputs import check_output
+from observer_rt.foundation.outputs import check_output, make_folder
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,9 @@ def demo(options: DemoOptions) -> None:
 def _demo_of_loop(options: DemoOptions) -> None:
     from observer_rt.desk.demonstration import missing_effect as loop
 
-    loop.make_empty(options.out)
+    make_folder("--out", options.out)
+    if any(options.out.iterdir()):
+        raise UserError(f"--out {options.out}", "is not empty", "name another folder")
     hidden = loop.hidden_effect(options.seed, options.outside)
     say(messages, f"hidden: {hidden.words}; the observer knows the nominal injector only")
     tell = partial(say, messages)
@@ -98,22 +101,17 @@ def run(options: RunOptions) -> None:
     def read() -> Bench:
         all_injectors = load_bench(bench)
         refuse_errors(all_injectors, options.state, options.journal, options.injector)
-        refuse_several(all_injectors, options.injector)
+        if not options.injector and len(all_injectors.injectors) > 1:
+            names = [each.name for each in all_injectors.injectors]
+            raise UserError(
+                f"{bench}: injectors",
+                f"the file has {len(names)}, a daemon observes one: {', '.join(names)}",
+                f"`observer-rt run --injector {names[0]}` and so on, one process each; as services "
+                f"`systemctl enable --now observer-rt@{names[0]}` and so on",
+            )
         return all_injectors
 
     serve(read, options, messages)
-
-
-def refuse_several(bench: Bench, injector: str | None) -> None:
-    """Raise `UserError` where it is not said which of several injectors the daemon is to observe."""
-    if not injector and len(bench.injectors) > 1:
-        names = [each.name for each in bench.injectors]
-        raise UserError(
-            f"{bench.path}: injectors",
-            f"the file has {len(names)}, a daemon observes one: {', '.join(names)}",
-            f"`observer-rt run --injector {names[0]}` and so on, one process each; as services "
-            f"`systemctl enable --now observer-rt@{names[0]}` and so on",
-        )
 
 
 @dataclass(frozen=True)
@@ -137,7 +135,7 @@ def check(options: CheckOptions) -> None:
     from observer_rt.desk.check.bench_rules import checkup, of_each
 
     is_alone = options.bench == EXAMPLE_BENCH and options.model is None and options.state is None
-    is_layout = options.recording is not None and (is_alone or describes_files_only(options.bench))
+    is_layout = options.recording is not None and (is_alone or is_off_bus(read_toml(options.bench)))
     chosen = load_bench(options.bench, options.model, off_bus=is_layout).of(options.injector)
     findings = [] if is_layout else checkup(chosen, options.state)
     if (log := options.log) is not None:

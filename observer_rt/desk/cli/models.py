@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from observer_rt.config.bench import Bench, load_bench, load_injector
+from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.config.effects import effect_named, effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.cli.command import decoder_of, messages
@@ -29,10 +29,6 @@ class ModelOptions:
     from_channel: shared.FromChannel = ()
     injector: Injector = None
     json: shared.Json = False
-
-    def decoder(self, model: Path | None) -> Bench | None:
-        """The bench that says how to read the files. Raises `UserError` if none fits."""
-        return decoder_of(self.bench, self.injector, model)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +62,7 @@ def fit(options: FitOptions) -> None:
     from observer_rt.model.effects import effective_model
 
     model, output, plot = options.model, options.output, options.plot
-    decoder = options.decoder(model)
+    decoder = decoder_of(options.bench, options.injector, model)
     start, source = load_injector(model), InjectorFile.read(model)
     if output.resolve() == model.resolve():
         raise UserError(f"--output {output}", "is the model that is fitted", "name another file, to compare the two")
@@ -133,7 +129,7 @@ class DiscoverOptions(ModelOptions):
 
 def discover(options: DiscoverOptions) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
-    from observer_rt.desk.discover_inputs import inputs_of_evidence, inputs_of_recordings
+    from observer_rt.desk.discover_inputs import task_of_evidence, task_of_recordings
     from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
     from observer_rt.identification.discovery import amend, folder
     from observer_rt.identification.discovery import discover as discovery
@@ -150,27 +146,20 @@ def discover(options: DiscoverOptions) -> None:
             "give recordings, or the folder of evidence that the daemon keeps by --from-evidence",
         )
     recordings, healthy, out = options.recordings, options.healthy, options.out
-    decoder = options.decoder(options.model)
+    decoder = decoder_of(options.bench, options.injector, options.model)
     chosen = effects_named("--choose", options.choose)
     if options.from_evidence is not None:
-        inputs = inputs_of_evidence(options.from_evidence, options.model, decoder, messages)
+        model, task = task_of_evidence(options.from_evidence, options.model, decoder, messages)
     else:
-        inputs = inputs_of_recordings(recordings, healthy, options.model, decoder, options.from_channel, messages)
-    folder.check_answer_folder(out, inputs.model, options.force)
-    amendable = InjectorFile.read(inputs.model)
-    task = discovery.DiscoveryTask(
-        load_injector(inputs.model),
-        inputs.measured,
-        inputs.healthy,
-        inputs.hashes,
-        chosen,
-        options.accept_term or 0,
-        observer_remainder,
-        learned_laws,
+        model, task = task_of_recordings(recordings, healthy, options.model, decoder, options.from_channel, messages)
+    folder.check_answer_folder(out, model, options.force)
+    amendable = InjectorFile.read(model)
+    task = replace(
+        task, chosen=chosen, accepted=options.accept_term or 0, observed=observer_remainder, learned=learned_laws
     )
-    discovery.refuse_incomparable(task, str(inputs.model))
+    discovery.refuse_incomparable(task, str(model))
     make_folder("--out", out)
-    for measurement in (*inputs.measured, *inputs.healthy):
+    for measurement in (*task.measured, *task.healthy):
         say(messages, coverage(measurement))
     with progress_bar(messages, "looking for what is missing", 1.0) as progress:
         try:

@@ -32,10 +32,10 @@ from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.console import plain_table
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.figures import save_figure
 from observer_rt.foundation.options import RunOptions
-from observer_rt.foundation.outputs import make_folder, write_text
+from observer_rt.foundation.outputs import write_text
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.amend import AMENDED
 from observer_rt.identification.discovery.findings import FINDINGS
@@ -61,10 +61,11 @@ class HiddenEffect(NamedTuple):
 def hidden_effect(seed: int, outside: bool) -> HiddenEffect:
     """Draw an effect that the daemon cannot learn; outside: a law that is in no vocabulary."""
     drawn = random.Random(seed)
-    return _drawn_law(drawn) if outside else _drawn_effect(drawn, drawn.randrange(3))
-
-
-def _drawn_effect(drawn: random.Random, kind: int) -> HiddenEffect:
+    if outside:  # a law of the line: those of nozzle and seat the network learns, as it should
+        loss, from_flow = drawn.uniform(0.04, 0.1), drawn.uniform(20.0, 30.0)
+        words = f"a line that loses {loss:.3f} MPa per mm3/ms above {from_flow:.0f} mm3/ms"
+        return HiddenEffect(Departure(loss=lambda flow: loss * max(flow - from_flow, 0.0)), words)
+    kind = drawn.randrange(3)
     if kind == 0:
         n = drawn.uniform(5.0, 10.0)
         return HiddenEffect(Departure(stiffening=n), f"a bulk modulus that rises with pressure, n = {n:.1f}")
@@ -73,13 +74,6 @@ def _drawn_effect(drawn: random.Random, kind: int) -> HiddenEffect:
         return HiddenEffect(Departure(rail_gain=g), f"a rail pressure sensor whose gain is {100 * g:+.1f} % off")
     x_0 = drawn.uniform(7.0, 12.0)
     return HiddenEffect(Departure(hidden_lift=x_0 * 1e-6), f"a needle lift recorded {x_0:.1f} um too low")
-
-
-def _drawn_law(drawn: random.Random) -> HiddenEffect:
-    """A law of the line: those of nozzle and seat the network learns, as it should."""
-    loss, from_flow = drawn.uniform(0.04, 0.1), drawn.uniform(20.0, 30.0)
-    words = f"a line that loses {loss:.3f} MPa per mm3/ms above {from_flow:.0f} mm3/ms"
-    return HiddenEffect(Departure(loss=lambda flow: loss * max(flow - from_flow, 0.0)), words)
 
 
 @dataclass(frozen=True)
@@ -107,7 +101,8 @@ class EffectDemo:
 
     def run(self) -> LoopResult:
         """Serve the bench while the scene plays. Raises `RunError` where the daemon or the search fails."""
-        bench, failures = self._bench(), list[BaseException]()
+        file, failures = self._bench_file(), list[BaseException]()
+        bench = load_bench(file)
         scenes = [self._recorded(BEFORE, self.seed), self._recorded(AFTER, self.seed + 1)]
 
         def play_scene() -> None:
@@ -123,16 +118,13 @@ class EffectDemo:
             playing = Thread(target=play_scene, name="scene")
             playing.start()
             options = RunOptions(log=log, journal=self.folder / JOURNAL)
-            serve(self._read, options, Console(file=nowhere))
+            serve(lambda: load_bench(file), options, Console(file=nowhere))
             playing.join()
         if failures:
             raise failures[0]
         return self._result(scenes)
 
-    def _read(self) -> Bench:
-        return load_bench(self.folder / "bench.toml")
-
-    def _bench(self) -> Bench:
+    def _bench_file(self) -> Path:
         """Write the bench file: the example's, with evidence, on vcan0 where there is one."""
         document: Any = tomlkit.parse(exact_text(EXAMPLE_BENCH))
         link = demo_link()
@@ -142,7 +134,7 @@ class EffectDemo:
         document["model"]["file"] = "injector.toml"
         write_text(self.folder / "injector.toml", exact_text(NOMINAL_INJECTOR))
         write_text(self.folder / "bench.toml", tomlkit.dumps(document))
-        return self._read()
+        return self.folder / "bench.toml"
 
     def _recorded(self, injections: int, seed: int) -> BenchRecording:
         """Injections of the injector with the hidden effect."""
@@ -159,7 +151,7 @@ class EffectDemo:
             amended = self._discover()
             if amended is None:
                 raise RunError("no effect was found that may be taken over; see the report in the folder")
-            done = take_over(self.folder / "bench.toml", "", amended)
+            done = take_over(bench.path, "", amended)
             self.say(f"taken over: the bench file names {done.step.as_text}; the daemon has it in force")
             self._wait_for("ready", 2)
             time.sleep(QUIET)
@@ -199,13 +191,6 @@ class EffectDemo:
         table["error"] = 100.0 * (table.mass_mg.astype(float) / table.true - 1.0)
         findings = json.loads((self.folder / FOUND / FINDINGS).read_text(encoding="utf-8"))
         return LoopResult(self.hidden, table, findings, self.folder / FOUND / REPORT)
-
-
-def make_empty(folder: Path) -> None:
-    """Make a folder for a demonstration. Raises `UserError` for one that holds anything."""
-    make_folder("--out", folder)
-    if any(folder.iterdir()):
-        raise UserError(f"--out {folder}", "is not empty", "name another folder")
 
 
 def loop_table(result: LoopResult) -> Table:

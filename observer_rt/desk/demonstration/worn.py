@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
@@ -114,6 +113,7 @@ class Demo:
         Raises `RunError` when the bus fails, `KeyboardInterrupt` when stopped by a signal.
         """
         bus = map_bus(self.bench)
+        ends = self.link.interface, self.link.channel, self.link.fd
         on = f"{self.link.interface} {self.link.channel}"
         snapshots = SnapshotKeeper(self.bench, self.references)
         view = View(f"observer_rt demo: {on}", snapshots.snapshot)
@@ -121,8 +121,8 @@ class Demo:
         inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]
         with contextlib.ExitStack() as stack:
             interrupted = stack.enter_context(stop_on_signals())
-            player_link = stack.enter_context(_open(self.link, []))
-            daemon_link = stack.enter_context(_open(self.link, inputs))
+            player_link = stack.enter_context(open_link(*ends, []))
+            daemon_link = stack.enter_context(open_link(*ends, inputs))
             threads = stack.enter_context(ThreadPoolExecutor(3))
             threads.submit(import_module, FIGURES)  # which takes seconds, of which the replay needs nothing
 
@@ -175,10 +175,6 @@ def write_figure(result: DemoResult, wear: float, path: Path) -> None:
 
     title = f"An injector with a worn nozzle (v_H = {wear:+.2f}), over CAN"
     plot_injections(path, [Picture(title, result.curves, result.masses)], "true")
-
-
-def _open(config: LinkConfig, receive: Sequence[tuple[int, bool]]) -> Link:
-    return open_link(config.interface, config.channel, config.fd, receive)
 
 
 def _on_link(bench: Bench, link: LinkConfig) -> Bench:

@@ -104,13 +104,17 @@ def evaluate_all(
             most = _WAITING * max(1, sum(client.ncores().values()))
             path = next(remaining, None) if len(running) < most else None
             if path is not None:
-                sha256 = _hashed(task.folder / path, path, counts)
-                if sha256 and not dataset.is_done(sha256) and sha256 not in begun:
+                try:
+                    sha256 = file_hash(task.folder / path)
+                except OSError as error:
+                    counts.failed.append(FailedFile(path, f"{path}: {error.strerror}"))
+                    continue
+                if dataset.is_done(sha256) or sha256 in begun:
+                    counts.skipped += 1
+                else:
                     job = client.submit(evaluated, task, path, sha256, pure=False, retries=_RETRIES)
                     running[job] = path, sha256
                     begun.add(sha256)
-                elif sha256:
-                    counts.skipped += 1
                 continue
             if not running:
                 return counts
@@ -128,15 +132,6 @@ def evaluate_all(
         f"interrupted; {counts.done + counts.skipped} of {len(paths)} files are done\n"
         "  remedy: give the same command again to go on"
     )
-
-
-def _hashed(file: Path, path: Path, counts: EvaluatedFiles) -> str:
-    """SHA-256 of a file; empty, and the file counted as failed, where it cannot be read."""
-    try:
-        return file_hash(file)
-    except OSError as error:
-        counts.failed.append(FailedFile(path, f"{path}: {error.strerror}"))
-        return ""
 
 
 def _ready(running: Collection[Any]) -> Collection[Any]:

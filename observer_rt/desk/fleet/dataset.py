@@ -30,8 +30,18 @@ class Dataset:
         self.folder, self._rows = folder, folder / INJECTIONS
         self.injections = 0
         """Rows written since it was opened."""
+        settings, before = {**settings, "columns": SCHEMA.names}, None
         with file_errors(folder):
-            self._refuse_other({**settings, "columns": SCHEMA.names})
+            with suppress(FileNotFoundError, ValueError):
+                before = json.loads((folder / _SETTINGS).read_text(encoding="utf-8"))
+            if not isinstance(before, dict):
+                for name in (_SETTINGS, INJECTIONS):
+                    if (folder / name).exists():
+                        raise UserError(f"--out {folder}", f"holds {name}, of no batch", "name another folder")
+                write_text(folder / _SETTINGS, json.dumps(settings, indent=2))
+            elif other := [key for key in settings if before.get(key) != settings[key]]:
+                problem = f"holds the results of another batch: {', '.join(other)} differ"
+                raise UserError(f"--out {folder}", problem, "name another folder")
             self._rows.mkdir(exist_ok=True)
 
     def is_done(self, sha256: str) -> bool:
@@ -46,20 +56,6 @@ class Dataset:
 
     def _file(self, sha256: str) -> Path:
         return self._rows / f"{sha256}.parquet"
-
-    def _refuse_other(self, settings: dict[str, Any]) -> None:
-        path, location = self.folder / _SETTINGS, f"--out {self.folder}"
-        before = None
-        with suppress(FileNotFoundError, ValueError):
-            before = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(before, dict):
-            for name in (_SETTINGS, INJECTIONS):
-                if (self.folder / name).exists():
-                    raise UserError(location, f"holds {name}, of no batch", "name another folder")
-            write_text(path, json.dumps(settings, indent=2))
-        elif other := [key for key in settings if before.get(key) != settings[key]]:
-            problem = f"holds the results of another batch: {', '.join(other)} differ"
-            raise UserError(location, problem, "name another folder")
 
 
 def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.Table:

@@ -14,7 +14,7 @@ from rich.console import Console
 import observer_rt.desk.fleet.job  # noqa: F401 - imported for what it imports
 from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.curves import RESULT_FIELDS
-from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.logged import open_source
 from observer_rt.desk.fleet.recordings import PathPattern, injector_of, zero_of
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -85,8 +85,13 @@ def _table(rows: Iterator[dict[str, Any]]) -> pa.Table:
 def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[str, Any]]:
     """Rows of one injector of a file."""
     name = injector_of(path, task.names, alone)
-    file = task.folder / path
-    evaluation, c = _evaluation(task, file, alone), alone.injector.coefficients
+    file, c = task.folder / path, alone.injector.coefficients
+    source = open_source(file, alone, (), Console(quiet=True))
+    learning = task.learning and alone.injector.config.learning.enabled
+    with file_errors(file):
+        (evaluation,) = evaluate(alone, [source], task.knowledge, learning, traces=()).evaluations
+    if not is_log(file):
+        refuse_dead(file, source.survey, source.names)
     zero, by = zero_of(file, evaluation.source)
     for result in evaluation.injections:
         yield {
@@ -97,16 +102,6 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
             "time": zero + timedelta(seconds=result.start),
             "time_from": by,
         }
-
-
-def _evaluation(task: Task, file: Path, alone: Bench) -> Evaluation:
-    source = open_source(file, alone, (), Console(quiet=True))
-    learning = task.learning and alone.injector.config.learning.enabled
-    with file_errors(file):
-        history = evaluate(alone, [source], task.knowledge, learning, traces=())
-    if not is_log(file):
-        refuse_dead(file, source.survey, source.names)
-    return history.evaluations[0]
 
 
 def dask_setup(_worker: object) -> None:

@@ -1,25 +1,28 @@
 """The wear of injectors over dates: the last valid estimate of each recording, and what all of them say together.
 
-That is a weighted straight line, with the day on which it reaches a limit.
+That is a weighted straight line, with the day on which it reaches a limit; as JSON, and as a table of the terminal.
 """
 
 import math
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from itertools import chain
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 from numpy.typing import NDArray
+from rich.table import Table
 from scipy.optimize import brentq
 from scipy.stats import t as student
 
 from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern, TimeFrom
 from observer_rt.engine.reports.injection_report import WEAR
+from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.errors import UserError
 
 Signal = NDArray[np.float64]
@@ -154,22 +157,16 @@ def trends(rows: pa.Table, dates: PathPattern | None = None) -> list[InjectorTre
         begin = table["file"].map({file: dates.date_in(Path(file)) for file in table["file"].unique()})
         since = table["time"] - table.groupby("sha256")["time"].transform("min")
         table = table.assign(time=begin + since)
-    else:
-        _refuse_written(table)
-    table = table.sort_values(["time", "number"])
-    made = [_trend(str(name), its) for name, its in table.groupby("injector")]
-    return sorted(made, key=lambda trend: min((-abs(each.now[0]) for each in trend.courses.values()), default=0.0))
-
-
-def _refuse_written(table: pd.DataFrame) -> None:
-    doubtful = table[table["time_from"] == TimeFrom.WRITTEN]["file"].drop_duplicates()
-    if len(doubtful):
+    elif len(doubtful := table[table["time_from"] == TimeFrom.WRITTEN]["file"].drop_duplicates()):
         raise UserError(
             "trend",
             f"{len(doubtful)} recordings, such as {doubtful.iloc[0]}, do not state when they were made; when files "
             "were last written is no answer, as copying changes it",
             _HOW,
         )
+    table = table.sort_values(["time", "number"])
+    made = [_trend(str(name), its) for name, its in table.groupby("injector")]
+    return sorted(made, key=lambda trend: min((-abs(each.now[0]) for each in trend.courses.values()), default=0.0))
 
 
 def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
@@ -188,3 +185,60 @@ def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
         courses[name] = Course(value, half, line)
     times = tuple(time.to_pydatetime().astimezone(UTC) for time in last["time"])
     return InjectorTrend(injector, len(spans), len(table), times, courses)
+
+
+def as_json(trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -> list[dict[str, Any]]:
+    """Relative changes of flow at the last recordings, their rates, dates of limits (null: unknown)."""
+    return [
+        {
+            "injector": trend.injector,
+            "recordings": trend.recordings,
+            "injections": trend.injections,
+            "last_valid": trend.times[-1].isoformat() if trend.times else None,
+            **{
+                name: {**_size_json(course.now), "rate_per_month": course.rate and _size_json(course.rate)}
+                for name, course in trend.courses.items()
+            },
+            "limits": [{"limit": str(limit), **_date_json(trend, limit)} for limit in limits],
+        }
+        for trend in trends
+    ]
+
+
+def _size_json(size: tuple[float, float]) -> dict[str, Any]:
+    return {"value": size[0], "ci95": [size[0] - size[1], size[0] + size[1]]}
+
+
+def _date_json(trend: InjectorTrend, limit: Limit) -> dict[str, Any]:
+    course = trend.courses.get(limit.name)
+    if course is None or course.line is None:
+        return {}
+    days = course.line.reaches(limit)
+    low, date, high = (
+        (trend.times[0] + timedelta(days=day)).isoformat() if math.isfinite(day) else None for day in days
+    )
+    return {"reached": days[1] <= float(course.line.days[-1]), "date": date, "ci95": [low, high]}
+
+
+def table_of(trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -> Table:
+    """For the terminal: an injector a row."""
+    changes = [text for name in QUANTITIES for text in (f"{name}, %", "a month, %")]
+    headings = ["injector", "recordings", *changes, "last valid", *map(str, limits)]
+    rows = [list(_cells(said)) for said in as_json(trends, limits)]
+    return plain_table(headings, rows, right=range(1, 2 + len(changes)))
+
+
+def _cells(said: dict[str, Any]) -> Iterator[str]:
+    yield from (said["injector"], str(said["recordings"]))
+    for now in map(said.get, QUANTITIES):
+        for size in (now, now and now["rate_per_month"]):
+            half = 100.0 * (size["ci95"][1] - size["value"]) if size else 0.0
+            yield f"{100.0 * size['value']:+.2f} ± {half:.2f}" if size else "-"
+    yield (said["last_valid"] or "never")[:10]
+    for limit in said["limits"]:
+        if "date" not in limit:
+            yield f"needs {FEWEST} recordings"
+            continue
+        low, date, high = (each and each[:10] for each in (limit["ci95"][0], limit["date"], limit["ci95"][1]))
+        about = f"{'reached ' * limit['reached']}{date} ({low} to {high or 'later'})"
+        yield about if date else f"not before {low}"

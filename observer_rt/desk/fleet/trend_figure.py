@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib as mpl
-from matplotlib.axes import Axes
 from matplotlib.dates import date2num
 from matplotlib.figure import Figure
 
@@ -23,21 +22,17 @@ def draw(path: Path, trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -
         figure = Figure(figsize=(8.0, 2.4 * max(1, len(drawn))), layout="constrained")
         every = figure.subplots(max(1, len(drawn)), sharey=True, squeeze=False)[:, 0]
         for axes, trend in zip(every, drawn, strict=False):
-            _draw_courses(axes, trend)
+            times = date2num(trend.times)
+            for name, course in trend.courses.items():
+                colour, value, error = _COLOURS[name], 100.0 * course.value, 100.0 * course.half
+                axes.errorbar(times, value, error, fmt="o", ms=3, lw=0.8, color=colour, alpha=0.55, label=name)
+                if course.line:
+                    level, half = (100.0 * each for each in course.line.at(course.line.days))
+                    axes.fill_between(times, level - half, level + half, color=colour, alpha=0.2, lw=0)
+                    axes.plot(times, level, color=colour, lw=2)
+            axes.xaxis_date()
+            axes.set(title=trend.injector, ylabel="change of flow, %")
+            axes.legend(loc="upper left", frameon=False)
             for limit in limits:
                 axes.axhline(100.0 * limit.size, color=_COLOURS[limit.name], lw=1, ls="--")
     save_figure(figure, path, _DPI)
-
-
-def _draw_courses(axes: Axes, trend: InjectorTrend) -> None:
-    times = date2num(trend.times)
-    for name, course in trend.courses.items():
-        colour, value, error = _COLOURS[name], 100.0 * course.value, 100.0 * course.half
-        axes.errorbar(times, value, error, fmt="o", ms=3, lw=0.8, color=colour, alpha=0.55, label=name)
-        if course.line:
-            level, half = (100.0 * each for each in course.line.at(course.line.days))
-            axes.fill_between(times, level - half, level + half, color=colour, alpha=0.2, lw=0)
-            axes.plot(times, level, color=colour, lw=2)
-    axes.xaxis_date()
-    axes.set(title=trend.injector, ylabel="change of flow, %")
-    axes.legend(loc="upper left", frameon=False)

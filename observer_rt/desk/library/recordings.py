@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from rich.console import Console
 
-from observer_rt.config.bench import EXAMPLE_BENCH, Bench, BenchInjector, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.desk.evaluation.logged import open_source
 from observer_rt.desk.library.notes import noted
 from observer_rt.engine.signal_survey import refuse_implausible
@@ -114,7 +114,16 @@ def _source(recording: RecordingLike, number: int, bench: Bench, console: Consol
         case Recording():
             return _held(recording, number)
         case pd.DataFrame() | Mapping():
-            return _of_table(recording, bench.injector, f"recording {number}", console)
+            # columns by the layout; without one those of a `Recording` in SI units, else what headings say
+            layout, path = bench.injector.config.recording, Path(f"recording {number}")
+            if layout is None and {"time", *SIGNALS[:3]} <= set(recording) <= {"time", *SIGNALS}:
+                arrays: dict[str, Any] = {str(column): np.asarray(recording[column], float) for column in recording}
+                return _held(Recording(**arrays, path=path), number)
+            stream = signals_of(recording, layout, str(path), bench.injector.coefficients.density)
+            refuse_implausible(stream.path, stream.survey, stream.names)
+            for note in stream.notes:
+                say(console, note)
+            return stream
     raise TypeError(
         f"recording {number}: {type(recording).__name__} is none; give a path, a DataFrame, a mapping of arrays or a "
         "Recording"
@@ -127,21 +136,6 @@ def _held(recording: Recording, number: int) -> HeldSignals:
     held = HeldSignals(recording)
     refuse_implausible(held.path, held.survey, held.names)
     return held
-
-
-def _of_table(
-    table: pd.DataFrame | Mapping[str, Any], injector: BenchInjector, name: str, console: Console
-) -> SignalStream:
-    """Columns by the injector's layout; without one those of a `Recording` in SI units, else what headings say."""
-    layout = injector.config.recording
-    if layout is None and {"time", *SIGNALS[:3]} <= set(table) <= {"time", *SIGNALS}:
-        arrays: dict[str, Any] = {str(column): np.asarray(table[column], float) for column in table}
-        return _held(Recording(**arrays, path=Path(name)), 0)
-    stream = signals_of(table, layout, name, injector.coefficients.density)
-    refuse_implausible(stream.path, stream.survey, stream.names)
-    for note in stream.notes:
-        say(console, note)
-    return stream
 
 
 def digests(sources: Sequence[SignalStream]) -> dict[str, str]:

@@ -94,15 +94,8 @@ class DaemonReader:
         """State and faults now."""
         status = self._status
         if status is not None and not self._is_old(status.moment):
-            return InjectorSnapshot(
-                self.name,
-                status.state,
-                status.words,
-                status.level,
-                status.faults,
-                lost=status.lost,
-                learned=self._learned,
-            )
+            of_now = status.state, status.words, status.level, status.faults
+            return InjectorSnapshot(self.name, *of_now, lost=status.lost, learned=self._learned)
         since = self._begin if status is None else status.moment
         if status is None and not self._is_old(since):
             return InjectorSnapshot(
@@ -111,10 +104,8 @@ class DaemonReader:
         what, _, remedy = self._failure.partition(REMEDY)
         silence = Fault(what or "the observer does not answer", since, remedy or self._start)
         lost = 0 if status is None else status.lost
-        words = "all below is old"
-        return InjectorSnapshot(
-            self.name, "OBSERVER SILENT", words, StatusLevel.BAD, (silence,), silent=True, lost=lost
-        )
+        said = "OBSERVER SILENT", "all below is old", StatusLevel.BAD, (silence,)
+        return InjectorSnapshot(self.name, *said, silent=True, lost=lost)
 
     @staticmethod
     def _is_old(moment: int) -> bool:

@@ -72,7 +72,12 @@ def minimise(
             return SearchEnd(theta, value, iteration)
         before, theta = gradient, theta + step * direction
         gradient = objective.gradient(theta)
-        _update(inverse, step * direction, gradient - before)
+        v, d = step * direction, gradient - before
+        curvature = d @ v
+        if curvature > 0.0:  # BFGS update of the inverse Hessian
+            inverse_d = inverse @ d
+            share = (1.0 + (d @ inverse_d) / curvature) / curvature
+            inverse += np.outer(share * v - inverse_d / curvature, v) + np.outer(-v / curvature, inverse_d)
     return SearchEnd(theta, value, max_iterations)
 
 
@@ -90,16 +95,6 @@ def _armijo(
             return step, trial
         step *= 0.5
     return 0.0, value
-
-
-def _update(inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.float64]) -> None:
-    """BFGS update of the inverse Hessian, in place, for a step v and a change of gradient d."""
-    curvature = d @ v
-    if not curvature > 0.0:
-        return
-    inverse_d = inverse @ d
-    share = (1.0 + (d @ inverse_d) / curvature) / curvature
-    inverse += np.outer(share * v - inverse_d / curvature, v) + np.outer(-v / curvature, inverse_d)
 
 
 def train(

@@ -147,29 +147,19 @@ def _measure(
     needle_lift = np.where(truth.needle_lift > 0.0, open_lift, 0.0)
     if terms.lift_lag > 0.0:
         needle_lift = shown_slowly(needle_lift, float(truth.time[1] - truth.time[0]), terms.lift_lag)
-    if noise is None:
-        return Recording(
-            time=truth.time,
-            rail_pressure=rail_pressure,
-            needle_lift=needle_lift,
-            line_pressure=line_pressure,
-            injection_rate=truth.injection_rate if measured_rate else None,
+    injection_rate = truth.injection_rate
+    if noise is not None:
+        rail, lift, line, rate, gain = (
+            np.random.Generator(np.random.PCG64(stream)) for stream in np.random.SeedSequence(seed).spawn(5)
         )
-    rail, lift, line, rate, gain = (
-        np.random.Generator(np.random.PCG64(stream)) for stream in np.random.SeedSequence(seed).spawn(5)
-    )
-    n = truth.time.size
-    injection_rate = None
-    if measured_rate:
-        injection_rate = truth.injection_rate * (1.0 + gain.normal(0.0, noise.injection_rate_gain))
+        n = truth.time.size
+        injection_rate = injection_rate * (1.0 + gain.normal(0.0, noise.injection_rate_gain))
         injection_rate += rate.normal(0.0, noise.injection_rate, n)
-    return Recording(
-        time=truth.time,
-        rail_pressure=PRESSURE.apply(rail_pressure + rail.normal(0.0, noise.rail_pressure, n)),
-        needle_lift=LIFT.apply(needle_lift + lift.normal(0.0, noise.needle_lift, n)),
-        line_pressure=PRESSURE.apply(line_pressure + line.normal(0.0, noise.line_pressure, n)),
-        injection_rate=injection_rate,
-    )
+        rail_pressure = PRESSURE.apply(rail_pressure + rail.normal(0.0, noise.rail_pressure, n))
+        needle_lift = LIFT.apply(needle_lift + lift.normal(0.0, noise.needle_lift, n))
+        line_pressure = PRESSURE.apply(line_pressure + line.normal(0.0, noise.line_pressure, n))
+    measured = injection_rate if measured_rate else None
+    return Recording(truth.time, rail_pressure, needle_lift, line_pressure, measured)
 
 
 def parse_effects(texts: Sequence[str]) -> tuple[SizedEffect, ...]:

@@ -3,11 +3,11 @@
 import math
 import threading
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.console import Console
 
@@ -18,11 +18,10 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.engine.signal_survey import refuse_implausible
-from observer_rt.files.canlog.can_log import NANOSECONDS
+from observer_rt.files.canlog.can_log import NANOSECONDS, LogReader
 from observer_rt.files.channels import chosen_channels
-from observer_rt.files.formats import open_recording
+from observer_rt.files.formats import open_log, open_recording
 from observer_rt.files.replay.framing import TimedFrame, bench_for, clamped_in
-from observer_rt.files.replay.log_frames import LogFrames, Sent
 from observer_rt.files.replay.recording_frames import recording_frames
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.console import say
@@ -36,6 +35,63 @@ LATE = 1 * MILLISECOND  # beyond which a frame counts as late
 SLEEP_MARGIN = 1_000_000  # ns before a frame is due, from which on the sleep is exact and not interruptible
 LONGEST_SLEEP = 100_000_000  # ns between two looks at the progress
 PROGRESS_PERIOD = 100_000_000  # ns
+
+
+class Sent(NamedTuple):
+    """A kind of frames that is sent on a bus."""
+
+    bus: int
+    identifier: int
+    is_extended: bool
+
+
+class LogFrames:
+    """Frames of a log as recorded, on a time that begins at 0 with its first frame; read anew by every iteration.
+
+    The log is read to its end beforehand: malformed entries are found before anything is sent. duration: until the
+    last frame [s]; sent: kinds of the frames; channels: those that they come from; notes: oddities of the log.
+    """
+
+    def __init__(
+        self, path: Path, channels: Mapping[int, str | None], results: Collection[Sent] = frozenset()
+    ) -> None:
+        """channels: of the log by bus, None: all of them. results: of the observer, recorded beside its inputs.
+
+        Results are not sent again. Raises `UserError` for a malformed log, or where nothing is left to send.
+        """
+        self.path = path
+        self._channels, self._results = channels, frozenset(results)
+        self.duration = 0.0
+        sent: set[Sent] = set()
+        present: dict[str, None] = {}
+        log = open_log(path)
+        for channel, frame in self._selected(log):
+            self.duration = frame.time
+            sent.add(Sent(frame.bus, frame.frame_id, frame.is_extended))
+            present[channel] = None
+        self.sent, self.channels, self.notes = frozenset(sent), tuple(present), tuple(log.notes())
+        if not sent:
+            wanted = ", ".join(each for each in channels.values() if each is not None)
+            what = f"frame of channel {wanted}" if wanted else "frame but results of the observer"
+            raise UserError(
+                str(path), "; ".join([f"holds no data {what}", *self.notes]), "record the inputs on that channel"
+            )
+
+    def __iter__(self) -> Iterator[TimedFrame]:
+        return (frame for _, frame in self._selected(open_log(self.path)))
+
+    def _selected(self, log: LogReader) -> Iterator[tuple[str, TimedFrame]]:
+        first_stamp: int | None = None
+        for entry in log:
+            frame = entry.frame
+            if first_stamp is None:
+                first_stamp = frame.stamp_ns
+            for bus, channel in self._channels.items():
+                if channel in (None, entry.channel) and (bus, frame.frame_id, frame.is_extended) not in self._results:
+                    time_s = (frame.stamp_ns - first_stamp) / NANOSECONDS
+                    kind = (frame.frame_id, frame.is_extended, frame.is_fd)
+                    flags = (frame.bit_rate_switch, frame.error_state_indicator)
+                    yield entry.channel, TimedFrame(time_s, *kind, frame.payload, *flags, bus)
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,9 @@ def recording_frames(stream: SignalStream, bus: BusMap, windowed: bool) -> Itera
         spans = _of_whole_frames(windows_of(stream.on_one_grid()), block, stream.grid_samples)
     if not spans:
         raise UserError("--windowed", f"no injection in {stream.path or 'the recording'}", "send it continuous")
-    return _frames_of(stream, bus, _in_pieces(spans, block))
+    piece = block * max(1, ENCODED_AT_ONCE // block)
+    cut_up = (Span(start, min(start + piece, one.end)) for one in spans for start in range(one.start, one.end, piece))
+    return _frames_of(stream, bus, cut_up)
 
 
 def _frames_of(stream: SignalStream, bus: BusMap, spans: Iterable[Span]) -> Iterator[TimedFrame]:
@@ -77,14 +79,6 @@ def _of_whole_frames(spans: Sequence[Span], block: int, samples: int) -> list[Sp
         start = result.pop().start if result and span.start <= result[-1].end else span.start
         result.append(Span(start, min(samples, start + -(-(span.end - start) // block) * block)))
     return result
-
-
-def _in_pieces(spans: Iterable[Span], block: int) -> Iterator[Span]:
-    """Cuts spans into pieces short enough to be encoded between two frames."""
-    piece = block * max(1, ENCODED_AT_ONCE // block)
-    return (
-        Span(start, min(start + piece, span.end)) for span in spans for start in range(span.start, span.end, piece)
-    )
 
 
 class Device:

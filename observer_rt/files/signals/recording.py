@@ -74,13 +74,17 @@ class TimeGrid:
             self._period = float(np.median(np.diff(time)))
             self._step = float(time[-1] - time[0]) / (time.size - 1)
         first = 0 if self.samples else 1
-        row = _first_uneven(time[first:], before, self._period) + first
-        if row >= first:
+        step = np.diff(time[first:], prepend=before)
+        uneven = np.flatnonzero(~((step > 0.0) & (np.abs(step - self._period) <= STEP_TOLERANCE * self._period)))
+        if uneven.size:
+            row = int(uneven[0]) + first
             before = float(time[row - 1]) if row else before
             return UnevenTime(self.samples + row, _describe_step(before, float(time[row]), self._period))
         for start in range(0, time.size, _ROWS):
             part, number = time[start : start + _ROWS], self.samples + start
-            self._extremes += _farthest_of(part, self._begin, self._step, number)
+            distance = part - (self._begin + np.arange(number, number + part.size) * self._step)
+            for row in (int(np.argmin(distance)), int(np.argmax(distance))):
+                self._extremes.append((number + row, float(distance[row])))
         self.samples += time.size
         self._last = float(time[-1])
         return None
@@ -114,22 +118,6 @@ class TimeGrid:
         off_line = np.abs(distances - rows * (step - self._step))
         worst = int(np.argmax(off_line))
         return int(rows[worst]), float(off_line[worst])
-
-
-def _first_uneven(time: NDArray[np.float64], before: float, period: float) -> int:
-    """Row of the first stamp that is not a period [s] after its predecessor (`before` for row 0); -1: none."""
-    step = np.diff(time, prepend=before)
-    uneven = np.flatnonzero(~((step > 0.0) & (np.abs(step - period) <= STEP_TOLERANCE * period)))
-    return int(uneven[0]) if uneven.size else -1
-
-
-def _farthest_of(
-    time: NDArray[np.float64], begin: float, step: float, first: int
-) -> tuple[tuple[int, float], tuple[int, float]]:
-    """Row and distance [s] of the lowest and the highest stamp about a grid; `first`: row of the first stamp."""
-    distance = time - (begin + np.arange(first, first + time.size) * step)
-    lowest, highest = int(np.argmin(distance)), int(np.argmax(distance))
-    return (first + lowest, float(distance[lowest])), (first + highest, float(distance[highest]))
 
 
 def _describe_step(before: float, after: float, period: float) -> str:

@@ -18,11 +18,10 @@ from observer_rt.identification.discovery.gaps import disagreements, gaps_of
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
 from observer_rt.identification.discovery.report.text import headline
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
-from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.laws import first_guess
 from observer_rt.identification.discovery.search.proposal import Part
 from observer_rt.identification.discovery.search.proposals import variance_by_phase
-from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
+from observer_rt.identification.discovery.search.results import Cell, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
@@ -120,6 +119,8 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
         files[point.file] if several[point.file] == 1 else f"{files[point.file]}, {point.name}" for point in points
     )
     amended = shown.model(nominal)
+    # halves of 95 % intervals of masses, as shares, by what the proposal shown leaves
+    halves = (one.part.mass_half for one in discovery.proposals if one.candidate is shown and one.part is not None)
     in_force: tuple[EffectInForce, ...] = ()
     if (discovery.verdict is not Verdict.AMBIGUOUS or task.chosen) and not remedies(discovery):
         in_force = amended_effects(task.parameters, discovery, measured, task.hashes, baseline.shape)
@@ -151,7 +152,7 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
         remainder=remainder,
         overlays=typical_overlays(shown, gaps, measured, nominal),
         injections=injection_gaps(gaps, measured, nominal),
-        masses=mass_changes(shown, measured, nominal, _left_of_masses(discovery, shown)),
+        masses=mass_changes(shown, measured, nominal, next(halves, 0.0)),
         files=files,
         recordings=dict(task.hashes),
         judged_in_part=tuple(f"{name}: {words}" for name, words in zip(files, chosen, strict=True) if words),
@@ -162,12 +163,6 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
         baseline=None if baseline.shape is None else baseline,
         learned=learned,
     )
-
-
-def _left_of_masses(discovery: Discovery, shown: Candidate) -> float:
-    """Half width of the 95 % interval of a mass, as a share, by what the proposal shown leaves."""
-    parts = (one.part for one in discovery.proposals if one.candidate is shown)
-    return next((part.mass_half for part in parts if part is not None), 0.0)
 
 
 def _remainder(

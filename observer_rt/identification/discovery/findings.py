@@ -1,5 +1,9 @@
-"""Findings of `discover`: the document findings.json, all that reports tell, and caveats. Inside SI."""
+"""Findings of `discover`: the document findings.json, all that reports tell, and caveats. Inside SI.
 
+What makes entries of the document that differ from the fields of the search is given the `Findings` they belong to.
+"""
+
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -11,25 +15,20 @@ from pydantic import Field, PlainSerializer, TypeAdapter, computed_field
 from observer_rt.engine.learning.adequacy import looks_like_inertance
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.learned_curves import LearnedCurve
-from observer_rt.foundation.documents import Entry, Inside, key
-from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.discovery.entries import (
-    CellOfMap,
-    GapEntry,
-    LearnedEntry,
-    RankedCandidate,
-    cell_of_map,
-    gap_entry,
-    ranked,
-)
+from observer_rt.foundation.documents import DocumentPart, Entry, Figures, Inside, Number, key
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.gaps import RATE, Disagreement, ModelGaps
 from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
-from observer_rt.identification.discovery.search.candidates import Candidate
+from observer_rt.identification.discovery.search.candidates import Candidate, Size
+from observer_rt.identification.discovery.search.proposal import PHASE_NAMES
 from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
 from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
+from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.identification.likelihood.open_loop import Consequence
 from observer_rt.identification.likelihood.operating_points import distinct
 from observer_rt.model.baseline import Remainder
+from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.fuel import USUAL_PRESSURE
@@ -41,6 +40,9 @@ FINDINGS = "findings.json"
 LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
 _COUNTED = {Variable.INJECTION_NUMBER, Variable.TIME}
 RECORD_MORE = "record at least three rail pressures and two durations"
+GapEntry = dict[str, dict[str, Number | bool] | None]
+LearnedEntry = dict[str, str | list[float]]
+"""`LearnedCurve.columns`."""
 
 
 @dataclass(frozen=True)
@@ -69,49 +71,6 @@ def is_like_inertance(nominal: EffectiveModel, amended: EffectiveModel) -> bool:
     stiffness = [one.fluid.in_line.stiffness(USUAL_PRESSURE) / one.line.volume for one in (before, after)]
     nozzle = after.nozzle.flow_coefficient / before.nozzle.flow_coefficient
     return looks_like_inertance(nozzle - 1.0, stiffness[1] / stiffness[0] - 1.0)
-
-
-def _of_healthy_recordings(findings: "Findings") -> Iterator[Caveat]:
-    if findings.healthy_warning:
-        yield Caveat("healthy_recordings", "what is named may be the model's own error", findings.healthy_warning)
-
-
-def _of_bench(findings: "Findings") -> Iterator[Caveat]:
-    for remedy in remedies(findings):
-        yield Caveat(
-            "bench_file",
-            remedy,
-            f"What was found is of the bench, not of the injector: {remedy}, and give the command again with it. "
-            "Until then there is no amended model.",
-        )
-
-
-def _of_coverage(findings: "Findings") -> Iterator[Caveat]:
-    if not findings.held_apart:
-        yield Caveat(
-            "one_operating_point",
-            "one operating point, nothing held out",
-            "All this rests on one operating point: nothing could be held out, and what shows at another rail "
-            f"pressure or duration only cannot be told; {RECORD_MORE}.",
-        )
-    elif distinct({cell.rail_pressure for cell in findings.before}) == 1:
-        yield Caveat(
-            "one_rail_pressure",
-            "one rail pressure",
-            "All this rests on one rail pressure: a factor and an offset of a sensor, or a stiffness and its rise "
-            f"with pressure, look alike there; {RECORD_MORE}.",
-        )
-
-
-def _of_names(findings: "Findings") -> Iterator[Caveat]:
-    for effect in findings.effects:
-        others = " or ".join(indistinguishable(VOCABULARY[effect.id]))
-        if others:
-            yield Caveat(
-                "same_signals",
-                f"{others} would look the same",
-                f"{effect.id} and {others} have the same effect on every signal; either name is right for the model.",
-            )
 
 
 def _of_level(findings: "Findings") -> Iterator[Caveat]:
@@ -146,7 +105,39 @@ def starts_anew(terms: Sequence[Term]) -> tuple[str, ...]:
     return tuple(f"{one.word} starts anew with every recording and every start of the daemon" for one in counted)
 
 
-def _of_counting(findings: "Findings") -> Iterator[Caveat]:
+def _caveats(findings: "Findings") -> Iterator[Caveat]:
+    """Reservations, the gravest first."""
+    if findings.healthy_warning:
+        yield Caveat("healthy_recordings", "what is named may be the model's own error", findings.healthy_warning)
+    for remedy in remedies(findings):
+        yield Caveat(
+            "bench_file",
+            remedy,
+            f"What was found is of the bench, not of the injector: {remedy}, and give the command again with it. "
+            "Until then there is no amended model.",
+        )
+    if not findings.held_apart:
+        yield Caveat(
+            "one_operating_point",
+            "one operating point, nothing held out",
+            "All this rests on one operating point: nothing could be held out, and what shows at another rail "
+            f"pressure or duration only cannot be told; {RECORD_MORE}.",
+        )
+    elif distinct({cell.rail_pressure for cell in findings.before}) == 1:
+        yield Caveat(
+            "one_rail_pressure",
+            "one rail pressure",
+            "All this rests on one rail pressure: a factor and an offset of a sensor, or a stiffness and its rise "
+            f"with pressure, look alike there; {RECORD_MORE}.",
+        )
+    for effect in findings.effects:
+        others = " or ".join(indistinguishable(VOCABULARY[effect.id]))
+        if others:
+            yield Caveat(
+                "same_signals",
+                f"{others} would look the same",
+                f"{effect.id} and {others} have the same effect on every signal; either name is right for the model.",
+            )
     for words in starts_anew(findings.shown.terms):
         yield Caveat(
             "starts_anew",
@@ -154,6 +145,86 @@ def _of_counting(findings: "Findings") -> Iterator[Caveat]:
             f"The law goes by what is counted from the start: {words}. It describes these recordings; later ones, "
             "and an injector that stays as it is now, need a law without it.",
         )
+    yield from _of_level(findings)
+
+
+class RankedCandidate(DocumentPart):
+    """Effects fitted together. chi2: -2 log L, constants left out; n_effective: independent samples."""
+
+    ids: tuple[str, ...]
+    held_out_chi2: Number
+    chi2: Number
+    n_effective: Number
+    parameters: tuple[dict[str, Size], ...]
+    plausible: bool
+    moves: Consequence
+
+
+class CellOfMap(DocumentPart):
+    """Residuals of a signal in a phase at an operating point: nrmse over noise, significance in standard deviations,
+    rms; after: with what was found. equation: which is violated, null where none is known to be."""
+
+    signal: Signal
+    phase: str = Field(description="closed, opening, open, closing or after")
+    equation: Equation | None
+    rail_pressure_MPa: Number  # noqa: N815 - units as printed
+    open_ms: Number
+    recording: str
+    nrmse: Number
+    significance: Number
+    rms_MPa: Number = None  # noqa: N815
+    rms_mm3_per_ms: Number = None
+    after: Figures
+
+
+def ranked(candidate: Candidate, findings: Any) -> RankedCandidate:
+    """A candidate of the ranking."""
+    return RankedCandidate(
+        ids=candidate.ids,
+        held_out_chi2=candidate.held_out,
+        chi2=candidate.statistic,
+        n_effective=findings.samples,
+        parameters=tuple(candidate.parameters.values()),
+        plausible=candidate.plausible,
+        moves=candidate.moves,
+    )
+
+
+def cell_of_map(item: Disagreement, findings: Any) -> CellOfMap:
+    """A cell of the map."""
+    cell = item.before
+    return CellOfMap(
+        signal=cell.signal,
+        phase=PHASE_NAMES[cell.phase],
+        equation=item.equation,
+        rail_pressure_MPa=cell.rail_pressure / MEGAPASCAL,
+        open_ms=cell.duration / MILLISECOND,
+        recording=findings.points[cell.recording],
+        **_figures(cell),
+        after=_figures(item.after),
+    )
+
+
+def _figures(cell: Cell) -> dict[str, float | None]:
+    rms = f"rms_{_key(cell.signal.unit)}"
+    return {"nrmse": math.sqrt(cell.variance), "significance": cell.excess, rms: cell.rms / cell.signal.si}
+
+
+def gap_entry(gaps: ModelGaps, _: object) -> GapEntry:
+    """Rms of model minus measurement by signal: `before` as given, `after` amended, `noise_floor`; with units."""
+    result: GapEntry = {"line_pressure": None, "injection_rate": None}
+    for name, gap in gaps.by_name.items():
+        unit = _key(gap.unit)
+        stated: dict[str, Number | bool] = {f"before_{unit}": gap.before, f"after_{unit}": gap.after}
+        is_mass = name == "injected_mass"
+        stated |= {"measured": gap.measured} if is_mass else {f"noise_floor_{unit}": gap.noise_floor}
+        result[name] = stated
+    return result
+
+
+def _key(unit: str) -> str:
+    """A unit as a part of a key."""
+    return unit.replace("/", "_per_")
 
 
 @dataclass(frozen=True)
@@ -234,8 +305,7 @@ class Findings(Discovery):
     @property
     def caveats(self) -> tuple[Caveat, ...]:
         """Reservations, the gravest first."""
-        every = (_of_healthy_recordings, _of_bench, _of_coverage, _of_names, _of_counting, _of_level)
-        return tuple(caveat for arising in every for caveat in arising(self))
+        return tuple(_caveats(self))
 
     @property
     def is_open(self) -> bool:

@@ -92,22 +92,15 @@ def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: Effectiv
     held_out = held_out or fitted_on
     refitted = shown.hypothesis.model(nominal, np.array(shown.sizes_of_half))
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
-    by_name = {
-        name: Gap(
-            name,
-            _together(points, name, "before"),
-            _together(points, name, "after"),
-            _together(points, name, "noise_floor"),
-            gap.measured,
+    by_name = {}
+    for name, gap in points[0].by_name.items():
+        every = [point.by_name[name] for point in points]
+        before, after, floor = (  # root mean squares over recordings
+            float(np.sqrt(np.mean([getattr(one, of) ** 2 for one in every])))
+            for of in ("before", "after", "noise_floor")
         )
-        for name, gap in points[0].by_name.items()
-    }
+        by_name[name] = Gap(name, before, after, floor, gap.measured)
     return ModelGaps(by_name, refitted, points, fitted_on, held_out)
-
-
-def _together(points: Sequence[PointGaps], name: str, of: str) -> float:
-    """Root mean square over recordings."""
-    return float(np.sqrt(np.mean([getattr(point.by_name[name], of) ** 2 for point in points])))
 
 
 def _point(

@@ -10,7 +10,7 @@ from pydantic import computed_field
 
 from observer_rt.foundation.documents import Entry, Figure, Inside, key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
-from observer_rt.identification.discovery.gaps import LINE_PRESSURE, ModelGaps, PointGaps, rms
+from observer_rt.identification.discovery.gaps import LINE_PRESSURE, ModelGaps, rms
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SimulatedInjection, mean_mass, simulated
@@ -42,26 +42,19 @@ def typical_overlays(
     the model misses most."""
     ranked = sorted(gaps.points, key=lambda point: point.by_name[LINE_PRESSURE].before)
     chosen = {point.recording: point for point in (ranked[(len(ranked) - 1) // 2], ranked[-1])}
-    amended = gaps.refitted if shown.ids else None
-    return tuple(_overlay(point, measured[number], nominal, amended) for number, point in chosen.items())
-
-
-def _overlay(
-    point: PointGaps, measurement: Measurement, nominal: EffectiveModel, amended: EffectiveModel | None
-) -> Overlay:
-    every = simulated(measurement, nominal)
-    number = int(np.argmax([_missed(measurement, one) for one in every]))
-    before = every[number]
-    last = before.event.openings[-1].last + round(SHOWN_RINGING * measurement.recording.sample_rate)
-    pressure, duration = measurement.rail_pressure / MEGAPASCAL, measurement.duration / MILLISECOND
-    return Overlay(
-        f"{pressure:.0f} MPa, needle open {duration:.2f} ms, injection {number + 1} of {len(every)}",
-        measurement,
-        before,
-        None if amended is None else simulated(measurement, amended)[number],
-        max(1, last - int(before.samples[0])),
-        point.by_name[LINE_PRESSURE].noise_floor * MEGAPASCAL,
-    )
+    overlays = []
+    for recording, point in chosen.items():
+        measurement = measured[recording]
+        every = simulated(measurement, nominal)
+        number = int(np.argmax([_missed(measurement, one) for one in every]))
+        before = every[number]
+        after = simulated(measurement, gaps.refitted)[number] if shown.ids else None
+        last = before.event.openings[-1].last + round(SHOWN_RINGING * measurement.recording.sample_rate)
+        pressure, duration = measurement.rail_pressure / MEGAPASCAL, measurement.duration / MILLISECOND
+        title = f"{pressure:.0f} MPa, needle open {duration:.2f} ms, injection {number + 1} of {len(every)}"
+        samples, floor = max(1, last - int(before.samples[0])), point.by_name[LINE_PRESSURE].noise_floor * MEGAPASCAL
+        overlays.append(Overlay(title, measurement, before, after, samples, floor))
+    return tuple(overlays)
 
 
 def _missed(measurement: Measurement, simulated_injection: SimulatedInjection) -> float:

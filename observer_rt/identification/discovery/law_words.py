@@ -157,11 +157,9 @@ def _read(factors: tuple[Law, ...]) -> Reading | None:
             squared = _squared(line_of(first), line_of(second), "as its square")
         case _:
             squared = None
-    return squared or _limited(_read(factors[:-1]), _read_one(factors[-1]))
-
-
-def _limited(reading: Reading | None, by: Reading | None) -> Reading | None:
-    """A law times another that says when or where it is."""
+    if squared is not None:
+        return squared
+    reading, by = _read(factors[:-1]), _read_one(factors[-1])  # a law times another that says when or where it is
     if reading is None or by is None or by.per:
         return None
     return Reading(reading.size * by.size, f"{reading.where}, {by.where}", reading.per)
@@ -191,11 +189,13 @@ def _read_one(law: Law) -> Reading | None:
             return _over(argument, lambda over: _step(over, "up to", 2.0))
         case Call(Operation.TANH, (argument,)):
             return _over(argument, _saturating)
+        case Call(Operation.EXP, (Call(Operation.NEGATE, (Call(Operation.POWER, (argument, Number(2.0))),)),)):
+            return _over(argument, _round)  # exp(-((u - A)/W)^2)
         case Call(Operation.EXP, (exponent,)):
             decay = _decay(law)
             if decay is not None:
                 return Reading(1.0, f"at every opening, fading in {decay:.3g} ms")
-            return _bump(exponent) or _over(exponent, _fading)
+            return _over(exponent, _fading)
         case Call(Operation.SQRT, (argument,)):
             return _over(argument, lambda over: _power_of(over, "as its root"))
         case Call(Operation.ABS, (argument,)):
@@ -263,14 +263,6 @@ def _decay(law: Law) -> float | None:
     line = line_of(law.parts[0])
     fades = line is not None and line.subject.of == SINCE and line.slope < 0.0 and not line.zero
     return -1.0 / line.slope if line is not None and fades else None
-
-
-def _bump(exponent: Law) -> Reading | None:
-    """exp(-((u - A)/W)^2)."""
-    match exponent:
-        case Call(Operation.NEGATE, (Call(Operation.POWER, (argument, Number(2.0))),)):
-            return _over(argument, _round)
-    return None
 
 
 def _round(line: StraightLaw) -> Reading:

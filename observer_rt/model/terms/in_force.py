@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
+from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.model.terms.term import PURE, UNIT_NAMES, VARIABLES, Term, TermEquation, Variable, unit_named
 
@@ -15,10 +16,8 @@ NOT_SEEN: SeenRange = MappingProxyType({})
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class TermCoefficient(BaseModel):
+class TermCoefficient(Section):
     """The value of a law's `c`, in the unit named; low, high: its 95 % interval, where somebody estimated it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     value: _Finite
     unit: str
@@ -34,18 +33,16 @@ class TermCoefficient(BaseModel):
         return self
 
 
-class TermInForce(BaseModel):
+class TermInForce(Section):
     """A term added to the nominal model: what `discover` found, or somebody knows, of this injector.
 
     seen: range of every variable in which the law was seen; beyond, it stays what it is at the end.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     equation: TermEquation
     law: str
     coefficient: TermCoefficient | None = None
-    seen: dict[str, tuple[_Finite, _Finite]] = {}
+    seen: dict[str, tuple[_Finite, _Finite]] = Field(default={})
     origin: str = ""
     evidence: str = ""
     date: Annotated[str, BeforeValidator(str)] = ""  # TOML has dates of its own

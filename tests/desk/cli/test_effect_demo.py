@@ -9,7 +9,7 @@ import pytest
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.journal import read_journal
 from observer_rt.desk.demonstration.missing_effect import AFTER, BEFORE, HiddenEffect, hidden_effect
-from observer_rt.desk.model_steps import steps
+from observer_rt.desk.take_over import steps
 from tests.daemon.end_to_end import command
 
 LONGEST = 600.0  # s, in a machine within a machine

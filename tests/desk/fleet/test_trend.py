@@ -11,9 +11,8 @@ import pyarrow as pa
 import pytest
 
 from observer_rt.desk.fleet.recordings import PathPattern, TimeFrom
-from observer_rt.desk.fleet.trend import FEWEST, InjectorTrend, Limit, Signal, WearLine, trends
+from observer_rt.desk.fleet.trend import FEWEST, InjectorTrend, Limit, Signal, WearLine, as_json, table_of, trends
 from observer_rt.desk.fleet.trend_figure import draw
-from observer_rt.desk.fleet.trend_report import as_json, table_of
 from observer_rt.foundation.console import results
 from observer_rt.foundation.errors import UserError
 from tests.desk.fleet.rows import campaign, rows

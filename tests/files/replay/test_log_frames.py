@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.files.replay.framing import TimedFrame
-from observer_rt.files.replay.log_frames import LogFrames, Sent
+from observer_rt.files.replay.player import LogFrames, Sent
 from observer_rt.foundation.errors import UserError
 
 LOG = """(1700000000.000000) can0 100##1AA01

@@ -21,27 +21,23 @@ _CROWDED = 9  # operating points: from so many on, labels are small
 
 def overlay_figure(findings: Findings) -> str:
     """Lift, line pressure, its residuals under the models, and injection rate; a column for each injection."""
-    with svg_figure(10.4, 7.4) as (figure, svg):
-        _draw_overlays(figure, findings.overlays, with_words(findings))
-    return svg()
-
-
-def _draw_overlays(figure: Figure, overlays: Sequence[Overlay], amended: str) -> None:
-    grid = figure.add_gridspec(4, len(overlays), height_ratios=(0.55, 1.5, 1.0, 1.3))
     labels = ("needle lift\n[µm]", "line pressure\n[MPa]", "model − measured\n[MPa]", "injection rate\n[mm³/ms]")
-    for column, overlay in enumerate(overlays):
-        axes = [figure.add_subplot(grid[row, column]) for row in range(4)]
-        _draw_overlay(axes, overlay, amended)
-        for row, label in enumerate(labels):
-            axes[row].sharex(axes[0])
-            axes[row].tick_params(labelbottom=row == 3)
+    with svg_figure(10.4, 7.4) as (figure, svg):
+        grid = figure.add_gridspec(4, len(findings.overlays), height_ratios=(0.55, 1.5, 1.0, 1.3))
+        for column, overlay in enumerate(findings.overlays):
+            axes = [figure.add_subplot(grid[row, column]) for row in range(4)]
+            _draw_overlay(axes, overlay, with_words(findings))
+            for row, label in enumerate(labels):
+                axes[row].sharex(axes[0])
+                axes[row].tick_params(labelbottom=row == 3)
+                if column == 0:
+                    axes[row].set_ylabel(label)
+            axes[0].set_title(overlay.title, loc="left", fontsize=10.5, fontweight="bold")
+            axes[3].set_xlabel("time since the opening [ms]")
             if column == 0:
-                axes[row].set_ylabel(label)
-        axes[0].set_title(overlay.title, loc="left", fontsize=10.5, fontweight="bold")
-        axes[3].set_xlabel("time since the opening [ms]")
-        if column == 0:
-            _legend(figure, axes[1])
-    figure.align_ylabels()
+                _legend(figure, axes[1])
+        figure.align_ylabels()
+    return svg()
 
 
 def _legend(figure: Figure, axes: Axes) -> None:

@@ -141,7 +141,9 @@ def with_parts(
         if proposal.adequate or proposal.objection is not None or not before > 0.0:
             return proposal
         model, closed = proposal.candidate.model(nominal), 1.0 - after / before
-        mass, half = mean_mass(measured, model), _mass_half(measured, model, after)
+        mass, moved = mean_mass(measured, model), consequence(measured, model, model.with_term(_PROBE))
+        # what a change of the nozzle would make of a mass that leaves as much in the line pressure
+        half = after / moved.line_pressure * abs(moved.mass) / mass
         refusal = _refusal_in_part(proposal, proposals, closed, half * mass)
         return replace(proposal, part=Part(closed, after, half, refusal))
 
@@ -163,13 +165,6 @@ def _refusal_in_part(
             "measure the injection rate or the mass",
         )
     return None
-
-
-def _mass_half(measured: Sequence[Measurement], model: EffectiveModel, left: float) -> float:
-    """Half width of the 95 % interval of a mass, as a share: what a change of the nozzle would make of it that
-    leaves as much in the line pressure [Pa]."""
-    moved = consequence(measured, model, model.with_term(_PROBE))
-    return left / moved.line_pressure * abs(moved.mass) / mean_mass(measured, model)
 
 
 def variance_by_phase(cells: Sequence[Cell]) -> PhaseFigures:

@@ -69,7 +69,10 @@ class Search:
         names = self._fitter.named(self._nothing, self._names)
         self._tried += names
         best = self._better(names, self._nothing) or self._nothing
-        adequate = self._is_adequate(best) or (not best.ids and self._is_too_small(names[:1]))
+        adequate = self._is_adequate(best) or (
+            # an effect within its dead zone may explain the recordings
+            not best.ids and any(one.is_too_small and self._is_adequate.ratio(one) <= 1.0 for one in names[:1])
+        )
         if best.ids or not adequate:
             best = self._grown(best)
             adequate = self._is_adequate(best)
@@ -215,15 +218,6 @@ class Search:
         """Share of a candidate's gain that may be the model's own error."""
         return self._is_adequate.remainder * (self._nothing.statistic - candidate.statistic)
 
-    def _is_too_small(self, singles: Sequence[Candidate]) -> bool:
-        """Whether a single explains the recordings by an effect within its dead zone."""
-        return any(one.is_too_small and self._is_adequate.ratio(one) <= 1.0 for one in singles)
-
-    def _least_that_matters(self) -> float:
-        """-2 log L that single effects must come up to, where one that is too small to matter explains better."""
-        small = (one.statistic for one in self._tried if len(one.ids) == 1 and one.is_too_small)
-        return min(small, default=math.inf) + TIE
-
     def _is_new(self, candidate: Candidate) -> bool:
         """Whether every size differs from what the effect appears to be on the healthy injector."""
         if not self._baseline.appears:
@@ -293,7 +287,9 @@ class Search:
         """Explanations of no more effects that might be right instead, one by laws of each equation."""
         accepted = 0.0 if best.ids else self._threshold(best)
         limit = best.price + NEAR + accepted
-        most = math.inf if best.ids else self._least_that_matters()
+        small = (one.statistic for one in self._tried if len(one.ids) == 1 and one.is_too_small)
+        # single effects must come up to one that is too small to matter, where it explains better
+        most = math.inf if best.ids else min(small, default=math.inf) + TIE
         once: dict[frozenset[str], Candidate] = {_class_of(best): best}
         for fit in sorted(self._tried, key=attrgetter("price")):
             explains = fit.price < limit and fit.statistic < most

@@ -49,13 +49,8 @@ def tables(curves: Sequence[FreeCurve], score: Score) -> list[Effect]:
     usable = (one for one in curves if one.axis is not SINCE)
     coarse = sorted(usable, key=_gain, reverse=True)[:MOST_TABLES]
     finer = [(one.equation, _with_midpoints(one.axis), one.factor) for one in coarse]
-    made = (_simplest(one, _price(one)) for one in free_curves(finer, score))
+    made = map(_simplest, free_curves(finer, score))
     return [one for one in made if one is not None]
-
-
-def _price(curve: FreeCurve) -> float:
-    """What a knot must gain: more, the more the whole curve leaves."""
-    return PRICE * max(1.0, (curve.scores.left - _gain(curve)) / len(curve.scores.slopes))
 
 
 def _with_midpoints(axis: Axis) -> Axis:
@@ -76,12 +71,14 @@ def _values(information: Floats, gradient: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(held, gradient, rcond=1e-12)[0])
 
 
-def _simplest(curve: FreeCurve, price: float) -> Effect | None:
+def _simplest(curve: FreeCurve) -> Effect | None:
     """The table of the symmetry and knots that explain most of the held-out residuals, each knot at its price.
 
     None where all go up and down.
     """
     knots = curve.knots
+    # of a knot: more, the more the whole curve leaves
+    price = PRICE * max(1.0, (curve.scores.left - _gain(curve)) / len(curve.scores.slopes))
     choices: list[tuple[float, Symmetry, list[int]]] = []
     for symmetry in (NONE, EVEN, ODD) if (knots < 0.0).any() else (NONE,):
         kept = [number for number, knot in enumerate(knots.tolist()) if knot >= symmetry.first]

@@ -75,11 +75,6 @@ def commanded(
     return replace(recording_of(outcome), energizing=level)
 
 
-def without_lift(recording: Recording) -> Recording:
-    """As a bench has it that does not measure the lift."""
-    return replace(recording, needle_lift=np.full(recording.samples, np.nan))
-
-
 def bench_at(sample_rate: float, model: Path | None = None, accuracy_percent: float = 0.0) -> Bench:
     """The example bench at a sample rate [Hz], with another injector file, and pressure sensors, than its own."""
     accuracy = {"accuracy_percent": accuracy_percent}

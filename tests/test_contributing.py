@@ -61,7 +61,7 @@ print(json.dumps({{"type": type(rigid).__name__, "stiffness": rigid.a1 / lump.a1
 """
 SCALARS = "engine/estimation/scalars.py"
 SCALAR_EDITS = (
-    (SCALARS, "\n\nclass Element(", "    INERTANCE = 18 + HIDDEN\n\n\nclass Element("),
+    (SCALARS, "\n\nclass Element(", "    INERTANCE = 22 + HIDDEN\n\n\nclass Element("),
     (
         SCALARS,
         "\n))\n# fmt: on",
@@ -158,7 +158,7 @@ print(json.dumps({
 }))
 """
 REASON_EDITS = (
-    ("engine/stream/state.py", "\n\ndef sample_dtype", "    FUEL_HOT = 30\n\n\ndef sample_dtype"),
+    ("engine/stream/state.py", "\n\ndef sample_dtype", "    FUEL_HOT = 31\n\n\ndef sample_dtype"),
     (
         "engine/words.py",
         "}\n\nCOUNTERS",
@@ -182,7 +182,7 @@ _, reason = state_of_service(None, Surroundings(is_hot=True))
 print(json.dumps({
     "named": named(reason),
     "page": "| `FUEL_HOT` | the fuel is too hot | cool it |" in page_with_words(PAGE.read_text()),
-    "databases": [database_with_words(each.read_text()).count('30 "FUEL_HOT') for each in DATABASES],
+    "databases": [database_with_words(each.read_text()).count('31 "FUEL_HOT') for each in DATABASES],
 }))
 """
 

@@ -127,8 +127,7 @@ REASONS: Mapping[Reason, Words] = {
         "wait: the next one like it is mostly valid; the log says what is known, and which recording would help",
     ),
     Reason.PRELIMINARY: Words(
-        "without a needle lift the rate is known once the needle is shut",
-        "take the corrected rate and the mass",
+        "without a needle lift the rate is known once the needle is shut", "take the corrected rate and the mass"
     ),
     Reason.LIFT_DEAD: Words(
         "the line pressure shows injections, the needle lift none",

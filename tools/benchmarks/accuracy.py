@@ -13,7 +13,8 @@ import typer
 
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.evaluation.evaluate import evaluate
-from tests.observed_plants import commanded, without_lift
+from observer_rt.desk.library.answered_lift import without_lift
+from tests.observed_plants import commanded
 from tests.plants.plant import record
 from tests.plants.real import WHOLE, Setting
 from tests.plants.windows import windows_of

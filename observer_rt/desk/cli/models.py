@@ -49,8 +49,8 @@ class FitOptions(ModelOptions):
 def fit(options: FitOptions) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.signals import effects_on_one_raster
-    from observer_rt.desk.evaluation.answered_lift import with_answered_lift
     from observer_rt.desk.evaluation.logged import open_source, without_truths
+    from observer_rt.desk.library.answered_lift import with_answered_lift
     from observer_rt.desk.library.fit import fitted_model
     from observer_rt.engine.service.injector import calibration_of
     from observer_rt.identification.fit.calibrate import write_fitted

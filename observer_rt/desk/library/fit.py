@@ -7,14 +7,14 @@ from typing import Any
 
 import pandas as pd
 
-from observer_rt.desk.evaluation.answered_lift import answered_again
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
+from observer_rt.desk.library.answered_lift import answered_again
 from observer_rt.foundation.errors import require
 from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, rounded
 from observer_rt.identification.fit.cross_validation import sensor_gain, warnings
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.fit.problem import STRUCTURES, Structure
+from observer_rt.identification.fit.problem import PLAIN, STRUCTURES, Structure
 from observer_rt.identification.likelihood.measurement import Measurement, without_gain
 from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.baseline import Baseline
@@ -25,7 +25,6 @@ TRADED = (
     "its interval holds for the speed that stands in [needle]"
 )
 ROUNDS = 5  # of a needle whose lift was not measured: it follows from the model that the round before fitted
-PLAIN = STRUCTURES[:4]  # of the first round, whose lift is rough: one lump, or waves; those between keep its choice
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,7 +117,10 @@ def _with_needle(
     weighed: Mapping[int, MeanMass],
     progress: Callable[[float], None],
 ) -> CalibrationResult:
-    """Calibrate where no lift was measured: each time with the lift that follows from the time before."""
+    """Calibrate where no lift was measured: each time with the lift that follows from the time before.
+
+    The first lift is rough, so that the first structures are plain; those between keep what it chose.
+    """
 
     def calibrated(number: int, structures: Sequence[Structure]) -> CalibrationResult:
         return calibrate(start, measurements, weighed, lambda share: progress((number + share) / ROUNDS), structures)

@@ -206,6 +206,8 @@ STRUCTURES: tuple[Structure, ...] = tuple(
     for outflow, drained in _DRAINED.items()
 )
 """All that are tried, the simplest first."""
+PLAIN = STRUCTURES[:4]
+"""One lump, and waves without losses of their own."""
 
 
 def with_values(

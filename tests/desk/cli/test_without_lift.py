@@ -30,22 +30,16 @@ def test_it_is_evaluated_and_what_needs_the_lift_says_so(tmp_path: Path, command
 
 
 @pytest.mark.slow
-def test_a_fit_finds_needle_and_line(tmp_path: Path, command: Command) -> None:
-    text, own, fitted = NOMINAL_INJECTOR.read_text(), tmp_path / "own.toml", tmp_path / "fitted.toml"
-    for before, after in (("0.32e-3", "0.36e-3"), ("0.27e-3", "0.19e-3"), ("loss_factor = 8", "loss_factor = 9")):
-        assert text.count(before) == 1
-        text = text.replace(before, after)
-    own.write_text(text)
-    paths = [tmp_path / f"{pressure}.csv" for pressure in (60, 100, 140)]
-    for seed, path in enumerate(paths):
-        point = "--rail-pressure", path.stem, "--energizing-time", "0.7,1.2,1.8", "--injections", 6, "--seed", seed
+def test_a_fit_finds_needle_and_nozzle(tmp_path: Path, command: Command) -> None:
+    own, fitted = tmp_path / "own.toml", tmp_path / "fitted.toml"
+    own.write_text(NOMINAL_INJECTOR.read_text().replace("0.32e-3", "0.36e-3").replace("0.27e-3", "0.19e-3"))
+    paths = [tmp_path / "60.csv", tmp_path / "140.csv"]
+    for path in paths:
+        point = "--rail-pressure", path.stem, "--energizing-time", "0.7,1.2,1.8", "--injections", 6
         command.done("simulate", "--model", own, "--no-lift", *point, "--output", path)
-    said = command.done("fit", *paths, "--model", NOMINAL_INJECTOR, "--output", fitted)
-    assert "known only as its product with the needle's opening speed" in " ".join(said.err.split())
-    injector, true = load_injector(fitted), load_injector(own)
+    command.done("fit", *paths, "--model", NOMINAL_INJECTOR, "--output", fitted)
+    injector = load_injector(fitted)
     assert injector.baseline is not None
     assert injector.baseline.adequate
-    assert injector.needle.opening_delay == pytest.approx(true.needle.opening_delay, abs=8e-6)
-    assert injector.needle.closing_delay == pytest.approx(true.needle.closing_delay, abs=8e-6)
-    assert injector.line.loss_factor == pytest.approx(true.line.loss_factor, rel=0.02)
-    assert injector.nozzle.flow_coefficient == pytest.approx(true.nozzle.flow_coefficient, rel=0.005)
+    sizes = [injector.needle.opening_delay, injector.needle.closing_delay, 1e-3 * injector.nozzle.flow_coefficient]
+    assert sizes == pytest.approx([0.36e-3, 0.19e-3, 0.78e-3], abs=8e-6)

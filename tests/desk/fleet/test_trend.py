@@ -48,16 +48,12 @@ def test_recordings_at_one_time_are_refused() -> None:
         trends(both)
 
 
-def when_written(*files: str) -> pa.Table:
-    made = [rows(f"{k}", "worn", [0.1, 0.2], file=file, time_from=TimeFrom.WRITTEN) for k, file in enumerate(files)]
-    return pa.concat_tables(made)
-
-
 def test_times_that_only_the_file_system_says_are_asked_for() -> None:
-    table = when_written("a_20260301_1200.csv", "b_20260401_1200.csv")
+    files = "a_20260301_1200.csv", "b_20260401_1200.csv"
+    made = [rows(f"{k}", "worn", [0.1, 0.2], file=file, time_from=TimeFrom.WRITTEN) for k, file in enumerate(files)]
     with pytest.raises(UserError, match=r"2 recordings, such as a_2026(?s:.*)--time-from PATTERN"):
-        trends(table)
-    (dated,) = trends(table, dates=PathPattern.read("--time-from", r"_(\d{8}_\d{4})"))
+        trends(pa.concat_tables(made))
+    (dated,) = trends(pa.concat_tables(made), dates=PathPattern.read("--time-from", r"_(\d{8}_\d{4})"))
     assert [f"{each:%m-%d %H:%M:%S}" for each in dated.times] == ["03-01 12:00:01", "04-01 12:00:01"]
 
 

@@ -33,13 +33,6 @@ def test_minus_of_equation_5_diverges_and_plus_converges(healthy: Injection, gai
     assert not (minus[-100:] < 1.0).any()  # p_0 and more, or no number at all
 
 
-def identification_states(injection: Injection) -> Vector:
-    """x~ of (5) along an injection (n, 3): with the opening beyond its end, x^ is x~ throughout."""
-    window, setting = injection.window, injection.setting()
-    shut = window._replace(resting=np.zeros_like(window.resting), opening=window.output.size)
-    return swept(shut, setting, free_network(no_fault(), setting.gain)).x
-
-
 def derivative(values: Vector) -> Vector:
     """Time derivative [1/s], central differences."""
     return np.asarray(np.gradient(values, 1 / SAMPLE_RATE), np.float64)
@@ -56,7 +49,9 @@ def model_rates(x: Vector, u: Vector, injection: Injection) -> Vector:
 def test_target_without_derivative_is_the_fault_as_the_identification_sees_it(worn: Injection) -> None:
     """e~' + l e~ = Phi + C f(x) - C f(x~) exactly; l e~ leaves out only a derivative."""
     inputs, span = worn.window.inputs, worn.scored
-    x_tilde = identification_states(worn)
+    setting = worn.setting()  # with the opening beyond the end, x^ is x~ of (5) throughout
+    shut = worn.window._replace(resting=np.zeros_like(worn.window.resting), opening=worn.window.output.size)
+    x_tilde = swept(shut, setting, free_network(no_fault(), setting.gain)).x
     error = worn.window.output - x_tilde[:, 0]
     seen = derivative(error) + GAIN * error
     difference = model_rates(worn.x, inputs, worn)[:, 0] - model_rates(x_tilde, inputs, worn)[:, 0]

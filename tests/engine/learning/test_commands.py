@@ -9,6 +9,7 @@ import pytest
 
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.library.answered_lift import without_lift
 from observer_rt.desk.simulation.schedule import Shot as Command
 from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
@@ -22,7 +23,7 @@ from tests.daemon.pulses import EnergizingBy, Pulses, blocks, durations, on_chan
 from tests.device import merged, run
 from tests.engine.learning.test_control_flow import DURATIONS, FIRST, RAIL_PRESSURES
 from tests.engine.plant_runs import in_turn
-from tests.observed_plants import ObservedRun, bench_at, commanded, without_lift
+from tests.observed_plants import ObservedRun, bench_at, commanded
 from tests.plants.laws import Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Needle, record

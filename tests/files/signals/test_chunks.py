@@ -22,11 +22,6 @@ def whole_chunk(samples: int = SAMPLES) -> Chunk:
     return Chunk(values / 1e5, values, values + 0.25, values + 0.5, values + 0.75, None, 1e5)
 
 
-def chunked(bounds: set[int]) -> list[Chunk]:
-    edges = [0, *sorted(bounds - {0, SAMPLES}), SAMPLES]
-    return [cut(whole_chunk(), start, end) for start, end in pairwise(edges)]
-
-
 places = st.sets(st.integers(0, SAMPLES))
 
 
@@ -34,7 +29,8 @@ places = st.sets(st.integers(0, SAMPLES))
 def test_pieces_are_those_of_the_whole_however_it_is_chunked(bounds: set[int], edges: set[int]) -> None:
     ordered = sorted(edges)
     spans = [Span(*pair) for pair in pairwise(ordered)][:: 1 + len(ordered) % 2]  # some touch, some do not
-    result = list(pieces(chunked(bounds), spans))
+    within = pairwise([0, *sorted(bounds - {0, SAMPLES}), SAMPLES])
+    result = list(pieces([cut(whole_chunk(), start, end) for start, end in within], spans))
     assert [(piece.first, piece.samples) for piece in result] == [(s.start, s.end - s.start) for s in spans]
     for piece, span in zip(result, spans, strict=True):
         for name, values in whole_chunk().signals.items():

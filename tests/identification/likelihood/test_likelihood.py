@@ -25,7 +25,6 @@ from observer_rt.identification.likelihood.open_loop import simulated
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
-from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import in_stable_cells
 from observer_rt.model.wave_line import STABLE, with_cells
 from tests.identification.discovery.hidden import NOMINAL, recordings
@@ -146,12 +145,9 @@ def test_what_is_stated_of_the_channels_is_known() -> None:
     assert all(np.array_equal(a, b) for a, b in zip(shown, alone, strict=True))
 
 
-def _wave() -> InjectorParameters:
-    line = NOMINAL.line.model_copy(update={"model": "wave", "damping": 1.0, "end_volume": 1e-8})
-    return with_cells(NOMINAL.model_copy(update={"line": line, "line_outflow": "seat"}))
-
-
-MODELS = {"lump": effective_model(NOMINAL), "wave": effective_model(_wave())}
+_WAVES = NOMINAL.line.model_copy(update={"model": "wave", "damping": 1.0, "end_volume": 1e-8})
+_ON_WAVES = with_cells(NOMINAL.model_copy(update={"line": _WAVES, "line_outflow": "seat"}))
+MODELS = {"lump": effective_model(NOMINAL), "wave": effective_model(_ON_WAVES)}
 
 
 @cache

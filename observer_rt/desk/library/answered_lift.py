@@ -1,7 +1,9 @@
 """The lift of a needle that is not measured, as the pressures of its injections show it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from observer_rt.engine.estimation.predictor import needle_with
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
+from observer_rt.identification.fit.problem import PLAIN, values_of, with_values
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.measurement import measurements as judged
 from observer_rt.model.parameters import InjectorParameters
@@ -20,9 +23,22 @@ from observer_rt.model.parameters import InjectorParameters
 def with_answered_lift(injector: InjectorParameters, recordings: Sequence[Recording]) -> list[Recording]:
     """Recordings with the lift of every injection; one that they have is not used.
 
-    Raises `UserError` where no injection is explained, and as `evaluate`.
+    An injector that was not fitted is taken in the plain form that knows the masses of the first recording best: on a
+    line of another kind a needle makes up for waves. Raises `UserError` where no injection is explained, and as
+    `evaluate`.
     """
-    return _answered(injector, recordings)[1]
+    forms = [injector]
+    if injector.baseline is None:
+        formed = [(plain.of(injector), plain.free) for plain in PLAIN]
+        forms += [with_values(form, free, values_of(form, free)) for form, free in formed]
+    return _answered(min(forms, key=partial(_share_unknown, recordings[0])), recordings)[1]
+
+
+def _share_unknown(recording: Recording, injector: InjectorParameters) -> float:
+    """Mean 95 % bound of a recording's masses, as a share of them."""
+    reports = evaluate(bench_of(injector, recording), [without_lift(recording)]).evaluations[0].reports
+    shares = [report.mass_bound / report.mass for report in reports if report.stroke is not None]
+    return float(np.mean(shares)) if shares else math.inf
 
 
 def answered_again(
@@ -40,7 +56,7 @@ def answered_again(
 def _answered(
     injector: InjectorParameters, recordings: Sequence[Recording]
 ) -> tuple[InjectorParameters, list[Recording]]:
-    blind = [replace(one, needle_lift=np.full(one.samples, np.nan)) for one in recordings]
+    blind = [without_lift(one) for one in recordings]
     history = evaluate(bench_of(injector, blind[0]), blind)
     if not any(report.stroke for one in history.evaluations for report in one.reports):
         raise UserError(
@@ -52,6 +68,11 @@ def _answered(
     del needle["stop"]
     learned = injector.model_copy(update={"needle": injector.needle.model_copy(update=needle)})
     return learned, [_with_lift(one, of) for one, of in zip(recordings, history.evaluations, strict=True)]
+
+
+def without_lift(recording: Recording) -> Recording:
+    """A recording as of a bench that does not measure the lift."""
+    return replace(recording, needle_lift=np.full(recording.samples, np.nan))
 
 
 def _with_lift(recording: Recording, evaluation: Evaluation) -> Recording:

@@ -39,9 +39,7 @@ LAWS: dict[str, Law] = {
     "needle_displacement": lambda area: f"{area * 1e6:.9g}*lift_rate",
     "root_leakage": lambda c: f"{c * 1e9:.9g}*sqrt(line_pressure - chamber_pressure)*closed",
     "open_leakage": lambda c: f"{c * 1e12:.9g}*(line_pressure - chamber_pressure)*open",
-    "yielding_fuel": lambda c, memory: (
-        f"{c * 1e12:.9g}*(line_pressure - lagged(line_pressure, {memory * 1e3:.9g}))"
-    ),
+    "yielding_fuel": lambda c, memory: f"{c * 1e12:.9g}*(line_pressure - lagged(line_pressure, {memory * 1e3:.9g}))",
     "relief_leakage": lambda c: f"{c * 1e12:.9g}*max(line_pressure - 100, 0)",
     "stiffness_bend": lambda share: f"{share:.9g}*({ABOVE})^2",
     "waxing_fuel": lambda share: f"{share:.9g}*tanh((line_pressure - 100)/15)",
@@ -51,31 +49,21 @@ LAWS: dict[str, Law] = {
     "seat_by_speed": lambda share: f"{share:.9g}*lift_rate",
     "stop_loss": lambda share: f"{-share / 0.25:.9g}*max({LIFT} - 0.75, 0)",
     "middle_loss": lambda share: f"{-share:.9g}*exp(-((({LIFT} - 0.5)/0.15)^2))",
-    "lagged_lift": lambda share, memory: (
-        f"{share:.9g}*(needle_lift - lagged(needle_lift, {memory * 1e3:.9g}))"
-    ),
-    "needle_behind": lambda share, memory: (
-        f"{-share:.9g}*(needle_lift - lagged(needle_lift, {memory * 1e3:.9g}))"
-    ),
+    "lagged_lift": lambda share, memory: f"{share:.9g}*(needle_lift - lagged(needle_lift, {memory * 1e3:.9g}))",
+    "needle_behind": lambda share, memory: f"{-share:.9g}*(needle_lift - lagged(needle_lift, {memory * 1e3:.9g}))",
     "needle_not_shut": lambda least: f"{least * 1e3:.9g}*closed",
     "bent_lift": lambda share: f"{share:.9g}*needle_lift^2/max_lift",
     "coking_nozzle": lambda share: f"{-share:.9g}*(injection_number - 1)",
     "plugged_hole": lambda share: f"{-share:.9g}*(injection_number > 1)",
     "closing_hole": lambda share: f"{-share:.9g}*(time_since_opening > 0.6)",
-    "viscous_nozzle": lambda share: (
-        f"{-share:.9g}*sqrt(100/(max(sac_pressure - chamber_pressure, 0) + 4))"
-    ),
+    "viscous_nozzle": lambda share: f"{-share:.9g}*sqrt(100/(max(sac_pressure - chamber_pressure, 0) + 4))",
     "opening_loss": lambda share, time: f"{-share:.9g}*exp(-time_since_opening/{time * 1e3:.9g})",
     "chamber_by_number": lambda step: f"{step * 1e-6:.9g}*(injection_number - 1)*open",
     "chamber_by_flow": lambda slope: f"{slope * 1e-12:.9g}*nozzle_flow",
-    "chamber_ringing": lambda size: (
-        f"{size * 1e-6:.9g}*sin({SINE}*time_since_opening)*exp(-time_since_opening/0.6)"
-    ),
+    "chamber_ringing": lambda size: f"{size * 1e-6:.9g}*sin({SINE}*time_since_opening)*exp(-time_since_opening/0.6)",
     "bent_line_sensor": lambda bow: f"{bow / 1.6e9:.9g}*(line_pressure - 60)*(line_pressure - 140)",
     "weak_sensor": lambda share: f"{-share:.9g}*max({WEAK_BELOW * 1e-6:.9g} - line_pressure, 0)",
-    "wavy_sensor": lambda size: (
-        f"{size * 1e-6:.9g}*sin({2.0 * math.pi * 1e6 / WAVE_OF_SENSOR:.9g}*line_pressure)"
-    ),
+    "wavy_sensor": lambda size: f"{size * 1e-6:.9g}*sin({2.0 * math.pi * 1e6 / WAVE_OF_SENSOR:.9g}*line_pressure)",
     "tap_resonance": lambda hertz: f"ringing(line_pressure, {hertz * 1e-3:.9g}, {TAP_DAMPING:.9g})",
     "drifting_sensor": lambda rate: f"{rate * 1e-6:.9g}*time",
     "creeping_sensor": lambda share: f"{share:.9g}*(line_pressure - lagged(line_pressure, 1))",

@@ -131,8 +131,7 @@ MISTAKES = {
         "recording.separator", "at most 1 character"),
     "separator and decimal alike": (END, f'{RECORDING}{{ column = "q" }}\nseparator = ","\ndecimal = ","\n',
         "recording", "decimal"),
-    "factor of nothing": (END, f'{RECORDING}{{ column = "q", factor = 0 }}\n',
-        "recording.line_pressure", "factor"),
+    "factor of nothing": (END, f'{RECORDING}{{ column = "q", factor = 0 }}\n', "recording.line_pressure", "factor"),
 }  # fmt: skip
 
 

@@ -48,12 +48,16 @@ Content = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class BenchInjector:
-    """Injector of a bench: its sections of the bench file, and the parameters in the file it names."""
+    """Injector of a bench: its sections of the bench file, and the parameters in the file it names.
+
+    is_lift_dead: its lift sensor, so that the needle goes by commands until it is alive again.
+    """
 
     file: BenchFile
     config: InjectorConfig
     parameters_path: Path
     parameters: InjectorParameters
+    is_lift_dead: bool = False
 
     @property
     def name(self) -> str:
@@ -147,6 +151,10 @@ class Bench:
     def with_parameters(self, parameters: InjectorParameters) -> "Bench":
         """Bench with other parameters of its one injector."""
         return replace(self, injectors=(replace(self.injector, parameters=parameters),))
+
+    def with_lift_sensor(self, is_dead: bool) -> "Bench":
+        """Bench whose one injector has a lift sensor that is dead, or alive."""
+        return replace(self, injectors=(replace(self.injector, is_lift_dead=is_dead),))
 
 
 def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:

@@ -9,6 +9,7 @@ from observer_rt.bus.database.lookup import database_hash
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.opening import BusDownError
 from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
 from observer_rt.daemon.arrivals import SECOND
@@ -18,6 +19,7 @@ from observer_rt.daemon.input_watch import InputWatch, StateWatch
 from observer_rt.daemon.pump import FramePump
 from observer_rt.daemon.pump_memory import Latency
 from observer_rt.daemon.rights import take_time, touch
+from observer_rt.daemon.signal_watch import LIFT_MOVED
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener, Notice, fan_out
@@ -201,6 +203,19 @@ class Daemon:
         if self.arrivals.is_contested(now):
             return contested(state, reason)
         return state, (reason,) if reason else ()
+
+    @property
+    def is_lift_dead(self) -> bool:
+        """Whether the lift sensor is: by the line pressure while it is used, else by what it sends since."""
+        if not self._injector.is_lift_dead:
+            return self.core.state[1] is Reason.LIFT_DEAD
+        receiver, lift = self.core.parts["receiver"], ROLES.index(Role.NEEDLE_LIFT)
+        return not receiver["highest"][lift] - receiver["lowest"][lift] > LIFT_MOVED
+
+    @property
+    def can_spare_lift(self) -> bool:
+        """Whether commands tell, to a sample, what the lift sensor is to."""
+        return self._bus.energizing is not None and self._bus.energizing.tells_samples
 
     @property
     def stands_since(self) -> int:

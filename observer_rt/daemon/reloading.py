@@ -25,6 +25,11 @@ if TYPE_CHECKING:
     from observer_rt.daemon.run import InjectorService
 
 Answer = Callable[[Message], Iterator[bytes]]
+LIFT_DIED = (
+    "warning: the needle lift shows no injection: from now on the needle goes by its commands\n"
+    "  remedy: check the lift sensor, its amplifier and cable; it is used again once it shows an injection"
+)
+LIFT_LIVES = "the needle lift shows injections again, and is used"
 RELOAD = "reload"  # name of the request; `model` in it and in the answer: SHA-256
 _LOOK = 0.05  # s between two looks at what is asked for
 _TURN = 0.001  # s between two looks whether an injection is under way
@@ -113,14 +118,17 @@ class Reloading:
                 self._say(f"{bench.path} is as it was: nothing to take over")
                 self._settle(bench, service.model)
                 return
-            patience = time.monotonic() + _PATIENCE
-            while not service.is_between_events and time.monotonic() < patience:
-                time.sleep(_TURN)
-            successors.append(after)
+            hand_over(after)
             self._say(f"{bench.path} is taken over: {'; '.join(changed)}")
             if after.config.realtime != bench.config.realtime:
                 self._say("warning: [realtime] takes force with the next start of the process")
             ended.set()
+
+        def hand_over(after: Bench) -> None:
+            patience = time.monotonic() + _PATIENCE
+            while not service.is_between_events and time.monotonic() < patience:
+                time.sleep(_TURN)
+            successors.append(after)
 
         def wait() -> None:
             self._settle(bench, service.model)
@@ -132,6 +140,10 @@ class Reloading:
                     except ObserverError as error:
                         self._say(f"warning: {bench.path} is not taken over, the one before goes on: {error}")
                         self.refuse(error)
+                elif (other := service.other_bench) is not None:
+                    hand_over(other)
+                    self._say(LIFT_DIED if other.injector.is_lift_dead else LIFT_LIVES)
+                    ended.set()
 
         thread = Thread(target=wait, name="reloading", daemon=True)
         thread.start()

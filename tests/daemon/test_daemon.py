@@ -10,13 +10,15 @@ import pytest
 from observer_rt.bus.links.link import Frame
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import Topic
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
 from tests.daemon.end_to_end import published_rates, results_of
 from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, over_bus, serving, until
-from tests.device import frames_of, worn_recording
+from tests.daemon.pulses import EnergizingBy, injected, misfired, on_change, pulse_bench, samples
+from tests.device import frames_of, merged, worn_recording
 
 
 @pytest.fixture(params=["virtual", pytest.param("socketcan", marks=pytest.mark.vcan)])
@@ -128,3 +130,27 @@ def test_a_process_that_stood_still_does_not_blame_its_inputs(bench: Path) -> No
         until(lambda: len(looks) >= 3)
     said = [notice.text for notice in daemon.notes.notices if notice.topic is Topic.INPUT]
     assert said[0].startswith("this process stood still for 2.")
+
+
+def test_commands_stand_for_a_lift_sensor_while_it_is_dead(tmp_path: Path) -> None:
+    bench = load_bench(pulse_bench(tmp_path, EnergizingBy.LEVEL, "[learning]\nlockstep = true"))
+    pulses, recording = injected(12)
+
+    def served(first: int, last: int, knowledge: Knowledge | None, is_dead: bool, dead_from: int) -> HeardDaemon:
+        """After events [first, last), one every 50 ms; is_dead: as the sensor is taken; dead_from: as it is."""
+        begin, end = 0.125 + 0.05 * first, 0.125 + 0.05 * last
+        sent = samples(misfired(recording, (0.125 + 0.05 * dead_from, 1.0)), (begin, end))
+        link = ScriptedLink(merged(sent, on_change([each for each in pulses if begin <= each[0] < end])))
+        daemon = HeardDaemon(bench.with_lift_sensor(is_dead), link, knowledge=knowledge)
+        with serving(daemon):
+            until(link.empty.is_set)
+        return daemon
+
+    dying = served(0, 6, None, is_dead=False, dead_from=4)
+    assert (dying.core.state[1], dying.is_lift_dead, dying.can_spare_lift) == (Reason.LIFT_DEAD, True, True)
+    spared = served(6, 9, dying.core.knowledge, is_dead=True, dead_from=0)
+    back = served(9, 12, spared.core.knowledge, is_dead=True, dead_from=99)
+    assert (spared.is_lift_dead, back.is_lift_dead) == (True, False)
+    for injection in (*spared.notes.injections, *back.notes.injections):
+        assert injection.valid
+        assert injection.mass == pytest.approx(dying.notes.injections[0].mass, rel=0.01)

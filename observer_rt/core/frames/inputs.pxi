@@ -79,7 +79,10 @@ cdef void _read(
         reading.processed = stream.positions.processed
         reading.closed = begun - (1 if is_under_way else 0)
         newest.follows = True
-        memory.came += 1  # last: from here on Python may read it
+        memory.came += 1  # from here on Python may read it
+        for k in range(1 if row.is_placed else 0, row.signal_count):
+            memory.is_news |= 1 if row.signal_count <= 2 or values[k] != newest.value else 0
+            newest.value = values[k]
 
 
 cdef void _take_effect(InputMemory* input_memory, const Inputs* inputs, Observer* observer) noexcept nogil:

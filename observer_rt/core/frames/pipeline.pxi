@@ -27,11 +27,13 @@ cdef bint listen(Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_
 cdef bint proceed(Pipeline* pipeline) noexcept nogil:
     """Observe what is aligned and publish what is observed.
 
-    Returns True when to go on it needs a new model (`InputMemory`), or the judgement of an event
-    (`engine.service.judging`).
+    Returns True when to go on it needs a new model or the command of a needle without a lift (`InputMemory`), or the
+    judgement of an event (`engine.service.judging`).
     """
     cdef bint waiting
     if pipeline.input_memory.memory.is_due:
+        return True
+    if pipeline.input_memory.memory.is_news and pipeline.observer.constants.needle.stop > 0.0:
         return True
     waiting = advance_stream(pipeline.observer)
     publish(&pipeline.publisher, pipeline.observer)

@@ -262,6 +262,7 @@ cdef struct OptionalMemory:
     int64_t came
     int64_t read  # by Python, which
     unsigned char looks_at_each  # .. wants to see what became of every frame
+    unsigned char is_news  # a reading that waits has another value than the one before
 
 
 cdef struct Receiver:

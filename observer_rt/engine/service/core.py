@@ -188,7 +188,7 @@ class Core:
         return self._results.taken()
 
     def answer(self) -> list[OutputFrame]:
-        """Goes on as `attend`, with the verdict or the model that the stream waits for."""
+        """Goes on as `attend`, with the model, the command or the verdict that the stream waits for."""
         self._follow()
         self._answer()
         return self._results.taken()
@@ -350,11 +350,14 @@ class Core:
         self.optional.look()
 
     def _answer(self) -> None:
-        """Give the stream the model or the verdict that it waits for."""
+        """Give the stream the model, the command or the verdict that it waits for."""
         if self.optional.is_model_due:
             self.optional.change_model()
-        else:
+        elif self.optional.is_news:
+            self.optional.read()
+        elif (judgement := self.compiled.observer.memory[0]["judgement"])["waiting"]:  # else it was read meanwhile
             self._judging.answer()
+            judgement["waiting"] = False
 
     def _follow(self) -> None:
         """Hand over closed events, report judged ones."""

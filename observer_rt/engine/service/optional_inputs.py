@@ -44,6 +44,7 @@ class OptionalInputs:
 
     def read(self) -> None:
         """Take the readings that wait; of more than are remembered the oldest are lost."""
+        self._memory["is_news"] = False  # first: what comes meanwhile may be read twice, never missed
         first, end = int(self._memory["read"]), int(self._memory["came"])
         oldest = max(first, end - READINGS)
         for number in range(oldest, end):
@@ -66,6 +67,11 @@ class OptionalInputs:
 
     def _look_on(self) -> None:
         self._memory["looks_at_each"] = self._watch is not None and self._watch.looks_at_each
+
+    @property
+    def is_news(self) -> bool:
+        """Whether a reading waits that is another than the one before."""
+        return bool(self._memory["is_news"])
 
     @property
     def is_model_due(self) -> bool:

@@ -52,6 +52,7 @@ NEARLY_WHITE, NEARLY_WHITE_BLOCKS = 1.15, 1.6  # as the tests of adequacy; M
 # The verdict.
 AGREED = 0.95  # of the posterior; I
 OWN_SHARE = 0.005  # of a mass, within which hypotheses agree whatever their interval; M
+STROKE_SHARE = 0.0025  # of a mass, one sigma, that a needle moves unlike its model; M: on lines with waves
 WRONG, SURELY = 0.03, 3.0  # of a mass, which the published one is not off by at so many standard deviations; P, I
 FAR_FLOW = 0.02  # change of a flow, beyond which a volume is not followed along its slope; P
 LEAST_OF_MIXED = 0.25  # of the lead's own variance, that hypotheses between them leave at least; M

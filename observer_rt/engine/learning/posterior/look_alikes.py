@@ -154,7 +154,8 @@ def _objections(
         reasons.append(Reason.AMBIGUOUS_SCALE)
     objections = tuple(Objection(reason) for reason in reasons)
     phase = inadequate_phase(learned.statistics)
-    if phase is None and is_no_law(theta, reader.wide):
+    # of a needle that answers commands a lag is one with its delays
+    if phase is None and window.needle is None and is_no_law(theta, reader.wide):
         phase = Phase.OPENING
     if phase is not None or not reader.healthy.adequate:
         return (*objections, Objection(Reason.MODEL_INADEQUATE, phase))

@@ -219,7 +219,9 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     mass = mass_of(window, setting, theta, again)
     look_alikes = look_alikes_in(explained, reader)
     systematic = math.hypot(
-        reader.healthy.mass_share, UNSEEN * extrapolation_sigma(explained.point, explanation.before.learned_at)
+        reader.healthy.mass_share,
+        UNSEEN * extrapolation_sigma(explained.point, explanation.before.learned_at),
+        0.0 if window.needle is None else c.STROKE_SHARE,
     )
     shares = shares_of(mass, explained, systematic)
     verdict = verdict_of(explained, mass, shares, look_alikes.objections, reader.wide)

@@ -8,7 +8,7 @@ from pathlib import Path
 from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.config.bench import Bench
 from observer_rt.core.stream.stream import dead_band
-from observer_rt.desk.check.findings import Finding, Level, Said, failed, ruled
+from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Level, Said, failed, ruled
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.engine.service.injector import SIGNALS
 from observer_rt.engine.signal_survey import implausible
@@ -45,7 +45,9 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
         if BY_HEADINGS not in note:  # which the details say
             yield False, note, ""
     yield from _ranges(stream)
-    for chunk in islice(stream.chunks(), 1):
+    if not stream.has_lift:
+        yield WITHOUT_LIFT
+    for chunk in islice(stream.chunks() if stream.has_lift else (), 1):
         noise = lift_noise(chunk)
         opens, shuts = (level / MICROMETRE for level in dead_band(noise))
         text = f"dead band: the needle counts as open above {opens:.3g} um, as shut below {shuts:.3g} um"

@@ -24,7 +24,7 @@ from observer_rt.bus.mapping.timing import TOLERANCE, Joining, Numbering
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_alignment
 from observer_rt.core.stream.stream import MAX_EVENT, dead_band
-from observer_rt.desk.check.findings import Finding, Said, graded, ruled
+from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Said, graded, ruled
 from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.engine.service.injector import bench_constants, calibration_of, configured_noise, doubt_about_fit
 from observer_rt.engine.stream.state import noise_gain
@@ -149,8 +149,7 @@ def _protection(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
 
 def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
     if role is Role.NEEDLE_LIFT and fitted.config.signals.needle_lift is None:
-        text = f"{role}: not measured, learned by the energizing; rates are PRELIMINARY until the needle is shut"
-        return graded("mapping", True, text)
+        return graded("mapping", True, WITHOUT_LIFT)
     number = message_of(bus, role)
     layout, message = bus.input_layouts[number], bus.inputs.messages[number]
     is_lift = role is Role.NEEDLE_LIFT

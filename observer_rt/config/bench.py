@@ -69,6 +69,11 @@ class BenchInjector:
         return self.file.location(*key.split("."))
 
     @property
+    def has_lift(self) -> bool:
+        """Whether a sensor shows its needle lift; else the needle goes by commands."""
+        return self.config.signals.needle_lift is not None and not self.is_lift_dead
+
+    @property
     def coefficients(self) -> Coefficients:
         """Coefficients of its model, effects in force included."""
         return effective_model(self.parameters).coefficients

@@ -216,7 +216,7 @@ class InputWatch:
         self._messages = MessageWatch(bus, self.arrivals)
         self._useless = FrameWatch(self.arrivals, rate, partial(_odd_lengths, bus, core))
         self._senders = SenderWatch(bus, self.arrivals)
-        self._values = ValueWatch(bus, configured_noise(fitted), self.arrivals.sources)
+        self._values = ValueWatch(bus, configured_noise(fitted), self.arrivals.sources, fitted.has_lift)
         self._units, self._rate = UnitWatch(self.arrivals.sources), RateWatch(rate)
         self._lift = LiftWatch()
         self.ranges = RangeWatch(bus, fitted.config.signals)

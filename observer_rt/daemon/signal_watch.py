@@ -109,9 +109,11 @@ class _WatchedRole:
 class ValueWatch:
     """Looks some ten times a second at the newest values, and at the samples since it looked last."""
 
-    def __init__(self, bus: BusMap, noise: NoiseLevels, sources: Sequence[WatchedMessage]) -> None:
+    def __init__(
+        self, bus: BusMap, noise: NoiseLevels, sources: Sequence[WatchedMessage], has_lift: bool = True
+    ) -> None:
         self._watched = []
-        for role in ROLES:
+        for role in ROLES if has_lift else (Role.RAIL_PRESSURE, Role.LINE_PRESSURE):
             limits = role_range(bus, role)
             step = role_resolution(bus, role, limits.highest)
             self._watched.append(_WatchedRole(role, limits, step, getattr(noise, role.value)))
@@ -128,7 +130,8 @@ class ValueWatch:
         has_samples = len(samples[Role.LINE_PRESSURE]) > 0
         remedy = TOPICS[Topic.VALUE].remedy
         odd = {}
-        for watched, value in zip(self._watched, newest.tolist(), strict=True):
+        for watched in self._watched:
+            value = float(newest[ROLES.index(watched.role)])
             if not (has_samples and np.isnan(value)) and (oddity := watched.oddity(value)):
                 odd[watched.role.value] = f"{oddity}\n  remedy: {remedy}"
         yield from self._odd.look(odd)

@@ -54,15 +54,16 @@ cdef double _solve_end(
 ) noexcept nogil:
     """p_L and p_S after implicit steps [s] at the inputs u; a line_step of 0 leaves p_L where it is.
 
-    Newton's method. A step out of the range in which p_S must lie
-    goes half the way to its end instead.
+    Newton's method. A step out of the range in which p_S must lie goes half the way to its end instead; one after an
+    error that grew is shorter, for where the nozzle's flow falls with its pressure they may go in circles.
     """
     line, sac = &c.line.wave, &c.sac
     cdef double p_0 = x[0], flow = x[1], s_0 = x[SAC], p = x[0], s = x[SAC]
     cdef double inflow = line.a1 * (flow - line.outflow)
     cdef double lowest = min(s_0, p_0, 0.0) - SPARE, highest = max(s_0, p_0, 0.0) + SPARE
     cdef double nozzle, seat, by_sac, by_drop, through_nozzle, through_seat, q_h, q_s, fill, soften, seat_by_sac
-    cdef double h_s, s_p, s_s, line_error, sac_error, pp, ps, sp, ss, whole, by_p, by_s, unused
+    cdef double h_s, s_p, s_s, line_error, sac_error, pp, ps, sp, ss, whole, by_p, by_s, unused, error
+    cdef double share = 1.0, error_before = INFINITY
     cdef int64_t iteration
     inflow -= drained(p_0, &line.softness, line.servo, line.displaced, u)  # explicit: the root hardly changes in a step
     for iteration in range(<int64_t> MOST_ITERATIONS):
@@ -82,9 +83,12 @@ cdef double _solve_end(
         ps = line_step * (line.a2_nozzle * h_s + line.a2_seat * s_s)
         sp = -fill * sac.a5 * s_p
         ss = 1.0 + fill * (sac.a6 * h_s - sac.a5 * s_s) - soften * sac_rate(q_h, q_s, sac)
+        error = fabs(line_error) + fabs(sac_error)
+        share = 0.5 * share if error > error_before else min(2.0 * share, 1.0)
+        error_before = error
         whole = pp * ss - ps * sp
-        by_p = (ps * sac_error - ss * line_error) / whole
-        by_s = (sp * line_error - pp * sac_error) / whole
+        by_p = share * (ps * sac_error - ss * line_error) / whole
+        by_s = share * (sp * line_error - pp * sac_error) / whole
         if s + by_s < lowest:
             by_s = 0.5 * (lowest - s)
         elif s + by_s > highest:

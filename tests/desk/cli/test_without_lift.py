@@ -9,7 +9,7 @@ from tests.desk.cli.conftest import Command, document
 
 
 def test_it_is_evaluated_and_what_needs_the_lift_says_so(tmp_path: Path, command: Command) -> None:
-    path, bench = tmp_path / "no_lift.csv", tmp_path / "bench.toml"
+    path, bench, log = tmp_path / "no_lift.csv", tmp_path / "bench.toml", tmp_path / "no_lift.log"
     bench.write_text(command("run", "--print-example-bench").out)
     command.done("simulate", "--injections", 2, "--no-lift", "--effect", "orifice_area:v_H=0.3", "--output", path)
     of_file = document(command, path)["recordings"][0]
@@ -21,10 +21,7 @@ def test_it_is_evaluated_and_what_needs_the_lift_says_so(tmp_path: Path, command
         assert ("needle_closes_later" in injection["indicators"]) > (
             "needle_lift_sensor_lag" in injection["indicators"]
         )
-    for words in (
-        ("discover", path, "--out", tmp_path / "found"),
-        ("convert", path, path.with_suffix(".log"), "--bench", bench),
-    ):
+    for words in (("discover", path, "--out", tmp_path / "a"), ("convert", path, log, "--bench", bench)):
         outcome = command(*words)
         assert outcome.code == 2
         assert f"{path}, needle_lift: was not recorded" in outcome.err.replace("\n", "")

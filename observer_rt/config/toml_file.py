@@ -20,7 +20,8 @@ _KINDS = {
 }
 """What an entry should be, by the type of a pydantic error; its own words serve for others."""
 
-_DEEP = re.compile(rb"^[ \t\[]*(?:[\w-]+[ \t]*\.[ \t]*){50}", re.MULTILINE)  # for such a key tomllib takes very long
+_KEY = rb"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*"""
+_DEEP = re.compile(rb"^[ \t\[]*(?:" + _KEY + rb"){50}", re.MULTILINE)  # for such a key tomllib takes very long
 
 _Model = TypeVar("_Model", bound=BaseModel)
 

@@ -16,7 +16,7 @@ from observer_rt.foundation.files import REPRODUCED
 from observer_rt.foundation.options import Option
 from observer_rt.foundation.outputs import check_output, make_folder, write_text
 from observer_rt.foundation.progress import progress_bar
-from observer_rt.foundation.units import MILLISECOND
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
 MAX_SAMPLES = 20_000_000  # of a simulation, that a machine of 4 GiB can hold with their truth
 
@@ -50,6 +50,9 @@ class SimulateOptions:
     no_lift: Annotated[bool, Option("Leave out the needle lift, as most benches must: energizing stands for it.")] = (
         False
     )
+    jitter: Annotated[
+        float, Option("By which the needle answers energizing later or earlier, one sigma [us].", minimum=0.0)
+    ] = 0.0
     seed: Annotated[int, Option("Seed of the noise.", minimum=0)] = 0
     model: Annotated[Path, Option("Injector file (default: the nominal injector).")] = NOMINAL_INJECTOR
     force: shared.Force = False
@@ -92,7 +95,9 @@ def simulate(options: SimulateOptions) -> None:
         )
     recording = made.recording
     if options.energizing or options.no_lift:
-        recording = recording.with_arrays({"energizing": times.energized(schedule, recording.time)})
+        jitter = options.jitter * MICROSECOND
+        level = times.energized(schedule, recording.time, jitter, options.seed)
+        recording = recording.with_arrays({"energizing": level})
     if options.no_lift:
         recording = recording.with_arrays({"needle_lift": np.full(recording.samples, np.nan)})
     write_recording(output, recording)

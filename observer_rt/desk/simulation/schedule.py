@@ -213,12 +213,19 @@ def stroke(shot: Shot, start: float, rail_pressure: float, parameters: InjectorP
     return None if answer is None else NeedleStroke(**answer)
 
 
-def energized(schedule: Schedule, time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """1 at times (n,) [s] at which the injector is energized, else 0."""
+def energized(
+    schedule: Schedule, time: NDArray[np.float64], jitter: float = 0.0, seed: int = 0
+) -> NDArray[np.float64]:
+    """1 at times (n,) [s] at which the injector is energized, else 0.
+
+    jitter [s]: one sigma, by which each opening and closing of the needle answers later or earlier.
+    """
     shots = [(event.start + shot.offset, shot.duration) for event in schedule.events for shot in event.shots]
     starts, durations = np.array(shots, np.float64).reshape(-1, 2).T
+    late: NDArray[np.float64] = np.random.default_rng(seed).normal(0.0, jitter, (2, starts.size))
+    ends, starts = starts + durations - late[1], starts - late[0]
     last = np.maximum(np.searchsorted(starts, time, side="right") - 1, 0)
-    return ((starts[last] <= time) & (time < starts[last] + durations[last])).astype(np.float64)
+    return np.asarray((starts[last] <= time) & (time < ends[last]), np.float64)
 
 
 def strokes(schedule: Schedule, parameters: InjectorParameters) -> tuple[NeedleStroke, ...]:

@@ -13,7 +13,8 @@ from rich.table import Table
 from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.desk.evaluation.curves import SHOWN, InjectionResult, injection_json
 from observer_rt.desk.evaluation.evaluate import Evaluation
-from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
+from observer_rt.engine.learning.learned_curves import furthest
 from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.console import plain_table, say
@@ -179,6 +180,9 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
             say(console, f"({beyond_learned(last)})")
     if evaluation.level:
         say(console, evaluation.level)
+    for flow in (NOZZLE, SEAT):
+        if (curve := furthest(one for one in evaluation.learned if one.flow == flow)) is not None:
+            say(console, curve.words)
     if count:
         for line in _line_side(evaluation.injections[-1], c):
             say(console, line)

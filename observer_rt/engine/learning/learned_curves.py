@@ -1,7 +1,7 @@
 """Laws of nozzle and seat as they were learned: curves over each input of the network, with their intervals."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +41,13 @@ class LearnedCurve:
         return float(np.max(np.abs(self.change - level) / self.half_width))
 
     @property
+    def words(self) -> str:
+        """What the curve says of the flow."""
+        flow = "nozzle" if self.flow == NOZZLE else "seat"
+        variable, span = self.variable.rpartition("_")[0].replace("_", " "), 100.0 * np.ptp(self.change)
+        return f"learned: {flow} flow by {variable}, {span:.0f} % between its extremes"
+
+    @property
     def columns(self) -> dict[str, Any]:
         """The curve for JSON, and for tables."""
         return {
@@ -50,6 +57,11 @@ class LearnedCurve:
             "change": self.change.tolist(),
             "ci95_halfwidth": self.half_width.tolist(),
         }
+
+
+def furthest(curves: Iterable[LearnedCurve]) -> LearnedCurve | None:
+    """The curve furthest from level, in units of its interval; None where all may be level."""
+    return max((curve for curve in curves if curve.bend > 1.0), key=lambda curve: curve.bend, default=None)
 
 
 def learned_curves(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedCurve, ...]:

@@ -8,7 +8,7 @@ from datetime import date
 from functools import partial
 
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, is_same_rate
-from observer_rt.engine.learning.learned_curves import LearnedCurve
+from observer_rt.engine.learning.learned_curves import LearnedCurve, furthest
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL
@@ -18,7 +18,6 @@ from observer_rt.identification.discovery.gaps import disagreements, gaps_of
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
 from observer_rt.identification.discovery.report.text import headline
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
-from observer_rt.identification.discovery.search.laws import first_guess
 from observer_rt.identification.discovery.search.proposal import Part
 from observer_rt.identification.discovery.search.proposals import variance_by_phase
 from observer_rt.identification.discovery.search.results import Cell, Verdict
@@ -104,7 +103,7 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     recordings = [one.recording for one in task.measured]
     learned = task.learned(task.parameters, recordings) if task.learned else ()
     options = SearchOptions(
-        workers, lambda done: progress(begin + (_NAMED - begin) * done), baseline, task.chosen, first_guess(learned)
+        workers, lambda done: progress(begin + (_NAMED - begin) * done), baseline, task.chosen, furthest(learned)
     )
     discovery = name_effects(nominal, measured, options)
     likelihood = joint_likelihood(measured, nominal, baseline.shape)

@@ -12,7 +12,7 @@ from operator import attrgetter
 import numpy as np
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.learned_curves import LearnedCurve
+from observer_rt.engine.learning.learned_curves import LearnedCurve, furthest
 from observer_rt.identification.discovery.search.adequacy import Adequacy
 from observer_rt.identification.discovery.search.candidates import UNNAMED, Candidate, Hypothesis, equation_of
 from observer_rt.identification.discovery.search.curves import (
@@ -219,11 +219,6 @@ class Laws:
         return [rows for gain, rows in worth[:REFITTED_PAIRS] if gain > limit]
 
 
-def first_guess(curves: Iterable[LearnedCurve]) -> Guess:
-    """The curve furthest from level, in units of its interval; None where all may be level."""
-    return max((one for one in curves if one.bend > 1.0), key=lambda one: one.bend, default=None)
-
-
 def is_guessed(effect: Effect, guess: Guess) -> bool:
     """Whether an effect is a law of the guessed flow over the guessed input."""
     law = effect.apply
@@ -234,7 +229,7 @@ def is_guessed(effect: Effect, guess: Guess) -> bool:
 
 def guess_words(curves: Iterable[LearnedCurve]) -> str:
     """Names the law that the search began with."""
-    guess = first_guess(curves)
+    guess = furthest(curves)
     if guess is None:
         return "None is further from level than its interval."
     return f"The search began with {EQUATIONS[guess.flow].words} over {VARIABLES[guess.variable].word}."

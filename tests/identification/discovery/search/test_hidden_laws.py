@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.healthy_events import learned_laws
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.learned_curves import LearnedCurve
+from observer_rt.engine.learning.learned_curves import LearnedCurve, furthest
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import Fitter
-from observer_rt.identification.discovery.search.laws import first_guess
 from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.discovery.search.search import Search, representatives
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
@@ -189,7 +188,7 @@ def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:
 
 def test_the_law_that_the_network_learned_is_near_the_truth_and_tried_first() -> None:
     made, tried = recorded(with_laws(coking=0.3)), list[Candidate]()
-    guess = first_guess(learned_laws(NOMINAL, made))
+    guess = furthest(learned_laws(NOMINAL, made))
     assert guess is not None
     assert (guess.flow, guess.variable) == (NOZZLE, "time_since_opening_ms")
     true = 0.3 * np.expm1(-guess.inputs * MILLISECOND / COKING_TIME)
@@ -213,8 +212,8 @@ def test_a_curve_that_may_be_level_is_no_guess() -> None:
     level, slight, rising = (
         LearnedCurve(SEAT, "seat_area_mm2", inputs, np.linspace(-rise, rise, 5), half) for rise in (0.0, 0.009, 0.03)
     )
-    assert first_guess((level, slight)) is None
-    assert first_guess((level, rising)) is rising
+    assert furthest((level, slight)) is None
+    assert furthest((level, rising)) is rising
 
 
 def test_what_the_observer_refuses_teaches_nothing() -> None:

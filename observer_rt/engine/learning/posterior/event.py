@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from observer_rt.engine.estimation.gating import best_subset
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, Parameter
+from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, WEIGHTS, Parameter
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import pooled
@@ -252,20 +253,22 @@ class _Reads:
         )
 
     def _first(self, learned: LearnedInjector, window: Window, cost: EventCost) -> Linearisation:
-        """The cost at the belief; of a needle that answers commands, before events, at the best of several fits."""
+        """The cost at the belief; of a needle that answers commands, before events, at the best of several fits.
+
+        These know no law of nozzle and seat, which would make up for a needle and a line that are far from theirs.
+        """
         first = cost.linearised(learned.theta)
         if window.needle is None or not learned.is_prior:
             return first
         fitter = EventFitter(cost, learned.active, self._reader.limits)
-        prior = learned.belief.narrowed(STATED, c.FILED)
-        fits = []
-        for move in STARTED[NEEDLE_CHANGED]:
+        plain, fits = learned.belief.narrowed(WEIGHTS.tolist(), c.NO_LAW), []
+        for prior, move in product((plain.narrowed(STATED, c.FILED), plain), STARTED[NEEDLE_CHANGED]):
             cost.jitter = np.zeros_like(cost.jitter)
-            fits.append(fitter.fit(cost.linearised(learned.theta + move), prior, c.NEEDLE_STEPS).linearisation)
+            fits.append(fitter.fit(cost.linearised(learned.theta + move), prior, c.FIRST_STEPS).linearisation)
         cost.jitter = np.zeros_like(cost.jitter)
-        best = min(fits, key=lambda fit: fit.value + 0.5 * prior.distance(fit.theta))
-        needle, theta = NEEDLE_LAW.columns, learned.theta.copy()
-        theta[needle] = best.theta[needle]
+        best = min(fits, key=lambda fit: fit.value + 0.5 * plain.distance(fit.theta))
+        sought, theta = [*NEEDLE_LAW.columns.tolist(), *STATED], learned.theta.copy()
+        theta[sought] = best.theta[sought]
         return cost.linearised(theta)
 
     def _linearised(

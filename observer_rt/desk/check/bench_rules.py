@@ -11,7 +11,7 @@ from observer_rt.daemon.keeper import kept_files
 from observer_rt.daemon.state_file import StateDoesNotFitError, load_knowledge, model_hash
 from observer_rt.desk.check.buses import buses_findings
 from observer_rt.desk.check.findings import Finding, Said, failed, ruled
-from observer_rt.desk.check.injector import mapping_findings, observer_findings, time_findings
+from observer_rt.desk.check.injector import mapping_findings, mass_findings, observer_findings, time_findings
 from observer_rt.desk.check.machine import machine_findings
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_hash
@@ -25,7 +25,10 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     state: file with a learned state, which stays as it is, instead of the one that the bench file names. Where there
     are several injectors, each finding names its injector. Raises `UserError` for one state of several injectors.
     """
-    return bench_findings(bench, state) + machine_findings(bench)
+    findings = bench_findings(bench, state)
+    is_sound = not any(finding.error for finding in findings)
+    masses = of_each(bench, lambda alone: mass_findings(alone.injector)) if is_sound else []
+    return findings + masses + machine_findings(bench)
 
 
 def refuse_errors(

@@ -25,6 +25,8 @@ from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_alignment
 from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Said, graded, ruled
+from observer_rt.desk.simulation.schedule import REFERENCE_PRESSURE, make_schedule
+from observer_rt.desk.simulation.simulate import simulate
 from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.engine.service.injector import bench_constants, calibration_of, configured_noise, doubt_about_fit
 from observer_rt.engine.stream.state import noise_gain
@@ -36,9 +38,10 @@ from observer_rt.foundation.units import (
     MICROSECOND,
     MILLISECOND,
     PRESSURE_UNITS,
+    Z_95,
     ZERO_CELSIUS,
 )
-from observer_rt.model.effects import effective_model
+from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import at_temperature
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 
@@ -57,6 +60,7 @@ _NUMBERED = {
     Numbering.STAMPS: "counted by receive stamps",
 }
 SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
+SHORT, WIDER, SHOWN = 0.6 * MILLISECOND, 0.01, 0.03  # energizing [s]; nozzle that is compared; of a mass
 LARGEST_DEAD_BAND = 0.1  # of the full lift
 MEASURED_PERCENT = 0.2  # of a mass, one sigma: a good injection meter
 _LEVEL = {
@@ -312,6 +316,20 @@ def level_findings(fitted: BenchInjector) -> Iterator[Said]:
         f"one measured mass known to {MEASURED_PERCENT:g} % makes it ±{measured.bound_pct:.1f} %: "
         "`observer-rt fit --mass`",
     )
+
+
+@ruled("mass")
+def mass_findings(fitted: BenchInjector) -> Iterator[Said]:
+    """How well the line pressure of one injection tells its mass, where all but the nozzle's flow is known."""
+    schedule, rate = make_schedule([REFERENCE_PRESSURE], 1, 30 * MILLISECOND, [SHORT]), fitted.config.sampling.rate_hz
+    wider = sized("orifice_area", v_H=WIDER)
+    file, other = (simulate(fitted.parameters, schedule, rate, effects).truth for effects in ((), (wider,)))
+    moved = (other.line_pressure - file.line_pressure) / (WIDER * configured_noise(fitted).line_pressure)
+    if not moved.any():
+        return
+    mass, share = file.injection_rate.sum() / rate * fitted.coefficients.density, Z_95 / float(np.linalg.norm(moved))
+    text = f"one injection of {mass / 1e-6:.2g} mg at 100 MPa shows its mass to ±{share:.1%} at best (95 %)"
+    yield share < SHOWN, text, "a quieter line-pressure sensor, or one nearer to the injector, shows more"
 
 
 def _observer(fitted: BenchInjector) -> list[Finding]:

@@ -95,8 +95,7 @@ def simulate(options: SimulateOptions) -> None:
         )
     recording = made.recording
     if options.energizing or options.no_lift:
-        jitter = options.jitter * MICROSECOND
-        level = times.energized(schedule, recording.time, jitter, options.seed)
+        level = times.energized(schedule, recording.time, options.jitter * MICROSECOND, options.seed)
         recording = recording.with_arrays({"energizing": level})
     if options.no_lift:
         recording = recording.with_arrays({"needle_lift": np.full(recording.samples, np.nan)})

@@ -43,9 +43,8 @@ class LearnedCurve:
     @property
     def words(self) -> str:
         """What the curve says of the flow."""
-        flow = "nozzle" if self.flow == NOZZLE else "seat"
         variable, span = self.variable.rpartition("_")[0].replace("_", " "), 100.0 * np.ptp(self.change)
-        return f"learned: {flow} flow by {variable}, {span:.0f} % between its extremes"
+        return f"learned: {'nozzle' if self.flow == NOZZLE else 'seat'} flow by {variable}, {span:.0f} % in all"
 
     @property
     def columns(self) -> dict[str, Any]:

@@ -83,6 +83,7 @@ STATED = "".join(re.findall(r"(?m)^\w+_percent = .*\n", NOMINAL_INJECTOR.read_te
         ("dead band", "warning", "bench", "needle_lift_um = 0.4", "needle_lift_um = 10", "50 um"),
         ("injector", "warning", "injector", "length = 0.15 ", "length = 150 ", "line.length = 150"),
         ("level", "warning", "injector", "diameter_percent = 1.0", "diameter_percent = 2.0", "makes it ±0.4 %"),
+        ("mass", "warning", "injector", "hole_diameter = 0.17e-3", "hole_diameter = 0.025e-3", "±3.1%"),
         ("level", "ok", "injector", STATED, "mass_percent = 0.2\n", "±0.4 %, calibrated"),
     ],
 )

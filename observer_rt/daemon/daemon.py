@@ -213,11 +213,6 @@ class Daemon:
         return not receiver["highest"][lift] - receiver["lowest"][lift] > LIFT_MOVED
 
     @property
-    def can_spare_lift(self) -> bool:
-        """Whether commands tell, to a sample, what the lift sensor is to."""
-        return self._bus.energizing is not None and self._bus.energizing.tells_samples
-
-    @property
     def stands_since(self) -> int:
         """Since when the state and its reasons are what they are, by the monotonic clock [ns]."""
         return self._state_watch.since

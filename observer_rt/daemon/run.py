@@ -106,7 +106,7 @@ class InjectorService:
     def other_bench(self) -> Bench | None:
         """The bench as its lift sensor is, dead or alive again; None where it is as the bench says, or is needed."""
         daemon, was_dead = self._daemon, self._bench.injector.is_lift_dead
-        if daemon is None or not daemon.can_spare_lift or daemon.is_lift_dead == was_dead:
+        if daemon is None or not self._bus.tells_commands or daemon.is_lift_dead == was_dead:
             return None
         return self._bench.with_lift_sensor(is_dead=not was_dead)
 

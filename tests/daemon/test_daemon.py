@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.links.link import Frame
+from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -147,7 +148,7 @@ def test_commands_stand_for_a_lift_sensor_while_it_is_dead(tmp_path: Path) -> No
         return daemon
 
     dying = served(0, 6, None, is_dead=False, dead_from=4)
-    assert (dying.core.state[1], dying.is_lift_dead, dying.can_spare_lift) == (Reason.LIFT_DEAD, True, True)
+    assert (dying.core.state[1], dying.is_lift_dead, map_bus(bench).tells_commands) == (Reason.LIFT_DEAD, True, True)
     spared = served(6, 9, dying.core.knowledge, is_dead=True, dead_from=0)
     back = served(9, 12, spared.core.knowledge, is_dead=True, dead_from=99)
     notices = [each.text for each in spared.notes.notices if "frozen" in each.text]

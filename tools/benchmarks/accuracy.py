@@ -13,7 +13,6 @@ import typer
 
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.desk.library.answered_lift import without_lift
 from tests.observed_plants import commanded
 from tests.plants.plant import record
 from tests.plants.real import WHOLE, Setting
@@ -120,7 +119,7 @@ def score_case(class_name: str, seed: int, number: int, with_peer: bool, has_lif
     if not has_lift:
         rng = np.random.default_rng([seed, number])
         delays = 0.32e-3 + rng.uniform(*OPENS_LATER), 0.27e-3 + rng.uniform(*CLOSES_LATER)
-        recording = without_lift(commanded(case.bench, outcome, *delays, jitter=JITTER))
+        recording = commanded(case.bench, outcome, *delays, jitter=JITTER).without_lift()
         evaluation = evaluate(bench_for_case(case), [recording]).evaluations[0]
         return score_evaluation(case, outcome, bench_for_case(case), evaluation).facts()
     score = score_outcome(case, outcome, bench_for_case(case))

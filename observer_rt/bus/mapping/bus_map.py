@@ -70,6 +70,11 @@ class BusMap:
         return next((slow.energizing for slow in self.slow if slow.energizing), None)
 
     @property
+    def tells_commands(self) -> bool:
+        """Whether the bus tells to the sample when the injector is energized."""
+        return self.energizing is not None and self.energizing.tells_samples
+
+    @property
     def received(self) -> tuple[MessageLayout, ...]:
         """Every message that something is read from, once."""
         return tuple(dict.fromkeys((*self.input_layouts, *(slow.layout for slow in self.slow))))

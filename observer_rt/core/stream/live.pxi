@@ -2,10 +2,10 @@
 #
 # Each is an extended Kalman filter on z = [p_L, Q_L, p_S, r, s, indicated pressure, delay]: r and s are what nozzle and
 # seat pass more than the model with phi, as shares of the model's; 0 at an opening from rest, random walks while the
-# needle is open. A needle that answers commands has another delay at each opening and closing. The filters differ in how far and how fast these may go, and weigh by the likelihood of the line pressure
-# since the opening. Where no event has shown the flow, the first goes as far as the second. They are linearised
-# together, at their mean. Line and sensor are as believed: what one of them does is taken for a flow here, and only the
-# event's own fit tells them apart.
+# needle is open. A needle that answers commands has another delay at each opening and closing. The filters differ in
+# how far and how fast these may go, and weigh by the likelihood of the line pressure since the opening. Where no event
+# has shown the flow, the first goes as far as the second. They are linearised together, at their mean. Line and sensor
+# are as believed: what one of them does is taken for a flow here, and only the event's own fit tells them apart.
 
 cdef double WALK_STEP = 1e-5  # s, for which the walks are given
 cdef double[FILTERS][4] WIDTHS = [  # sd at the opening of r and s, walk of r and s in a step

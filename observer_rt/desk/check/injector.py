@@ -152,7 +152,7 @@ def _protection(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
 
 
 def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
-    if role is Role.NEEDLE_LIFT and fitted.config.signals.needle_lift is None:
+    if role is Role.NEEDLE_LIFT and not fitted.has_lift:
         return graded("mapping", True, WITHOUT_LIFT)
     number = message_of(bus, role)
     layout, message = bus.input_layouts[number], bus.inputs.messages[number]

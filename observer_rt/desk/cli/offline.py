@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
-
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.cli.command import messages
 from observer_rt.desk.recording_options import SIGNALS, EvaluateOptions
@@ -98,7 +96,7 @@ def simulate(options: SimulateOptions) -> None:
         level = times.energized(schedule, recording.time, options.jitter * MICROSECOND, options.seed)
         recording = recording.with_arrays({"energizing": level})
     if options.no_lift:
-        recording = recording.with_arrays({"needle_lift": np.full(recording.samples, np.nan)})
+        recording = recording.without_lift()
     write_recording(output, recording)
     simulation.write_truth(truth, made.truth)
     effects = "; ".join((*parameters.in_force, *map(simulation.sizes_of, deviations))) or "no effect"

@@ -36,7 +36,7 @@ def with_answered_lift(injector: InjectorParameters, recordings: Sequence[Record
 
 def _share_unknown(recording: Recording, injector: InjectorParameters) -> float:
     """Mean 95 % bound of a recording's masses, as a share of them."""
-    reports = evaluate(bench_of(injector, recording), [without_lift(recording)]).evaluations[0].reports
+    reports = evaluate(bench_of(injector, recording), [recording.without_lift()]).evaluations[0].reports
     shares = [report.mass_bound / report.mass for report in reports if report.stroke is not None]
     return float(np.mean(shares)) if shares else math.inf
 
@@ -56,7 +56,7 @@ def answered_again(
 def _answered(
     injector: InjectorParameters, recordings: Sequence[Recording]
 ) -> tuple[InjectorParameters, list[Recording]]:
-    blind = [without_lift(one) for one in recordings]
+    blind = [one.without_lift() for one in recordings]
     history = evaluate(bench_of(injector, blind[0]), blind)
     if not any(report.stroke for one in history.evaluations for report in one.reports):
         raise UserError(
@@ -68,11 +68,6 @@ def _answered(
     del needle["stop"]
     learned = injector.model_copy(update={"needle": injector.needle.model_copy(update=needle)})
     return learned, [_with_lift(one, of) for one, of in zip(recordings, history.evaluations, strict=True)]
-
-
-def without_lift(recording: Recording) -> Recording:
-    """A recording as of a bench that does not measure the lift."""
-    return replace(recording, needle_lift=np.full(recording.samples, np.nan))
 
 
 def _with_lift(recording: Recording, evaluation: Evaluation) -> Recording:

@@ -113,8 +113,7 @@ class Core:
         config = fitted.config
         is_restored = knowledge is not None
         constants = bench_constants(fitted, is_restored)
-        by_bus = bus.energizing is not None and bus.energizing.tells_samples
-        if by_bus if commanded is None else commanded:
+        if bus.tells_commands if commanded is None else commanded:
             constants = constants.by_commands()
         noise = configured_noise(fitted)
         start = knowledge or no_knowledge(noise, constants.coefficients.pressure_scale)

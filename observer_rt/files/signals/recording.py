@@ -194,6 +194,10 @@ class Recording:
         """Whether the lift was recorded; else the needle is known by the energizing alone."""
         return bool(np.isfinite(self.needle_lift).any()) or self.energizing is None
 
+    def without_lift(self) -> "Recording":
+        """The recording as of a bench that does not measure the lift."""
+        return replace(self, needle_lift=np.full(self.samples, np.nan))
+
     @property
     def recorded(self) -> tuple[str, ...]:
         """Names of the signals that were recorded."""

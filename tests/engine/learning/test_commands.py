@@ -9,7 +9,6 @@ import pytest
 
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.desk.library.answered_lift import without_lift
 from observer_rt.desk.simulation.schedule import Shot as Command
 from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
@@ -85,7 +84,7 @@ def test_without_the_lift_masses_are_right_from_the_first_injection_on(
     events = in_turn(9, lambda _: faults, (60e6, 100e6, 140e6), (0.6e-3, 1.9e-3, 1.0e-3))
     outcome = record(bench := Bench(Injector(), needle, events, seed=3))
     before = law.opening_delay + opens_later, law.closing_delay + closes_later
-    recording = without_lift(commanded(bench, outcome, *before, jitter=10e-6))
+    recording = commanded(bench, outcome, *before, jitter=10e-6).without_lift()
     reports = evaluate(bench_at(bench.sample_rate), [recording]).evaluations[0].reports
     run_of_events = ObservedRun(reports, true_masses(outcome, bench))
     assert all(run_of_events.valid)
@@ -118,7 +117,7 @@ def test_on_the_bus_it_is_as_in_a_recording(
     if not has_lift:
         before, _, after = path.read_text().partition("[signals.needle_lift]")
         path.write_text(before + after[after.index("[signals.line_pressure]") :])
-        column = without_lift(column)
+        column = column.without_lift()
     live = run(path, merged(samples(seen), frames(pulses)))
     offline = evaluate(load_bench(sample_bench(tmp_path)), [column]).evaluations[0].reports
     assert [report.valid for report in live.reports] == [report.valid for report in offline]

@@ -62,11 +62,10 @@ def _constants(text: str, folder: Path) -> list[str]:
     sources = "".join(path.read_text() for path in folder.glob("*.p*"))
     kinds = {name: "tuple[float, ...]" if array else "float" for array, name in DOUBLE.findall(sources)}
     arguments = re.findall(r"\b([A-Z]\w*)=(?:tuple\(|\()?(\w+)", ENUM.sub("", "".join(EXPORTED.findall(text))))
+    arguments += re.findall(r"^    ([A-Z]\w+) =()", "".join(SHOWN.findall(text)), re.MULTILINE)
     kinds["dtype_of"] = "np.dtype[np.void]"
     tuples = {name for name, value in arguments if value == "tuple_of"}
     numbers = [f"{name}: {kinds.get(value, 'int')}" for name, value in arguments if name not in tuples]
-    limits = re.findall(r"^    ([A-Z]\w+) =", "".join(SHOWN.findall(text)), re.MULTILINE)
-    numbers += [f"{name}: int" for name in limits]
     for enum, members in ENUM.findall(text):
         numbers += [f"class {enum}(IntEnum):", *(f"    {name} = ..." for name in re.findall(r"(\w+)=", members))]
     return numbers + [f"class {name}(NamedTuple):{_fields(name, sources)}" for name in sorted(tuples)]

@@ -10,9 +10,10 @@ from typing import Annotated, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from observer_rt.core.model.model import Operation
 from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
-from observer_rt.model.terms.law import Call, Coefficient, Lag, Law, LawTable, Number, Operation, Quantity, Resonance
+from observer_rt.model.terms.law import Call, Coefficient, Lag, Law, LawTable, Number, Quantity, Resonance
 from observer_rt.model.terms.term import PURE, UNIT_NAMES, VARIABLES, Term, TermEquation, Unit, Variable, unit_named
 
 SeenRange = Mapping[Variable, tuple[float, float]]

@@ -14,15 +14,16 @@ and `clock.pxi` of `core/frames` say how.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
-from observer_rt.bus.mapping.timing import GridRelation, Joining, Numbering
+from observer_rt.bus.mapping.timing import GridRelation
 from observer_rt.core.frames import frames as core
+from observer_rt.core.frames.frames import Joining, Numbering
+from observer_rt.core.stream.stream import Break
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
 
 LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
@@ -170,13 +171,3 @@ def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:
         name, lately = bus.name_of(layout_of(bus, stream)), float(clock["spread"]) / SECOND
         result.append(MessageTiming(name, jitter_of(clock), drift, unknown, lately))
     return tuple(result)
-
-
-class Break(IntEnum):
-    """Reason why a sample does not follow its predecessor."""
-
-    NONE = 0
-    START = 1  # the first sample
-    JUMP = 2  # legal jump of a windowed source
-    LOSS = 3  # samples were lost
-    RESTART = 4  # the device's index began anew

@@ -2,6 +2,7 @@
 
 from collections import namedtuple
 from collections.abc import Iterator, Mapping
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,11 @@ def _dtype(described: np.dtype[Any], value: Any) -> np.dtype[Any]:
 def tuple_of(module: str, name: str, fields: Mapping[str, Any]) -> type[tuple[Any, ...]]:
     """Named tuple, of a module, of the numbers in a struct, those of structs in it one after another."""
     return namedtuple(name, _names(fields), module=module)
+
+
+def enum_of(module: str, name: str, **members: int) -> IntEnum:
+    """Enum, of a module, of numbers that the core has."""
+    return IntEnum(name, members, module=module)
 
 
 def _names(fields: Mapping[str, Any]) -> Iterator[str]:

@@ -5,9 +5,9 @@ from enum import Enum
 from functools import partial
 from typing import NamedTuple
 
-from observer_rt.bus.database.lookup import E2EState
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import BenchInjector
+from observer_rt.core.frames.frames import E2EState
 from observer_rt.daemon.arrivals import SECOND, Arrivals, WatchedMessage, message_text
 from observer_rt.daemon.signal_watch import LiftWatch, RangeWatch, RateWatch, UnitWatch, ValueWatch
 from observer_rt.engine.reports.news import Notice

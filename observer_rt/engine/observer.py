@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stepper import Stepper
 from observer_rt.core.stream.stream import (
     CHANNEL,
@@ -26,6 +25,7 @@ from observer_rt.core.stream.stream import (
     SAMPLE,
     SLOTS,
     VERDICT,
+    Break,
     Stream,
     Timing,
     copy_window,

@@ -4,16 +4,14 @@ For libraries that read what others wrote with code that trusts it. One server p
 once, and forks a worker for every piece of work. What a worker leaves behind is deleted with its folder. A worker may
 be in the hands of the file it reads: what it says is read as plain data only, and callers check it (`checked`).
 
-A message is its length (8 bytes), JSON of that length, and the bytes of the arrays that the JSON names. It may hold
-None, bool, int, float and str; lists, tuples (which come as lists) and dictionaries of these with keys of text; numpy
-arrays of numbers, moments, text, or records of them. Reading one never executes anything.
+A message is JSON, then the arrays that it stands for, each as a file of numpy (.npy): every part is its length (8
+bytes) and its bytes. It may hold None, bool, int, float and str; lists, tuples (which come as lists) and dictionaries
+of these with keys of text; numpy arrays of anything but objects. Reading one never executes anything.
 """
 
 import atexit
 import json
-import math
 import os
-import re
 import resource
 import signal
 import socket
@@ -26,7 +24,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from enum import StrEnum
 from importlib import import_module
-from io import BufferedReader
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, NoReturn, TypeVar
 
@@ -43,14 +41,8 @@ MEMORY_PER_BYTE = 8
 LONGEST_REQUEST = 1 << 16
 _PACKAGE_FOLDER = Path(__file__).parents[2]
 _LENGTH = struct.Struct("<Q")
-LONGEST_TEXT = 1 << 26  # bytes of JSON
-_PLAIN_TYPE = re.compile(r"[<>|][biufmMSU]\d{1,9}(\[\d{0,9}\w+\])?")
-_TYPE, _SHAPE, _FIELDS = "type", "shape", "fields"  # what stands for an array, and for a dictionary
+_ARRAY, _FIELDS = "array", "fields"  # what stands for the next array, and for a dictionary
 T = TypeVar("T")
-
-
-class _MessageError(Exception):
-    """Bytes that are no message, or end within one."""
 
 
 class WorkerError(Exception):
@@ -84,18 +76,16 @@ _USER_ERROR: TypeAdapter[tuple[str, str, str]] = TypeAdapter(tuple[str, str, str
 def run_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
     """Run a generator function of a module on a file, in a process of its own.
 
-    It may yield plain data: None, bool, int, float, str, numpy arrays (of numbers, moments, text, or records of
-    them), lists, tuples and dictionaries with keys of text. Tuples, named ones too, come as lists; anything else is
-    a `TypeError` of the function. The arguments are the same, but for arrays.
+    It may yield what a message may hold; anything else is a `TypeError` of the function. The arguments are the same,
+    but for arrays.
 
     Raises what it raises if that is a `UserError`, `WorkerError` however else it ends early.
     """
     with tempfile.TemporaryDirectory(prefix="observer_rt-", ignore_cleanup_errors=True) as scratch:
         request = _Request(module, function, str(path), arguments, str(Path.cwd()), scratch, CPU_SECONDS)
-        most_bytes = MEMORY + _size(path) * MEMORY_PER_BYTE
         with os.fdopen(_ask(request), "rb") as pipe:
             while True:
-                kind, content = _answer(pipe, most_bytes)
+                kind, content = _answer(pipe)
                 if kind is _Kind.END:
                     return
                 if kind is _Kind.USER_ERROR:
@@ -114,13 +104,13 @@ def checked(kind: TypeAdapter[T], answer: Any) -> T:
         raise WorkerError(f"its reader gave something else than was asked for: {problem['msg']}") from None
 
 
-def _answer(pipe: BufferedReader, most_bytes: int) -> tuple[_Kind, Any]:
+def _answer(pipe: BinaryIO) -> tuple[_Kind, Any]:
+    if not (start := pipe.read(_LENGTH.size)):
+        raise WorkerError("what reads it crashed, or did not come to an end")
     try:
-        kind, content = _read_message(pipe, most_bytes)
+        kind, content = _unpacked(json.loads(_read_part(pipe, start)), pipe)
         return _Kind(kind), content
-    except EOFError:
-        raise WorkerError("what reads it crashed, or did not come to an end") from None
-    except (_MessageError, ValueError, TypeError) as error:
+    except (struct.error, ValueError, TypeError, LookupError, RecursionError, OverflowError, MemoryError) as error:
         raise WorkerError(f"what reads it gave no answer that can be read: {error}") from None
 
 
@@ -242,27 +232,23 @@ def _limit(request: _Request) -> None:
 def _write_message(stream: BinaryIO, value: Any) -> None:
     """Write a value. Raises `TypeError` for anything but plain data, before the first byte is written."""
     arrays: list[NDArray[Any]] = []
-    text = json.dumps(_packed(value, arrays)).encode()
-    if len(text) > LONGEST_TEXT:
-        raise TypeError(f"{len(text)} bytes of text are too many at once: send arrays, or less")
-    stream.write(_LENGTH.pack(len(text)) + text)
+    parts = [json.dumps(_packed(value, arrays)).encode()]
     for array in arrays:
-        stream.write(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
+        np.save(file := BytesIO(), array, allow_pickle=False)
+        parts.append(file.getvalue())
+    for part in parts:
+        stream.write(_LENGTH.pack(len(part)))
+        stream.write(part)
     stream.flush()
 
 
-def _read_message(stream: BufferedReader, most_bytes: int) -> Any:
-    """Read a value; most_bytes: of one array. Raises `EOFError` at the end, and `_MessageError`."""
-    start = stream.read(_LENGTH.size)
-    if not start:
-        raise EOFError
-    try:
-        (length,) = _LENGTH.unpack(start)
-        if length > LONGEST_TEXT:
-            raise _MessageError(f"announces {length} bytes of text")
-        return _unpacked(json.loads(stream.read(length)), stream, most_bytes)
-    except (struct.error, ValueError, TypeError, LookupError, RecursionError, OverflowError, MemoryError) as error:
-        raise _MessageError(str(error)) from None
+def _read_part(stream: BinaryIO, start: bytes) -> bytes:
+    """The part of a message that has a length, as it stands before it. Raises `ValueError`."""
+    (length,) = _LENGTH.unpack(start)
+    part = stream.read(length)
+    if len(part) < length:
+        raise ValueError(f"ends after {len(part)} of {length} bytes")
+    return part
 
 
 def _packed(value: Any, arrays: list[NDArray[Any]]) -> Any:
@@ -272,39 +258,20 @@ def _packed(value: Any, arrays: list[NDArray[Any]]) -> Any:
         return [_packed(item, arrays) for item in value]
     if isinstance(value, dict) and all(isinstance(key, str) for key in value):
         return {_FIELDS: {key: _packed(item, arrays) for key, item in value.items()}}
-    if isinstance(value, np.ndarray):
-        described = np.lib.format.dtype_to_descr(value.dtype)
-        _type_of(described)
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         arrays.append(value)
-        return {_TYPE: described, _SHAPE: value.shape}
+        return {_ARRAY: len(arrays)}
     raise TypeError(f"{type(value).__name__} is no plain data: send numbers, text, lists, dictionaries or arrays")
 
 
-def _unpacked(value: Any, stream: BufferedReader, most_bytes: int) -> Any:
+def _unpacked(value: Any, stream: BinaryIO) -> Any:
+    """What `_packed` was given; the arrays follow each other as they do there."""
     if isinstance(value, list):
-        return [_unpacked(item, stream, most_bytes) for item in value]
+        return [_unpacked(item, stream) for item in value]
     if not isinstance(value, dict):
         return value
     if _FIELDS in value:
-        return {key: _unpacked(item, stream, most_bytes) for key, item in value[_FIELDS].items()}
-    kind, shape = _type_of(value[_TYPE]), tuple(map(int, value[_SHAPE]))
-    size = math.prod(shape) * kind.itemsize
-    if min(shape, default=0) < 0 or size > most_bytes:
-        raise _MessageError(f"announces an array of {shape}")
-    data = np.empty(size, np.uint8)
-    position = 0
-    while position < size:
-        count = stream.readinto(data.data[position:])
-        if not count:
-            raise _MessageError("ends within an array")
-        position += count
-    return data.view(kind).reshape(shape)
-
-
-def _type_of(described: Any) -> np.dtype[Any]:
-    """Type of the items, as `numpy.lib.format` describes it. Raises `TypeError` for one that is not plain."""
-    if isinstance(described, list):
-        return np.dtype([(name, _type_of(kind), *map(tuple, shape)) for name, kind, *shape in described])
-    if not (isinstance(described, str) and _PLAIN_TYPE.fullmatch(described)):
-        raise TypeError(f"an array of {described} is no plain data")
-    return np.dtype(described)
+        return {key: _unpacked(item, stream) for key, item in value[_FIELDS].items()}
+    if _ARRAY not in value:
+        raise ValueError("a dictionary that stands for nothing")
+    return np.load(BytesIO(_read_part(stream, stream.read(_LENGTH.size))), allow_pickle=False)

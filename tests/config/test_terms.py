@@ -10,8 +10,7 @@ from observer_rt.config.injector_file import InjectorFile, tables_in_force
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.bounds import refuse_unbounded
-from observer_rt.model.terms.dimensions import coefficient_unit
-from observer_rt.model.terms.in_force import TermInForce
+from observer_rt.model.terms.in_force import TermInForce, coefficient_unit
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import VARIABLES, Term, TermEquation
 from tests.config.test_bench import refusal

@@ -9,9 +9,8 @@ import pytest
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import Break
 from observer_rt.config.bench import load_injector
-from observer_rt.core.stream.stream import INJECTIONS, RECORDED, RECORDED_RING, RING
+from observer_rt.core.stream.stream import INJECTIONS, RECORDED, RECORDED_RING, RING, Break
 from observer_rt.desk.simulation.plant import Truth, run_plant
 from observer_rt.desk.simulation.schedule import make_schedule, strokes
 from observer_rt.engine.estimation.gain import NoiseLevels

@@ -7,7 +7,8 @@ import re
 import sys
 from pathlib import Path
 
-HEAD = """from typing import Any, NamedTuple
+HEAD = """from enum import IntEnum
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ ELEMENTS = {"double": "float64", "int64_t": "int64", "int8_t": "int8", "uint8_t"
 INCLUDE = re.compile(r'^include "(.+)"$', re.MULTILINE)
 CIMPORT = re.compile(r"^from (\S+) cimport ([^()\n]+$|\([^)]+\))", re.MULTILINE)
 EXPORTED = re.compile(r"^globals\(\)\.update\((.+?)\)$", re.MULTILINE | re.DOTALL)
+SHOWN = re.compile(r"^cpdef enum:.*\n((?:    .*\n)+)", re.MULTILINE)
+ENUM = re.compile(r'=enum_of\(\s*__name__, "(\w+)", ([^)]+)\)')
 DOUBLE = re.compile(r"^cdef double(\[\w+\])? (\w+) =", re.MULTILINE)
 DECLARED = re.compile(
     r"^cdef class (?P<name>\w+)(?P<base>\(\w+\))?:$"
@@ -55,13 +58,16 @@ def stub_of(source: Path) -> str:
 
 
 def _constants(text: str, folder: Path) -> list[str]:
-    """What a module exports by `globals().update`: numbers, whole if nothing else is known, dtypes, named tuples."""
+    """What a module exports by `cpdef enum` and `globals().update`: numbers, else whole; dtypes; tuples; enums."""
     sources = "".join(path.read_text() for path in folder.glob("*.p*"))
     kinds = {name: "tuple[float, ...]" if array else "float" for array, name in DOUBLE.findall(sources)}
-    arguments = re.findall(r"\b([A-Z]\w*)=(?:tuple\(|\()?(\w+)", "".join(EXPORTED.findall(text)))
+    arguments = re.findall(r"\b([A-Z]\w*)=(?:tuple\(|\()?(\w+)", ENUM.sub("", "".join(EXPORTED.findall(text))))
+    arguments += re.findall(r"^    ([A-Z]\w+) =()", "".join(SHOWN.findall(text)), re.MULTILINE)
     kinds["dtype_of"] = "np.dtype[np.void]"
     tuples = {name for name, value in arguments if value == "tuple_of"}
     numbers = [f"{name}: {kinds.get(value, 'int')}" for name, value in arguments if name not in tuples]
+    for enum, members in ENUM.findall(text):
+        numbers += [f"class {enum}(IntEnum):", *(f"    {name} = ..." for name in re.findall(r"(\w+)=", members))]
     return numbers + [f"class {name}(NamedTuple):{_fields(name, sources)}" for name in sorted(tuples)]
 
 

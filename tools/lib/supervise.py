@@ -17,7 +17,6 @@ GRACE_S = 10.0  # what a command may take to end after the first signal before i
 POLL_S = 0.02
 TIMED_OUT = 124  # exit code, as timeout(1)
 
-
 # Waits for a line; when its input ends without one, the program that would have sent it has died.
 WATCHER = 'read -r line || { kill -9 "-$1"; [ -z "$2" ] || rm -rf "$2"; }'
 

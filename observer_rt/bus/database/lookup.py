@@ -14,7 +14,6 @@ The receiver's state machine (AUTOSAR E2E_SM) judges the frames of a message tog
 import hashlib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
 
@@ -44,15 +43,6 @@ def protection_of(profile: int | None, data_id: int | None) -> np.void:
     row["data_id"] = data_id or 0
     protection: np.void = row[0]
     return protection
-
-
-class E2EState(IntEnum):
-    """State of the receiver's state machine, over the frames of a protected message."""
-
-    NODATA = 0
-    INIT = 1
-    VALID = 2
-    INVALID = 3
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ from observer_rt.bus.mapping.input_tables import (
     sample_groups,
 )
 from observer_rt.bus.mapping.output_messages import protected_layout
-from observer_rt.bus.mapping.timing import Joining, Numbering, index_signal, time_on_bus
+from observer_rt.bus.mapping.timing import index_signal, time_on_bus
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.signals import (
@@ -47,7 +47,7 @@ from observer_rt.config.signals import (
     SignalConfig,
     SlowSignalConfig,
 )
-from observer_rt.core.frames.frames import OPTIONAL_INPUT, carries, encode_signals
+from observer_rt.core.frames.frames import OPTIONAL_INPUT, Joining, Numbering, carries, encode_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND, TIME_UNITS, factor_of
 

@@ -4,7 +4,6 @@ The grid is that of the message with the line pressure: its index, or the number
 """
 
 from collections.abc import Sequence
-from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +17,15 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.injector import Meaning
 from observer_rt.config.signals import Role, undone_in_alignment
-from observer_rt.core.frames.frames import MAX_INTERPOLATED, SLOTS, TIMING, UNPROTECTED, values_of_counter
+from observer_rt.core.frames.frames import (
+    MAX_INTERPOLATED,
+    SLOTS,
+    TIMING,
+    UNPROTECTED,
+    Joining,
+    Numbering,
+    values_of_counter,
+)
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
@@ -29,24 +36,6 @@ TOLERANCE = 2e-6  # s that the time of lift or line pressure may be unknown by: 
 RAIL_TOLERANCE = 20e-6  # s, the same of the rail pressure, which changes slowly
 SLOW_TOLERANCE = 0.1  # of the interval of a slower one
 RATIO_TOLERANCE = 1e-6
-
-
-class Joining(IntEnum):
-    """Way of joining a message's samples to the grid."""
-
-    INDEX = 0  # its index is the grid's
-    RATIO = 1  # its index counts every n-th sample of the grid
-    NEAREST = 2  # same time base, but counted: its first sample is the nearest one's, the others follow
-    CLOCK = 3  # another time base: by both clocks, between samples
-
-
-class Numbering(IntEnum):
-    """Way of numbering a message's frames."""
-
-    INDEX = 0  # a signal with the index of the first sample
-    COUNTER = 1  # a signal that counts frames
-    E2E_COUNTER = 2  # the counter of the end-to-end protection
-    STAMPS = 3  # nothing but when they are received
 
 
 class GridRelation(NamedTuple):

@@ -3,7 +3,7 @@
 # Samples of other time bases than the grid's follow on it by `resampling`; the place of a block is found by `placing`.
 
 
-cdef enum:
+cpdef enum:
     PATIENCE = SLOTS // 2  # samples that wait for a message before it counts as stale
 
 

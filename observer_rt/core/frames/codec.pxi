@@ -1,6 +1,6 @@
 # Decodes and encodes signals of a bus database, by tables of where their bits are: see bus.database.codec.
 
-cdef enum:  # how the bits of a field are to be read
+cpdef enum:  # how the bits of a field are to be read
     UNSIGNED = 0
     SIGNED = 1
     FLOAT32 = 2

@@ -1,6 +1,6 @@
 # AUTOSAR end-to-end protection at the start of a frame, and the receiver's state machine: see bus.database.e2e.
 
-cdef enum:
+cpdef enum:
     UNPROTECTED = 0
     PROFILE_1 = 1
     PROFILE_5 = 5
@@ -17,7 +17,7 @@ cdef enum:  # E2EStatus
     E2E_LENGTH_ERROR = 5
     E2E_INITIAL = 6
 
-cdef enum:  # E2EState
+cdef enum:  # E2EState: of the receiver's state machine, over the frames of a protected message
     E2E_NODATA = 0
     E2E_INIT = 1
     E2E_VALID = 2

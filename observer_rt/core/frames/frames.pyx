@@ -11,7 +11,7 @@ from libc.string cimport memcpy, memset
 from numpy import atleast_1d
 
 from observer_rt.core.frames.records cimport *
-from observer_rt.core.records import dtype_of, tuple_of
+from observer_rt.core.records import dtype_of, enum_of, tuple_of
 from observer_rt.core.stream.state cimport (
     BREAK_JUMP, BREAK_LOSS, BREAK_NONE, BREAK_RESTART, DOUBT_NONE, DOUBT_TIME_BASE, INJECTIONS, LIFT, MASK,
     RECORDED_MASK, RECORDED_RING, STATE_DEGRADED, Observer, Recorded
@@ -19,7 +19,7 @@ from observer_rt.core.stream.state cimport (
 from observer_rt.core.stream.stream cimport Stream, advance_stream, take_recorded
 from observer_rt.core.stream.validity cimport REASON_INPUT_STALE, REASON_NONE
 
-cdef enum:
+cpdef enum:
     SLOTS = 4096  # samples that may wait for another message
     SLOT_MASK = 4095
     MAX_INTERPOLATED = 2  # samples that a gap may have without being a loss
@@ -38,17 +38,17 @@ cdef enum:  # Count
     COUNT_OLD = 2
     COUNT_ANEW = 3
 
-cdef enum:  # Joining
-    JOINING_INDEX = 0
-    JOINING_RATIO = 1
-    JOINING_NEAREST = 2
-    JOINING_CLOCK = 3
+cdef enum:  # Joining: how a message's samples are joined to the grid
+    JOINING_INDEX = 0  # its index is the grid's
+    JOINING_RATIO = 1  # its index counts every n-th sample of the grid
+    JOINING_NEAREST = 2  # same time base, but counted: its first sample is the nearest one's, the others follow
+    JOINING_CLOCK = 3  # another time base: by both clocks, between samples
 
-cdef enum:  # Numbering
-    NUMBERING_INDEX = 0
-    NUMBERING_COUNTER = 1
-    NUMBERING_E2E_COUNTER = 2
-    NUMBERING_STAMPS = 3
+cdef enum:  # Numbering: how a message's frames are numbered
+    NUMBERING_INDEX = 0  # a signal with the index of the first sample
+    NUMBERING_COUNTER = 1  # a signal that counts frames
+    NUMBERING_E2E_COUNTER = 2  # the counter of the end-to-end protection
+    NUMBERING_STAMPS = 3  # nothing but when they are received
 
 
 include "codec.pxi"
@@ -99,5 +99,15 @@ globals().update(
     ARRIVAL=dtype_of(<Arrival[:1:1]> <Arrival*> _blank, (<Arrival*> _blank)[0]),
     PUMP=dtype_of(<PumpMemory[:1:1]> <PumpMemory*> _blank, (<PumpMemory*> _blank)[0]),
     Header=tuple_of(__name__, "Header", (<Header*> _blank)[0]),
+    E2EState=enum_of(
+        __name__, "E2EState", NODATA=E2E_NODATA, INIT=E2E_INIT, VALID=E2E_VALID, INVALID=E2E_INVALID
+    ),
+    Joining=enum_of(
+        __name__, "Joining", INDEX=JOINING_INDEX, RATIO=JOINING_RATIO, NEAREST=JOINING_NEAREST, CLOCK=JOINING_CLOCK
+    ),
+    Numbering=enum_of(
+        __name__, "Numbering", INDEX=NUMBERING_INDEX, COUNTER=NUMBERING_COUNTER, E2E_COUNTER=NUMBERING_E2E_COUNTER,
+        STAMPS=NUMBERING_STAMPS
+    ),
 )
 assert all(getattr(each, "itemsize", 0) <= sizeof(_blank) for each in list(globals().values()))

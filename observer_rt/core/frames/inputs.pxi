@@ -1,7 +1,7 @@
 # Optional inputs while frames are taken: values that count until they are too old, readings that wait for Python.
 
 
-cdef enum:
+cpdef enum:
     LEARNING_ENABLE = 0  # numbers of the optional roles
     FUEL_TEMPERATURE = 2
     READINGS = 4096  # that wait: 0.8 s of blocks of 20 levels at 100 kHz

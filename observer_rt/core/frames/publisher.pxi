@@ -1,7 +1,7 @@
 # Publishes samples of the observer in injection-rate frames: every index once, in blocks that carry their index.
 
 
-cdef enum:
+cpdef enum:
     FRAMES = 512  # capacity for results
     FULL = FRAMES // 4  # ready, beyond which there is room for those of one input frame only, which are far fewer
 

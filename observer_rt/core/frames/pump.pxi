@@ -4,7 +4,7 @@
 # With one bus it sleeps until the frame that completes a block of rates is due, so that one wake brings several frames.
 # Nothing is allocated.
 
-cdef enum:
+cpdef enum:
     BATCH = 16  # frames that one system call may bring
     SLOT_BYTES = 80  # of a frame with its stamp behind it, as a feeder gives it
     CONTROL_BYTES = 128  # room for three time stamps and a count of lost frames

@@ -6,7 +6,7 @@ include "wave.pxi"
 include "closed_end.pxi"
 
 # Kinds of line.
-cdef enum:
+cpdef enum:
     LUMP = 0
     WAVE = 1
 

@@ -24,7 +24,7 @@ from observer_rt.core.model.valve cimport (
     valve_begins, valve_edge, valve_ends
 )
 
-from observer_rt.core.records import tuple_of
+from observer_rt.core.records import enum_of, tuple_of
 
 cdef double EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
 

@@ -216,26 +216,13 @@ def totals_of_terms(
 
 
 globals().update(
-    BY_LINE=BY_LINE,
-    BY_NOZZLE=BY_NOZZLE,
-    BY_SEAT=BY_SEAT,
-    COLUMNS=WIDTH,
-    CURVES=CURVES,
-    FORGETTING=tuple(FORGETTING),
-    LUMP=LUMP,
-    MEMORIES=MEMORIES,
-    MOST_NEURONS=MOST_NEURONS,
-    NOZZLE_NUMBERS=NOZZLE_NUMBERS,
-    PIECES=PIECES,
-    REACH=tuple(REACH),
-    SENSOR_NUMBERS=SENSOR_NUMBERS,
-    STEP=WAVE_STEP,
-    WAVE=WAVE,
-    WEIGHTS=tuple(WEIGHTS),
+    BY_LINE=BY_LINE, BY_NOZZLE=BY_NOZZLE, BY_SEAT=BY_SEAT, COLUMNS=WIDTH, CURVES=CURVES,
+    FORGETTING=tuple(FORGETTING), MEMORIES=MEMORIES, MOST_NEURONS=MOST_NEURONS, NOZZLE_NUMBERS=NOZZLE_NUMBERS,
+    PIECES=PIECES, REACH=tuple(REACH), SENSOR_NUMBERS=SENSOR_NUMBERS, STEP=WAVE_STEP, WEIGHTS=tuple(WEIGHTS),
 )
 
 
-# Named tuples of the numbers that Python gives.
+# Named tuples of the numbers that Python gives, and an enum.
 cdef double[MOST_COEFFICIENTS] _blank  # room for each of them
 globals().update(
     InputTerms=tuple_of(__name__, "InputTerms", (<InputTerms*> _blank)[0]),
@@ -246,6 +233,11 @@ globals().update(
     Sensor=tuple_of(__name__, "Sensor", (<Sensor*> _blank)[0]),
     Valve=tuple_of(__name__, "Valve", (<Valve*> _blank)[0]),
     WaveLine=tuple_of(__name__, "WaveLine", (<WaveLine*> _blank)[0]),
+    Operation=enum_of(
+        __name__, "Operation", ADD=OP_ADD, SUBTRACT=OP_SUBTRACT, MULTIPLY=OP_MULTIPLY, DIVIDE=OP_DIVIDE, POWER=OP_POWER,
+        GREATER=OP_GREATER, LESS=OP_LESS, NEGATE=OP_NEGATE, SQRT=OP_SQRT, ABS=OP_ABS, EXP=OP_EXP, LOG=OP_LOG, SIN=OP_SIN,
+        COS=OP_COS, TANH=OP_TANH, MIN=OP_MIN, MAX=OP_MAX
+    ),
 )
 
 

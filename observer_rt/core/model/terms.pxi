@@ -2,16 +2,16 @@
 #
 # A program is postfix: rows (operation, operand), the end of a term adds what is on the stack to its equation's total.
 
-cdef enum:  # Operation, and what a program has beside
+cpdef enum:  # Operation of a law on one or two arguments, and what a program has beside
     OP_ADD = 0
     OP_SUBTRACT = 1
     OP_MULTIPLY = 2
     OP_DIVIDE = 3
-    OP_POWER = 4
-    OP_GREATER = 5
+    OP_POWER = 4  # the exponent is a number
+    OP_GREATER = 5  # 0 or 1, as LESS
     OP_LESS = 6
     OP_NEGATE = 7
-    OP_SQRT = 8
+    OP_SQRT = 8  # with the sign of its argument
     OP_ABS = 9
     OP_EXP = 10
     OP_LOG = 11

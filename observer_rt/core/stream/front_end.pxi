@@ -4,7 +4,7 @@
 # extended to where the needle leaves or meets its seat. Where samples are means over their interval, the first and the
 # last one of a ramp are extended likewise, because they contain only a part of it.
 
-cdef enum:
+cpdef enum:
     LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts
     CONFIRM = 2  # consecutive samples that shut the needle
     FEWEST_OPENING = 2

@@ -9,7 +9,7 @@
 # Sensors creep: after a long opening a shut needle shows some micrometres for milliseconds. Taken for an open one, the
 # injection would go on for as long.
 
-cdef enum:
+cpdef enum:
     FEWEST = 2  # samples of that
     BEGINNING = 256  # squares of the noise, before a step is told from it
     LONG_PAST = -RING  # position of a step that there was not

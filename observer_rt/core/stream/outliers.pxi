@@ -3,7 +3,7 @@
 # A value that must not be used is marked in `bridged` of its sample. For a line pressure x~ then goes on by the model,
 # without correction, and what is learned leaves it out; a rail pressure or lift is replaced by its neighbours or held.
 
-cdef enum:
+cpdef enum:
     REACH = 3  # samples of the longest spike
     FEWEST_REPEATS = 4  # that are a frozen value: so many samples wait for their look-ahead
     FEWEST_AFTER_LEAP = 2

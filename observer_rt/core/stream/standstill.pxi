@@ -1,6 +1,6 @@
 # Estimates at standstill: noise levels, the offset between line and rail pressure, the lift sensor.
 
-cdef enum:
+cpdef enum:
     ENOUGH_SAMPLES = 256  # of standstill, before measured noise may replace the stated
     NOISE_MEMORY = 16_384  # squares of which the mean is formed at least; beyond twice as many the older count half
     LIFT_MEMORY = 4_096  # squares the running mean of the lift remembers

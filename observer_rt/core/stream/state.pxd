@@ -5,6 +5,7 @@ from libc.stdint cimport int64_t
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Seat
 from observer_rt.core.model.needle cimport NEEDLE_NUMBERS, NeedleLaw
 from observer_rt.core.model.network cimport CURVES
+from observer_rt.core.model.records cimport MOST_COEFFICIENTS
 from observer_rt.core.model.sensor cimport SENSOR_GAIN, SENSOR_NUMBERS, InputTerms, Sensor
 from observer_rt.core.model.valve cimport Valve
 
@@ -24,32 +25,31 @@ cdef enum:
     RAIL_BINS = 32  # of the rail pressure
     CURVE_NUMBERS = 128  # of a curve of the network: its pieces' cubics
     OUTPUTS = 2
-    MOST_COEFFICIENTS = 24
 
-cdef enum:  # Break
+cdef enum:  # Break: why a sample does not follow its predecessor
     BREAK_NONE = 0
-    BREAK_START = 1
-    BREAK_JUMP = 2
-    BREAK_LOSS = 3
-    BREAK_RESTART = 4
+    BREAK_START = 1  # the first sample
+    BREAK_JUMP = 2  # legal jump of a windowed source
+    BREAK_LOSS = 3  # samples were lost
+    BREAK_RESTART = 4  # the device's index began anew
 
-cdef enum:  # Doubt
+cdef enum:  # Doubt: fault of a sample that is there but cannot be trusted; numbers are those of `Reason`
     DOUBT_NONE = 0
-    DOUBT_TIME_BASE = 16
-    DOUBT_FROZEN = 24
-    DOUBT_CLIPPED = 25
+    DOUBT_TIME_BASE = 16  # when it was taken is not known well enough
+    DOUBT_FROZEN = 24  # an input keeps its value for longer than can be bridged
+    DOUBT_CLIPPED = 25  # an input stays at the end of its range
 
-cdef enum:  # State
+cdef enum:  # State: of the service as a whole; sent in every output frame
     STATE_STARTING = 0
     STATE_WAITING_FOR_DATA = 1
     STATE_RUNNING_NOMINAL = 2
     STATE_ADAPTED = 3
     STATE_DEGRADED = 4
 
-cdef enum:  # VerdictKind
-    TAKEN_NOTHING = 0
-    TAKEN_EXAMINED = 1
-    TAKEN_LEARNED = 2
+cdef enum:  # VerdictKind: what the stream found when an event was due
+    TAKEN_NOTHING = 0  # it was not judged
+    TAKEN_EXAMINED = 1  # by the innovations of the live x~; with what was learned from an earlier one, if that is new
+    TAKEN_LEARNED = 2  # with what was learned from it
 
 cdef enum:  # Stepping
     STEPPING_START = 0

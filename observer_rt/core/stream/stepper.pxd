@@ -3,10 +3,10 @@
 from libc.stdint cimport int64_t
 
 from observer_rt.core.model.model cimport Terms
-from observer_rt.core.model.records cimport WIDTH, Coefficients, Forced, Forcing, Gradient, Network
+from observer_rt.core.model.records cimport MOST_COEFFICIENTS, WIDTH, Coefficients, Forced, Forcing, Gradient, Network
 from observer_rt.core.model.sensor cimport SENSOR_NUMBERS
 from observer_rt.core.model.valve cimport Stroke, Strokes
-from observer_rt.core.stream.state cimport MOST_COEFFICIENTS, Observer
+from observer_rt.core.stream.state cimport Observer
 from observer_rt.core.stream.stream cimport PairStepper, Stream
 
 

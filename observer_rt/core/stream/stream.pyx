@@ -9,7 +9,7 @@ from libc.string cimport memcpy
 
 from observer_rt.core.model.hydraulics cimport Seat, normalised_area
 from observer_rt.core.model.needle cimport CORNER_ROUNDING, NeedleStroke, answers, rounded_lift
-from observer_rt.core.records import dtype_of, tuple_of
+from observer_rt.core.records import dtype_of, enum_of, tuple_of
 from observer_rt.core.stream.ramps cimport slope_of_means
 from observer_rt.core.stream.state cimport *
 from observer_rt.core.stream.validity cimport *
@@ -34,37 +34,13 @@ include "innovation_monitor.pxi"
 include "step.pxi"
 
 
-# What Python works with, too.
+# What Python works with, too, beside what is `cpdef`.
 globals().update(
-    CLOSE=CLOSE,
-    CONFIRM=CONFIRM,
-    DIFFERENCE_GAIN=DIFFERENCE_GAIN,
-    ENOUGH_SAMPLES=ENOUGH_SAMPLES,
-    CHANGE_MEMORY=CHANGE_MEMORY,
-    FEWEST_OPENING=FEWEST_OPENING,
-    FEWEST_REPEATS=FEWEST_REPEATS,
-    FOOT=FOOT,
-    FURTHEST_OFFSET=FURTHEST_OFFSET,
-    FURTHEST_ZERO=FURTHEST_ZERO,
-    INJECTIONS=INJECTIONS,
-    LIFT_MEMORY=LIFT_MEMORY,
-    LONG_PAST=LONG_PAST,
-    LOOK_BACK=LOOK_BACK,
-    MAX_EVENT=MAX_EVENT,
-    MOST_CROSSTALK=MOST_CROSSTALK,
-    OFFSET_FOLLOWS=OFFSET_FOLLOWS,
-    PENDING_EVENTS=PENDING_EVENTS,
-    RAIL_BIN=RAIL_BIN,
-    RAIL_BINS=RAIL_BINS,
-    REACH=REACH,
-    COMMANDS=COMMANDS,
-    RECORDED_RING=RECORDED_RING,
-    RESTLESS=RESTLESS,
-    RING=RING,
-    SLOTS=SLOTS,
-    SLOWEST_OPENING=SLOWEST_OPENING,
-    SLOW_PEAK=SLOW_PEAK,
-    STEP=STEP,
+    CHANGE_MEMORY=CHANGE_MEMORY, CLOSE=CLOSE, COMMANDS=COMMANDS, DIFFERENCE_GAIN=DIFFERENCE_GAIN, FOOT=FOOT,
+    FURTHEST_OFFSET=FURTHEST_OFFSET, FURTHEST_ZERO=FURTHEST_ZERO, INJECTIONS=INJECTIONS, LIFT=LIFT, LINE=LINE,
+    MAX_EVENT=MAX_EVENT, MOST_CROSSTALK=MOST_CROSSTALK, OFFSET_FOLLOWS=OFFSET_FOLLOWS,
+    PENDING_EVENTS=PENDING_EVENTS, RAIL=RAIL, RAIL_BIN=RAIL_BIN, RAIL_BINS=RAIL_BINS, RECORDED_RING=RECORDED_RING,
+    RESTLESS=RESTLESS, RING=RING, SLOTS=SLOTS, SLOWEST_OPENING=SLOWEST_OPENING, SLOW_PEAK=SLOW_PEAK, STEP=STEP,
 )
 
 
@@ -80,6 +56,19 @@ globals().update(
     VERDICT=dtype_of(<Verdict[:1:1]> <Verdict*> _blank, (<Verdict*> _blank)[0]),
     Timing=tuple_of(__name__, "Timing", (<Timing*> _blank)[0]),
     Undoing=tuple_of(__name__, "Undoing", (<Undoing*> _blank)[0]),
+    Break=enum_of(
+        __name__, "Break", NONE=BREAK_NONE, START=BREAK_START, JUMP=BREAK_JUMP, LOSS=BREAK_LOSS, RESTART=BREAK_RESTART
+    ),
+    Doubt=enum_of(
+        __name__, "Doubt", NONE=DOUBT_NONE, TIME_BASE=DOUBT_TIME_BASE, FROZEN=DOUBT_FROZEN, CLIPPED=DOUBT_CLIPPED
+    ),
+    State=enum_of(
+        __name__, "State", STARTING=STATE_STARTING, WAITING_FOR_DATA=STATE_WAITING_FOR_DATA,
+        RUNNING_NOMINAL=STATE_RUNNING_NOMINAL, ADAPTED=STATE_ADAPTED, DEGRADED=STATE_DEGRADED
+    ),
+    VerdictKind=enum_of(
+        __name__, "VerdictKind", NOTHING=TAKEN_NOTHING, EXAMINED=TAKEN_EXAMINED, LEARNED=TAKEN_LEARNED
+    ),
 )
 assert all(getattr(each, "itemsize", 0) <= sizeof(_blank) for each in list(globals().values()))
 

@@ -11,9 +11,9 @@ from observer_rt.bus.mapping.bench_map import BenchMap, in_common
 from observer_rt.bus.mapping.bus_map import message_timing
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.bus.mapping.output_signals import RESULTS
-from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import RESULT_IDS
+from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.desk.check.findings import Finding, Said, ruled
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND

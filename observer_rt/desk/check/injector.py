@@ -20,9 +20,10 @@ from observer_rt.bus.mapping.bus_map import (
     role_resolution,
 )
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.bus.mapping.timing import TOLERANCE, Joining, Numbering
+from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_alignment
+from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Said, graded, ruled
 from observer_rt.desk.simulation.schedule import REFERENCE_PRESSURE, make_schedule

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import Break
 from observer_rt.bus.links.link import FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.core.stream.stream import RING
+from observer_rt.core.stream.stream import RING, Break
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.samples import HistorySamples, Run
 from observer_rt.desk.evaluation.trace import Signal

@@ -16,13 +16,10 @@ Signal = NDArray[np.float64]
 SUFFIXES = tuple(TABLE_WRITERS)
 TRACE_SUFFIX = ".trace.csv"  # added to a recording's name, in a folder
 NUMBER = "%.9g"
+_RATES = ("injection_rate", "corrected_rate_sigma", "corrected_rate", "nominal_rate", "open_loop_rate")
 _COLUMNS = (
     WrittenColumn("time_s", "time", "s", NUMBER),
-    WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", NUMBER),
-    WrittenColumn("corrected_rate_sigma_mm3_per_ms", "corrected_rate_sigma", "mm3/ms", NUMBER),
-    WrittenColumn("corrected_rate_mm3_per_ms", "corrected_rate", "mm3/ms", NUMBER),
-    WrittenColumn("nominal_rate_mm3_per_ms", "nominal_rate", "mm3/ms", NUMBER),
-    WrittenColumn("open_loop_rate_mm3_per_ms", "open_loop_rate", "mm3/ms", NUMBER),
+    *(WrittenColumn(f"{name}_mm3_per_ms", name, "mm3/ms", NUMBER) for name in _RATES),
     WrittenColumn("valid", "valid", "", "%d"),
     WrittenColumn("state", "state", "", "%s", tuple(state.name for state in State)),
     *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
@@ -83,6 +80,6 @@ def open_trace(path: Path) -> TableWriter:
 
 def trace_arrays(rows: Trace) -> Sequence[NDArray[Any]]:
     """Columns of a written trace, in the order of the table, in memory of their own."""
-    rates = (rows[column.channel] / MM3_PER_MS for column in _COLUMNS if column.unit == "mm3/ms")
+    rates = (rows[name] / MM3_PER_MS for name in _RATES)
     states = (rows[name][:, i] for name in ("x", "phi") for i in range(3))
     return [values.copy() for values in (rows.time, *rates, rows.valid, rows.state, *states)]

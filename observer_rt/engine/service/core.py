@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from observer_rt import __version__
 from observer_rt.bus.alignment import MessageTiming, indices_of, is_stale, make_alignment, make_timekeeping, timing_of
-from observer_rt.bus.database.lookup import E2EState
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
+from observer_rt.core.frames.frames import E2EState
 from observer_rt.core.stream.stream import RING, dead_band
 from observer_rt.engine.learning.knowledge import EventRecord, Knowledge, no_knowledge
 from observer_rt.engine.observer import make_observer, samples_at

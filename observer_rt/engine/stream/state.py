@@ -16,15 +16,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import Break
 from observer_rt.core.model.model import InputTerms, Sensor
 from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.core.stream import stream as core
 from observer_rt.core.stream.stepper import Stepper
+from observer_rt.core.stream.stream import Doubt as Doubt
+from observer_rt.core.stream.stream import State as State
+from observer_rt.core.stream.stream import VerdictKind as VerdictKind
 from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.effective import Coefficients
 
-RAIL, LIFT, LINE = range(3)  # numbers of the channels
+RAIL, LIFT, LINE = core.RAIL, core.LIFT, core.LINE  # numbers of the channels
 
 OPENING = 40e-6  # s above the dead band that open it: less is a spike
 MOST_OPENING = 8  # samples of that
@@ -32,33 +34,14 @@ RAMP = 30e-6  # s of a ramp from which its slope is taken, behind its first samp
 LONGEST_RAMP = core.LOOK_BACK + core.FEWEST_OPENING - 2  # samples; so many are known when the slope is needed
 
 
-class Doubt(IntEnum):
-    """Fault of a sample that is there but cannot be trusted; numbers are those of `stream.state.Reason`."""
-
-    NONE = 0
-    TIME_BASE = 16  # when it was taken is not known well enough
-    FROZEN = 24  # an input keeps its value for longer than can be bridged
-    CLIPPED = 25  # an input stays at the end of its range
-
-
-class State(IntEnum):
-    """State of the service as a whole; sent in every output frame."""
-
-    STARTING = 0
-    WAITING_FOR_DATA = 1
-    RUNNING_NOMINAL = 2
-    ADAPTED = 3
-    DEGRADED = 4
-
-
 class Reason(IntEnum):
-    """Why a sample, an injection or the service is not valid; the first five continue `Break`."""
+    """Why a sample, an injection or the service is not valid; the first five are those of `Break`."""
 
-    NONE = Break.NONE
-    STARTING = Break.START
-    JUMPED = Break.JUMP  # x~ restarted after a window of the source
-    SAMPLES_LOST = Break.LOSS
-    DEVICE_RESTARTED = Break.RESTART
+    NONE = core.Break.NONE
+    STARTING = core.Break.START
+    JUMPED = core.Break.JUMP  # x~ restarted after a window of the source
+    SAMPLES_LOST = core.Break.LOSS
+    DEVICE_RESTARTED = core.Break.RESTART
     NUMERICAL = 5  # a state was not finite
     NEEDLE_STUCK = 6  # open longer than any injection
     TOO_FEW_EVENTS = 7  # not enough events were judged since the start
@@ -91,15 +74,6 @@ def sample_dtype(states: int) -> np.dtype[np.void]:
     """A sample with x~ and x^ of a model of so many states, as Python is given it."""
     pair = [("x_tilde", np.float64, (states,)), ("x_hat", np.float64, (states,))]
     return np.dtype([*((name, core.SAMPLE[name]) for name in core.SAMPLE.names or ()), *pair], align=True)
-
-
-class VerdictKind(IntEnum):
-    """Verdict that the stream found when an event was due."""
-
-    NOTHING = 0  # it was not judged
-    # By the innovations of the live x~; with what was learned from an earlier one, if that is new.
-    EXAMINED = 1
-    LEARNED = 2  # with what was learned from it
 
 
 class Constants(NamedTuple):

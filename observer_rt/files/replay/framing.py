@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import BusMap, message_of, message_timing, role_range, role_resolution
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
 from observer_rt.config.signals import Role
-from observer_rt.core.frames.frames import frames_of_message
+from observer_rt.core.frames.frames import Numbering, frames_of_message
 from observer_rt.engine.signal_survey import Survey
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled

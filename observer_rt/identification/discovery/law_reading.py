@@ -7,7 +7,8 @@ from itertools import chain
 
 import numpy as np
 
-from observer_rt.model.terms.law import ZERO, Call, Coefficient, Law, Number, Operation, Quantity
+from observer_rt.core.model.model import Operation
+from observer_rt.model.terms.law import ZERO, Call, Coefficient, Law, Number, Quantity
 from observer_rt.model.terms.term import Variable
 
 GATES = {

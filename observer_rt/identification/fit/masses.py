@@ -1,4 +1,4 @@
-"""Measured masses of recordings, read from a table."""
+"""Measured masses of recordings, read from a table of masses, or of the integrals of a rate meter's tables."""
 
 import csv
 import math
@@ -6,12 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from observer_rt.files.signals.rate_table import mass_of_rate
+import numpy as np
+
+from observer_rt.config.injector import RecordingConfig, TimeConfig
+from observer_rt.files.signals.csv_dialect import dialect_of
+from observer_rt.files.signals.csv_table import CsvTable
+from observer_rt.files.signals.naming import chosen, entries
+from observer_rt.files.signals.table import TIME
+from observer_rt.files.signals.table_signals import MASS_RATE_UNITS, UNITS
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.likelihood.measurement import Measurement
 
+INJECTION_RATE = "injection_rate"
 RECORDING, MASS, RATE, SIGMA = "recording", "mass_mg", "rate_file", "sigma_mg"
 SHARE_SIGMA = 0.005  # of a mass whose uncertainty is not stated: a good injection analyser
 LARGEST_MASS = 2000.0  # mg
@@ -19,6 +27,7 @@ _EXAMPLE = (
     f"write {RECORDING},{MASS}[,{SIGMA}] with lines such as healthy_60.csv,31.4, or of a rate meter's tables "
     f"{RECORDING},{RATE}[,{SIGMA}] with healthy_60.csv,tube_60.txt"
 )
+_HEADED = "write names and units of both columns above the numbers, such as: # time [ms], rate [mg/ms]"
 
 
 class MeanMass(NamedTuple):
@@ -61,7 +70,7 @@ def read_masses(path: Path, recordings: Sequence[Measurement], density: float) -
         if MASS in row:
             mass = _number(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
         else:
-            integral = mass_of_rate(path.parent / row[RATE], density) / MILLIGRAM
+            integral = _mass_of_rate(path.parent / row[RATE], density) / MILLIGRAM
             mass = _number(f"{location}, {RATE} {row[RATE]}", f"{integral:.12g}", LARGEST_MASS)
         stated = row.get(SIGMA)
         sigma = _number(f"{location}, {SIGMA}", stated, mass) if stated else SHARE_SIGMA * mass
@@ -89,3 +98,30 @@ def _number(location: str, text: str, highest: float) -> float:
     if not 0.0 < value <= highest:
         raise UserError(location, f"'{text}' is out of range", f"give mg above 0 and up to {highest:g}")
     return value
+
+
+def _mass_of_rate(path: Path, density: float) -> float:
+    """Mass [kg] that a rate meter's table holds, in any dialect: the trapezoidal integral of the rate over the time.
+
+    Its headings may stand behind #. density: of the fuel [kg/m3]. Raises `UserError` for headings that do not say
+    which column is which, in which unit, and for a row that is no measurement, with its line.
+    """
+    with file_errors(path):
+        dialect = dialect_of(path, None, fewest=2)
+        choices = {signal: chosen(signal, dialect.headings) for signal in (TIME, INJECTION_RATE)}
+        if problems := [f"{name}: {choice.problem}" for name, choice in choices.items() if choice.problem]:
+            raise UserError(f"{path}, line {dialect.heading}", "; ".join(problems), _HEADED)
+        columns = {name: TimeConfig.model_validate(dict(entries(choice))) for name, choice in choices.items()}
+        others = ("rail_pressure", "needle_lift", "line_pressure")  # which a meter has not
+        table = CsvTable(path, RecordingConfig.model_construct(None, **dict.fromkeys(others), **columns))
+        parts = list(table.parts(0))
+    time = np.concatenate([part.time for part in parts])
+    rate = np.concatenate([part.signals[INJECTION_RATE] for part in parts])
+    bad = np.flatnonzero(~np.isfinite(rate + time) | (np.diff(time, prepend=-np.inf) <= 0.0))
+    if bad.size or time.size < 2:
+        problem = "the time does not rise, or a value is missing" if bad.size else "holds one row only"
+        location = table.location(int(bad[0]) if bad.size else 0, 0)
+        raise UserError(location, problem, "give one row for each instant, in the order of time")
+    unit = choices[INJECTION_RATE].unit
+    factor = UNITS[TIME].get(choices[TIME].unit, 1.0) * UNITS[INJECTION_RATE][unit]
+    return float(np.trapezoid(rate, time)) * factor * (1.0 if unit in MASS_RATE_UNITS else density)

@@ -6,13 +6,13 @@ units of `variable`, whatever unit they were written in.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from enum import IntEnum
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.model import Operation
 from observer_rt.model.terms.term import Variable, unit_named
 
 Values = NDArray[np.float64]
@@ -23,28 +23,6 @@ LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
 
 # how tightly text binds: a part that binds less than its place asks for stands in parentheses
 _COMPARISON, _ADDITION, _FACTOR, _MINUS, _RAISED, _WHOLE = range(6)
-
-
-class Operation(IntEnum):
-    """Operation of a law on one or two arguments; the numbers are those of compiled programs."""
-
-    ADD = 0
-    SUBTRACT = 1
-    MULTIPLY = 2
-    DIVIDE = 3
-    POWER = 4  # the exponent is a number
-    GREATER = 5  # 0 or 1, as LESS
-    LESS = 6
-    NEGATE = 7
-    SQRT = 8  # with the sign of its argument
-    ABS = 9
-    EXP = 10
-    LOG = 11
-    SIN = 12
-    COS = 13
-    TANH = 14
-    MIN = 15
-    MAX = 16
 
 
 FUNCTIONS = {operation.name.lower(): operation for operation in Operation if operation >= Operation.SQRT}

@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from itertools import accumulate, pairwise
 
+from observer_rt.core.model.model import Operation
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.model.terms.law import (
     FUNCTIONS,
@@ -21,7 +22,6 @@ from observer_rt.model.terms.law import (
     Law,
     LawTable,
     Number,
-    Operation,
     Quantity,
     Resonance,
 )

@@ -9,16 +9,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.model.terms.law import Call, Coefficient, Lag, Law, LawTable, Number, Operation, Quantity, Resonance
+from observer_rt.core.model.model import OP_END, OP_LAG, OP_NUMBER, OP_RINGING, OP_VARIABLE
+from observer_rt.model.terms.law import Call, Coefficient, Lag, Law, LawTable, Number, Quantity, Resonance
 from observer_rt.model.terms.term import Term, TermEquation, Variable
 
 Numbers = NDArray[np.float64]
-
-_NUMBER = len(Operation)  # operand: the value
-_VARIABLE = _NUMBER + 1  # which
-_LAG = _NUMBER + 2  # ms
-_RINGING = _NUMBER + 3  # behind two numbers, frequency in kHz and damping
-_END = _NUMBER + 4  # of a term of this equation
 
 
 def program_of(terms: Sequence[Term], fixed: Mapping[Variable, float] = MappingProxyType({})) -> Numbers:
@@ -29,26 +24,26 @@ def program_of(terms: Sequence[Term], fixed: Mapping[Variable, float] = MappingP
     rows: list[tuple[float, float]] = []
     for term in sorted(terms, key=lambda term: term.equation is TermEquation.LINE_PRESSURE_SENSOR):
         rows.extend(_rows(term.law, term.coefficient, fixed))
-        rows.append((_END, term.equation.number))
+        rows.append((OP_END, term.equation.number))
     return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
 def _rows(law: Law, c: float, fixed: Mapping[Variable, float]) -> Iterator[tuple[float, float]]:
     match law:
         case Number():
-            yield _NUMBER, law.reckoned
+            yield OP_NUMBER, law.reckoned
         case Coefficient():
-            yield _NUMBER, c
+            yield OP_NUMBER, c
         case Quantity(variable):
-            yield (_NUMBER, fixed[variable]) if variable in fixed else (_VARIABLE, variable)
+            yield (OP_NUMBER, fixed[variable]) if variable in fixed else (OP_VARIABLE, variable)
         case Lag(argument, milliseconds):
             yield from _rows(argument, c, fixed)
-            yield _LAG, milliseconds
+            yield OP_LAG, milliseconds
         case Resonance(argument, kilohertz, damping):
             yield from _rows(argument, c, fixed)
-            yield _NUMBER, kilohertz
-            yield _NUMBER, damping
-            yield _RINGING, 0.0
+            yield OP_NUMBER, kilohertz
+            yield OP_NUMBER, damping
+            yield OP_RINGING, 0.0
         case LawTable():
             yield from _rows(law.spelled, c, fixed)
         case Call(operation, arguments):

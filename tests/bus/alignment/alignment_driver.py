@@ -7,12 +7,11 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import Alignment, Break, Timekeeping, make_alignment, make_timekeeping
+from observer_rt.bus.alignment import Alignment, Timekeeping, make_alignment, make_timekeeping
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.signals import Role
-from observer_rt.core.frames.frames import TIMING, decide_samples, place_samples, store_value
-from observer_rt.core.stream.stream import RECORDED, RECORDED_RING
+from observer_rt.core.frames.frames import TIMING, Numbering, decide_samples, place_samples, store_value
+from observer_rt.core.stream.stream import RECORDED, RECORDED_RING, Break
 
 CLOSED_LIFT = 2e-6  # m
 LIFT = ROLES.index(Role.NEEDLE_LIFT)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.bus.alignment import Break
+from observer_rt.core.stream.stream import Break
 from tests.bus.alignment.alignment_driver import ONE, THREE, Aligner, Block, Placing, value
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from observer_rt.bus.alignment import Break
+from observer_rt.core.stream.stream import Break
 from tests.bus.alignment.alignment_driver import LIFT, ONE, THREE, WRAP, Aligner, Block, Row, value
 
 

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import jitter_of
-from observer_rt.bus.mapping.timing import Numbering
-from observer_rt.core.frames.frames import WINDOW, time_frame
+from observer_rt.core.frames.frames import WINDOW, Numbering, time_frame
 from tests.bus.alignment.alignment_driver import keeping_of
 
 EPOCH = 1_700_000_000_000_000_000  # ns

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.timing import Numbering
-from observer_rt.core.frames.frames import time_frame
+from observer_rt.core.frames.frames import Numbering, time_frame
 from observer_rt.engine.stream.state import Doubt
 from tests.bus.alignment.alignment_driver import keeping_of
 

@@ -10,11 +10,12 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from observer_rt.bus.alignment import Break, is_stale, make_alignment
+from observer_rt.bus.alignment import is_stale, make_alignment
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import GridRelation
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import MAX_INPUTS, SLOTS, decide_samples, follow_grid, place_samples, store_value
+from observer_rt.core.stream.stream import Break
 from tests.bus.alignment.alignment_driver import CLOSED_LIFT, LIFT, Row, empty_ring, take_rows
 
 RAIL = ROLES.index(Role.RAIL_PRESSURE)

@@ -14,13 +14,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.lookup import E2EState, protection_of
+from observer_rt.bus.database.lookup import protection_of
 from observer_rt.core.frames.frames import (
     INPUT_MESSAGE,
     PROFILE_1,
     PROFILE_5,
     SUPERVISION,
     UNPROTECTED,
+    E2EState,
     judge_frame,
     protect_frame,
 )

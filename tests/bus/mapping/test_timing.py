@@ -6,9 +6,9 @@ import pytest
 
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus, stream_of
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import Role
+from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.foundation.errors import UserError
 from tests.daemon.time_frames import Clock, merged, observe, send, write_time_bench
 

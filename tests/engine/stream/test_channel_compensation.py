@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import Break
-from observer_rt.core.stream.stream import dead_band
+from observer_rt.core.stream.stream import Break, dead_band
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.model.effect import SizedEffect

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.bus.alignment import Break
-from observer_rt.core.stream.stream import MAX_EVENT, RING
+from observer_rt.core.stream.stream import MAX_EVENT, RING, Break
 from observer_rt.engine.observer import Durations
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.model.effects import sized

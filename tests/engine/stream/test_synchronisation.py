@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.bus.alignment import Break
-from observer_rt.core.stream.stream import LOOK_BACK
+from observer_rt.core.stream.stream import LOOK_BACK, Break
 from observer_rt.engine.stream.state import Reason, State
 from tests.engine.sample_stream import NOMINAL, Channels, Stream, at_rest, lift_with
 from tests.model.conftest import with_line

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.signal import lsim
 
+from observer_rt.core.model.model import Operation
 from observer_rt.model.terms.bounds import TermDomain
 from observer_rt.model.terms.law import (
     FUNCTIONS,
@@ -16,7 +17,6 @@ from observer_rt.model.terms.law import (
     LawTable,
     Memory,
     Number,
-    Operation,
     Quantity,
     Resonance,
     Values,

@@ -6,7 +6,7 @@ import pytest
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.terms.bounds import TermDomain, refuse_unbounded
-from observer_rt.model.terms.dimensions import coefficient_unit
+from observer_rt.model.terms.in_force import coefficient_unit
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 

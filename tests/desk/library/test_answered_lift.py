@@ -24,9 +24,9 @@ def test_each_shot_is_found_as_late_as_it_answers() -> None:
     events = (Event(100e6, (Shot(0.0, 0.6e-3), Shot(1.6e-3, 1.5e-3)), Faults()),) * 6
     bench = Bench(Injector(), Needle(), events, seed=3)
     recording, nominal = commanded(bench, record(bench), *DELAYS, jitter=15e-6), load_injector()
-    known = replace(measurements(with_answered_lift(nominal, [recording]))[0], commands=commands_of(recording))
-    again = answered_again(nominal, [known])[0]
-    before, after = (np.std(one.recording.needle_lift - recording.needle_lift) for one in (known, again))
+    measurement = replace(measurements(with_answered_lift(nominal, [recording]))[0], commands=commands_of(recording))
+    again = answered_again(nominal, [measurement])[0]
+    before, after = (np.std(one.recording.needle_lift - recording.needle_lift) for one in (measurement, again))
     assert after < 0.3 * before
     assert again.commands is not None
     assert np.abs(again.commands - commands_of(recording)).max() > 1.0
@@ -34,11 +34,12 @@ def test_each_shot_is_found_as_late_as_it_answers() -> None:
 
 @pytest.mark.slow
 def test_a_line_with_waves_is_fitted_from_the_file_of_a_lump() -> None:
-    """Needle and line together: a needle learned before, on a lump, had made up for waves, and no fit was adequate."""
+    """Needle and line together: a needle learned first, on a lump, made up for waves, and no fit was adequate."""
     benches = healthy_benches(Variant.PLAIN, 1)
-    recorded = {name: record(bench) for name, bench in benches.items()}
+    outcomes = {name: record(bench) for name, bench in benches.items()}
     recordings = [
-        commanded(benches[name], one, 0.28e-3, 0.34e-3, jitter=8e-6).without_lift() for name, one in recorded.items()
+        commanded(benches[name], outcome, 0.28e-3, 0.34e-3, jitter=8e-6).without_lift()
+        for name, outcome in outcomes.items()
     ]
     fitted = ort.Injector.load().fit(recordings[::2] + recordings[-1:])
     assert fitted.calibration is not None
@@ -48,4 +49,4 @@ def test_a_line_with_waves_is_fitted_from_the_file_of_a_lump() -> None:
     assert [needle.opening_delay, needle.closing_delay] == pytest.approx([0.28e-3, 0.34e-3], abs=8e-6)
     name = list(benches)[1]
     masses = fitted.evaluate(recordings[1]).injections["mass_mg"]
-    assert masses.to_numpy() == pytest.approx(1e6 * true_masses(recorded[name], benches[name]), rel=0.01)
+    assert masses.to_numpy() == pytest.approx(1e6 * true_masses(outcomes[name], benches[name]), rel=0.01)

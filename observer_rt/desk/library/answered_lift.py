@@ -60,7 +60,8 @@ def _answered(model: EffectiveModel, measurement: Measurement, commands: NDArray
 
     def innovations(late: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         judged = RecordingLikelihood(replace(measurement, commands=commands + late), model).judge(model)
-        return [] if judged is None else np.split(judged.z, np.cumsum(sizes)[:-1])
+        z = np.zeros(sum(sizes)) if judged is None else judged.z  # without a solution nothing is told
+        return np.split(z, np.cumsum(sizes)[:-1])
 
     late = np.zeros_like(commands)
     for _ in range(_STEPS):

@@ -1,83 +1,94 @@
-"""The lift of a needle that is not measured, as the pressures of its injections show it."""
+"""The lift of a needle that is not measured: as it answers its commands, each shot a little earlier or later."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
-from observer_rt.core.model.needle import CORNER_ROUNDING, lift_of_stroke
-from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
-from observer_rt.desk.evaluation.healthy_events import bench_of
-from observer_rt.engine.estimation.predictor import needle_with
-from observer_rt.engine.estimation.scalars import NEEDLE_LAW
+from observer_rt.core.model.needle import CORNER_ROUNDING, NEEDLE_JITTER, NeedleStroke, lift_of_stroke, stroke_of
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.fit.problem import PLAIN, values_of, with_values
-from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.measurement import measurements as judged
+from observer_rt.identification.fit.cross_validation import standstill
+from observer_rt.identification.likelihood.likelihood import RecordingLikelihood
+from observer_rt.identification.likelihood.measurement import Measurement, commands_of, measurements
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model
+from observer_rt.model.hydraulics import AT
 from observer_rt.model.parameters import InjectorParameters
+
+_STEPS = 3  # of Gauss and Newton, for the delays of shots
+_DIFFERENCE = 2e-6  # s
 
 
 def with_answered_lift(injector: InjectorParameters, recordings: Sequence[Recording]) -> list[Recording]:
-    """Recordings with the lift of every injection; one that they have is not used.
+    """Recordings with the lift by which the needle of the file answers; one that they have is not used.
 
-    An injector that was not fitted is taken in the plain form that knows the masses of the first recording best: on a
-    line of another kind a needle makes up for waves. Raises `UserError` where no injection is explained, and as
-    `evaluate`.
+    Raises `UserError` where it answers no command.
     """
-    forms = [injector]
-    if injector.baseline is None:
-        formed = [(plain.of(injector), plain.free) for plain in PLAIN]
-        forms += [with_values(form, free, values_of(form, free)) for form, free in formed]
-    return _answered(min(forms, key=partial(_share_unknown, recordings[0])), recordings)[1]
-
-
-def _share_unknown(recording: Recording, injector: InjectorParameters) -> float:
-    """Mean 95 % bound of a recording's masses, as a share of them."""
-    reports = evaluate(bench_of(injector, recording), [recording.without_lift()]).evaluations[0].reports
-    shares = [report.mass_bound / report.mass for report in reports if report.stroke is not None]
-    return float(np.mean(shares)) if shares else math.inf
-
-
-def answered_again(
-    injector: InjectorParameters, measurements: Sequence[Measurement]
-) -> tuple[InjectorParameters, tuple[Measurement, ...]]:
-    """An injector with the needle that was learned of it, and measurements with the lift by it.
-
-    Theirs followed from another injector. Raises as `with_answered_lift`.
-    """
-    injector, recordings = _answered(injector, [one.recording for one in measurements])
-    again = zip(judged(recordings), measurements, strict=True)
-    return injector, tuple(replace(new, stated=old.stated, is_answered=True) for new, old in again)
-
-
-def _answered(
-    injector: InjectorParameters, recordings: Sequence[Recording]
-) -> tuple[InjectorParameters, list[Recording]]:
-    blind = [one.without_lift() for one in recordings]
-    history = evaluate(bench_of(injector, blind[0]), blind)
-    if not any(report.stroke for one in history.evaluations for report in one.reports):
+    results = [_with_lift(injector, one, commands_of(one)) for one in recordings]
+    if not any(one.needle_lift.any() for one in results):
         raise UserError(
             str(recordings[0].path or "recording"),
-            "no injection answers its command as the injector file's needle would",
-            "check `energizing`, and delays and speeds in [needle] of the injector file",
+            "no command is answered by the injector file's needle",
+            "check `energizing`, and the delays in [needle] of the injector file",
         )
-    needle = needle_with(injector.needle_law, NEEDLE_LAW.of(history.knowledge.in_force))._asdict()
-    del needle["stop"]
-    learned = injector.model_copy(update={"needle": injector.needle.model_copy(update=needle)})
-    return learned, [_with_lift(one, of) for one, of in zip(recordings, history.evaluations, strict=True)]
+    return results
 
 
-def _with_lift(recording: Recording, evaluation: Evaluation) -> Recording:
+def answered_again(injector: InjectorParameters, recordings: Sequence[Measurement]) -> tuple[Measurement, ...]:
+    """Measurements with the commands that the needle would answer as each shot did, and with the lift by them.
+
+    Raises as `measurements`.
+    """
+    model = effective_model(injector)
+    commands = [_answered(model, one, commands_of(one.recording)) for one in recordings]
+    lifted = [_with_lift(injector, one.recording, of) for one, of in zip(recordings, commands, strict=True)]
+    return tuple(
+        replace(new, stated=old.stated, commands=of)
+        for new, old, of in zip(measurements(lifted), recordings, commands, strict=True)
+    )
+
+
+def _answered(model: EffectiveModel, measurement: Measurement, commands: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Commands (k, 2) moved by the likeliest delays of the shots: one more of every event at a time is varied."""
+    sigma, step = NEEDLE_JITTER / measurement.interval, _DIFFERENCE / measurement.interval
+    model = model.with_terms("sensor", offset=model.sensor.offset + standstill(measurement)[0])
+    events, begun = measurement.events, commands[:, 0]
+    sizes = [event.end - event.counted for event in events]
+    shots = [np.flatnonzero((begun >= event.start) & (begun < event.end)) for event in events]
+
+    def innovations(late: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        judged = RecordingLikelihood(replace(measurement, commands=commands + late), model).judge(model)
+        z = np.zeros(sum(sizes)) if judged is None else judged.z  # without a solution nothing is told
+        return np.split(z, np.cumsum(sizes)[:-1])
+
+    late = np.zeros_like(commands)
+    for _ in range(_STEPS):
+        here, slopes = innovations(late), []
+        for number in range(max(map(len, shots))):
+            of_event = [each[number] for each in shots if number < len(each)]
+            for edge in range(2):
+                moved = late.copy()
+                moved[of_event, edge] += step
+                slopes.append([(z - z_0) / step for z, z_0 in zip(innovations(moved), here, strict=True)])
+        for event, (rows, z) in enumerate(zip(shots, here, strict=True)):
+            slope = np.column_stack([of[event] for of in slopes[: 2 * len(rows)]])
+            information = slope.T @ slope + np.eye(2 * len(rows)) / sigma**2
+            gradient = slope.T @ z + late[rows].ravel() / sigma**2
+            late[rows] -= np.linalg.solve(information, gradient).reshape(-1, 2)
+    return commands + late
+
+
+def _with_lift(injector: InjectorParameters, recording: Recording, commands: NDArray[np.float64]) -> Recording:
     lift, rate = np.zeros(recording.samples), recording.sample_rate
-    for report in evaluation.reports:
-        if report.stroke is None:
+    pressures = np.nan_to_num(recording.rail_pressure[commands[:, 0].astype(np.int64)], nan=AT) / AT
+    for (start, end), pressure in zip(commands / rate, pressures, strict=True):
+        answer = stroke_of(start, end - start, pressure, injector.needle_law)
+        if answer is None:
             continue
-        first = report.start_index - evaluation.first_index
-        begin = max(int(first + (report.stroke.opening - CORNER_ROUNDING) * rate), 0)
-        end = min(int(first + (report.stroke.closed + CORNER_ROUNDING) * rate), lift.size)
-        for sample in range(begin, end):
-            lift[sample] = lift_of_stroke((sample - first) / rate, report.stroke)
+        stroke = NeedleStroke(**answer)
+        first, last = (stroke.opening - CORNER_ROUNDING) * rate, (stroke.closed + CORNER_ROUNDING) * rate
+        for sample in range(max(int(first), 0), min(int(last), lift.size)):
+            lift[sample] = lift_of_stroke(sample / rate, stroke)
     return replace(recording, needle_lift=lift)

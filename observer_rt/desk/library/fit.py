@@ -24,7 +24,7 @@ TRADED = (
     "without a needle lift, seat.flow_coefficient is known only as its product with the needle's opening speed: "
     "its interval holds for the speed that stands in [needle]"
 )
-ROUNDS = 5  # of a needle whose lift was not measured: it follows from the model that the round before fitted
+ROUNDS = 3  # of shots whose lift was not measured: when each answers follows from the round before
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,9 +117,9 @@ def _with_needle(
     weighed: Mapping[int, MeanMass],
     progress: Callable[[float], None],
 ) -> CalibrationResult:
-    """Calibrate where no lift was measured: each time with the lift that follows from the time before.
+    """Calibrate where no lift was measured: line and needle together, then what each shot did by them, in turn.
 
-    The first lift is rough, so that the first structures are plain; those between keep what it chose.
+    At first all shots answer alike, so that the structures are plain; those between keep what was chosen then.
     """
 
     def calibrated(number: int, structures: Sequence[Structure]) -> CalibrationResult:
@@ -127,7 +127,7 @@ def _with_needle(
 
     done = calibrated(0, PLAIN)
     for number in range(1, ROUNDS):
-        injector, measurements = answered_again(done.injector, measurements)
-        start = start.model_copy(update={"needle": injector.needle})
+        measurements = answered_again(done.injector, measurements)
+        start = start.model_copy(update={"needle": done.injector.needle})
         done = calibrated(number, STRUCTURES if number == ROUNDS - 1 else [done.fitted.structure])
     return done

@@ -19,7 +19,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.fit.causes import TriedCause, tried_causes
 from observer_rt.identification.fit.cross_validation import by_meter, folds_of, share_between_samples, thinned
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.fit.problem import INERTANCE, NOZZLE, STRUCTURES, FreeParameter, Structure
+from observer_rt.identification.fit.problem import INERTANCE, NEEDLE, NOZZLE, STRUCTURES, FreeParameter, Structure
 from observer_rt.identification.fit.residuals import Comparison, compared, pooled, rate_meter, rate_misfit
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
@@ -195,7 +195,7 @@ def calibrate(
         level = FlowLevel.RATE
     folds = folds_of(recordings, weighed)
     coarse = tuple(thinned(fold, ROUGH_EVENTS) for fold in folds)  # structures are compared on
-    further = () if level is FlowLevel.FILE else (INERTANCE,)
+    further = (() if level is FlowLevel.FILE else (INERTANCE,)) + (NEEDLE if recordings[0].is_answered else ())
     tried = tried_structures(structures, file, further, coarse, lambda share: progress(ROUGH * share))
     choice = choose(tried)
     if choice is None:

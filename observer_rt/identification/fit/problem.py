@@ -146,6 +146,13 @@ CONTROL = (
 )
 """Of the pilot valve of a servo injector."""
 DISPLACEMENT = FreeParameter("A_d", "line", "displacement", "mm2", 1e-6, -6e-6, 6e-6, 0.0, 1.5, 1e-6)
+NEEDLE = (
+    FreeParameter("t_o", "needle", "opening_delay", "us", MICROSECOND, 10e-6, 5e-3, 0.3e-3, 0.3),
+    FreeParameter("v_o", "needle", "opening_speed", "m/s", 1.0, 0.05, 10.0, 0.8, 0.2),
+    FreeParameter("t_c", "needle", "closing_delay", "us", MICROSECOND, 10e-6, 5e-3, 0.3e-3, 0.4),
+    FreeParameter("v_c", "needle", "closing_speed", "m/s", 1.0, 0.05, 10.0, 0.9, 0.2),
+)
+"""Free where the lift was not measured; speeds at 100 MPa."""
 OPTIONAL_GROUPS = (CONTROL, (DISPLACEMENT,))
 """What an injector has or has not, in groups that begin with what must be beyond doubt."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import InputTerms, Seat
+from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.engine.stream.state import noise_gain
@@ -163,7 +164,7 @@ class RecordingLikelihood:
         """
         model, schedule = self._nominal.with_terms("inputs", lift_lag=lag), self._schedule(self._nominal)
         c = measurement.coefficients_of(model)
-        inputs = TrueInputs(measurement, model.inputs, c, self._rail(model.inputs))
+        inputs = TrueInputs(measurement, model.inputs, c, self._rail(model.inputs), model.injector.needle_law)
         innovation, _ = self._predicted(model, inputs, 0, schedule, self._substeps_of(model))
         return np.asarray(innovation[self._rows.counted] / schedule.innovation_sigma)
 
@@ -196,7 +197,7 @@ class RecordingLikelihood:
 
     def _inputs(self, model: EffectiveModel) -> TrueInputs:
         c = self.measurement.coefficients_of(model)
-        return TrueInputs(self.measurement, model.inputs, c, self._rail(model.inputs))
+        return TrueInputs(self.measurement, model.inputs, c, self._rail(model.inputs), model.injector.needle_law)
 
     def _rail(self, terms: InputTerms) -> NDArray[np.float64]:
         """Rail pressure on time; only that of the nominal delay is cached."""
@@ -298,9 +299,9 @@ def residuals_of(judged: Sequence[JudgedModel]) -> Residuals:
     )
 
 
-def _input_key(model: EffectiveModel) -> tuple[InputTerms, Seat]:
+def _input_key(model: EffectiveModel) -> tuple[InputTerms, Seat, NeedleLaw]:
     """Terms that the inputs depend on."""
-    return model.inputs, model.coefficients.seat
+    return model.inputs, model.coefficients.seat, model.injector.needle_law
 
 
 class Signal(StrEnum):

@@ -90,7 +90,8 @@ class Measurement:
 
     noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
     the events [Pa]; duration: mean time the needle is open in an event [s]; injections: in the whole recording;
-    stated: delays and lags of its channels; is_answered: its lift was not measured, but follows from commands.
+    stated: delays and lags of its channels; commands: first samples (k, 2) with and without energizing,
+    moved by what each shot answers late, where the lift follows from them and was not measured.
     """
 
     recording: Recording
@@ -101,12 +102,17 @@ class Measurement:
     duration: float
     injections: FoundInjections
     stated: tuple[SizedEffect, ...] = ()
-    is_answered: bool = False
+    commands: NDArray[np.float64] | None = None
 
     @property
     def interval(self) -> float:
         """Sample interval [s]."""
         return 1.0 / self.recording.sample_rate
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether its lift was not measured."""
+        return self.commands is not None
 
     @property
     def means(self) -> bool:
@@ -208,6 +214,13 @@ def rail_pressure_before(event: JudgedEvent, recording: Recording) -> float:
 def open_time(event: JudgedEvent, recording: Recording) -> float:
     """Time the needle is open in an event [s]."""
     return sum(o.last - o.first + 1 for o in event.openings) / recording.sample_rate
+
+
+def commands_of(recording: Recording) -> NDArray[np.float64]:
+    """First samples (k, 2) with and without energizing, of every complete command."""
+    level = np.asarray(recording.energizing, np.float64) > 0.5
+    edges = np.flatnonzero(np.diff(level))[int(level[0]) :] + 1
+    return np.asarray(edges[: edges.size // 2 * 2].reshape(-1, 2), np.float64)
 
 
 def missing_samples(recording: Recording) -> NDArray[np.bool_]:

@@ -87,7 +87,7 @@ def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulat
     late = math.floor(sensor.delay / interval)
     share = sensor.delay / interval - late
     rows = Rows(measurement)
-    inputs = TrueInputs(measurement, model.inputs, c)
+    inputs = TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
     batch = batch_of(measurement, rows, inputs, late, sensor.offset, c)
     sample_rate = measurement.recording.sample_rate
     gains = gain_schedule(

@@ -16,7 +16,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.foundation.progress import progress_bar
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES, measured
-from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.measurement import Measurement, commands_of
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.effect import SizedEffect
 
@@ -64,7 +64,8 @@ def read_measured(
     for path, source in zip(paths, sources, strict=True):
         with progress_bar(console, f"finding injections in {path.name}", source.grid_samples) as progress:
             measurement = measured(source, progress, most)
-        results.append(replace(measurement, stated=stated, is_answered=is_answered))
+        commands = commands_of(measurement.recording) if is_answered else None
+        results.append(replace(measurement, stated=stated, commands=commands))
     return tuple(results)
 
 

@@ -12,6 +12,7 @@ from observer_rt.core.identification.areas import fill_areas
 from observer_rt.core.learning.phases import phases_of
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import InputTerms, rest_state
+from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, commanded_areas
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import NO_SLOPES, SETTLE, Setting, Window
@@ -23,6 +24,7 @@ from observer_rt.identification.likelihood.measurement import MARGIN, START_MEAN
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
+from observer_rt.model.hydraulics import AT
 
 RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
@@ -111,17 +113,36 @@ class TrueInputs:
     """
 
     def __init__(
-        self, measurement: Measurement, terms: InputTerms, c: Coefficients, rail: NDArray[np.float64] | None = None
+        self,
+        measurement: Measurement,
+        terms: InputTerms,
+        c: Coefficients,
+        rail: NDArray[np.float64] | None = None,
+        needle: NeedleLaw | None = None,
     ) -> None:
-        """rail: `rail_on_time` of the same terms, where it is known already."""
+        """rail: `rail_on_time` of the same terms, where it is known already; needle: that answers commands."""
         rail = terms.rail_factor * (rail_on_time(measurement, terms) if rail is None else rail) + terms.rail_shift
         self.rail = (rail - c.chamber_pressure) / c.pressure_scale
-        self.area = _areas(measurement, terms, c)
+        if needle is None or measurement.commands is None:
+            self.area = _areas(measurement, terms, c)
+        else:
+            self.area = _answered_areas(measurement, measurement.commands, needle, c)
         self.knots = np.empty((0, 2))
         if measurement.means:
             later = np.append(self.area[1:], self.area[-1])
             self.knots = np.column_stack([np.full(later.size, 0.5), later])
             self.area = 0.5 * (self.area + later)
+
+
+def _answered_areas(
+    measurement: Measurement, commands: NDArray[np.float64], needle: NeedleLaw, c: Coefficients
+) -> NDArray[np.float64]:
+    """Normalised seat areas (n,) by commands (k, 2), as a needle answers them."""
+    n, interval, nothing = measurement.recording.samples, measurement.interval, np.zeros(NEEDLE_NUMBERS)
+    pressures = np.nan_to_num(measurement.recording.rail_pressure[commands[:, 0].astype(np.int64)] / AT, nan=1.0)
+    area, slopes, shots = np.zeros(n), np.zeros((n, NEEDLE_NUMBERS)), np.zeros(n, np.int64)
+    commanded_areas(commands, pressures, needle, nothing, c.seat, interval, area, slopes, shots)
+    return area
 
 
 def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> NDArray[np.float64]:

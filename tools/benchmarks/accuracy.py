@@ -14,9 +14,9 @@ from observer_rt.config.bench import load_injector
 from tests.plants.plant import record
 from tests.plants.real import WHOLE, Setting
 from tests.plants.windows import windows_of
-from tools.benchmarks import campaign, needles, real_injectors, worn_lines
+from tools.benchmarks import campaign, needles, real_injectors, scoring, worn_lines
 from tools.benchmarks import command_line as cli
-from tools.benchmarks.campaign import Bar, How, Row, chance_of_95, conclude, run_cases, table, tally, values_of
+from tools.benchmarks.campaign import Bar, How, Row, chance_of_95, conclude, run_cases, table, values_of
 from tools.benchmarks.cases import CLASSES, Group, make_case
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.scoring import LIVE, OBSERVER, bench_for_case, estimate_of, score_outcome
@@ -87,16 +87,11 @@ WORN_BARS = (
     Bar("coverage_95_share", "held", "mean", 0.93, 0.98),
 )
 WORN_COLUMNS: dict[str, tuple[str, How]] = {
-    "cases": ("label", "count"),
-    "valid": ("valid_share", "mean"),
+    **scoring.COLUMNS,
     "worst case": ("valid_share", "min"),
     "nearer to nominal": ("nearer_to_nominal", "sum"),
     "outside own interval": ("outside_own_interval", "sum"),
-    "covered": ("held", "of"),
-    "error %: level": (ERRORS, "mean"),
-    "median / p95 / max": (ERRORS, "spread"),
-    "wrong": ("wrong_valid", "sum"),
-    "refused": ("refused", tally),
+    "error level %": (ERRORS, "mean"),
 }
 
 

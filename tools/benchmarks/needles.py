@@ -17,8 +17,8 @@ from observer_rt.model.effective import LAG_UNIT
 from observer_rt.model.parameters import InjectorParameters
 from tests.observed_plants import commanded, recording_of
 from tests.plants.plant import LIFT_NOISE, Bench, Needle, Outcome, record, strokes_of
-from tools.benchmarks import campaign
-from tools.benchmarks.campaign import Bar, Row, tally
+from tools.benchmarks import campaign, scoring
+from tools.benchmarks.campaign import Bar, Row
 from tools.benchmarks.cases import Case
 from tools.benchmarks.faults.bench import bouncing, smooth
 from tools.benchmarks.scoring import FROM, OBSERVER, WRONG_RATE, Injection, score_evaluation
@@ -66,21 +66,15 @@ BARS = (
     Bar("mass_of_kept_needle_m50_pct", f"{KEPT}_errors_pct", "m50"),
 )  # fmt: skip
 COLUMNS: dict[str, tuple[str, campaign.How]] = {
-    "cases": ("label", "count"),
+    **scoring.COLUMNS,
     "first: valid": ("first_valid", "of"),
-    "mass %": ("first_errors_pct", "spread"),
-    "inside": ("first_held", "of"),
-    "then: valid": ("valid_share", "mean"),
-    "mass error %, single valid: median / p95 / max": (f"{OBSERVER}_errors_pct", "spread"),
-    "inside ": ("held", "of"),
-    "RMSE mm3/ms": (f"{OBSERVER}_rmse", "spread"),
+    "first: mass %": ("first_errors_pct", "spread"),
+    "first: inside": ("first_held", "of"),
     "rate covered": ("rate_coverage", "mean"),
     "live mass %": ("live_errors_pct", "spread"),
     "live RMSE": ("live_rmse", "spread"),
-    "wrong": ("wrong_valid", "sum"),
     **{f"{which}{side} us": (f"{which}{side}_us", "spread") for which in ("first_", "") for side in SIDES},
     "needle kept, mass %": (f"{KEPT}_errors_pct", "spread"),
-    "refused": ("refused", tally),
 }
 
 

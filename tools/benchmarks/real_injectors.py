@@ -12,11 +12,10 @@ from observer_rt.config.bench import load_bench, load_injector
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, record
 from tests.plants.real import Setting, real_injector
-from tools.benchmarks import needles
-from tools.benchmarks.campaign import Bar, How, Row, tally
+from tools.benchmarks import needles, scoring
+from tools.benchmarks.campaign import Bar, Row
 from tools.benchmarks.cases import Case
 from tools.benchmarks.fitting import fitted_model, maker_file, write_masses, write_outcomes
-from tools.benchmarks.scoring import WRONG_RATE
 
 MASSES = "masses.csv"
 EVENTS = 20
@@ -51,16 +50,7 @@ BARS = (
     Bar("valid_share_of_changed_flows", "valid_share", "mean", least=0.8, of=f"kind in {(*FLOWS,)}", by="kind"),
     Bar("wrong_valid", "wrong_valid", "sum", most=0, of="weighed"),
 )
-COLUMNS: dict[str, tuple[str, How]] = {
-    "fit adequate": ("adequate", "of"),
-    "mass error %, single valid: median / p95 / max": ("observer_errors_pct", "spread"),
-    "RMSE mm3/ms": ("observer_rmse", "median"),
-    "1.96 sigma %": ("half_width_pct", "median"),
-    "valid": ("valid_share", "mean"),
-    "wrong": ("wrong_valid", "sum"),
-    "inside": ("held", "of"),
-    "not valid for": ("refused", tally),
-}
+COLUMNS = {"fit adequate": ("adequate", "of"), **scoring.COLUMNS}
 
 
 def real_model(setting: Setting, seed: int, weighed: bool, out: Path) -> Path:
@@ -102,7 +92,7 @@ def score_real(
 ) -> Row:
     """Record a case, and score the observer on it, of a bench whose sensors are as right as usual."""
     case = Case(f"{setting} {kind}", seed, number, real_case(setting, kind, seed, number))
-    wrong_rate = WRONG_RATE * case.bench.injector.nozzle_area / Injector().nozzle_area
+    wrong_rate = scoring.WRONG_RATE * case.bench.injector.nozzle_area / Injector().nozzle_area
     row = needles.score_by(how, case, load_bench(model=model), wrong_rate)
     baseline = load_injector(model).baseline
     adequate = baseline is not None and baseline.adequate

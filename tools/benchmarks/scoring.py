@@ -20,6 +20,7 @@ from tests.observed_plants import recording_of
 from tests.plants.arrays import Array
 from tests.plants.plant import Outcome
 from tests.plants.windows import Windows, true_masses, windows_of
+from tools.benchmarks.campaign import How, tally
 from tools.benchmarks.cases import CLASSES, Case
 from tools.benchmarks.windowed import evaluate_windowed
 
@@ -35,6 +36,16 @@ WORN_FROM_THE_START = ("orifice_area", "seat_area", "orifice_and_seat_area", "gr
 OBSERVER, LIVE, NOMINAL = "observer", "live", "nominal"  # as published, while it ran, with phi = 0
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason
+COLUMNS: dict[str, tuple[str, How]] = {  # that tables of facts share
+    "cases": ("label", "count"),
+    "valid": ("valid_share", "mean"),
+    "mass error %, single valid: median / p95 / max": (f"{OBSERVER}_errors_pct", "spread"),
+    "RMSE mm3/ms": (f"{OBSERVER}_rmse", "spread"),
+    "inside": ("held", "of"),
+    "1.96 sigma %": ("half_width_pct", "median"),
+    "wrong": ("wrong_valid", "sum"),
+    "refused": ("refused", tally),
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,7 +66,7 @@ def commanded(
     bench: plant.Bench, outcome: Outcome, opens: float, shuts: float, jitter: float = 0.0, late: float = 0.0
 ) -> Recording:
     """A recording with commands, that opened the needle and shut it again so long after [s]."""
-    rng, time = np.random.default_rng(5), outcome.measured.time - late
+    rng, time = np.random.default_rng([bench.seed, 5]), outcome.measured.time - late
     level = np.zeros(time.size)
     for event, start in zip(bench.events, bench.starts, strict=False):
         for opening, _, closing, *_ in plant.strokes_of(event, start, bench.needle, bench.injector.max_lift):

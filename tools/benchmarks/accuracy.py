@@ -1,51 +1,47 @@
 """`tools/bench accuracy`: cases of faults on independent plants, our observer and an unscented filter beside it."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import pandas as pd
 import typer
 
 from observer_rt.config.bench import load_injector
-from observer_rt.desk.evaluation.evaluate import evaluate
-from tests.observed_plants import commanded
 from tests.plants.plant import record
 from tests.plants.real import WHOLE, Setting
 from tests.plants.windows import windows_of
-from tools.benchmarks import campaign, real_injectors, worn_lines
+from tools.benchmarks import campaign, needles, real_injectors, scoring, worn_lines
 from tools.benchmarks import command_line as cli
-from tools.benchmarks.campaign import Bar, How, Row, chance_of_95, conclude, run_cases, table, tally, values_of
+from tools.benchmarks.campaign import Bar, How, Row, chance_of_95, conclude, run_cases, table, values_of
 from tools.benchmarks.cases import CLASSES, Group, make_case
 from tools.benchmarks.discovery.discrepancies import Discrepancy
-from tools.benchmarks.scoring import LIVE, OBSERVER, bench_for_case, estimate_of, score_evaluation, score_outcome
+from tools.benchmarks.scoring import LIVE, OBSERVER, bench_for_case, estimate_of, score_outcome
 from tools.benchmarks.unscented import unscented_rate
 
 CASES = 60  # per class
-OPENS_LATER, CLOSES_LATER, JITTER = (-80e-6, 80e-6), (-150e-6, 150e-6), 10e-6  # s, of a needle without lift
 PEER = "peer"
 PEER_KINDS = ("orifice_area", "seat_area", "orifice_and_seat_area", "line_friction", "healthy")  # of its states
-ERRORS, NOMINAL_ERRORS, RMSE = "observer_errors_pct", "nominal_errors_pct", "observer_rmse"
+ERRORS, RMSE = "observer_errors_pct", "observer_rmse"
 _MAIN, _WELL = "group == 'main'", "group in ['main', 'operation']"
 _WORN = "class_name == 'orifice_area' and abs(nozzle_wear) >= 0.1"  # where the ratio of x3 counts
 _EACH = "class_name"
 BARS = (
-    Bar("mass_error_p95_pct", "error_pct", "p95", most=0.4, of=_WELL, by=_EACH),
-    Bar("mass_error_max_pct", "error_pct", "max", most=0.6, of=_WELL, by=_EACH),
+    Bar("mass_error_p95_pct", ERRORS, "m95", most=0.4, of=_WELL, by=_EACH),
+    Bar("mass_error_max_pct", ERRORS, "m100", most=0.6, of=_WELL, by=_EACH),
     Bar("rate_rmse_p95_mm3_per_ms", RMSE, "p95", most=0.45, of=f"{_WELL} and class_name != 'chamber_pressure_rise'",
         by=_EACH),
     Bar("rate_rmse_p95_chamber_pressure", RMSE, "p95", most=0.6, of="class_name == 'chamber_pressure_rise'"),
-    Bar("mass_error_p95_at_50_khz", "error_pct", "p95", most=0.7, of="class_name == 'at_50_khz'"),
+    Bar("mass_error_p95_at_50_khz", ERRORS, "m95", most=0.7, of="class_name == 'at_50_khz'"),
     Bar("rate_rmse_p95_at_50_khz", RMSE, "p95", most=0.7, of="class_name == 'at_50_khz'"),
-    Bar("mass_error_p95_at_20_khz", "error_pct", "p95", most=1.2, of="class_name == 'at_20_khz'"),
+    Bar("mass_error_p95_at_20_khz", ERRORS, "m95", most=1.2, of="class_name == 'at_20_khz'"),
     Bar("rate_rmse_p95_at_20_khz", RMSE, "p95", most=1.2, of="class_name == 'at_20_khz'"),
     Bar("valid_share_min", "valid_share", "mean", least=0.98, of="group in ['main', 'operation', 'rate']", by=_EACH),
     Bar("wrong_valid", "wrong_valid", "sum", most=0),
-    Bar("mixed_mass_error_max_pct", "error_pct", "max", most=1.0, of="group == 'mixed'", by="label"),
+    Bar("mixed_mass_error_max_pct", ERRORS, "m100", most=1.0, of="group == 'mixed'", by="label"),
     Bar("waves_valid_after_second", "valid_late", "sum", most=0, of="group == 'wave'"),
     Bar("healthy_excess_p95_pct", "excesses_pct", "p95", most=0.25, of="class_name == 'healthy'"),
     Bar("x3_mse_ratio_p5", "x3_ratio", "p5", least=40.0, of=_WORN),
@@ -60,12 +56,12 @@ BARS = (
     Bar("mass_error_over_peer", "mass_over_peer", "median", most=1.0, by=_EACH),
     Bar("rate_rmse_over_peer", "rmse_over_peer", "median", most=1.05, by=_EACH),
     Bar("rate_rmse_max_mm3_per_ms", RMSE, "max", of=_MAIN),
-    Bar("mass_sum_error_max_pct", "summed_pct", "max", of=_MAIN),
+    Bar("mass_sum_error_max_pct", "sum_error_pct", "m100", of=_MAIN),
 )  # fmt: skip
 COLUMNS: dict[str, tuple[str, How]] = {
     "cases": ("label", "count"),
     "mass error %, single valid: median / p95 / max": (ERRORS, "spread"),
-    "summed max": ("summed_pct", "max"),
+    "summed max": ("sum_error_pct", "m100"),
     "RMSE mm3/ms": (RMSE, "spread"),
     "valid": ("valid_share", "mean"),
     "wrong": ("wrong_valid", "sum"),
@@ -73,7 +69,7 @@ COLUMNS: dict[str, tuple[str, How]] = {
     "worse than nominal %": ("excess_pct", "max"),
     "covered": ("covered", "of"),
     "rate covered": ("rate_coverage", "mean"),
-    "nominal mass %": (NOMINAL_ERRORS, "spread"),
+    "nominal mass %": ("nominal_errors_pct", "spread"),
     "live mass %": (f"{LIVE}_errors_pct", "spread"),
     "peer's mass %": (f"{PEER}_errors_pct", "spread"),
     "RMSE": (f"{PEER}_rmse", "spread"),
@@ -85,22 +81,17 @@ WORN_BARS = (
     Bar("outside_own_interval", "outside_own_interval", "sum", most=0),
     Bar("wrong_valid", "wrong_valid", "sum", most=0),
     Bar("error_level_pct", ERRORS, "mean"),
-    Bar("error_median_pct", "error_pct", "median"),
-    Bar("error_p95_pct", "error_pct", "p95", most=0.4),
-    Bar("error_max_pct", "error_pct", "max", most=0.8),
+    Bar("error_median_pct", ERRORS, "m50"),
+    Bar("error_p95_pct", ERRORS, "m95", most=0.4),
+    Bar("error_max_pct", ERRORS, "m100", most=0.8),
     Bar("coverage_95_share", "held", "mean", 0.93, 0.98),
 )
 WORN_COLUMNS: dict[str, tuple[str, How]] = {
-    "cases": ("label", "count"),
-    "valid": ("valid_share", "mean"),
+    **scoring.COLUMNS,
     "worst case": ("valid_share", "min"),
     "nearer to nominal": ("nearer_to_nominal", "sum"),
     "outside own interval": ("outside_own_interval", "sum"),
-    "covered": ("held", "of"),
-    "error %: level": (ERRORS, "mean"),
-    "median / p95 / max": (ERRORS, "spread"),
-    "wrong": ("wrong_valid", "sum"),
-    "refused": ("refused", tally),
+    "error level %": (ERRORS, "mean"),
 }
 
 
@@ -112,31 +103,21 @@ class AccuracyTier(StrEnum):
     C = "C"
 
 
-def score_case(class_name: str, seed: int, number: int, with_peer: bool, has_lift: bool = True) -> Row:
+def score_case(class_name: str, seed: int, number: int, how: needles.How) -> Row:
     """Record a case, and score the observer and the peer on it; a filter wants the whole recording."""
     case = make_case(class_name, seed, number)
+    if not how.has_lift:
+        return needles.score_by(how, case, bench_for_case(case))
     outcome, kind = record(case.bench), CLASSES[class_name]
-    if not has_lift:
-        rng = np.random.default_rng([seed, number])
-        delays = 0.32e-3 + rng.uniform(*OPENS_LATER), 0.27e-3 + rng.uniform(*CLOSES_LATER)
-        recording = commanded(case.bench, outcome, *delays, jitter=JITTER).without_lift()
-        evaluation = evaluate(bench_for_case(case), [recording]).evaluations[0]
-        return score_evaluation(case, outcome, bench_for_case(case), evaluation).facts()
     score = score_outcome(case, outcome, bench_for_case(case))
-    if with_peer and kind.group is not Group.STABILITY and not kind.windowed:
+    if how.with_peer and kind.group is not Group.STABILITY and not kind.windowed:
         windows, density = windows_of(outcome, case.bench.sample_rate), case.bench.injector.density
         score.estimates[PEER] = estimate_of(unscented_rate(outcome.measured), outcome, windows, density)
     return score.facts()
 
 
-def with_magnitudes(frame: pd.DataFrame) -> pd.DataFrame:
-    """The rows with what bars ask for: magnitudes of errors, and how much worse than a peer."""
-
-    def magnitudes(cell: Any) -> Any:
-        return [abs(each) for each in cell] if isinstance(cell, list) else abs(cell)
-
-    for column, signed in (("error_pct", ERRORS), ("summed_pct", "sum_error_pct")):
-        frame[column] = frame[signed].map(magnitudes) if signed in frame else None
+def with_ratios(frame: pd.DataFrame) -> pd.DataFrame:
+    """The rows with how much worse they are than a peer."""
     if "excess_pct" in frame:
         frame["much_worse"] = frame["excess_pct"] > 1.0
     for name in PEER_KINDS:
@@ -163,7 +144,7 @@ def accuracy(
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
     no_peers: Annotated[bool, typer.Option("--no-peers", help="Only our observer.")] = False,
-    no_lift: Annotated[bool, typer.Option("--no-lift", help="Tier A: the needle by commands alone.")] = False,
+    no_lift: cli.NoLiftOption = False,
     tier: Annotated[
         AccuracyTier,
         typer.Option(help="A: a plant of the nominal structure. B: richer, C: realistic; `fit` fits to it."),
@@ -171,26 +152,44 @@ def accuracy(
     as_json: cli.JsonOption = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
-    out = out or Path(f"build/accuracy-{tier}")
+    out = out or Path(f"build/accuracy-{tier}{'-no-lift' * no_lift}")
+    how = needles.How(not no_peers, not no_lift)
     if tier is AccuracyTier.B:
-        _on_worn_lines(cases or worn_lines.CASES, seed, jobs, out, as_json)
+        _on_worn_lines(cases or worn_lines.CASES, seed, jobs, out, as_json, how)
         return
     if tier is AccuracyTier.C:
         settings = cli.chosen_names(classes, "--classes", [*Setting], [*Setting])
-        _on_real_injectors([Setting(name) for name in settings], cases or 1, seed, jobs, out, as_json)
+        _on_real_injectors([Setting(name) for name in settings], cases or 1, seed, jobs, out, as_json, how)
         return
     names = cli.chosen_names(classes, "--classes", CLASSES, CLASSES)
-    how = " by commands" if no_lift else "" if no_peers else " with peer"
     todo = {
-        f"{name} {seed} {number}{how}": (name, seed, number, not no_peers, not no_lift)
+        f"{name} {seed} {number}{how}": (name, seed, number, how)
         for name in names
         for number in range(cases or CASES)
     }
-    frame = with_magnitudes(run_cases("accuracy", score_case, todo, jobs, out))
-    conclude(frame, BARS, {"observer, from the fifth event on": table(frame, "class_name", COLUMNS)}, out, as_json)
+    frame = with_ratios(run_cases("accuracy", score_case, todo, jobs, out))
+    _conclude(frame, how, BARS, {"observer, from the fifth event on": table(frame, _EACH, COLUMNS)}, out, as_json)
 
 
-def _on_worn_lines(cases: int, seed: int, jobs: int, out: Path, as_json: bool) -> None:
+def _conclude(
+    frame: pd.DataFrame,
+    how: needles.How,
+    bars: Sequence[Bar],
+    tables: Mapping[str, pd.DataFrame],
+    out: Path,
+    as_json: bool,
+    lines: Sequence[str] = (),
+) -> None:
+    """With the bars and tables, or those of needles without a lift, and the cases that are wrong while valid."""
+    if not how.has_lift:
+        bars = needles.BARS
+        tables = {f"without a lift, by {by}": table(frame, by, needles.COLUMNS) for by in (_EACH, "needle")}
+    wrong = frame[frame.get("wrong_valid", pd.Series(0, frame.index)) > 0]
+    lines = [*lines, *(f"{row.label}: {row.wrong_valid:.0f} wrong while valid" for row in wrong.itertuples())]
+    conclude(frame, bars, tables, out, as_json, lines)
+
+
+def _on_worn_lines(cases: int, seed: int, jobs: int, out: Path, as_json: bool, how: needles.How) -> None:
     """A plant whose fit is not adequate is left out: nothing would be valid."""
     todo: dict[str, tuple[Any, ...]] = {}
     left_out = []
@@ -200,26 +199,26 @@ def _on_worn_lines(cases: int, seed: int, jobs: int, out: Path, as_json: bool) -
         if baseline is None or not baseline.adequate:
             left_out.append(f"{discrepancy}: left out, its fit is INADEQUATE")
             continue
-        todo |= {f"{discrepancy} {seed} {number}": (discrepancy, seed, number, model) for number in range(cases)}
-    frame = with_magnitudes(run_cases("worn-lines", worn_lines.score_worn, todo, jobs, out))
-    tables = {"worn injectors on fitted lines, from the fifth event on": table(frame, "class_name", WORN_COLUMNS)}
-    conclude(frame, WORN_BARS, tables, out, as_json, left_out)
+        todo |= {f"{discrepancy} {seed} {n}{how}": (discrepancy, seed, n, model, how) for n in range(cases)}
+    frame = run_cases("worn-lines", worn_lines.score_worn, todo, jobs, out)
+    tables = {"worn injectors on fitted lines, from the fifth event on": table(frame, _EACH, WORN_COLUMNS)}
+    _conclude(frame, how, WORN_BARS, tables, out, as_json, left_out)
 
 
 def _on_real_injectors(
-    settings: Sequence[Setting], cases: int, seed: int, jobs: int, out: Path, as_json: bool
+    settings: Sequence[Setting], cases: int, seed: int, jobs: int, out: Path, as_json: bool, how: needles.How
 ) -> None:
-    """Only whole ones with measured masses are more than healthy, or evenly worn."""
-    fits = [*itertools.product(settings, (True, False))]
+    """Only whole ones with measured masses are more than healthy, or evenly worn; without a lift all have masses."""
+    fits = [*itertools.product(settings, (True, False) if how.has_lift else (True,))]
     with ThreadPoolExecutor(jobs) as pool:
         models = pool.map(lambda fit: real_injectors.real_model(fit[0], seed, fit[1], out), fits)
     todo = {
-        f"{setting} {kind} {seed} {number}{' weighed' * weighed}": (setting, kind, seed, number, weighed, model)
+        f"{setting} {kind} {seed} {n}{' weighed' * weighed}{how}": (setting, kind, seed, n, weighed, model, how)
         for (setting, weighed), model in zip(fits, models, strict=True)
         for kind in (real_injectors.KINDS if weighed and setting in WHOLE else real_injectors.MAIN)
-        for number in range(cases)
+        for n in range(cases)
     }
-    frame = with_magnitudes(run_cases("real-injectors", real_injectors.score_real, todo, jobs, out))
+    frame = run_cases("real-injectors", real_injectors.score_real, todo, jobs, out)
     is_weighed, is_main = frame["weighed"].eq(True), frame["kind"].isin(real_injectors.MAIN)
     tables = {
         f"realistic injectors, {which}, from the fifth event on": table(frame[rows], by, real_injectors.COLUMNS)
@@ -229,4 +228,4 @@ def _on_real_injectors(
             ("no mass measured, healthy and nozzle +12 %", ~is_weighed, "setting"),
         )
     }
-    conclude(frame, real_injectors.BARS, tables, out, as_json)
+    _conclude(frame, how, real_injectors.BARS, tables, out, as_json)

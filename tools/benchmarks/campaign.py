@@ -32,7 +32,7 @@ from tests.plants import plant
 
 Row = dict[str, Any]
 How = str | Callable[[pd.Series], Any]
-"""How values are summed up: `p95`, `of`, `spread`, what pandas has by name, or a function."""
+"""How values are summed up: `p95`, `m95` of magnitudes, `of`, `spread`, what pandas has by name, or a function."""
 
 INTERRUPTED = 130  # exit code
 NOTHING = "-"  # in the place of a figure without values
@@ -134,8 +134,9 @@ def summed_up(values: pd.Series, how: How) -> Any:
         return f"{int(values.sum())}/{len(values)}"
     if how == "spread":  # of magnitudes
         return " / ".join(f"{np.percentile(np.abs(list(values)), q):.3g}" for q in (50, 95, 100))
-    if how.startswith("p") and how[1:].isdigit():
-        return float(np.percentile(values.astype(float), int(how[1:]))) if len(values) else math.nan
+    if how[1:].isdigit():
+        numbers = values.astype(float).abs() if how[0] == "m" else values.astype(float)
+        return float(np.percentile(numbers, int(how[1:]))) if len(values) else math.nan
     return values.agg(how) if len(values) or how in ("sum", "count") else math.nan
 
 

@@ -22,11 +22,6 @@ from tools.benchmarks.scoring import NO_REPORT, WRONG_MASS, WRONG_RATE, injectio
 LEAST_RATE = 0.5  # share of an opening's largest rate from which on a sample's own error counts: not at the flanks
 
 
-def magnitude(percentile: float) -> How:
-    """Percentile of magnitudes."""
-    return lambda values: float(np.percentile(np.abs(values.astype(float)), percentile))
-
-
 _LIMITS: dict[str, tuple[float, float, float]] = {  # largest error [%], share valid, share inside, of every set
     "first": (3.0, 0.9, 0.93),
     "laws": (3.0, 68 / 72, 0.93),
@@ -40,12 +35,12 @@ _LIMITS: dict[str, tuple[float, float, float]] = {  # largest error [%], share v
 _FIRST = (("error_pct", 50, 0.3), ("error_pct", 95, 1.2), ("live_error_pct", 50, 1.0), ("live_error_pct", 95, 3.0))
 _FURTHER = {
     "first": (
-        *(Bar(f"mass_{column}_p{p}", column, magnitude(p), most=most) for column, p, most in _FIRST),
+        *(Bar(f"mass_{column}_p{p}", column, f"m{p}", most=most) for column, p, most in _FIRST),
         Bar("rate_rmse_median_mm3_per_ms", "rmse", "median", most=0.8),
         Bar("live_rate_rmse_median_mm3_per_ms", "live_rmse", "median", most=1.5),
     ),
     "low": (Bar("called_late", "refused", lambda reasons: float(sum(reasons == "LIFT_SENSOR_LAG")), most=0),),
-    "shots": (Bar("sum_error_max_pct", "sum_error_pct", magnitude(100), most=0.5),),
+    "shots": (Bar("sum_error_max_pct", "sum_error_pct", "m100", most=0.5),),
 }
 COLUMNS: dict[str, tuple[str, How]] = {
     "valid": ("valid", "of"),
@@ -143,7 +138,7 @@ def injections(
     frame = run_cases("injections", score_history, todo, jobs, out)
     most, valid, inside = _LIMITS.get(asked, (3.0, 0.0, 0.93))
     bars = (
-        Bar("mass_error_max_pct", "error_pct", magnitude(100), most=most),
+        Bar("mass_error_max_pct", "error_pct", "m100", most=most),
         Bar("wrong_valid", "wrong", "sum", most=0),
         Bar("wrong_samples", "samples_wrong", "sum", most=0),
         Bar("inside_share", "inside", "mean", inside, 0.98),

@@ -9,15 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from observer_rt.config.bench import load_bench, load_injector
-from observer_rt.desk.evaluation.evaluate import evaluate
-from tests.observed_plants import recording_of
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, record
 from tests.plants.real import Setting, real_injector
-from tools.benchmarks.campaign import Bar, How, Row, tally
+from tools.benchmarks import needles, scoring
+from tools.benchmarks.campaign import Bar, Row
 from tools.benchmarks.cases import Case
 from tools.benchmarks.fitting import fitted_model, maker_file, write_masses, write_outcomes
-from tools.benchmarks.scoring import WRONG_RATE, score_evaluation
 
 MASSES = "masses.csv"
 EVENTS = 20
@@ -44,24 +42,15 @@ BARS = (
     Bar("fit_adequate_share", "adequate", "mean", least=1.0),
     Bar("valid_share", "valid_share", "mean", least=0.9, of=_MAIN),
     Bar("inside_share", "held", "mean", 0.93, 0.98, of=_MAIN),
-    Bar("error_p95_pct", "error_pct", "p95", most=1.0, of=_MAIN),
+    Bar("error_p95_pct", "observer_errors_pct", "m95", most=1.0, of=_MAIN),
     Bar("half_width_pct", "half_width_pct", "median", most=1.2, of=_MAIN),
     Bar("inside_without_masses_share", "held", "mean", 0.93, 0.98, of="not weighed", from_values=40 * EVENTS),
-    Bar("error_without_masses_p95_pct", "error_pct", "p95", of="not weighed"),
+    Bar("error_without_masses_p95_pct", "observer_errors_pct", "m95", of="not weighed"),
     Bar("half_width_without_masses_pct", "half_width_pct", "median", of="not weighed"),
     Bar("valid_share_of_changed_flows", "valid_share", "mean", least=0.8, of=f"kind in {(*FLOWS,)}", by="kind"),
     Bar("wrong_valid", "wrong_valid", "sum", most=0, of="weighed"),
 )
-COLUMNS: dict[str, tuple[str, How]] = {
-    "fit adequate": ("adequate", "of"),
-    "mass error %, single valid: median / p95 / max": ("observer_errors_pct", "spread"),
-    "RMSE mm3/ms": ("observer_rmse", "median"),
-    "1.96 sigma %": ("half_width_pct", "median"),
-    "valid": ("valid_share", "mean"),
-    "wrong": ("wrong_valid", "sum"),
-    "inside": ("held", "of"),
-    "not valid for": ("refused", tally),
-}
+COLUMNS = {"fit adequate": ("adequate", "of"), **scoring.COLUMNS}
 
 
 def real_model(setting: Setting, seed: int, weighed: bool, out: Path) -> Path:
@@ -98,12 +87,13 @@ def real_case(setting: Setting, kind: str, seed: int, number: int) -> Bench:
     return replace(bench, needle=replace(needle, opening_speed=SLOW * needle.opening_speed))
 
 
-def score_real(setting: Setting, kind: str, seed: int, number: int, weighed: bool, model: Path) -> Row:
+def score_real(
+    setting: Setting, kind: str, seed: int, number: int, weighed: bool, model: Path, how: needles.How
+) -> Row:
     """Record a case, and score the observer on it, of a bench whose sensors are as right as usual."""
     case = Case(f"{setting} {kind}", seed, number, real_case(setting, kind, seed, number))
-    outcome, bench = record(case.bench), load_bench(model=model)
-    score = score_evaluation(case, outcome, bench, evaluate(bench, [recording_of(outcome)]).evaluations[0])
-    row = score.facts(WRONG_RATE * case.bench.injector.nozzle_area / Injector().nozzle_area)
+    wrong_rate = scoring.WRONG_RATE * case.bench.injector.nozzle_area / Injector().nozzle_area
+    row = needles.score_by(how, case, load_bench(model=model), wrong_rate)
     baseline = load_injector(model).baseline
     adequate = baseline is not None and baseline.adequate
     return row | {"setting": setting, "kind": kind, "weighed": weighed, "adequate": adequate}

@@ -20,6 +20,7 @@ from tests.observed_plants import recording_of
 from tests.plants.arrays import Array
 from tests.plants.plant import Outcome
 from tests.plants.windows import Windows, true_masses, windows_of
+from tools.benchmarks.campaign import How, tally
 from tools.benchmarks.cases import CLASSES, Case
 from tools.benchmarks.windowed import evaluate_windowed
 
@@ -35,6 +36,16 @@ WORN_FROM_THE_START = ("orifice_area", "seat_area", "orifice_and_seat_area", "gr
 OBSERVER, LIVE, NOMINAL = "observer", "live", "nominal"  # as published, while it ran, with phi = 0
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason
+COLUMNS: dict[str, tuple[str, How]] = {  # that tables of facts share
+    "cases": ("label", "count"),
+    "valid": ("valid_share", "mean"),
+    "mass error %, single valid: median / p95 / max": (f"{OBSERVER}_errors_pct", "spread"),
+    "RMSE mm3/ms": (f"{OBSERVER}_rmse", "spread"),
+    "inside": ("held", "of"),
+    "1.96 sigma %": ("half_width_pct", "median"),
+    "wrong": ("wrong_valid", "sum"),
+    "refused": ("refused", tally),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +85,12 @@ class Score:
     rate_judged: NDArray[np.int64]  # samples with an open needle and a standard deviation of the rate
     rate_covered: NDArray[np.int64]  # of these, samples whose 95 % interval holds the true rate
     estimates: dict[str, Estimate] = field(default_factory=dict)
+    count_from: int = FROM  # event, of which errors are stated first
 
     @property
     def scored(self) -> list[Injection]:
-        """The valid injections from the fifth event on: errors are stated of these."""
-        return [each for each in self.injections if each.valid and each.event >= FROM]
+        """The valid injections whose errors are stated."""
+        return [each for each in self.injections if each.valid and each.event >= self.count_from]
 
     def event_masses(self, masses: Array) -> Array:
         """Of every event [mg], its openings summed."""
@@ -98,14 +110,14 @@ class Score:
         return np.asarray(100.0 * (estimated / true - 1.0), np.float64)
 
     def mean(self, squares: Array) -> float:
-        """Over the samples of all windows from the fifth event on."""
-        return float(np.average(squares[FROM:], weights=self.window_samples[FROM:]))
+        """Over the samples of all windows of those events."""
+        return float(np.average(squares[self.count_from :], weights=self.window_samples[self.count_from :]))
 
     @property
     def _intervals(self) -> list[tuple[float, float, float]]:
-        """Of the valid events from the fifth on: bounds and true mass [mg]."""
+        """Of the valid ones of those events: bounds and true mass [mg]."""
         masses = self.event_masses(self.true_masses)
-        rows = list(zip(self.valid, self.mass_ci95_mg, masses, strict=True))[FROM:]
+        rows = list(zip(self.valid, self.mass_ci95_mg, masses, strict=True))[self.count_from :]
         return [(*interval, mass) for valid, interval, mass in rows if valid and interval]
 
     def covered(self, event: int) -> bool | None:
@@ -126,7 +138,7 @@ class Score:
         rough = np.array([ours.rate_squares[each.event] > wrong_rate**2 for each in valid], np.bool_)
         wrong = (np.abs(self.errors_pct(valid)) > WRONG_MASS) | rough
         excess = np.abs(errors) - np.abs(self.event_errors_pct(NOMINAL))
-        x3, judged = self.mean(ours.x3_squares), int(self.rate_judged[FROM:].sum())
+        x3, judged = self.mean(ours.x3_squares), int(self.rate_judged[self.count_from :].sum())
         wear = case.bench.events[-1].faults.orifice_area
         summed = [i for each in self.scored for i in each.openings]
         in_time = None
@@ -139,7 +151,7 @@ class Score:
             "group": group,
             "changes": case.change_event is not None,
             "nozzle_wear": wear,
-            "valid_share": float(np.mean(self.valid[FROM:])),
+            "valid_share": float(np.mean(self.valid[self.count_from :])),
             "wrong_valid": int(wrong.sum()),
             "valid_late": sum(self.valid[WAVE_JUDGED:]),
             "in_time": in_time,
@@ -152,8 +164,8 @@ class Score:
             "covered": self.covered(COVERAGE_EVENT),
             "held": [bool(low <= mass <= high) for low, high, mass in self._intervals],
             "half_width_pct": [50.0 * (high - low) / mass for low, high, mass in self._intervals],
-            "rate_coverage": float(self.rate_covered[FROM:].sum() / judged) if judged else None,
-            "refused": [reason for reason in self.reasons[FROM:] if reason],
+            "rate_coverage": float(self.rate_covered[self.count_from :].sum() / judged) if judged else None,
+            "refused": [reason for reason in self.reasons[self.count_from :] if reason],
             "nearer_to_nominal": self._fallbacks(),
             "outside_own_interval": self._outside(),
         }
@@ -166,9 +178,9 @@ class Score:
         return facts
 
     def _fallbacks(self) -> int:
-        """Events from the fifth on whose mass is nearer to the nominal model's than to the truth."""
+        """Of those events, those whose mass is nearer to the nominal model's than to the truth."""
         observer, nominal, true = (
-            self.event_masses(masses)[FROM:]
+            self.event_masses(masses)[self.count_from :]
             for masses in (self.estimates[OBSERVER].masses, self.estimates[NOMINAL].masses, self.true_masses)
         )
         matters = np.abs(nominal - true) > 0.02 * true

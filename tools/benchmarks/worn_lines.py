@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from observer_rt.desk.evaluation.evaluate import evaluate
-from tests.observed_plants import bench_at, recording_of
+from tests.observed_plants import bench_at
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, record
@@ -19,7 +18,7 @@ from tools.benchmarks.cases import Case
 from tools.benchmarks.discovery.discrepancies import Discrepancy, plant_of
 from tools.benchmarks.discovery.rigs import Rig, healthy_benches, needle_of
 from tools.benchmarks.fitting import fitted_model, write_masses, write_outcomes
-from tools.benchmarks.scoring import score_evaluation
+from tools.benchmarks.needles import How, score_by
 
 CASES = 9  # of a discrepancy
 EVENTS = 20
@@ -71,9 +70,7 @@ def worn_model(discrepancy: Discrepancy, seed: int, out: Path, laws: Laws = NO_L
     return fitted_model(folder, recorded, ["--mass", str(weighed)] if is_weighed else [])
 
 
-def score_worn(discrepancy: Discrepancy, seed: int, number: int, model: Path) -> Row:
+def score_worn(discrepancy: Discrepancy, seed: int, number: int, model: Path, how: How) -> Row:
     """Record a case, and score the observer on it."""
     case = worn_case(discrepancy, seed, number)
-    outcome, bench = record(case.bench), bench_at(case.bench.sample_rate, model)
-    evaluation = evaluate(bench, [recording_of(outcome)]).evaluations[0]
-    return score_evaluation(case, outcome, bench, evaluation).facts()
+    return score_by(how, case, bench_at(case.bench.sample_rate, model))

@@ -1,12 +1,14 @@
 """`tools/bench faults`: everything that may go wrong on a bench, at random times; are valid results right?"""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import pandas as pd
 import typer
 
+from observer_rt.desk.evaluation.evaluate import evaluate
 from tests.benches import THREE_MESSAGES, with_signals
 from tests.observed_plants import bench_at
 from tests.plants.plant import record
@@ -15,12 +17,14 @@ from tools.benchmarks.campaign import Bar, How, Row, conclude, frame_of, run_cas
 from tools.benchmarks.faults import live as on_bus
 from tools.benchmarks.faults import player
 from tools.benchmarks.faults.daemons import Strike, strike
+from tools.benchmarks.faults.fault import BenchFault, SensorFault
 from tools.benchmarks.faults.scenario import Task, drawn, entries, tasks
 from tools.benchmarks.faults.score import Verdict, facts_of
 from tools.benchmarks.faults.table import TABLE
 from tools.benchmarks.fitting import plain_model
+from tools.benchmarks.needles import recorded
 
-CASES = 520
+CASES, RIGHT_WITHOUT_LIFT = 520, 0.8
 BARS = (
     Bar("crashes", "crashed", "sum", most=0),
     Bar("wrong_valid_samples", "wrong_samples", "sum", most=0),
@@ -50,20 +54,32 @@ COLUMNS: dict[str, tuple[str, How]] = {
     **{str(verdict): (str(verdict), "of") for verdict in Verdict},
     "valid if nothing wrong": ("free_valid", "mean"),
 }
+OF_NEEDLE = ("lift", "needle", "energizing", "edges")  # in names of rows that have no sense without a lift
+WITHOUT_LIFT = {
+    name: row
+    for name, row in TABLE.items()
+    if row.lasting and isinstance(row, BenchFault | SensorFault) and not any(word in name for word in OF_NEEDLE)
+}
 STRUCK: dict[str, tuple[str, How]] = {name: (name, "sum") for name in ("said", "lost", "problems")}
 
 
-def score_scenario(task: Task, model: Path | None = None) -> Row:
-    """Record a scenario, play it to the observer, and score the published results; model: on tier B."""
+def score_scenario(task: Task, model: Path | None = None, has_lift: bool = True) -> Row:
+    """Record a scenario, play it to the observer, and score the published results; model: on tier B.
+
+    Without a lift it is evaluated as a recording, for a live rate is preliminary.
+    """
     scenario = drawn(task, TABLE, model is not None)
-    outcome = record(scenario.bench)
     bench = bench_at(scenario.bench.sample_rate, model)
     if scenario.blocks:  # each signal has a message of its own
         bench = with_signals(bench, {role: {"message": name} for role, name in THREE_MESSAGES.items()})
     for placed in scenario.placed:
         bench = with_signals(bench, placed.stated)
-    published = player.play(scenario, outcome.measured, bench)
-    return facts_of(scenario, outcome, published)
+    if has_lift:
+        outcome = record(scenario.bench)
+        return facts_of(scenario, outcome, player.play(scenario, outcome.measured, bench))
+    moved, outcome, recording, _ = recorded(scenario.bench, bench.injector.parameters.needle_law)
+    published = player.corrected(evaluate(bench, [recording]).evaluations[0])
+    return facts_of(replace(scenario, bench=moved), outcome, published)
 
 
 def is_faulty(row: Row) -> bool:
@@ -93,13 +109,18 @@ def faults(
     daemons: Annotated[
         int, typer.Option(min=0, help="So many daemons killed, without room on the disk, without power.")
     ] = 0,
+    no_lift: cli.NoLiftOption = False,
     as_json: cli.JsonOption = False,
 ) -> None:
     """Everything that may go wrong with sensors, bus, clocks and processes, every row of the table in turn."""
-    out = out or Path(f"build/faults-{tier}")
-    names = entries(TABLE, cli.chosen_names(only, "--only", TABLE, TABLE))
+    out = out or Path(f"build/faults-{tier}{'-no-lift' * no_lift}")
+    rows = WITHOUT_LIFT if no_lift else TABLE
+    names = entries(TABLE, cli.chosen_names(only, "--only", rows, rows))
     model = plain_model(out, seed) if tier is cli.Tier.B and cases else None
-    todo = {task.label: (task, model) for task in tasks(TABLE, names, cases, seed)}
+    todo = {
+        f"{task.label}{' by commands' * no_lift}": (task, model, not no_lift)
+        for task in tasks(TABLE, names, cases, seed)
+    }
     frames = [run_cases("faults", score_scenario, todo, jobs, out)]
     if live:
         frames.append(frame_of(on_bus.run_live(live, seed, out / "live")))
@@ -118,7 +139,8 @@ def faults(
     tables = {"faults of sensors, bus, clocks and processes": table(scenarios, "fault", COLUMNS)}
     if daemons:
         tables["daemons struck"] = table(kills, "struck", STRUCK)
-    rows = scenarios.astype(object)
-    lines = [line_of(row) for row in rows.where(rows.notna(), None).to_dict("records") if is_faulty(row)]
+    seen = scenarios.astype(object)
+    lines = [line_of(row) for row in seen.where(seen.notna(), None).to_dict("records") if is_faulty(row)]
     lines += [f"{row.label}: {each}" for row in kills.itertuples() for each in row.what]
-    conclude(frame, BARS, tables, out, as_json, lines)
+    bars = [replace(bar, least=RIGHT_WITHOUT_LIFT) if no_lift and bar.column == "right" else bar for bar in BARS]
+    conclude(frame, bars, tables, out, as_json, lines)

@@ -18,6 +18,7 @@ from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.state_file import load_knowledge, save_knowledge
+from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.stream.state import Reason
@@ -101,6 +102,19 @@ def play(scenario: Scenario, measured: Signals, bench: Bench) -> Results:
     for placed in scenario.placed:
         frames = with_frame_fault(frames, placed, bus)
     return _Player(scenario, bench, measured.time).play(frames)
+
+
+def corrected(evaluation: Evaluation) -> Results:
+    """What a recording's evaluation says afterwards: rates as corrected, valid where their injections are."""
+    trace = evaluation.trace
+    rate = np.where(np.isnan(trace.corrected_rate), trace.injection_rate, trace.corrected_rate)
+    results = Results(rate, np.array(trace.valid))
+    for report in evaluation.reports:
+        first, last = report.start_index - evaluation.first_index, report.end_index - evaluation.first_index
+        results.valid[first : last + 1] = report.valid
+        results.reason.append((first, report.reason.name))
+        results.summaries.append(Summary(first, report.valid, report.mass, report.reason.name))
+    return results
 
 
 class Receiver:

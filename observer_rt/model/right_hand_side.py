@@ -29,9 +29,12 @@ class ByTheta(NamedTuple):
     needle_sizes: NDArray[np.float64]
     shots: int  # commands of an event, whose delays are two columns each from the first on
     first_shot: int
+    sensor: NDArray[np.int64]  # (SENSOR_NUMBERS,)
+    offset: int  # of the line-pressure sensor
     line_columns: NDArray[np.int64]
     line_coefficients: NDArray[np.int64]
     line_slopes: NDArray[np.float64]
+    elsewhere: int  # a column behind all others, for numbers that are not wanted
 
 
 class Tangent(NamedTuple):

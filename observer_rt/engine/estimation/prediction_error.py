@@ -4,6 +4,7 @@ What makes coloured innovations white: a high pass that takes the slow part away
 """
 
 import math
+from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.gating import inverse_of
 from observer_rt.core.learning.whitening import NO_HIGH_PASS, robust_cost, weigh, whiten
-from observer_rt.core.model.needle import NEEDLE_JITTER
+from observer_rt.core.model.needle import NEEDLE_JITTER, NEEDLE_NUMBERS
 from observer_rt.engine.estimation.predictor import (
     NO_RATE,
     NO_SLOPES,
@@ -21,7 +22,7 @@ from observer_rt.engine.estimation.predictor import (
     innovations,
     innovations_with_sensitivity,
 )
-from observer_rt.engine.estimation.scalars import Parameter, learned_of
+from observer_rt.engine.estimation.scalars import EVERY, LAWLESS, NEEDLE_LAW, Parameter, learned_of
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.effective import LAG_UNIT
 
@@ -178,10 +179,18 @@ class EventCost:
         self.slopes = self.unfiltered_slopes = NO_SLOPES
         """(n, m) of the innovations, and with the colour of the noise, where J was last linearised."""
         self.unfiltered = self.innovations = NO_RATE
+        self.columns = EVERY
+        """Of theta, that slopes are by; those by others are 0."""
         self.jitter = np.zeros(window.shot_columns)
         """Delays of the shots beyond those of theta, (2 shots,) in standard deviations, that explain most."""
         self.delays: ShotDelays | None = None
         """They, where J was last linearised, of a needle that answers commands."""
+
+    def without_laws(self) -> "EventCost":
+        """The cost with no law of nozzle and seat to be learned, and shots that are not late."""
+        lawless = copy(self)
+        lawless.columns, lawless.jitter = LAWLESS, np.zeros_like(self.jitter)
+        return lawless
 
     @property
     def terms(self) -> int:
@@ -194,22 +203,20 @@ class EventCost:
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
+        self.unfiltered = np.empty(self._window.output.size)
         if self.jitter.size:
             self._answer(theta)
-            return self._cost(theta)
-        learned = learned_of(theta, self._setting.coefficients)
-        self.unfiltered = np.empty(self._window.output.size)
-        innovations(self._window, self._setting, learned, self.unfiltered)
-        self._whiten()
+        else:
+            learned = learned_of(theta, self._setting.coefficients)
+            innovations(self._window, self._setting, learned, self.unfiltered)
+            self._whiten()
         return self._cost(theta)
 
     def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
         """J round theta (m,); leaves the innovations and their slopes (n, m) behind."""
         gradient = np.zeros(theta.size)
         information = np.zeros((theta.size, theta.size))
-        self.delays = self._answer(theta)
-        if self.delays is not None:
-            self.slopes = self.slopes + self.delays.slopes @ self.delays.by_theta
+        self._follow(theta)
         weigh(self.innovations, self.slopes, self.burn_in, self.sigma, self._together, gradient, information)
         if self.delays is not None:
             gradient += self.delays.by_theta.T @ self.jitter
@@ -243,27 +250,50 @@ class EventCost:
             self.unfiltered -= self._expected
         self.innovations = self.whitened(self.unfiltered)
 
-    def _answer(self, theta: NDArray[np.float64]) -> ShotDelays | None:
-        """Follow the event with theta (m,), its shots as late as explains most: these, if any."""
-        self.unfiltered = np.empty(self._window.output.size)
-        slopes = np.empty((self.unfiltered.size, theta.size + self.jitter.size))
-        jitter, move = None, self.jitter
-        for _ in range(ANSWERS if self.jitter.size else 1):
-            window = self._window.with_jitter(self.jitter * NEEDLE_JITTER, self._setting.interval)
-            innovations_with_sensitivity(window, self._setting, theta, self.unfiltered, slopes)
-            self._whiten()
-            if not self.jitter.size or not np.isfinite(self.innovations).all():
-                break
-            by_shots = slopes[:, theta.size :] * JITTER_SIZE
-            jitter = ShotDelays.of(self.whitened(by_shots), self.burn_in, self.sigma)
-            move = np.clip(
-                jitter.solved @ self.innovations - jitter.covariance @ self.jitter, -MOST_JITTER, MOST_JITTER
-            )
-            self.jitter = self.jitter + move
-            if np.abs(move).max() < NEAR_JITTER:
-                self.innovations = self.innovations + jitter.slopes @ move
-                self.unfiltered += by_shots @ move
-                break
-        self.unfiltered_slopes = slopes[:, : theta.size].copy() if self.jitter.size else slopes
+    def _follow(self, theta: NDArray[np.float64]) -> None:
+        """Follow the event with theta (m,) and slopes by it, its shots as late as explains most."""
+        self.unfiltered, self.delays = np.empty(self._window.output.size), None
+        slopes, is_near = self._slopes(theta, self.columns), True
+        if self.jitter.size:
+            self.delays, is_near = self._delay(slopes[:, self.columns.size :])
+        if not is_near:
+            self._answer(theta)
+            slopes = self._slopes(theta, self.columns)
+            self.delays, _ = self._delay(slopes[:, self.columns.size :])
+        self.unfiltered_slopes = np.zeros((self.unfiltered.size, theta.size))
+        self.unfiltered_slopes[:, self.columns] = slopes[:, : self.columns.size]
         self.slopes = self.whitened(self.unfiltered_slopes)
-        return jitter and jitter._replace(theta=theta, likeliest=self.jitter, by_theta=jitter.solved @ self.slopes)
+        if self.delays is not None:
+            by_theta = self.delays.solved @ self.slopes
+            self.slopes = self.slopes + self.delays.slopes @ by_theta
+            self.delays = self.delays._replace(theta=theta, likeliest=self.jitter, by_theta=by_theta)
+
+    def _answer(self, theta: NDArray[np.float64]) -> None:
+        """Follow the event with theta (m,), its shots as late as explains most."""
+        for _ in range(ANSWERS):
+            slopes = self._slopes(theta, NEEDLE_LAW.columns)
+            if self._delay(slopes[:, NEEDLE_NUMBERS:])[1]:
+                return
+
+    def _slopes(self, theta: NDArray[np.float64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Follow the event with theta (m,), its shots as late as they are; slopes by columns (k,) and delays."""
+        window = self._window.with_jitter(self.jitter * NEEDLE_JITTER, self._setting.interval)
+        slopes = np.empty((self.unfiltered.size, columns.size + self.jitter.size))
+        innovations_with_sensitivity(window, self._setting, theta, self.unfiltered, slopes, columns)
+        self._whiten()
+        return slopes
+
+    def _delay(self, by_shots: NDArray[np.float64]) -> tuple[ShotDelays | None, bool]:
+        """Move the shots by slopes (n, k) of the innovations, which move, too, where slopes tell how; and whether."""
+        if not np.isfinite(self.innovations).all():
+            return None, True
+        by_shots = by_shots * JITTER_SIZE
+        delays = ShotDelays.of(self.whitened(by_shots), self.burn_in, self.sigma)
+        move = delays.solved @ self.innovations - delays.covariance @ self.jitter
+        move = np.clip(move, -MOST_JITTER, MOST_JITTER)
+        self.jitter = self.jitter + move
+        is_near = bool(np.abs(move).max() < NEAR_JITTER)
+        if is_near:
+            self.innovations = self.innovations + delays.slopes @ move
+            self.unfiltered += by_shots @ move
+        return delays, is_near

@@ -11,10 +11,10 @@ from observer_rt.core.learning.predictor import follow, move_lift, propagate_noi
 from observer_rt.core.model.model import SENSOR_NUMBERS
 from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, NeedleStroke, commanded_areas, stroke_of
 from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.scalars import SENSOR_LAW, LearnedModel, Parameter, by_theta, learned_of
+from observer_rt.engine.estimation.scalars import EVERY, SENSOR_LAW, LearnedModel, Parameter, by_theta, learned_of
 from observer_rt.model.effective import LAG_UNIT, NO_CLOCK, NO_PROGRAM, Clock, Coefficients
 from observer_rt.model.hydraulics import AT
-from observer_rt.model.right_hand_side import Tangent, tangent_of
+from observer_rt.model.right_hand_side import ByTheta, Tangent, tangent_of
 
 NO_RATE = np.empty(0)
 NO_COMMANDS = NO_KNOTS = np.empty((0, 2))
@@ -157,18 +157,16 @@ class Gradient(NamedTuple):
     error: NDArray[np.float64]  # of the innovation
 
 
-def gradient_of(
-    theta: NDArray[np.float64], c: Coefficients, extra: int = 0, is_commanded: bool = False, shots: int = 0
-) -> Gradient:
-    """A gradient of 0 for theta (m,) on the model `c`, with `extra` columns behind those of theta.
+def gradient_of(acting: ByTheta, c: Coefficients, columns: int, is_commanded: bool = False) -> Gradient:
+    """A gradient of 0, at least so many columns wide, for a theta that acts so on the model `c`.
 
-    is_commanded: the needle answers commands; shots: of an event, whose delays these columns then are.
+    is_commanded: the needle answers commands.
     """
-    tangent = tangent_of(c, by_theta(theta, c)._replace(shots=shots), theta.size + extra, is_commanded)
+    tangent = tangent_of(c, acting, columns, is_commanded)
     width = tangent.by.shape[1]
     sensor, (before, indicated, error) = np.zeros((SENSOR_NUMBERS, width)), np.zeros((3, width))
-    sensor[np.arange(SENSOR_NUMBERS), SENSOR_LAW.columns] = SENSOR_LAW.sizes
-    return Gradient(tangent, Parameter.LINE_PRESSURE_OFFSET, sensor, before, indicated, error)
+    sensor[np.arange(SENSOR_NUMBERS), acting.sensor] = SENSOR_LAW.sizes
+    return Gradient(tangent, acting.offset, sensor, before, indicated, error)
 
 
 def innovations(window: Window, setting: Setting, learned: LearnedModel, result: NDArray[np.float64]) -> None:
@@ -183,15 +181,17 @@ def innovations_with_sensitivity(
     theta: NDArray[np.float64],
     result: NDArray[np.float64],
     slopes: NDArray[np.float64],
+    columns: NDArray[np.int64] = EVERY,
 ) -> None:
-    """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, m): the filtered gradient.
+    """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, k): the filtered gradient.
 
-    That by the delay of the lift is a difference: the lift has corners between the samples. Behind those of theta
-    slopes has the window's `shot_columns`.
+    columns (k,): of theta, those of a needle that answers commands among them. The derivative by the delay of the
+    lift is a difference: the lift has corners between the samples. Behind those of theta slopes has the window's
+    `shot_columns`.
     """
-    learned = learned_of(theta, setting.coefficients)
-    extra = window.shot_columns
-    gradient = gradient_of(theta, setting.coefficients, extra, window.needle is not None, extra // 2)
+    c, extra = setting.coefficients, window.shot_columns
+    learned, acting = learned_of(theta, c), by_theta(theta, c, columns, extra // 2)
+    gradient = gradient_of(acting, c, acting.elsewhere + 1, window.needle is not None)
     here = window.as_learned(learned, setting)
     follow(here, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)
     if window.needle is not None:
@@ -199,7 +199,7 @@ def innovations_with_sensitivity(
     later, earlier = np.empty((2, window.output.size))
     innovations(window, setting, learned._replace(lift_delay=learned.lift_delay + DELAY_STEP), later)
     innovations(window, setting, learned._replace(lift_delay=learned.lift_delay - DELAY_STEP), earlier)
-    slopes[:, Parameter.LIFT_DELAY] = (later - earlier) * (0.5 * LAG_UNIT / DELAY_STEP)
+    slopes[:, columns == Parameter.LIFT_DELAY] = ((later - earlier) * (0.5 * LAG_UNIT / DELAY_STEP))[:, None]
 
 
 class OpenLoop(NamedTuple):
@@ -236,7 +236,8 @@ def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> O
         by_area=np.zeros(n),
         fullness=np.zeros(n),
     )
-    gradient = gradient_of(theta, setting.coefficients, states, window.needle is not None)
+    acting = by_theta(theta, setting.coefficients)
+    gradient = gradient_of(acting, setting.coefficients, m + states, window.needle is not None)
     follow(window, setting, learned, window.opening, np.empty(n), NO_RATE, gradient, NO_SLOPES, run=result)
     if window.needle is None:
         result.slopes[:, Parameter.LIFT_DELAY] = np.gradient(result.rate) * (LAG_UNIT / setting.interval)

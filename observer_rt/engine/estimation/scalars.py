@@ -328,6 +328,7 @@ SCALARS = Scalars((
 
 PARAMETERS = SCALARS.width
 NOZZLE_LAW, SENSOR_LAW, VALVE_LAW, NEEDLE_LAW = map(SCALARS.numbers, Element)
+EVERY = np.arange(PARAMETERS)
 
 
 def with_gain(vector: NDArray[np.float64], gain: float) -> NDArray[np.float64]:
@@ -341,6 +342,19 @@ WEIGHTS = np.delete(
     np.arange(Parameter.NOZZLE_WEIGHT, Parameter.LINE_PRESSURE_OFFSET), range(OF_NOZZLE, OF_NOZZLE + 3)
 )
 """Columns of the network's weights, in the order of its neurons."""
+LAWLESS = np.setdiff1d(EVERY, WEIGHTS)
+"""All others."""
+_PLACED = (
+    "nozzle_bias",
+    "nozzle_weight",
+    "seat_bias",
+    "seat_weight",
+    "nozzle",
+    "valve",
+    "needle",
+    "sensor",
+    "offset",
+)
 
 
 NOTHING = np.zeros(NEEDLE_NUMBERS)
@@ -380,12 +394,27 @@ def network_of(theta: NDArray[np.float64]) -> Network:
     return network
 
 
-def by_theta(theta: NDArray[np.float64], c: Coefficients) -> ByTheta:
+def by_theta(
+    theta: NDArray[np.float64], c: Coefficients, columns: NDArray[np.int64] = EVERY, shots: int = 0
+) -> ByTheta:
     """Action of theta (m,) on a model without it: where the network's parameters stand, the line's slopes.
 
-    The slopes are those of the laws themselves, by complex steps.
+    The slopes are those of the laws themselves, by complex steps. columns: those of theta that are wanted, which come
+    first; shots: of an event, whose delays follow them.
     """
-    return _by_values(c.line, SCALARS.of_line(theta))
+    acting, elsewhere = _by_values(c.line, SCALARS.of_line(theta)), columns.size + 2 * shots
+    place, wanted = np.full(PARAMETERS, elsewhere), np.isin(acting.line_columns, columns)
+    place[columns] = np.arange(columns.size)
+    return acting._replace(
+        **{name: place[getattr(acting, name)] for name in _PLACED},
+        neurons=NEURONS * (place[Parameter.NOZZLE_WEIGHT] < elsewhere),
+        shots=shots,
+        first_shot=columns.size,
+        line_columns=place[acting.line_columns[wanted]],
+        line_coefficients=acting.line_coefficients[wanted],
+        line_slopes=acting.line_slopes[wanted],
+        elsewhere=elsewhere,
+    )
 
 
 @_several
@@ -427,9 +456,12 @@ def _by_values(line: Any, values: tuple[float, ...]) -> ByTheta:
         NEEDLE_LAW.sizes,
         0,
         PARAMETERS,
+        SENSOR_LAW.columns,
+        int(Parameter.LINE_PRESSURE_OFFSET),
         np.array(columns, np.int64),
         np.array(numbers, np.int64),
         np.array(slopes, np.float64),
+        PARAMETERS,
     )
 
 

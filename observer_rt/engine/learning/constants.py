@@ -41,7 +41,6 @@ BEYOND = 2.0  # nats that may lie beyond limits and the reach of a linearisation
 LIVE = 5e-3  # weight from which on a hypothesis is carried on; M
 SCALE_FITS = 3  # of an explanation, each at the scale of the weights that the one before makes the likeliest; M
 FIRST_STEPS, STEPS = 8, 2  # Gauss-Newton iterations: of a fit from far, and of one from near
-NO_LAW = 0.03  # of the weights' prior, in fits that seek needle and line of a first event; M
 
 # Two beliefs.
 ALIKE, ALIKE_VARIANCE = 1.0, 4.0  # standard deviations of the means; ratio of the variances: in one mode, one; M

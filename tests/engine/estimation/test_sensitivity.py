@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.predictor import Window, innovations_with_sensitivity
-from observer_rt.engine.estimation.scalars import NEEDLE_LAW, PARAMETERS, Parameter
+from observer_rt.engine.estimation.scalars import EVERY, LAWLESS, NEEDLE_LAW, PARAMETERS, Parameter
 from observer_rt.model.effective import LAG_UNIT
 from tests.differences import assert_columns_agree, differences
 from tests.engine.estimation.conftest import (
@@ -35,11 +35,11 @@ QUICK[Parameter.SENSOR_LAG] = 5e-9 / LAG_UNIT  # far shorter than a sample: anot
 
 
 def with_slopes(
-    case: Case, window: Window, theta: NDArray[np.float64]
+    case: Case, window: Window, theta: NDArray[np.float64], columns: NDArray[np.int64] = EVERY
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     result = np.empty(window.output.size)
-    slopes = np.empty((window.output.size, PARAMETERS))
-    innovations_with_sensitivity(window, case.setting, theta, result, slopes)
+    slopes = np.empty((window.output.size, columns.size))
+    innovations_with_sensitivity(window, case.setting, theta, result, slopes, columns)
     return result, slopes
 
 
@@ -57,6 +57,8 @@ def assert_slopes(
     assert moves[[p for p in range(PARAMETERS) if p not in still]].all()
     assert moves[VALVE].all() == (theta[Parameter.CONTROL_FLOW] > 0.0)
     assert_columns_agree(slopes[:, SMOOTH], expected[:, SMOOTH], share)
+    _, by_lawless = with_slopes(case, window, theta, LAWLESS)
+    np.testing.assert_array_equal(by_lawless, slopes[:, LAWLESS])
     if window.needle is not None:
         return
     move = np.eye(PARAMETERS)[Parameter.LIFT_DELAY] * 5e-6 / LAG_UNIT

@@ -13,7 +13,7 @@ from observer_rt.engine.estimation.gating import best_subset
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, WEIGHTS, Parameter
+from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, Parameter
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import pooled
@@ -260,15 +260,16 @@ class _Reads:
         first = cost.linearised(learned.theta)
         if window.needle is None or not learned.is_prior:
             return first
-        fitter = EventFitter(cost, learned.active, self._reader.limits)
-        plain, fits = learned.belief.narrowed(WEIGHTS.tolist(), c.NO_LAW), []
-        for prior, move in product((plain.narrowed(STATED, c.FILED), plain), STARTED[NEEDLE_CHANGED]):
-            cost.jitter = np.zeros_like(cost.jitter)
-            fits.append(fitter.fit(cost.linearised(learned.theta + move), prior, c.FIRST_STEPS).linearisation)
-        cost.jitter = np.zeros_like(cost.jitter)
-        best = min(fits, key=lambda fit: fit.value + 0.5 * plain.distance(fit.theta))
+        prior, fits = learned.belief, []
+        for belief, move in product((prior.narrowed(STATED, c.FILED), prior), STARTED[NEEDLE_CHANGED]):
+            lawless = cost.without_laws()
+            start = lawless.linearised(learned.theta + move)
+            fitter = EventFitter(lawless, learned.active, self._reader.limits)
+            fits.append(fitter.fit(start, belief, c.FIRST_STEPS).linearisation)
+        best = min(fits, key=lambda fit: fit.value + 0.5 * prior.distance(fit.theta))
         sought, theta = [*NEEDLE_LAW.columns.tolist(), *STATED], learned.theta.copy()
         theta[sought] = best.theta[sought]
+        cost.jitter = np.zeros_like(cost.jitter)
         return cost.linearised(theta)
 
     def _linearised(

@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from observer_rt.core.model.needle import CORNER_ROUNDING, lift_of_stroke
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.evaluation.healthy_events import bench_of
 from observer_rt.engine.estimation.predictor import needle_with
@@ -15,6 +14,7 @@ from observer_rt.engine.estimation.scalars import NEEDLE_LAW
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.fit.problem import PLAIN, values_of, with_values
+from observer_rt.identification.likelihood.commands import SEEN_LATE, with_lift
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.measurement import measurements as judged
 from observer_rt.model.parameters import InjectorParameters
@@ -66,18 +66,12 @@ def _answered(
         )
     needle = needle_with(injector.needle_law, NEEDLE_LAW.of(history.knowledge.in_force))._asdict()
     del needle["stop"]
+    for delay in ("opening_delay", "closing_delay"):  # the observer counts them from the first sample that shows it
+        needle[delay] += SEEN_LATE / blind[0].sample_rate
     learned = injector.model_copy(update={"needle": injector.needle.model_copy(update=needle)})
     return learned, [_with_lift(one, of) for one, of in zip(recordings, history.evaluations, strict=True)]
 
 
 def _with_lift(recording: Recording, evaluation: Evaluation) -> Recording:
-    lift, rate = np.zeros(recording.samples), recording.sample_rate
-    for report in evaluation.reports:
-        if report.stroke is None:
-            continue
-        first = report.start_index - evaluation.first_index
-        begin = max(int(first + (report.stroke.opening - CORNER_ROUNDING) * rate), 0)
-        end = min(int(first + (report.stroke.closed + CORNER_ROUNDING) * rate), lift.size)
-        for sample in range(begin, end):
-            lift[sample] = lift_of_stroke((sample - first) / rate, report.stroke)
-    return replace(recording, needle_lift=lift)
+    strokes = [(one.start_index - evaluation.first_index, one.stroke) for one in evaluation.reports]
+    return with_lift(recording, [(first, stroke) for first, stroke in strokes if stroke is not None])

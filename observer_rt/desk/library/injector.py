@@ -32,6 +32,7 @@ from observer_rt.identification.discovery.discover import DiscoveryTask, answer,
 from observer_rt.identification.fit.calibrate import write_fitted
 from observer_rt.identification.fit.cross_validation import refuse_clipped
 from observer_rt.identification.fit.masses import read_masses
+from observer_rt.identification.likelihood.commands import with_commanded_lift
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import LiftOf, coverage, read_measured, refuse_rates_missing
@@ -211,7 +212,8 @@ class Injector:
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
             references = [] if healthy is None else sources_of(healthy, self.bench, notes.console)
-            measured = self._measured([*sources, *references], notes)
+            lift_of = partial(with_commanded_lift, self.parameters)
+            measured = self._measured([*sources, *references], notes, lift_of=lift_of)
             task = DiscoveryTask(
                 self.parameters,
                 measured[: len(sources)],

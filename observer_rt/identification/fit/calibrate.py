@@ -36,7 +36,7 @@ from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, joint_l
 from observer_rt.identification.likelihood.measurement import Measurement, rail_pressure_before
 from observer_rt.identification.likelihood.reading import shortened
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
-from observer_rt.model.effects import VOCABULARY, effective_model
+from observer_rt.model.effects import effective_model, seen_in
 from observer_rt.model.parameters import InjectorParameters
 
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
@@ -299,7 +299,7 @@ def _remainder(done: CalibrationResult) -> HealthyRemainder:
     offset = float(np.mean(done.offsets)) * MEGAPASCAL
     model = effective_model(done.injector).with_terms("sensor", offset=offset)
     likelihood = joint_likelihood([fold.measurement for fold in done.fitted.calibration.folds], model)
-    remainder = healthy_remainder(likelihood, model, tuple(VOCABULARY.values()))
+    remainder = healthy_remainder(likelihood, model, seen_in(has_lift=True))
     return remainder.model_copy(update={"line_pressure_offset_MPa": rounded(offset / MEGAPASCAL)})
 
 

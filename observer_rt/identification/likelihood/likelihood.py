@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import InputTerms, Seat
+from observer_rt.core.model.needle import NEEDLE_JITTER
 from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.engine.stream.state import noise_gain
@@ -18,9 +19,12 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time, smoothing_of
+from observer_rt.identification.likelihood.commands import without_jitter
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
 from observer_rt.identification.likelihood.windows import (
+    NO_JITTER,
+    Jitter,
     Rows,
     TrueInputs,
     as_by_meter,
@@ -40,6 +44,7 @@ from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
 METER_ERROR = 0.05  # of the time constants of its meter
 VOLUME_ERROR = 0.002  # and of what it makes of an event, beyond noise
+JITTER_STEP = 5e-6  # s, for a slope
 _MOST_GAINS = 4096  # cached: those round a few candidates
 
 
@@ -82,6 +87,10 @@ class RecordingLikelihood:
         c = measurement.coefficients_of(nominal)
         self._batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, nominal.sensor.offset, c)
         self._begins, self._normalised_by = (nominal.sensor.offset, c), (c.chamber_pressure, c.pressure_scale)
+        shots = max(map(len, self._batch.commands), default=0)
+        self._jitters = [
+            Jitter(shot, *late) for shot in range(shots) for late in ((JITTER_STEP, 0.0), (0.0, JITTER_STEP))
+        ]
         every = phases(measurement, self._batch)
         self.phases = every[self._rows.counted]
         """(n,): of the counted innovations."""
@@ -110,13 +119,22 @@ class RecordingLikelihood:
         if abs(late) >= self._latest or substeps > MAX_SUBSTEPS:
             return None
         schedule = self._schedule(model)
-        innovation, rate = self._predicted(model, self._inputs_of(model), late, schedule, substeps)
+        inputs = self._inputs_of(model)
+        innovation, rate = self._predicted(model, inputs, late, schedule, substeps)
         z = innovation[self._rows.counted] / schedule.innovation_sigma
         if self._expected is not None:
             z -= self._expected / (schedule.innovation_sigma * model.coefficients.pressure_scale)
         if not np.isfinite(z).all():
             return None
         log_sigma = math.log(schedule.innovation_sigma)
+        if self._jitters:
+            ran = (self._predicted(model, inputs, late, schedule, substeps, one)[0] for one in self._jitters)
+            moved = np.column_stack([(one - innovation)[self._rows.counted] for one in ran])
+            if not np.isfinite(moved).all():
+                return None
+            moved *= NEEDLE_JITTER / (JITTER_STEP * schedule.innovation_sigma)
+            z, logs = without_jitter(z, moved, self._rows.counted_bounds)
+            log_sigma += logs / z.size
         if model.inputs.lift_lag > 0.0:
             variance = 1.0 + self._lift_noise.variance(model.inputs.lift_lag)
             z /= np.sqrt(variance)
@@ -141,7 +159,13 @@ class RecordingLikelihood:
         return in_stable_cells(measurement.as_recorded(model), measurement.interval, self._highest_pressure)
 
     def _predicted(
-        self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule, substeps: int
+        self,
+        model: EffectiveModel,
+        inputs: TrueInputs,
+        late: int,
+        schedule: GainSchedule,
+        substeps: int,
+        jitter: Jitter = NO_JITTER,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
         c, offset = self.measurement.coefficients_of(model), model.sensor.offset
@@ -153,7 +177,7 @@ class RecordingLikelihood:
         else:
             batch = self._batch._replace(starts=starts_of(self.measurement, offset, c))
         setting = setting_of(self.measurement, model, late, substeps, schedule.gains[-1])
-        innovation, rate = followed(batch, setting)
+        innovation, rate = followed(batch, setting, model.injector.needle_law, jitter=jitter)
         return innovation, rate_as_recorded(self.measurement, rate)
 
     def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
@@ -214,6 +238,9 @@ class RecordingLikelihood:
         _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule, substeps)
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule, substeps)
         moved = as_by_meter(self.measurement, other - rate)
+        for jitter in self._jitters:
+            _, other = self._predicted(nominal, self._nominal_inputs, late, schedule, substeps, jitter)
+            moved = np.hypot(moved, NEEDLE_JITTER / JITTER_STEP * as_by_meter(self.measurement, other - rate))
         moved = np.hypot(moved, METER_ERROR * (rate - as_by_meter(self.measurement, rate)))
         return np.asarray(moved[self._rows.rate_rows + late], np.float64)
 

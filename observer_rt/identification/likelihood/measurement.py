@@ -90,7 +90,8 @@ class Measurement:
 
     noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
     the events [Pa]; duration: mean time the needle is open in an event [s]; injections: in the whole recording;
-    stated: delays and lags of its channels; is_answered: its lift was not measured, but follows from commands.
+    stated: delays and lags of its channels; is_answered: its lift was not measured, but follows from commands;
+    is_free: by every model anew.
     """
 
     recording: Recording
@@ -102,6 +103,7 @@ class Measurement:
     injections: FoundInjections
     stated: tuple[SizedEffect, ...] = ()
     is_answered: bool = False
+    is_free: bool = False
 
     @property
     def interval(self) -> float:
@@ -112,6 +114,11 @@ class Measurement:
     def means(self) -> bool:
         """Whether samples are means over the sample period that ends at their time."""
         return self.recording.meaning is Meaning.MEAN
+
+    @property
+    def without_answers(self) -> Recording:
+        """The recording with the lift that was measured, or none."""
+        return self.recording.without_lift() if self.is_answered else self.recording
 
     def as_recorded(self, model: EffectiveModel) -> EffectiveModel:
         """A model with the stated delays and lags of the channels."""
@@ -289,6 +296,11 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
     if recording.injection_rate is None:
         return levels, float("nan")
     return levels, max(noise_level(recording.injection_rate, shut, recording.sample_rate), RATE_FLOOR)
+
+
+def with_free_needle(recordings: Sequence[Measurement]) -> tuple[Measurement, ...]:
+    """Recordings of whose lift, where it was not measured, every model has its own."""
+    return tuple(replace(one, is_free=one.is_answered) for one in recordings)
 
 
 def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 1.0) -> tuple[Measurement, ...]:

@@ -30,16 +30,7 @@ RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
 FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
 
-
-class Jitter(NamedTuple):
-    """By how much later [s] a shot opens and shuts, by its number in each event."""
-
-    shot: int = 0
-    opens: float = 0.0
-    shuts: float = 0.0
-
-
-NO_JITTER = Jitter()
+LateShots = Sequence[NDArray[np.float64]]
 
 
 class Batch(NamedTuple):
@@ -237,21 +228,20 @@ def setting_of(
 
 
 def followed(
-    batch: Batch, setting: Setting, needle: NeedleLaw, until_opening: bool = False, jitter: Jitter = NO_JITTER
+    batch: Batch, setting: Setting, needle: NeedleLaw, until_opening: bool = False, late: LateShots = ()
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording.
 
     needle: that answers commands where it is free; until_opening: of x^, which runs open loop from the opening of its
-    window on; jitter: number of a shot of every event, and by how much later [s] it opens, and shuts.
+    window on; late: of each event, by how much later [s] its shots (k, 2) open, and shut.
     """
     learned = nothing_learned(setting.coefficients)
     innovation, rate = np.empty((2, batch.output.size))
     for number, (first, end) in enumerate(pairwise(batch.bounds)):
         window, part = batch.window(number), slice(first, end)
         if batch.commands:
-            late = np.zeros_like(window.commands)
-            late[jitter.shot : jitter.shot + 1] = jitter.opens, jitter.shuts
-            window = window._replace(needle=needle).with_jitter(late, setting.interval).as_learned(learned, setting)
+            window = window.with_jitter(late[number] if late else np.zeros(0), setting.interval)
+            window = window._replace(needle=needle).as_learned(learned, setting)
         corrected = window.opening if until_opening else end - first
         follow(window, setting, learned, corrected, innovation[part], rate[part], None, NO_SLOPES)
     return innovation, rate

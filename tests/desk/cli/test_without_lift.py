@@ -28,18 +28,18 @@ def test_it_is_evaluated_and_what_needs_the_lift_says_so(tmp_path: Path, command
 
 @pytest.mark.slow
 def test_a_needle_that_answers_late_is_named_and_enters_the_model(tmp_path: Path, command: Command) -> None:
-    path, found = tmp_path / "late.csv", tmp_path / "found"
+    path, answer = tmp_path / "late.csv", tmp_path / "found"
     points = "--rail-pressure", "60,100,140", "--energizing-time", "0.6,1.9", "--injections", 12
     late = "--no-lift", "--jitter", 8, "--effect", "closing_delay:d=60"
     command.done("simulate", *points, *late, "--output", path)
-    command.done("discover", path, "--out", found)
-    (effect,) = load_injector(found / "amended.toml").effects
+    command.done("discover", path, "--out", answer)
+    (effect,) = load_injector(answer / "amended.toml").effects
     low, high = effect.parameters["d"].ci95 or (0.0, 0.0)
     assert effect.id == "closing_delay"
     assert low < 60.0 < high < low + 20.0
     late_by = [
         injection["indicators"]["needle_closes_later"]["value"]
-        for recording in document(command, path, "--model", found / "amended.toml")["recordings"]
+        for recording in document(command, path, "--model", answer / "amended.toml")["recordings"]
         for injection in recording["injections"]
     ]
     assert abs(late_by[-1]) < 20e-6

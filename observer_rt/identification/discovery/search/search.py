@@ -104,13 +104,13 @@ class Search:
         stroke, and does not count.
         """
         for effect in best.hypothesis.effects:
-            rest = tuple(kept for kept in best.hypothesis.effects if kept is not effect)
+            others = tuple(kept for kept in best.hypothesis.effects if kept is not effect)
             for other in self._names:
                 places = {effect.component, other.component}
-                if Component.NEEDLE not in places or other in rest or not effect.is_like(other, Likeness.ALIKE):
+                if Component.NEEDLE not in places or other in others or not effect.is_like(other, Likeness.ALIKE):
                     continue
-                beside = [VOCABULARY[name] for name in BESIDE.get(other.id, ()) if name not in best.ids]
-                hypotheses = [Hypothesis((*rest, other)), Hypothesis((*rest, other, *beside))]
+                partners = [VOCABULARY[name] for name in BESIDE.get(other.id, ()) if name not in best.ids]
+                hypotheses = [Hypothesis((*others, other)), Hypothesis((*others, other, *partners))]
                 for candidate in self._fitter.laws([(each, each.off) for each in hypotheses]):
                     if self._is_adequate(candidate) and candidate.within_bounds:
                         yield replace(candidate, own_error=min(0.0, best.price - candidate.price))

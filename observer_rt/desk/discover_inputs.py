@@ -12,6 +12,7 @@ from observer_rt.daemon.state_file import model_hash
 from observer_rt.desk.evaluation.logged import open_source, without_truths
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.discover import DiscoveryTask
+from observer_rt.identification.likelihood.commands import with_commanded_lift
 from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
 from observer_rt.identification.likelihood.reading import hashes, read_measured, without_copies
 from observer_rt.model.effects import effective_model
@@ -36,7 +37,10 @@ def task_of_recordings(
     references = without_copies(healthy, console)
     read = partial(open_source, bench=decoder, from_channels=from_channel, console=console, density=density)
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    measured = read_measured([*paths, *references], read, console, stated=stated, baseline=injector.baseline)
+    lift_of = partial(with_commanded_lift, injector)
+    measured = read_measured(
+        [*paths, *references], read, console, stated=stated, baseline=injector.baseline, lift_of=lift_of
+    )
     return start, DiscoveryTask(injector, measured[: len(paths)], measured[len(paths) :], hashes(paths))
 
 

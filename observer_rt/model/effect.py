@@ -23,6 +23,7 @@ LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
 LIFT_STEP = "the lift channel's answer to a step at its amplifier's input"
 BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
 BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
+LIFT_RECORDED = "the lift of the needle recorded, too, if only on a bench"
 PRESSURE_GAUGE = "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
 WITH_A_MEASURED_RATE = {LIFT_GAUGE_OR_RATE: LIFT_GAUGE, BALLISTIC_RATE: BALLISTIC}
 """Measurements that are left of these where the injection rate was measured."""
@@ -44,6 +45,7 @@ class Component(StrEnum):
     RAIL_INLET = "rail_inlet"
     LINE_FLOW = "line_flow"
     CLOSED_END = "closed_end"
+    NEEDLE = "needle"
     SEAT = "seat"
     SAC = "sac"
     NOZZLE = "nozzle"
@@ -57,6 +59,7 @@ _VIOLATED = {
     Component.RAIL_INLET: Equation.LINE_FLOW,
     Component.LINE_FLOW: Equation.LINE_FLOW,
     Component.CLOSED_END: Equation.LINE_PRESSURE,
+    Component.NEEDLE: Equation.INPUT,
     Component.SEAT: Equation.SAC_PRESSURE,
     Component.SAC: Equation.SAC_PRESSURE,
     Component.NOZZLE: Equation.LINE_PRESSURE,

@@ -38,6 +38,8 @@ NAMED = {
     "line_pressure_sensor_lag": ("tau",),
     "line_pressure_sensor_offset": ("o",),
     "channel_skew": ("d",),
+    **dict.fromkeys(("opening_delay", "closing_delay"), ("d",)),
+    **dict.fromkeys(("opening_speed", "closing_speed"), ("r",)),
 }
 effects = pytest.mark.parametrize("effect", VOCABULARY.values(), ids=VOCABULARY)
 
@@ -50,7 +52,17 @@ def at(effect: Effect, share: float) -> SizedEffect:
 def numbers(model: EffectiveModel) -> list[float]:
     """Everything a model computes with."""
     c = model.coefficients
-    return [*c.line, *c.seat, *c.nozzle, *c.sac, *c.valve, *c[5:], *model.inputs, *model.sensor]
+    return [
+        *c.line,
+        *c.seat,
+        *c.nozzle,
+        *c.sac,
+        *c.valve,
+        *c[5:],
+        *model.inputs,
+        *model.sensor,
+        *model.injector.needle_law,
+    ]
 
 
 def test_no_id_or_parameter_gets_lost() -> None:

@@ -50,7 +50,6 @@ def fit(options: FitOptions) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.signals import effects_on_one_raster
     from observer_rt.desk.evaluation.logged import open_source, without_truths
-    from observer_rt.desk.library.answered_lift import with_answered_lift
     from observer_rt.desk.library.fit import fitted_model
     from observer_rt.engine.service.injector import calibration_of
     from observer_rt.identification.fit.calibrate import write_fitted
@@ -58,6 +57,7 @@ def fit(options: FitOptions) -> None:
     from observer_rt.identification.fit.masses import read_masses
     from observer_rt.identification.fit.report import draw_fit, print_fit
     from observer_rt.identification.likelihood import reading
+    from observer_rt.identification.likelihood.commands import with_commanded_lift
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
     from observer_rt.model.effects import effective_model
 
@@ -75,7 +75,7 @@ def fit(options: FitOptions) -> None:
     read = partial(open_source, bench=decoder, from_channels=from_channels, console=messages, density=density)
     most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: a mass is the mean of all injections
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    lift_of = partial(with_answered_lift, start)
+    lift_of = partial(with_commanded_lift, start)
     recordings = reading.read_measured(paths, read, messages, most, stated, lift_of=lift_of)
     reading.refuse_rates_missing([one.recording for one in recordings])
     refuse_clipped(recordings)

@@ -6,34 +6,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.needle import CORNER_ROUNDING, NEEDLE_JITTER, NeedleStroke, lift_of_stroke, stroke_of
-from observer_rt.files.signals.recording import Recording
-from observer_rt.foundation.errors import UserError
+from observer_rt.core.model.needle import NEEDLE_JITTER
 from observer_rt.identification.fit.cross_validation import standstill
+from observer_rt.identification.likelihood.commands import commanded_lift, commands_of
 from observer_rt.identification.likelihood.likelihood import RecordingLikelihood
-from observer_rt.identification.likelihood.measurement import Measurement, commands_of, measurements
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
-from observer_rt.model.hydraulics import AT
 from observer_rt.model.parameters import InjectorParameters
 
 _STEPS = 3  # of Gauss and Newton, for the delays of shots
 _DIFFERENCE = 2e-6  # s
-
-
-def with_answered_lift(injector: InjectorParameters, recordings: Sequence[Recording]) -> list[Recording]:
-    """Recordings with the lift by which the needle of the file answers; one that they have is not used.
-
-    Raises `UserError` where it answers no command.
-    """
-    results = [_with_lift(injector, one, commands_of(one)) for one in recordings]
-    if not any(one.needle_lift.any() for one in results):
-        raise UserError(
-            str(recordings[0].path or "recording"),
-            "no command is answered by the injector file's needle",
-            "check `energizing`, and the delays in [needle] of the injector file",
-        )
-    return results
 
 
 def answered_again(injector: InjectorParameters, recordings: Sequence[Measurement]) -> tuple[Measurement, ...]:
@@ -43,7 +26,7 @@ def answered_again(injector: InjectorParameters, recordings: Sequence[Measuremen
     """
     model = effective_model(injector)
     commands = [_answered(model, one, commands_of(one.recording)) for one in recordings]
-    lifted = [_with_lift(injector, one.recording, of) for one, of in zip(recordings, commands, strict=True)]
+    lifted = [commanded_lift(injector, one.recording, of) for one, of in zip(recordings, commands, strict=True)]
     return tuple(
         replace(new, stated=old.stated, commands=of)
         for new, old, of in zip(measurements(lifted), recordings, commands, strict=True)
@@ -78,17 +61,3 @@ def _answered(model: EffectiveModel, measurement: Measurement, commands: NDArray
             gradient = slope.T @ z + late[rows].ravel() / sigma**2
             late[rows] -= np.linalg.solve(information, gradient).reshape(-1, 2)
     return commands + late
-
-
-def _with_lift(injector: InjectorParameters, recording: Recording, commands: NDArray[np.float64]) -> Recording:
-    lift, rate = np.zeros(recording.samples), recording.sample_rate
-    pressures = np.nan_to_num(recording.rail_pressure[commands[:, 0].astype(np.int64)], nan=AT) / AT
-    for (start, end), pressure in zip(commands / rate, pressures, strict=True):
-        answer = stroke_of(start, end - start, pressure, injector.needle_law)
-        if answer is None:
-            continue
-        stroke = NeedleStroke(**answer)
-        first, last = (stroke.opening - CORNER_ROUNDING) * rate, (stroke.closed + CORNER_ROUNDING) * rate
-        for sample in range(max(int(first), 0), min(int(last), lift.size)):
-            lift[sample] = lift_of_stroke(sample / rate, stroke)
-    return replace(recording, needle_lift=lift)

@@ -16,7 +16,6 @@ from observer_rt.config.injector_file import InjectorFile
 from observer_rt.config.signals import effects_on_one_raster
 from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
 from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run
-from observer_rt.desk.library.answered_lift import with_answered_lift
 from observer_rt.desk.library.discovery import DiscoveryResult
 from observer_rt.desk.library.fit import FitResult, fitted_model
 from observer_rt.desk.library.notes import CallNotes, naming_parameters, noted, screen
@@ -32,6 +31,7 @@ from observer_rt.identification.discovery.discover import DiscoveryTask, answer,
 from observer_rt.identification.fit.calibrate import write_fitted
 from observer_rt.identification.fit.cross_validation import refuse_clipped
 from observer_rt.identification.fit.masses import read_masses
+from observer_rt.identification.likelihood.commands import with_commanded_lift
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import LiftOf, coverage, read_measured, refuse_rates_missing
@@ -130,7 +130,7 @@ class Injector:
             sources = sources_of(recordings, self.bench, notes.console)
             # Whole: a mass is the mean of all injections.
             most = MOST_SAMPLES if masses is None else sys.maxsize
-            measured = self._measured(sources, notes, most, partial(with_answered_lift, self.parameters))
+            measured = self._measured(sources, notes, most, partial(with_commanded_lift, self.parameters))
             refuse_rates_missing([one.recording for one in measured])
             refuse_clipped(measured)
             density = self.bench.injector.coefficients.density
@@ -211,7 +211,8 @@ class Injector:
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
             references = [] if healthy is None else sources_of(healthy, self.bench, notes.console)
-            measured = self._measured([*sources, *references], notes)
+            lift_of = partial(with_commanded_lift, self.parameters)
+            measured = self._measured([*sources, *references], notes, lift_of=lift_of)
             task = DiscoveryTask(
                 self.parameters,
                 measured[: len(sources)],

@@ -111,7 +111,7 @@ def simulate(
             f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz",
         )
     time = np.arange(round(schedule.duration * sample_rate) + 1) / sample_rate
-    truth = run_plant(model, strokes(schedule, parameters), time, schedule.rail_pressure(time), progress)
+    truth = run_plant(model, strokes(schedule, model.injector), time, schedule.rail_pressure(time), progress)
     return Simulation(_measure(truth, model, noise, measured_rate, seed), truth)
 
 

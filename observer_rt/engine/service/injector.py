@@ -103,7 +103,7 @@ def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bo
     calibration = calibration_of(fitted)
     every = rail_every(fitted)
     constants = constants_for(injector, rate, durations, events_required, every, means, stated, calibration)
-    return constants if fitted.has_lift else constants._replace(needle=injector.needle_law)
+    return constants if fitted.has_lift else constants._replace(needle=effective_model(injector).injector.needle_law)
 
 
 def calibration_of(fitted: BenchInjector) -> StatedAccuracy:

@@ -26,7 +26,7 @@ from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
-from observer_rt.identification.likelihood.measurement import Measurement, without_gain
+from observer_rt.identification.likelihood.measurement import Measurement, with_free_needle, without_gain
 from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.identification.likelihood.reading import chosen_words, refuse_rates_missing
 from observer_rt.model.baseline import Baseline, HealthyRemainder, Remainder
@@ -85,6 +85,7 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
     """
     nominal = effective_model(task.parameters)
+    task = replace(task, measured=with_free_needle(task.measured), healthy=with_free_needle(task.healthy))
     fitted = task.parameters.baseline
     if fitted is not None and fitted.line_pressure_sensor_gain:
         by_rail = partial(without_gain, gain=fitted.line_pressure_sensor_gain)
@@ -100,7 +101,7 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
         )
     begin = _HEALTHY if task.healthy else 0.0
     progress(begin)
-    recordings = [one.recording for one in task.measured]
+    recordings = [one.without_answers for one in task.measured]
     learned = task.learned(task.parameters, recordings) if task.learned else ()
     options = SearchOptions(
         workers, lambda done: progress(begin + (_NAMED - begin) * done), baseline, task.chosen, furthest(learned)
@@ -173,7 +174,7 @@ def _remainder(
 ) -> Remainder:
     """States what a model with terms accepted in part leaves. cells: of the map, with the terms in force."""
     amended = task.parameters.model_copy(update={"effects": effects, "terms": terms, "remainder": None})
-    recordings = [one.recording for one in task.measured]
+    recordings = [one.without_answers for one in task.measured]
     return Remainder(
         line_pressure_MPa=float(f"{part.left / MEGAPASCAL:.3g}"),
         mass_share=float(f"{part.mass_half / NORMAL_975:.3g}"),

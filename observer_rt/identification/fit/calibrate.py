@@ -36,7 +36,7 @@ from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, joint_l
 from observer_rt.identification.likelihood.measurement import Measurement, rail_pressure_before
 from observer_rt.identification.likelihood.reading import shortened
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
-from observer_rt.model.effects import VOCABULARY, effective_model
+from observer_rt.model.effects import effective_model, seen_in
 from observer_rt.model.parameters import InjectorParameters
 
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
@@ -132,9 +132,13 @@ class CalibrationResult:
 
     @property
     def inadequate(self) -> tuple[Phase, ...]:
-        """Phases the model does not explain, the worst first; none where it is adequate."""
-        share, is_bench = self.comparison.share, self.cause is not None and self.cause.is_of_bench
-        over = [phase for phase in self.above_gate if is_bench or share(phase) > TOLERATED]
+        """Phases the model does not explain, the worst first; none where it is adequate.
+
+        A needle that answers commands makes up for what a line lacks, so that little is left of much.
+        """
+        share = self.comparison.share
+        is_strict = self.measurements[0].is_answered or (self.cause is not None and self.cause.is_of_bench)
+        over = [phase for phase in self.above_gate if is_strict or share(phase) > TOLERATED]
         return tuple(sorted(over, key=lambda phase: -self.comparison.left.chi2[phase]))
 
     @property
@@ -299,7 +303,7 @@ def _remainder(done: CalibrationResult) -> HealthyRemainder:
     offset = float(np.mean(done.offsets)) * MEGAPASCAL
     model = effective_model(done.injector).with_terms("sensor", offset=offset)
     likelihood = joint_likelihood([fold.measurement for fold in done.fitted.calibration.folds], model)
-    remainder = healthy_remainder(likelihood, model, tuple(VOCABULARY.values()))
+    remainder = healthy_remainder(likelihood, model, seen_in(has_lift=True))
     return remainder.model_copy(update={"line_pressure_offset_MPa": rounded(offset / MEGAPASCAL)})
 
 

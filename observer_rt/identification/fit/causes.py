@@ -7,7 +7,7 @@ import numpy as np
 from observer_rt.identification.fit.problem import Calibration, EffectSize
 from observer_rt.identification.fit.search import FittedStructure, fitted
 from observer_rt.model.effect import Effect
-from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.effects import VOCABULARY, seen_in
 
 REFITS = 2  # of the likeliest
 PROMISE = 0.1  # of what is left, that an effect must explain to first order to be worth a refit
@@ -47,7 +47,7 @@ class TriedCause:
 
 def tried_causes(best: FittedStructure) -> tuple[TriedCause, ...]:
     """The likeliest causes of what a structure leaves, the best first; none where no effect promises much."""
-    sizes = [EffectSize.of_effect(one) for one in VOCABULARY.values() if one.parameters]
+    sizes = [EffectSize.of_effect(one) for one in seen_in(has_lift=True) if one.parameters]
     gains = {size: _gain(best, size) for size in sizes}
     left = best.minimum.at.residuals
     promising = [one for one in sizes if gains[one] > PROMISE * (left.squares - left.z.size)]

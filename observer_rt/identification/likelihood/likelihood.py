@@ -4,14 +4,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import InputTerms, Seat
-from observer_rt.core.model.needle import NeedleLaw
+from observer_rt.core.model.needle import NEEDLE_JITTER, NeedleLaw
 from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.engine.stream.state import noise_gain
@@ -19,9 +20,11 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time, smoothing_of
+from observer_rt.identification.likelihood.commands import without_jitter
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
 from observer_rt.identification.likelihood.windows import (
+    LateShots,
     Rows,
     TrueInputs,
     as_by_meter,
@@ -41,6 +44,8 @@ from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
 METER_ERROR = 0.05  # of the time constants of its meter
 VOLUME_ERROR = 0.002  # and of what it makes of an event, beyond noise
+JITTER_STEP = 5e-6  # s, for a slope
+WIDEST_JITTER, JITTER_ROUNDS = 60e-6, 2  # s, standard deviation of what is looked for
 _MOST_GAINS = 4096  # cached: those round a few candidates
 
 
@@ -83,6 +88,10 @@ class RecordingLikelihood:
         c = measurement.coefficients_of(nominal)
         self._batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, nominal.sensor.offset, c)
         self._begins, self._normalised_by = (nominal.sensor.offset, c), (c.chamber_pressure, c.pressure_scale)
+        self._late = [np.zeros_like(commands) for commands in self._batch.commands]
+        self._jitter: float = NEEDLE_JITTER
+        for _ in range(JITTER_ROUNDS if self._late else 0):
+            self._see_jitter(nominal)
         every = phases(measurement, self._batch)
         self.phases = every[self._rows.counted]
         """(n,): of the counted innovations."""
@@ -94,6 +103,36 @@ class RecordingLikelihood:
             self._rate = measurement.recording.injection_rate[self._rows.rate_samples]
             self._rate_by_lift = self._rate_noise_by_lift(nominal)
             self._rate_sigma = self._rate_sigma_at(0.0)
+
+    def _later_shots(self) -> list[LateShots]:
+        """Delays of the shots, one of a shot of every event later by a step: its opening, then its closing."""
+        columns = range(max(late.size for late in self._late) if self._late else 0)
+        return [
+            [late + JITTER_STEP * (column == np.arange(late.size).reshape(-1, 2)) for late in self._late]
+            for column in columns
+        ]
+
+    def _see_jitter(self, nominal: EffectiveModel) -> None:
+        """Move shots to where they are seen beside the mean of all: innovations go straight only so far.
+
+        Their scatter, where it is larger than usual, counts for the jitter.
+        """
+        schedule, late = self._schedule(nominal), math.floor(nominal.sensor.delay / self.measurement.interval)
+        run = partial(self._predicted, nominal, self._nominal_inputs, late, schedule, self._substeps_of(nominal))
+        here, counted = run()[0], self._rows.counted
+        by_shots = np.column_stack([other - here for other, _ in map(run, self._later_shots())])[counted]
+        by_shots *= WIDEST_JITTER / (JITTER_STEP * schedule.innovation_sigma)
+        z, seen = here[counted] / schedule.innovation_sigma, []
+        for first, end in pairwise(self._rows.counted_bounds.tolist()):
+            part = by_shots[first:end]
+            information = part.T @ part + np.eye(part.shape[1])
+            seen.append(-WIDEST_JITTER * np.linalg.solve(information, part.T @ z[first:end]))
+        for delays, moved in zip(self._late, seen - np.mean(seen, axis=0), strict=True):
+            delays += moved[: delays.size].reshape(-1, 2)
+        scatter = math.sqrt(
+            sum(float(np.sum(delays**2)) for delays in self._late) / max(np.size(seen) - len(seen[0]), 1)
+        )
+        self._jitter = max(NEEDLE_JITTER, scatter)
 
     @cached_property
     def _lift_noise(self) -> LiftNoise:
@@ -111,13 +150,22 @@ class RecordingLikelihood:
         if abs(late) >= self._latest or substeps > MAX_SUBSTEPS:
             return None
         schedule = self._schedule(model)
-        innovation, rate = self._predicted(model, self._inputs_of(model), late, schedule, substeps)
+        inputs = self._inputs_of(model)
+        run = partial(self._predicted, model, inputs, late, schedule, substeps)
+        innovation, rate = run()
         z = innovation[self._rows.counted] / schedule.innovation_sigma
         if self._expected is not None:
             z -= self._expected / (schedule.innovation_sigma * model.coefficients.pressure_scale)
         if not np.isfinite(z).all():
             return None
         log_sigma = math.log(schedule.innovation_sigma)
+        if self._late:
+            by_shots = np.column_stack([other - innovation for other, _ in map(run, self._later_shots())])
+            moved = by_shots[self._rows.counted] * (self._jitter / (JITTER_STEP * schedule.innovation_sigma))
+            if not np.isfinite(moved).all():
+                return None
+            z, logs = without_jitter(z, moved, self._rows.counted_bounds)
+            log_sigma += logs / z.size
         if model.inputs.lift_lag > 0.0:
             variance = 1.0 + self._lift_noise.variance(model.inputs.lift_lag)
             z /= np.sqrt(variance)
@@ -142,7 +190,13 @@ class RecordingLikelihood:
         return in_stable_cells(measurement.as_recorded(model), measurement.interval, self._highest_pressure)
 
     def _predicted(
-        self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule, substeps: int
+        self,
+        model: EffectiveModel,
+        inputs: TrueInputs,
+        late: int,
+        schedule: GainSchedule,
+        substeps: int,
+        shots: LateShots = (),
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
         c, offset = self.measurement.coefficients_of(model), model.sensor.offset
@@ -154,7 +208,7 @@ class RecordingLikelihood:
         else:
             batch = self._batch._replace(starts=starts_of(self.measurement, offset, c))
         setting = setting_of(self.measurement, model, late, substeps, schedule.gains[-1])
-        innovation, rate = followed(batch, setting)
+        innovation, rate = followed(batch, setting, model.injector.needle_law, late=shots or self._late)
         return innovation, rate_as_recorded(self.measurement, rate)
 
     def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
@@ -215,6 +269,9 @@ class RecordingLikelihood:
         _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule, substeps)
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule, substeps)
         moved = as_by_meter(self.measurement, other - rate)
+        for shots in self._later_shots():
+            _, other = self._predicted(nominal, self._nominal_inputs, late, schedule, substeps, shots)
+            moved = np.hypot(moved, self._jitter / JITTER_STEP * as_by_meter(self.measurement, other - rate))
         moved = np.hypot(moved, METER_ERROR * (rate - as_by_meter(self.measurement, rate)))
         return np.asarray(moved[self._rows.rate_rows + late], np.float64)
 

@@ -90,8 +90,8 @@ class Measurement:
 
     noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
     the events [Pa]; duration: mean time the needle is open in an event [s]; injections: in the whole recording;
-    stated: delays and lags of its channels; commands: first samples (k, 2) with and without energizing,
-    moved by what each shot answers late, where the lift follows from them and was not measured.
+    stated: delays and lags of its channels; commands: starts and ends of energizing (k, 2), in samples, moved by what
+    each shot answers late, where the lift follows from them and was not measured; is_free: by every model anew.
     """
 
     recording: Recording
@@ -103,6 +103,7 @@ class Measurement:
     injections: FoundInjections
     stated: tuple[SizedEffect, ...] = ()
     commands: NDArray[np.float64] | None = None
+    is_free: bool = False
 
     @property
     def interval(self) -> float:
@@ -118,6 +119,11 @@ class Measurement:
     def means(self) -> bool:
         """Whether samples are means over the sample period that ends at their time."""
         return self.recording.meaning is Meaning.MEAN
+
+    @property
+    def without_answers(self) -> Recording:
+        """The recording with the lift that was measured, or none."""
+        return self.recording.without_lift() if self.is_answered else self.recording
 
     def as_recorded(self, model: EffectiveModel) -> EffectiveModel:
         """A model with the stated delays and lags of the channels."""
@@ -216,13 +222,6 @@ def open_time(event: JudgedEvent, recording: Recording) -> float:
     return sum(o.last - o.first + 1 for o in event.openings) / recording.sample_rate
 
 
-def commands_of(recording: Recording) -> NDArray[np.float64]:
-    """First samples (k, 2) with and without energizing, of every complete command."""
-    level = np.asarray(recording.energizing, np.float64) > 0.5
-    edges = np.flatnonzero(np.diff(level))[int(level[0]) :] + 1
-    return np.asarray(edges[: edges.size // 2 * 2].reshape(-1, 2), np.float64)
-
-
 def missing_samples(recording: Recording) -> NDArray[np.bool_]:
     """Samples (n,) whose inputs or line pressure are not available."""
     return np.isnan(recording.rail_pressure + recording.needle_lift + recording.line_pressure)
@@ -302,6 +301,11 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
     if recording.injection_rate is None:
         return levels, float("nan")
     return levels, max(noise_level(recording.injection_rate, shut, recording.sample_rate), RATE_FLOOR)
+
+
+def with_free_needle(recordings: Sequence[Measurement]) -> tuple[Measurement, ...]:
+    """Recordings of whose lift, where it was not measured, every model has its own."""
+    return tuple(replace(one, is_free=one.is_answered) for one in recordings)
 
 
 def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 1.0) -> tuple[Measurement, ...]:

@@ -95,7 +95,7 @@ def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulat
     ).gains
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
     setting = setting_of(measurement, model, late, substeps, gains[-1])
-    errors, rate = followed(batch, setting, until_opening=True)
+    errors, rate = followed(batch, setting, model.injector.needle_law, until_opening=True)
     pressure = (batch.output - errors) * c.pressure_scale + c.chamber_pressure
     result = []
     for number, event in enumerate(measurement.events):

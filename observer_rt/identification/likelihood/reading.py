@@ -15,8 +15,9 @@ from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.foundation.progress import progress_bar
+from observer_rt.identification.likelihood.commands import commands_of
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES, measured
-from observer_rt.identification.likelihood.measurement import Measurement, commands_of
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.effect import SizedEffect
 

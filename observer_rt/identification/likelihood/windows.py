@@ -1,7 +1,7 @@
 """The judged stretches of a recording as inputs and output of the predictor, for given input terms."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from observer_rt.core.model.model import InputTerms, rest_state
 from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, commanded_areas
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
-from observer_rt.engine.estimation.predictor import NO_SLOPES, SETTLE, Setting, Window
+from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, SETTLE, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.engine.learning.healthy import EventStretch, expected
 from observer_rt.files.signals.recording import shown_slowly
@@ -30,12 +30,15 @@ RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
 FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
 
+LateShots = Sequence[NDArray[np.float64]]
+
 
 class Batch(NamedTuple):
     """All windows of a recording, one after another; n samples, w windows, normalised by (24).
 
     inputs (n, 2), output (n,), resting (n,), starts (w, states + 1), knots (n, 2) or (0, 2) as in `Window`; bounds
-    (w + 1,): window i is [bounds[i], bounds[i+1]); openings (w,): in the window; clocks (w, 2): as of `Clock`.
+    (w + 1,): window i is [bounds[i], bounds[i+1]); openings (w,): in the window; clocks (w, 2): as of `Clock`;
+    commands: of a needle that is free, as in `Window`.
     """
 
     inputs: NDArray[np.float64]
@@ -46,6 +49,7 @@ class Batch(NamedTuple):
     openings: NDArray[np.int64]
     knots: NDArray[np.float64]
     clocks: NDArray[np.float64]
+    commands: tuple[NDArray[np.float64], ...] = ()
 
     def window(self, number: int) -> Window:
         """One of the windows."""
@@ -58,6 +62,7 @@ class Batch(NamedTuple):
             self.openings[number],
             self.knots[part],
             clock=Clock(*self.clocks[number]),
+            commands=self.commands[number] if self.commands else NO_COMMANDS,
         )
 
 
@@ -80,6 +85,8 @@ class Rows:
         self.bounds = np.concatenate(([0], np.cumsum([e.end - e.start for e in events])))
         self.counted = np.concatenate([np.arange(e.start, e.end) >= e.counted for e in events])
         """(n,): rows whose innovation is judged."""
+        self.counted_bounds = np.concatenate(([0], np.cumsum([e.end - e.counted for e in events])))
+        """(events + 1,): of these, event after event."""
         skipped = round(RATE_DELAY * measurement.recording.sample_rate)
         rows, times = [], []
         for event, bound in zip(events, self.bounds, strict=False):
@@ -207,7 +214,16 @@ def batch_of(
         np.array([event.openings[0].first - event.start + late for event in measurement.events]),
         inputs.knots[source] if inputs.knots.size else inputs.knots,
         clocks,
+        tuple(_by_event(measurement, late)) if measurement.is_free else (),
     )
+
+
+def _by_event(measurement: Measurement, late: int) -> Iterator[NDArray[np.float64]]:
+    """Commands (k, 2) of every event, counted from its first row."""
+    commands = measurement.commands
+    assert commands is not None
+    for event in measurement.events:
+        yield commands[(commands[:, 0] >= event.start) & (commands[:, 0] < event.end)] - event.start + late
 
 
 def starts_of(measurement: Measurement, offset: float, c: Coefficients) -> NDArray[np.float64]:
@@ -232,16 +248,20 @@ def setting_of(
 
 
 def followed(
-    batch: Batch, setting: Setting, until_opening: bool = False
+    batch: Batch, setting: Setting, needle: NeedleLaw, until_opening: bool = False, late: LateShots = ()
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording.
 
-    until_opening: of x^, which runs open loop from the opening of its window on.
+    needle: that answers commands where it is free; until_opening: of x^, which runs open loop from the opening of its
+    window on; late: of each event, by how much later [s] its shots (k, 2) open, and shut.
     """
     learned = nothing_learned(setting.coefficients)
     innovation, rate = np.empty((2, batch.output.size))
     for number, (first, end) in enumerate(pairwise(batch.bounds)):
         window, part = batch.window(number), slice(first, end)
+        if batch.commands:
+            window = window.with_jitter(late[number] if late else np.zeros(0), setting.interval)
+            window = window._replace(needle=needle).as_learned(learned, setting)
         corrected = window.opening if until_opening else end - first
         follow(window, setting, learned, corrected, innovation[part], rate[part], None, NO_SLOPES)
     return innovation, rate

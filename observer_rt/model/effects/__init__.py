@@ -5,7 +5,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from types import MappingProxyType
 
-from observer_rt.model.effect import Effect, SizedEffect
+from observer_rt.model.effect import Component, Effect, SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
 
@@ -19,6 +19,12 @@ def _of_this_folder() -> dict[str, Effect]:
 _in_use = _of_this_folder()
 VOCABULARY: Mapping[str, Effect] = MappingProxyType(_in_use)
 """All effects by id."""
+
+
+def seen_in(has_lift: bool) -> tuple[Effect, ...]:
+    """Effects that recordings can show: those of the lift's sensor, or where no lift was recorded of the needle."""
+    idle = Component.NEEDLE if has_lift else Component.LIFT_SENSOR
+    return tuple(effect for effect in VOCABULARY.values() if effect.component is not idle)
 
 
 def sized(effect_id: str, **values: float) -> SizedEffect:

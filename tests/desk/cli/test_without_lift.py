@@ -21,10 +21,28 @@ def test_it_is_evaluated_and_what_needs_the_lift_says_so(tmp_path: Path, command
         assert ("needle_closes_later" in injection["indicators"]) > (
             "needle_lift_sensor_lag" in injection["indicators"]
         )
-    for words in (("discover", path, "--out", tmp_path / "a"), ("convert", path, log, "--bench", bench)):
-        outcome = command(*words)
-        assert outcome.code == 2
-        assert f"{path}, needle_lift: was not recorded" in outcome.err.replace("\n", "")
+    outcome = command("convert", path, log, "--bench", bench)
+    assert outcome.code == 2
+    assert f"{path}, needle_lift: was not recorded" in outcome.err.replace("\n", "")
+
+
+@pytest.mark.slow
+def test_a_needle_that_answers_late_is_named_and_enters_the_model(tmp_path: Path, command: Command) -> None:
+    path, answer = tmp_path / "late.csv", tmp_path / "found"
+    points = "--rail-pressure", "60,100,140", "--energizing-time", "0.6,1.9", "--injections", 12
+    late = "--no-lift", "--jitter", 8, "--effect", "closing_delay:d=60"
+    command.done("simulate", *points, *late, "--output", path)
+    command.done("discover", path, "--out", answer)
+    (effect,) = load_injector(answer / "amended.toml").effects
+    low, high = effect.parameters["d"].ci95 or (0.0, 0.0)
+    assert effect.id == "closing_delay"
+    assert low < 60.0 < high < low + 20.0
+    late_by = [
+        document(command, path, "--model", model)["recordings"][0]["injections"][-1]["indicators"]
+        for model in (NOMINAL_INJECTOR, answer / "amended.toml")
+    ]
+    nominal, amended = (1e6 * indicators["needle_closes_later"]["value"] for indicators in late_by)
+    assert nominal - amended == pytest.approx(60.0, abs=8.0)
 
 
 @pytest.mark.slow

@@ -7,8 +7,9 @@ import pytest
 
 import observer_rt as ort
 from observer_rt.config.bench import load_injector
-from observer_rt.desk.library.answered_lift import answered_again, with_answered_lift
-from observer_rt.identification.likelihood.measurement import commands_of, measurements
+from observer_rt.desk.library.answered_lift import answered_again
+from observer_rt.identification.likelihood.commands import commands_of, with_commanded_lift
+from observer_rt.identification.likelihood.measurement import measurements
 from tests.observed_plants import commanded
 from tests.plants.healthy import healthy_benches
 from tests.plants.parameters import Faults, Injector
@@ -24,7 +25,7 @@ def test_each_shot_is_found_as_late_as_it_answers() -> None:
     events = (Event(100e6, (Shot(0.0, 0.6e-3), Shot(1.6e-3, 1.5e-3)), Faults()),) * 6
     bench = Bench(Injector(), Needle(), events, seed=3)
     recording, nominal = commanded(bench, record(bench), *DELAYS, jitter=15e-6), load_injector()
-    measurement = replace(measurements(with_answered_lift(nominal, [recording]))[0], commands=commands_of(recording))
+    measurement = replace(measurements(with_commanded_lift(nominal, [recording]))[0], commands=commands_of(recording))
     again = answered_again(nominal, [measurement])[0]
     before, after = (np.std(one.recording.needle_lift - recording.needle_lift) for one in (measurement, again))
     assert after < 0.3 * before

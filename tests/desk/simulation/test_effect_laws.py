@@ -46,6 +46,12 @@ SENSORS: Mapping[str, Mapping[str, float]] = {
     "line_pressure_sensor_offset": {"o": 0.8e6},
     "channel_skew": {"d": 13e-6},
 }
+NEEDLE = {  # sizes, and by how much later the half lift is passed, up and down; 187 and 167 us of ramp at 100 MPa
+    "opening_delay": ({"d": 50e-6}, 50e-6, 0.0),
+    "opening_speed": ({"r": 0.5}, -62.5e-6, 0.0),
+    "closing_delay": ({"d": -50e-6}, 0.0, -50e-6),
+    "closing_speed": ({"r": 0.5}, 0.0, -55.6e-6),
+}
 
 
 @dataclass(frozen=True)
@@ -149,13 +155,20 @@ def reference(rail: float, of: Effects, times: Vector) -> tuple[Vector, Vector]:
 @cache
 def simulated(name: str, rail: float) -> Simulation:
     """One injection 0.15 s in, without noise."""
-    sizes = {**SIZES, **SENSORS}.get(name)
+    sizes = {**SIZES, **SENSORS, **{one: size for one, (size, *_) in NEEDLE.items()}}.get(name)
     effects = () if sizes is None else (sized(name, **sizes),)
     return simulate(NOMINAL, make_schedule([rail], 1, 0.05, [OPEN_FOR]), 100e3, effects)
 
 
 def test_all_effects_are_tested() -> None:
-    assert SIZES.keys() | SENSORS.keys() == VOCABULARY.keys()
+    assert SIZES.keys() | SENSORS.keys() | NEEDLE.keys() == VOCABULARY.keys()
+
+
+@pytest.mark.parametrize("name", NEEDLE)
+def test_the_needle_passes_half_its_lift_later(name: str) -> None:
+    _, *later = NEEDLE[name]
+    usual, moved = (np.flatnonzero(np.diff(simulated(one, 100e6).truth.needle_lift > 0.15e-3)) for one in ("", name))
+    assert (moved - usual) * 1e-5 == pytest.approx(later, abs=1e-5)
 
 
 @pytest.mark.parametrize(("name", "rail"), [*((name, 140e6) for name in SIZES), ("orifice_cavitation", 60e6)])

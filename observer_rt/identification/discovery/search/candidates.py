@@ -81,6 +81,11 @@ class Hypothesis:
         laws = (effect.apply for effect in self.effects)
         return tuple(len(law.numbers) if isinstance(law, TermLaw) else 0 for law in laws)
 
+    @property
+    def off(self) -> NDArray[np.float64]:
+        """Sizes without any of the effects."""
+        return np.array([p.off for p in self.parameters])
+
     def starts(self) -> list[NDArray[np.float64]]:
         """Starts of a search: all combinations of the starts of the last effect, the others off."""
         if not self.effects:

@@ -20,8 +20,8 @@ from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.laws import MOST_TOGETHER, Guess, Laws
 from observer_rt.identification.discovery.search.results import SearchOutcome, probabilities
 from observer_rt.identification.likelihood.appearance import least_gain
-from observer_rt.model.effect import Effect, Likeness
-from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.effect import Component, Effect, Likeness
+from observer_rt.model.effects import VOCABULARY, seen_in
 
 STARTS = 3  # candidates gone on from at once
 NAMES = 6  # refitted beside a candidate, of the best by score
@@ -32,14 +32,19 @@ LED = 0.5  # of what the best explains, that a candidate must explain to be gone
 TIE = 16.0  # of -2 log L, within which fits explain as much
 # Of what is explained, that an effect must add; beside a fitted model.
 RELATIVE_GAIN, FITTED_GAIN = 1e-3, 0.02
+# What moves with the needle's effect, or the seat's, where it stands for another.
+BESIDE = dict.fromkeys(("seat_area", "opening_speed"), ("opening_delay",)) | {
+    "closing_delay": ("closing_speed",),
+    "opening_delay": ("closing_delay",),
+}
 # Of what is left unexplained, that a further law must gain; that it keeps.
 LEAST_SHARE, KEPT_SHARE = 0.05, 0.02
 
 
-def representatives() -> tuple[Effect, ...]:
-    """The vocabulary with one effect of every class that no recording can tell apart."""
+def representatives(has_lift: bool) -> tuple[Effect, ...]:
+    """The vocabulary with one effect of every class that no recording can tell apart; has_lift: as of `seen_in`."""
     chosen: list[Effect] = []
-    for effect in VOCABULARY.values():
+    for effect in seen_in(has_lift):
         if not any(effect.is_like(other, Likeness.SAME) for other in chosen):
             chosen.append(effect)
     return tuple(chosen)
@@ -62,6 +67,7 @@ class Search:
         self._laws = Laws(fitter, self._names, self._is_adequate, guess)
         self._nothing = fitter.nothing()
         self._tried = [self._nothing]
+        self._twins: list[Candidate] = []
         self.held_out = HeldOutPoints(fitter.likelihood, fitter.nominal)
 
     def run(self) -> SearchOutcome:
@@ -87,7 +93,28 @@ class Search:
             if better is None and not best.terms and self._is_adequate(self._nothing):
                 better = self._nothing  # laws explain it better than the name, and are too small to matter
             best = better or best
+        if best.ids and adequate and not best.terms:
+            self._twins = list(self._other_needles(best))
         return self._outcome(best, adequate)
+
+    def _other_needles(self, best: Candidate) -> Iterator[Candidate]:
+        """What explains the recordings, too, where a needle whose lift was not recorded is at fault, or is not.
+
+        Strokes are straight in the model: what the best gains beyond such a candidate may be the shape of a true
+        stroke, and does not count.
+        """
+        for effect in best.hypothesis.effects:
+            others = tuple(kept for kept in best.hypothesis.effects if kept is not effect)
+            for other in self._names:
+                places = {effect.component, other.component}
+                if Component.NEEDLE not in places or other in others or not effect.is_like(other, Likeness.ALIKE):
+                    continue
+                partners = [VOCABULARY[name] for name in BESIDE.get(other.id, ()) if name not in best.ids]
+                hypotheses = [Hypothesis((*others, other)), Hypothesis((*others, other, *partners))]
+                for candidate in self._fitter.laws([(each, each.off) for each in hypotheses]):
+                    if self._is_adequate(candidate) and candidate.within_bounds:
+                        yield replace(candidate, own_error=min(0.0, best.price - candidate.price))
+                        break
 
     def _charge_laws(self) -> None:
         """Beside a fitted model laws pay half of what the best name leaves where that explains all.
@@ -305,7 +332,7 @@ class Search:
         def cost(candidate: Candidate) -> float:
             return candidate.price + (accepted if candidate.ids else 0.0)
 
-        every = {one.key: one for one in (best, *self._alternatives(best), self._nothing)}
+        every = {one.key: one for one in (best, *self._twins, *self._alternatives(best), self._nothing)}
         ranked = sorted(every.values(), key=cost)
         behind = [cost(candidate) - cost(ranked[0]) for candidate in ranked]
         return tuple(zip(ranked, probabilities(behind), strict=True))

@@ -132,7 +132,7 @@ def name_effects(
     """
     options = options or SearchOptions()
     likelihood = joint_likelihood(recordings, nominal, options.baseline.shape)
-    effects = representatives()
+    effects = representatives(not recordings[0].is_free)
     done = 0
 
     def count(_: Candidate) -> None:
@@ -185,7 +185,7 @@ def healthy_baseline(
     if judged is None:
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
     discovery = name_effects(nominal, recordings, SearchOptions(workers, progress, remembered))
-    remainder = healthy_remainder(likelihood, nominal, representatives(), remembered)
+    remainder = healthy_remainder(likelihood, nominal, representatives(not recordings[0].is_free), remembered)
     rate = pool_of(likelihood.recordings, judged).get(Signal.INJECTION_RATE)
     return healthy_for_naming(remainder, discovery.verdict is Verdict.NONE, rate), discovery
 

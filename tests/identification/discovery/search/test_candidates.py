@@ -5,7 +5,7 @@ import pytest
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.search import indistinguishable, representatives
 from observer_rt.model.effect import Effect
-from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.effects import VOCABULARY, seen_in
 from observer_rt.model.term_effect import term_effect
 from observer_rt.model.terms.term import TermEquation
 
@@ -19,9 +19,10 @@ def test_a_size_that_matters_and_no_bound_holds_back_is_plausible(friction: floa
     assert Candidate(BOTH, (0.3, 200e-6, friction), 0.0).plausible == plausible
 
 
-def test_every_class_has_one_representative() -> None:
-    chosen = {effect.id for effect in representatives()}
-    for effect in VOCABULARY.values():
+@pytest.mark.parametrize("has_lift", [True, False])
+def test_every_class_has_one_representative(has_lift: bool) -> None:
+    chosen = {effect.id for effect in representatives(has_lift)}
+    for effect in seen_in(has_lift):
         assert len(chosen & {effect.id, *indistinguishable(effect)}) == 1
 
 

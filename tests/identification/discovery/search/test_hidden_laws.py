@@ -166,7 +166,7 @@ def test_what_laws_explain_better_is_not_named_though_they_are_too_small() -> No
     nominal = effective_model(NOMINAL)
     leaking = measurements(recorded(with_faults(guide_leakage=7.5e-15)))
     fitter = Fitter(joint_likelihood(leaking, nominal), nominal)
-    names = [one for one in representatives() if one.id != "guide_leakage"]
+    names = [one for one in representatives(has_lift=True) if one.id != "guide_leakage"]
     fitter.measure(names)
     outcome = Search(fitter, names).run()
     assert outcome.adequate

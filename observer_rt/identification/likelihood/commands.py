@@ -1,0 +1,77 @@
+"""A needle whose lift was not recorded: its commands, the lift by them, and the jitter of its shots."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.model.needle import CORNER_ROUNDING, NeedleStroke, lift_of_stroke, stroke_of
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effects import effective_model
+from observer_rt.model.hydraulics import AT
+from observer_rt.model.parameters import InjectorParameters
+
+SEEN_LATE = 0.5  # samples, on average, by which a command shows
+
+
+def commands_of(recording: Recording) -> NDArray[np.float64]:
+    """Starts and ends of energizing (k, 2), in samples: half a sample before the first that shows them."""
+    is_on = np.asarray(recording.arrays["energizing"] > 0.5)
+    edges = np.flatnonzero(np.diff(is_on, prepend=False, append=False)).astype(np.float64)
+    return np.asarray(edges.reshape(-1, 2) - SEEN_LATE)
+
+
+def with_commanded_lift(injector: InjectorParameters, recordings: Sequence[Recording]) -> list[Recording]:
+    """Recordings with the lift by which an injector's needle would answer their commands.
+
+    Raises `UserError` where it answers none.
+    """
+    results = [commanded_lift(injector, one, commands_of(one)) for one in recordings]
+    if not any(one.needle_lift.any() for one in results):
+        raise UserError(
+            str(recordings[0].path or "recording"),
+            "no command is answered by the injector file's needle",
+            "check `energizing`, and the delays in [needle] of the injector file",
+        )
+    return results
+
+
+def commanded_lift(injector: InjectorParameters, recording: Recording, commands: NDArray[np.float64]) -> Recording:
+    """A recording with the lift by which an injector's needle would answer commands (k, 2) [samples]."""
+    lift, rate, needle = (
+        np.zeros(recording.samples),
+        recording.sample_rate,
+        effective_model(injector).injector.needle_law,
+    )
+    pressures = np.nan_to_num(recording.rail_pressure[commands[:, 0].astype(np.int64)], nan=AT) / AT
+    for (start, end), pressure in zip(commands / rate, pressures, strict=True):
+        answer = stroke_of(start, end - start, pressure, needle)
+        if answer is None:
+            continue
+        stroke = NeedleStroke(**answer)
+        first, last = (stroke.opening - CORNER_ROUNDING) * rate, (stroke.closed + CORNER_ROUNDING) * rate
+        for sample in range(max(int(first), 0), min(int(last), lift.size)):
+            lift[sample] = lift_of_stroke(sample / rate, stroke)
+    return replace(recording, needle_lift=lift)
+
+
+def without_jitter(
+    z: NDArray[np.float64], moved: NDArray[np.float64], bounds: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], float]:
+    """White innovations (n,), and the sum of the logarithms of their standard deviations beyond 1.
+
+    moved (n, columns): by one standard deviation of the delays of every shot, drawn anew in each event; bounds
+    (events + 1,): of the events. Exact as far as innovations go straight with delays, for Gaussian ones.
+    """
+    result, logs = z.copy(), 0.0
+    for first, end in pairwise(bounds.tolist()):
+        by_shots = moved[first:end]
+        variances, axes = np.linalg.eigh(by_shots.T @ by_shots)
+        spread = np.sqrt(1.0 + np.maximum(variances, 0.0))
+        along = axes.T @ (by_shots.T @ z[first:end])
+        result[first:end] -= by_shots @ (axes @ (along / (spread * (1.0 + spread))))
+        logs += float(np.sum(np.log(spread)))
+    return result, logs

@@ -1,0 +1,65 @@
+"""Effects in how the needle answers its commands: they show where its lift is not recorded."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+from observer_rt.foundation.units import MICROSECOND
+from observer_rt.model.effect import LIFT_RECORDED, Component, Effect, Likeness, Relation, parameter, scaled
+from observer_rt.model.effective import EffectiveModel
+
+
+def _later(name: str, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+    needle = model.injector.needle
+    needle = needle.model_copy(update={name: getattr(needle, name) + values[0]})
+    return replace(model, injector=model.injector.model_copy(update={"needle": needle}))
+
+
+_DELAY = (parameter("d", -300.0, 400.0, 8.0, (-80.0, 0.0, 80.0), "us", MICROSECOND),)
+_SPEED = (parameter("r", -0.6, 1.5, 0.02),)
+
+OPENING_DELAY = Effect(
+    id="opening_delay",
+    component=Component.NEEDLE,
+    parameters=_DELAY,
+    apply=partial(_later, "opening_delay"),
+    sentence="The needle leaves its seat later (or earlier) after the start of energizing than the file says, by d.",
+    signature="The line pressure begins to fall later, and the injection is shorter, by the same time always.",
+    relations=(
+        Relation(("channel_skew",), Likeness.ALIKE, LIFT_RECORDED),
+        Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.NEAR, LIFT_RECORDED),
+    ),
+)
+
+OPENING_SPEED = Effect(
+    id="opening_speed",
+    component=Component.NEEDLE,
+    parameters=_SPEED,
+    apply=scaled("needle", "opening_speed"),
+    sentence="The needle rises faster (or more slowly) than the file says: v (1 + r).",
+    signature="Like a wider (or narrower) seat while the needle rises: the line pressure falls more steeply.",
+    relations=(Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.ALIKE, LIFT_RECORDED),),
+)
+
+CLOSING_DELAY = Effect(
+    id="closing_delay",
+    component=Component.NEEDLE,
+    parameters=_DELAY,
+    apply=partial(_later, "closing_delay"),
+    sentence="The needle begins to fall later (or earlier) after the end of energizing than the file says, by d.",
+    signature="The injection ends later by the same time always, and is larger by as much.",
+    relations=(Relation(("orifice_area", "seat_area"), Likeness.ALIKE, LIFT_RECORDED),),
+)
+
+CLOSING_SPEED = Effect(
+    id="closing_speed",
+    component=Component.NEEDLE,
+    parameters=_SPEED,
+    apply=scaled("needle", "closing_speed"),
+    sentence="The needle falls faster (or more slowly) than the file says: v (1 + r).",
+    signature="The line pressure recovers sooner, the more so the higher the needle had risen.",
+    relations=(
+        Relation(("seat_area",), Likeness.ALIKE, LIFT_RECORDED),
+        Relation(("closing_delay",), Likeness.NEAR, LIFT_RECORDED),
+    ),
+)

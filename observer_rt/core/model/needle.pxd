@@ -10,7 +10,7 @@ cdef extern from *:
     #define CORNER_ROUNDING 0.03e-3
     #define OPENING_EXPONENT 0.4
     #define CLOSING_EXPONENT 0.3
-    #define NEEDLE_JITTER 12e-6
+    #define NEEDLE_JITTER 30e-6
     """
     const double CORNER_ROUNDING  # s, window over whose mean the corners of a stroke are rounded
     const double OPENING_EXPONENT  # of the speeds with the rail pressure

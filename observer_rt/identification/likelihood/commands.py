@@ -14,6 +14,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.hydraulics import AT
 from observer_rt.model.parameters import InjectorParameters
 
+Vector = NDArray[np.float64]
 SEEN_LATE = 0.5  # samples, on average, by which a command shows
 
 
@@ -58,20 +59,29 @@ def commanded_lift(injector: InjectorParameters, recording: Recording, commands:
     return replace(recording, needle_lift=lift)
 
 
+def likely_delays(z: Vector, moved: Vector, bounds: NDArray[np.int64]) -> list[Vector]:
+    """Delays (columns,) of the shots of every event by their innovations (n,), in standard deviations.
+
+    moved (n, columns), bounds (events + 1,): as of `without_jitter`.
+    """
+    parts = [(moved[first:end], z[first:end]) for first, end in pairwise(bounds.tolist())]
+    return [-np.linalg.solve(of.T @ of + np.eye(of.shape[1]), of.T @ rest) for of, rest in parts]
+
+
 def without_jitter(
-    z: NDArray[np.float64], moved: NDArray[np.float64], bounds: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], float]:
+    z: Vector, delays: Sequence[Vector], moved: Vector, bounds: NDArray[np.int64]
+) -> tuple[Vector, float]:
     """White innovations (n,), and the sum of the logarithms of their standard deviations beyond 1.
 
-    moved (n, columns): by one standard deviation of the delays of every shot, drawn anew in each event; bounds
-    (events + 1,): of the events. Exact as far as innovations go straight with delays, for Gaussian ones.
+    z (n,): at the likely delays; moved (n, columns): by one standard deviation of the delays of every shot, drawn
+    anew in each event; bounds (events + 1,): of the events. Exact for Gaussian ones, as far as they go straight.
     """
     result, logs = z.copy(), 0.0
-    for first, end in pairwise(bounds.tolist()):
+    for delay, first, end in zip(delays, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
         by_shots = moved[first:end]
         variances, axes = np.linalg.eigh(by_shots.T @ by_shots)
         spread = np.sqrt(1.0 + np.maximum(variances, 0.0))
         along = axes.T @ (by_shots.T @ z[first:end])
-        result[first:end] -= by_shots @ (axes @ (along / (spread * (1.0 + spread))))
+        result[first:end] -= by_shots @ (axes @ ((along / (1.0 + spread) + axes.T @ delay) / spread))
         logs += float(np.sum(np.log(spread)))
     return result, logs

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import InputTerms, Seat
-from observer_rt.core.model.needle import NEEDLE_JITTER, NeedleLaw
+from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.engine.stream.state import noise_gain
@@ -20,7 +20,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time, smoothing_of
-from observer_rt.identification.likelihood.commands import without_jitter
+from observer_rt.identification.likelihood.commands import likely_delays, without_jitter
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
 from observer_rt.identification.likelihood.windows import (
@@ -45,7 +45,8 @@ GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recor
 METER_ERROR = 0.05  # of the time constants of its meter
 VOLUME_ERROR = 0.002  # and of what it makes of an event, beyond noise
 JITTER_STEP = 5e-6  # s, for a slope
-WIDEST_JITTER, JITTER_ROUNDS = 60e-6, 2  # s, standard deviation of what is looked for
+LEAST_JITTER, WIDEST_JITTER, JITTER_ROUNDS = 12e-6, 60e-6, 2  # s, standard deviations, of what is looked for
+MOST_JITTER = 5.0  # standard deviations, that a shot is followed
 _MOST_GAINS = 4096  # cached: those round a few candidates
 
 
@@ -89,7 +90,7 @@ class RecordingLikelihood:
         self._batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, nominal.sensor.offset, c)
         self._begins, self._normalised_by = (nominal.sensor.offset, c), (c.chamber_pressure, c.pressure_scale)
         self._late = [np.zeros_like(commands) for commands in self._batch.commands]
-        self._jitter: float = NEEDLE_JITTER
+        self._jitter = LEAST_JITTER
         for _ in range(JITTER_ROUNDS if self._late else 0):
             self._see_jitter(nominal)
         every = phases(measurement, self._batch)
@@ -132,7 +133,7 @@ class RecordingLikelihood:
         scatter = math.sqrt(
             sum(float(np.sum(delays**2)) for delays in self._late) / max(np.size(seen) - len(seen[0]), 1)
         )
-        self._jitter = max(NEEDLE_JITTER, scatter)
+        self._jitter = max(LEAST_JITTER, scatter)
 
     @cached_property
     def _lift_noise(self) -> LiftNoise:
@@ -153,18 +154,20 @@ class RecordingLikelihood:
         inputs = self._inputs_of(model)
         run = partial(self._predicted, model, inputs, late, schedule, substeps)
         innovation, rate = run()
-        z = innovation[self._rows.counted] / schedule.innovation_sigma
-        if self._expected is not None:
-            z -= self._expected / (schedule.innovation_sigma * model.coefficients.pressure_scale)
-        if not np.isfinite(z).all():
-            return None
         log_sigma = math.log(schedule.innovation_sigma)
+        delays: list[NDArray[np.float64]] = []
         if self._late:
             by_shots = np.column_stack([other - innovation for other, _ in map(run, self._later_shots())])
             moved = by_shots[self._rows.counted] * (self._jitter / (JITTER_STEP * schedule.innovation_sigma))
             if not np.isfinite(moved).all():
                 return None
-            z, logs = without_jitter(z, moved, self._rows.counted_bounds)
+            delays = likely_delays(self._normalised(innovation, model, schedule), moved, self._rows.counted_bounds)
+            innovation, rate = run(self._delayed(delays))
+        z = self._normalised(innovation, model, schedule)
+        if not np.isfinite(z).all():
+            return None
+        if delays:
+            z, logs = without_jitter(z, delays, moved, self._rows.counted_bounds)
             log_sigma += logs / z.size
         if model.inputs.lift_lag > 0.0:
             variance = 1.0 + self._lift_noise.variance(model.inputs.lift_lag)
@@ -175,6 +178,20 @@ class RecordingLikelihood:
         rate_z, rate_log_sigma = self._judged_rate(shown[self._rows.rate_rows + late], model.inputs.lift_lag)
         volume_z = self._judged_volumes(self._rows.volumes(shown))
         return JudgedModel(z, log_sigma, rate_z, volume_z, rate_log_sigma, masses)
+
+    def _normalised(
+        self, innovation: NDArray[np.float64], model: EffectiveModel, schedule: GainSchedule
+    ) -> NDArray[np.float64]:
+        """Counted innovations in standard deviations, beside what a healthy injector leaves."""
+        z = innovation[self._rows.counted] / schedule.innovation_sigma
+        if self._expected is not None:
+            z -= self._expected / (schedule.innovation_sigma * model.coefficients.pressure_scale)
+        return np.asarray(z)
+
+    def _delayed(self, delays: Sequence[NDArray[np.float64]]) -> LateShots:
+        """Delays of the shots with so much more of each event's (columns,), in standard deviations."""
+        moves = [self._jitter * np.clip(of, -MOST_JITTER, MOST_JITTER) for of in delays]
+        return [late + move[: late.size].reshape(-1, 2) for late, move in zip(self._late, moves, strict=True)]
 
     @property
     def times(self) -> NDArray[np.float64]:

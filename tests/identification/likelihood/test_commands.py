@@ -10,7 +10,12 @@ from observer_rt.config.bench import load_injector
 from observer_rt.identification.discovery.search.adequacy import worst
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import Fitter
-from observer_rt.identification.likelihood.commands import commands_of, with_commanded_lift, without_jitter
+from observer_rt.identification.likelihood.commands import (
+    commands_of,
+    likely_delays,
+    with_commanded_lift,
+    without_jitter,
+)
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements, with_free_needle
 from observer_rt.model.effects import VOCABULARY, effective_model
@@ -85,7 +90,9 @@ def test_a_hidden_size_is_found_by_commands_alone(name: str) -> None:
 def test_whitening_is_by_the_covariance_of_the_shots() -> None:
     rng = np.random.default_rng(1)
     z, moved, bounds = rng.normal(size=12), rng.normal(size=(12, 2)), np.array([0, 5, 12])
-    white, logs = without_jitter(z, moved, bounds)
+    delays = likely_delays(z, moved, bounds)
+    answered = z + np.concatenate([moved[:5] @ delays[0], moved[5:] @ delays[1]])
+    white, logs = without_jitter(answered, delays, moved, bounds)
     of_events = np.arange(12) >= 5
     covariance = np.eye(12) + np.where(of_events[:, None] == of_events, moved @ moved.T, 0.0)
     assert white @ white == pytest.approx(z @ np.linalg.solve(covariance, z), rel=1e-9)

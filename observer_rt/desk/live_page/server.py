@@ -4,7 +4,6 @@ import asyncio
 import gc
 import hmac
 import re
-import resource
 import secrets
 import socket
 import time
@@ -16,7 +15,6 @@ from typing import Any
 from rich.console import Console
 from tornado.httpserver import HTTPServer
 from tornado.ioloop import PeriodicCallback
-from tornado.iostream import IOStream
 from tornado.netutil import bind_sockets
 from tornado.web import Application, RequestHandler, StaticFileHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
@@ -33,7 +31,6 @@ _ALIVE_EVERY = 0.5  # s after which a browser gets at least an empty message
 _LOOK_EVERY = 10  # ms: whether something is new and a browser through with the last drawing
 _PATIENCE = 5.0  # s for the headers of a request, and until the next one
 _LONGEST = 1000  # bytes of what a browser says
-_CONNECTIONS = 256  # at once; a page takes some seven
 _STOP_EVERY = 0.1  # s between two looks at the stop signal
 
 
@@ -96,36 +93,6 @@ class _Channel(_GuardedHandler, WebSocketHandler):
             sent.add_done_callback(lambda done: done.cancelled() or done.exception())
 
 
-class _PageServer(HTTPServer):
-    """Takes a limited number of connections, so that files can still be opened; further ones are closed at once.
-
-    Whoever asks for a token comes through it, too: it is asked for once the headers of a request have come.
-    """
-
-    def limit(self, console: Console) -> None:
-        """Limit connections from now on; console: for the warning that there are too many."""
-        self._console = console
-        self._most = min(_CONNECTIONS, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2)
-        self._streams: list[IOStream] = []
-        self._is_told = False
-
-    def handle_stream(self, stream: IOStream, address: tuple[str, int]) -> None:
-        """A connection was accepted."""
-        self._streams = [each for each in self._streams if not each.closed()]
-        if len(self._streams) < self._most:
-            self._streams.append(stream)
-            super().handle_stream(stream, address)
-            return
-        stream.close()
-        if not self._is_told:
-            self._is_told = True
-            say(
-                self._console,
-                f"more than {self._most} connections at once, the last one from {address[0]}: more are closed\n"
-                "  remedy: see who opens them; a browser needs fewer than ten",
-            )
-
-
 def serve_page(bench: Bench, address: str, port: int, folder: Path, console: Console) -> None:
     """Read the daemons of a bench and serve their page until SIGINT or SIGTERM.
 
@@ -158,10 +125,9 @@ async def _serve(handlers: list[Any], address: str, port: int, console: Console)
             f"--port {port}: {address} cannot be listened at ({error.strerror})\n"
             "  remedy: choose another port, or --port 0 for any that is free"
         ) from error
-    server = _PageServer(
+    server = HTTPServer(
         application, idle_connection_timeout=_PATIENCE, body_timeout=_PATIENCE, max_body_size=_LONGEST
     )
-    server.limit(console)
     server.add_sockets(sockets)
     with stop_on_signals() as stop:
         asked = "" if token is None else f"?token={token}"

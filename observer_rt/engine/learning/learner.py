@@ -52,28 +52,26 @@ class Learner:
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
-        """Go on by one event, during which `in_force` (m,) was carried; its constants, None: as at the start."""
+        """Go on by one event, during which `in_force` (m,) was carried; its constants, None: as at the start.
+
+        An event that cannot be read changes no more of the state than noise levels and standstill. Whatever its
+        numbers are, and wherever they lead, it is refused at worst.
+        """
         event = ClosedEvent(window, standstill, in_force, constants or self._constants)
-        outcome = learn(self.state, event, self._reader)
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):  # refused for what it leads to
+                outcome = _learned(self.state, event, self._reader)
+        except (ArithmeticError, ValueError):  # LinAlgError is one
+            outcome = _failed(self.state, event, Objection(Reason.NOT_LEARNED), self._reader)
         self.state = outcome.knowledge.state
         return outcome
 
 
-def learn(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outcome:
+def _learned(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outcome:
     """Learn from one event; the outcome's knowledge has the state to go on from.
 
-    An event that cannot be read changes no more of that than noise levels and standstill. Whatever its numbers are,
-    and wherever they lead, it is refused at worst.
+    Raises ArithmeticError, ValueError by impossible numbers.
     """
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):  # refused for what it leads to
-            return _learned(state, event, reader)
-    except (ArithmeticError, ValueError):  # LinAlgError is one
-        return _failed(state, event, Objection(Reason.NOT_LEARNED), reader)
-
-
-def _learned(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outcome:
-    """Learn from one event. Raises ArithmeticError, ValueError by impossible numbers."""
     window, standstill = event.window, event.standstill
     if standstill.noise is not None:
         state = _with_noise(state, standstill.noise)

@@ -19,6 +19,7 @@ from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, STANDARD_MA
 from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.mdf4.can_log import CHANNEL_NAME, MAX_LENGTH, RECORD
 from observer_rt.files.mdf4.opening import opened, record_size, refuse_outside, stored_bytes, stored_records
+from observer_rt.files.mdf4.reader_process import Answer
 
 DATA, ERROR, REMOTE = "CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame"
 EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
@@ -29,15 +30,15 @@ _LARGEST_TIME = np.iinfo(np.int64).max
 _LENGTH_OF_CODE = np.array([length_of(code) for code in range(16)])
 
 
-def is_log(path: Path) -> Iterator[bool]:
+def is_log(path: Path) -> Iterator[Answer]:
     """Whether a file holds CAN frames, or can be nothing but a log whose frames were lost; once."""
     with opened(path) as file:
         full = [group for group in file.groups if group.channel_group.cycles_nr]
         others = [each for each in full if not (_is_of_bus(each) or each.channel_group.flags & FLAG_CG_VLSD)]
-        yield any(_holds(group, DATA) for group in full) or (any(map(_is_of_bus, file.groups)) and not others)
+        yield any(_holds(group, DATA) for group in full) or (any(map(_is_of_bus, file.groups)) and not others), {}
 
 
-def frames(path: Path) -> Iterator[tuple[list[Any], NDArray[np.void]]]:
+def frames(path: Path) -> Iterator[Answer]:
     """Numbers of data, error, remote and other frames, and remarks; and the data frames, of dtype `RECORD`; in parts.
 
     Frames of several groups are put in order of time; what steps back within one group stays as it is.
@@ -57,14 +58,14 @@ def frames(path: Path) -> Iterator[tuple[list[Any], NDArray[np.void]]]:
         owners = np.repeat(np.arange(len(groups)), [each.stamps.size for each in groups])
         times = [np.maximum.accumulate(each.stamps) for each in groups]
         owners = owners[np.argsort(np.concatenate([*times, np.empty(0, np.int64)]), kind="stable")]
-        yield totals, np.empty(0, RECORD)
+        yield totals, {"records": np.empty(0, RECORD)}
         for first in range(0, owners.size, RECORDS_AT_ONCE):
             part = owners[first : first + RECORDS_AT_ONCE]
             records, is_valid = np.empty(part.size, RECORD), np.empty(part.size, np.bool_)
             for number in np.unique(part):
                 mine = part == number
                 records[mine], is_valid[mine] = groups[number].following(int(np.count_nonzero(mine)))
-            yield totals, records[is_valid]
+            yield totals, {"records": records[is_valid]}
 
 
 def _holds(group: Any, kind: str) -> bool:

@@ -2,18 +2,14 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import AfterValidator, ConfigDict, TypeAdapter
 
 from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.links.link import Frame
 from observer_rt.files.canlog.can_log import LogFormat, LogFrame, LogReader
 from observer_rt.files.mdf4.reader_process import mdf4_apart
 
-FRAMES = "observer_rt.files.mdf4.bus_frames"  # what touches the file runs apart
 MAX_LENGTH = FD_LENGTHS[-1]
 CHANNEL_NAME = 16  # characters
 RECORD = np.dtype(
@@ -33,22 +29,9 @@ RECORD = np.dtype(
 """A frame as it comes from the process apart."""
 
 
-def _of_frames(part: NDArray[np.void]) -> NDArray[np.void]:
-    if part.dtype != RECORD or part.ndim != 1 or np.any(part["length"] > MAX_LENGTH):
-        raise ValueError("no frames")
-    return part
-
-
-_IS_LOG = TypeAdapter(bool)
-_PART = TypeAdapter(
-    tuple[tuple[int, int, int, int, list[str]], Annotated[np.ndarray, AfterValidator(_of_frames)]],
-    config=ConfigDict(arbitrary_types_allowed=True),
-)
-
-
 def is_bus_log(path: Path) -> bool:
     """Whether an MDF4 file is a log of a bus. Raises `UserError` for a file that is damaged or none of MDF."""
-    return next(mdf4_apart(FRAMES, "is_log", path, _IS_LOG), False)
+    return any(is_log for is_log, _ in mdf4_apart("observer_rt.files.mdf4.bus_frames:is_log", path))
 
 
 class Mdf4Log(LogReader):
@@ -57,9 +40,9 @@ class Mdf4Log(LogReader):
     unit = "frame"
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        for (count, errors, remotes, others, remarks), records in mdf4_apart(FRAMES, "frames", self.path, _PART):
-            self._size, self.error_frames, self.remote_frames, self.other_entries = (count, errors, remotes, others)
-            self.remarks = remarks
+        for totals, arrays in mdf4_apart("observer_rt.files.mdf4.bus_frames:frames", self.path):
+            self._size, self.error_frames, self.remote_frames, self.other_entries, self.remarks = totals
+            records = arrays["records"]
             data = records["data"].tobytes()
             for number, (*fields, channel, is_sent, length) in zip(
                 range(0, len(data), MAX_LENGTH), records[list(RECORD.fields or ())[:-1]].tolist(), strict=True

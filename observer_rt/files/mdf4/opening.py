@@ -1,6 +1,6 @@
 """Opens MDF4 files by asammdf, and reads their channels; to be run apart, for it trusts what stands in a file.
 
-Any failure means a damaged file (`mdf4_apart`). What goes to the caller are lists, texts, numbers and arrays.
+Any failure means a damaged file (`mdf4_apart`). What goes to the caller is an `Answer`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -12,7 +12,7 @@ import numpy as np
 from asammdf import MDF, Signal
 from numpy.typing import NDArray
 
-from observer_rt.files.mdf4.reader_process import READABLE
+from observer_rt.files.mdf4.reader_process import READABLE, Answer
 from observer_rt.foundation.errors import UserError
 
 MAGICS = (b"MDF     ", b"UnFinMF ")  # complete, and as a logger leaves it
@@ -68,9 +68,9 @@ def stored_bytes(file: MDF, address: int) -> int:
     return sum(block.original_size for block in blocks)
 
 
-def channels(path: Path) -> Iterator[list[Any]]:
+def channels(path: Path) -> Iterator[Answer]:
     """Name, unit, group and index of every channel but the times, and how many more samples its group holds than its
-    heading states.
+    heading states; a channel a part.
     """
     with opened(path) as file:
         surplus = {
@@ -81,10 +81,10 @@ def channels(path: Path) -> Iterator[list[Any]]:
             for group, index in places:
                 refuse_outside(file, group)
                 if index != file.masters_db.get(group):
-                    yield [name, _unit(file, group, index), int(group), int(index), surplus[group]]
+                    yield (name, _unit(file, group, index), int(group), int(index), surplus[group]), {}
 
 
-def parts(path: Path, group: int, indices: Mapping[str, int], at_once: int) -> Iterator[dict[str, NDArray[Any]]]:
+def parts(path: Path, group: int, indices: Mapping[str, int], at_once: int) -> Iterator[Answer]:
     """Time [s] and channels of one group by name, so many samples at once; NaN where a sample is marked invalid.
 
     A channel that holds no plain numbers is empty. Raises `ValueError` where fewer samples are read than there are.
@@ -101,7 +101,7 @@ def parts(path: Path, group: int, indices: Mapping[str, int], at_once: int) -> I
                 for name, index in indices.items()
             }
             columns = {name: _numbers(signal, count) for name, signal in channels.items()}
-            yield {"time": next(iter(channels.values())).timestamps.astype(np.float64), **columns}
+            yield None, {"time": next(iter(channels.values())).timestamps.astype(np.float64), **columns}
 
 
 def _unit(file: MDF, group: int, index: int) -> str:

@@ -6,15 +6,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import ConfigDict, TypeAdapter
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.files.mdf4.reader_process import mdf4_apart
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, TablePart, present
 from observer_rt.foundation.errors import UserError
-
-FILE = "observer_rt.files.mdf4.opening"  # what touches the file runs apart
 
 
 class Channel(NamedTuple):
@@ -25,10 +22,6 @@ class Channel(NamedTuple):
     group: int
     number: int
     surplus: int
-
-
-_CHANNEL = TypeAdapter(Channel)
-_PART = TypeAdapter(dict[str, np.ndarray], config=ConfigDict(arbitrary_types_allowed=True))
 
 
 class Mdf4Table(FileTable):
@@ -75,7 +68,8 @@ class Mdf4Table(FileTable):
         indices = {name: self._channels[name].number for name in self.rasters[raster]}
         row = 0
         group = self._groups[raster]
-        for columns in mdf4_apart(FILE, "parts", self.path, _PART, group, indices, SAMPLES_AT_ONCE):
+        work = "observer_rt.files.mdf4.opening:parts"  # runs apart
+        for _, columns in mdf4_apart(work, self.path, group, indices, SAMPLES_AT_ONCE):
             time = columns.pop(TIME)
             for name, values in columns.items():
                 location = f"{self.path}, channel {self.mapped[name].column}"
@@ -112,4 +106,4 @@ class Mdf4Table(FileTable):
 
 
 def _channels(path: Path) -> list[Channel]:
-    return list(mdf4_apart(FILE, "channels", path, _CHANNEL))
+    return [Channel(*channel) for channel, _ in mdf4_apart("observer_rt.files.mdf4.opening:channels", path)]

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from observer_rt.config.injector import RecordingConfig
-from observer_rt.files.signals.recording import OPTIONAL
+from observer_rt.files.signals.recording import is_needed
 from observer_rt.files.signals.table import TIME, Heading
 from observer_rt.files.signals.table_signals import UNITS
 from observer_rt.foundation.errors import UserError
@@ -23,6 +23,10 @@ _COMMANDED = r"\bset|soll|target|demand|desired|\bcmd|consigne"
 _GAUGE = re.compile(r"[ _]?(?:\((?:abs|a|g|rel)\)|abs|rel)\.?$", re.IGNORECASE)
 _NAME_AND_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
 _SHOWN = 20  # columns
+_WITHOUT = {
+    TIME: "; or leave out this part, and state rate_hz",
+    "needle_lift": "; or leave out this part, and have energizing or a table of shots",
+}
 BY_HEADINGS = "by its headings"
 
 
@@ -36,13 +40,15 @@ class HeadingChoice:
     problem: str = ""
 
 
-def layout_of(location: str, headings: Sequence[Heading], brings_time: bool = False) -> RecordingConfig:
-    """Mapping of a file of these headings. brings_time: no column is its time.
+def layout_of(
+    location: str, headings: Sequence[Heading], brings_time: bool = False, has_shots: bool = False
+) -> RecordingConfig:
+    """Mapping of a file of these headings. brings_time: no column is its time; has_shots: a table beside it.
 
     Raises `UserError` with the section to write where a signal has no heading or unit of its own, or several.
     """
     choices = [chosen(signal, headings) for signal in _ALIASES if signal != TIME or not brings_time]
-    needed = [each for each in choices if each.signal not in OPTIONAL or each.heading is not None]
+    needed = [each for each in choices if is_needed(each.signal, has_shots) or each.heading is not None]
     problems = [f"{each.signal}: {each.problem}" for each in needed if each.problem]
     if problems:
         raise UserError(
@@ -131,8 +137,7 @@ def _section(choices: Sequence[HeadingChoice], headings: Sequence[Heading]) -> s
     for choice in choices:
         lines += ["", f"[recording.{choice.signal}]"]
         if choice.heading is None:
-            end = "; or leave out this part, and state rate_hz" if choice.signal == TIME else ""
-            lines += [f"column = {among}{end}"]
+            lines += [f"column = {among}{_WITHOUT.get(choice.signal, '')}"]
         else:
             lines += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in entries(choice)]
         if not choice.unit and not (choice.heading is not None and choice.heading.is_calendar):

@@ -1,6 +1,6 @@
 """The signals of a table in SI units, on whatever grid; those of even files read in parts."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -67,6 +67,8 @@ class TableSignals(SignalStream):
         self.has_lift = "needle_lift" in self._mapped
         self.notes = tuple(table.notes)
         self.origin = table.origin
+        self.energized: Callable[[Values, float], Values] | None = None
+        """By a table of shots, where there is one: level at times (n,) [s], a sample apart."""
 
     def _parts(self, raster: int) -> Iterator[TablePart]:
         """Rows of a time axis in SI units, none empty, read anew."""
@@ -79,6 +81,8 @@ class TableSignals(SignalStream):
     def _chunk(self, time: Values, signals: Mapping[str, Values], stretch: int, first: int) -> Chunk:
         if not self.has_lift:
             signals = {"needle_lift": np.full(time.size, np.nan), **signals}
+        if self.energized is not None:
+            signals = {**signals, "energizing": self.energized(time, 1.0 / self.rate)}
         of = {"path": self.path, "rate": self.rate, "stretch": stretch, "first": first}
         return Chunk(time, **signals, **of)  # type: ignore[arg-type]
 

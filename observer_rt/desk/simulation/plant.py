@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,16 @@ SAMPLES_PER_CHUNK = 10_000  # between two reports of progress
 
 Progress = Callable[[float], None]
 """Called with the share done, 0 to 1."""
+
+
+class NeedleShape(NamedTuple):
+    """Motion of a needle that no model has: share by which it is slower near its seat, and lift [m] after landing."""
+
+    curvature: float = 0.0
+    bounce: float = 0.0
+
+
+AS_MODELLED = NeedleShape()
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +63,7 @@ def run_plant(
     time: NDArray[np.float64],
     rail_pressure: NDArray[np.float64],
     progress: Progress | None = None,
+    shape: NeedleShape = AS_MODELLED,
 ) -> Truth:
     """Integrate the injector from rest over an even `time` [s], shape (n,), n >= 2.
 
@@ -66,13 +78,15 @@ def run_plant(
     time, rail = np.ascontiguousarray(time), (rail_pressure - c.chamber_pressure) / c.pressure_scale
     table = np.array(strokes, dtype=np.float64).reshape(len(strokes), len(NeedleStroke._fields))
     states, lift, rate, recorded = np.empty((time.size, 3)), *np.empty((3, time.size))
-    x = np.zeros(c.states)
+    x, needle = np.zeros(c.states), {**shape._asdict(), "stop": model.injector.seat.max_lift}
     rest_state(x, float(rail[0]), c)
     number, indicated, due = 0, float(rail[0]), 0
     for first in range(0, time.size, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, time.size)
-        state, grid = (x, number, indicated, due), (time, rail, table, steps)
-        number, indicated, due = run_injector(*state, first, last, *grid, *parts, states, lift, rate, recorded)
+        state = x, number, indicated, due
+        number, indicated, due = run_injector(
+            *state, first, last, time, rail, table, needle, steps, *parts, states, lift, rate, recorded
+        )
         if progress is not None:
             progress(last / time.size)
     return Truth(

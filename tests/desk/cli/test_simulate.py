@@ -35,3 +35,18 @@ def test_recording_and_its_truth(command: Command, tmp_path: Path) -> None:
     assert np.count_nonzero(np.diff((rate > 1.0).astype(int)) == 1) == 4
     first, second = np.array_split(rate, 2)
     assert second.max() > 1.25 * first.max()
+
+
+def test_a_needle_that_starts_slowly_and_bounces(command: Command, tmp_path: Path) -> None:
+    lifts = []
+    for name, shape in (("plain", ()), ("shaped", ("--curvature", 0.4, "--bounce", 25))):
+        path = tmp_path / f"{name}.csv"
+        command.done("simulate", *FEW, "--injections", 1, *shape, "--output", path)
+        lifts.append(truth_columns(tmp_path / f"{name}.csv.truth.csv")["needle_lift_mm"])
+    plain, shaped = lifts
+    opening, closed = np.flatnonzero(plain)[[0, -1]]
+    ratio = shaped[opening : opening + 10] / plain[opening : opening + 10]
+    np.testing.assert_allclose(ratio, 0.6 + 0.4 * plain[opening : opening + 10] / plain.max(), atol=1e-6)
+    assert shaped.max() == plain.max()
+    assert 0.02 < shaped[closed + 1 : closed + 5].max() <= 0.025
+    assert not shaped[closed + 6 :].any()

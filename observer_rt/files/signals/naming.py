@@ -25,7 +25,7 @@ _NAME_AND_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P
 _SHOWN = 20  # columns
 _WITHOUT = {
     TIME: "; or leave out this part, and state rate_hz",
-    "needle_lift": "; or leave out this part, and have energizing or a table of shots",
+    "needle_lift": "; or leave out this part, and have energizing, or x.shots.csv beside x.csv",
 }
 BY_HEADINGS = "by its headings"
 

@@ -15,8 +15,7 @@ LOGS = ", ".join(formats.suffixes_of(formats.LOGS))
 RECORDED = ", ".join(formats.LOGS_WRITTEN)
 
 Recording = Annotated[Path, Argument(f"Recording ({SIGNALS}) or CAN log ({LOGS}).", "RECORDING")]
-SEVERAL = f"Recordings ({SIGNALS}; x.shots.csv beside x.csv tells when it was energized) or CAN logs ({LOGS})."
-Recordings = Annotated[tuple[Path, ...], Argument(SEVERAL, "RECORDING")]
+Recordings = Annotated[tuple[Path, ...], Argument(f"Recordings ({SIGNALS}) or CAN logs ({LOGS}).", "RECORDING")]
 
 
 @dataclass(frozen=True)

@@ -51,11 +51,7 @@ class SimulateOptions:
     jitter: Annotated[
         float, Option("By which the needle answers energizing later or earlier, one sigma [us].", minimum=0.0)
     ] = 0.0
-    bounce: Annotated[float, Option("Lift after the needle has landed [um].", minimum=0.0, maximum=200.0)] = 0.0
-    curvature: Annotated[
-        float,
-        Option("Share by which the needle is slower near its seat, faster near its stop.", minimum=0, maximum=0.9),
-    ] = 0.0
+    bounce: Annotated[float, Option("Lift of the needle after it landed [um].", minimum=0.0, maximum=200.0)] = 0.0
     seed: Annotated[int, Option("Seed of the noise.", minimum=0)] = 0
     model: Annotated[Path, Option("Injector file (default: the nominal injector).")] = NOMINAL_INJECTOR
     force: shared.Force = False
@@ -65,7 +61,6 @@ def simulate(options: SimulateOptions) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.desk.simulation import schedule as times
     from observer_rt.desk.simulation import simulate as simulation
-    from observer_rt.desk.simulation.plant import NeedleShape
     from observer_rt.files.formats import SIGNALS_WRITTEN, write_recording
 
     if options.noise not in ("on", "off"):
@@ -92,11 +87,10 @@ def simulate(options: SimulateOptions) -> None:
     )
     parameters = load_injector(options.model)
     deviations = simulation.parse_effects(options.effect)
-    shape = NeedleShape(options.curvature, options.bounce * MICROMETRE)
-    noise = simulation.SimulatedNoise() if options.noise == "on" else None
+    noise, bounce = simulation.SimulatedNoise() if options.noise == "on" else None, options.bounce * MICROMETRE
     with progress_bar(messages, "simulating", 1.0) as progress:
         made = simulation.simulate(
-            parameters, schedule, rate, deviations, noise, options.measured_rate, options.seed, progress, shape
+            parameters, schedule, rate, deviations, noise, options.measured_rate, options.seed, progress, bounce
         )
     recording = made.recording
     if options.energizing or options.no_lift:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.needle import NeedleStroke, lift_of_stroke
 from observer_rt.desk.evaluation.trace import InjectionSamples, Signal, trace_of
-from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS
+from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, ShownIndicator
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
@@ -93,16 +93,17 @@ def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficie
 
 def _learned_lift(report: InjectionReport, stroke: NeedleStroke, time: Signal, c: Coefficients) -> tuple[Signal, str]:
     """Lift [m] at times (n,) [s] in the window, and delays, speeds and landing, with 95 % intervals, in words."""
-    lines = []
-    for column, shown in SCALARS.shown():
-        if column in NEEDLE_LAW.columns:
-            estimate, unit = report.indicators[shown.effect], shown.screen_unit or ("", 1.0)
-            half = Z_95 * (estimate.sigma or math.nan) * shown.factor(c, unit)
-            lines.append(
-                f"{shown.label} {estimate.value * shown.factor(c, unit):+.2g} ± {half:.2g} {unit[0]}".rstrip()
-            )
+    learned = [shown for column, shown in SCALARS.shown() if column in NEEDLE_LAW.columns]
+    lines = [in_words(shown, report.indicators[shown.effect], c) for shown in learned]
     lines.append(f"lands at {stroke.closed / MILLISECOND:.3f} ms")
     return np.array([lift_of_stroke(each, stroke) for each in time.tolist()]), "\n".join(lines)
+
+
+def in_words(shown: ShownIndicator, estimate: Estimate, c: Coefficients) -> str:
+    """Label, value and half width of the 95 % interval of an indicator, in the unit of screens."""
+    unit = shown.screen_unit or shown.unit
+    value, sigma = (figure * shown.factor(c, unit) for figure in (estimate.value, estimate.sigma or math.nan))
+    return f"{shown.label} = {value:+.3g} ± {Z_95 * sigma:.2g} {unit[0]}"
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ LEAST_SHOWN = 0.1  # % of a mass: what differs less is drawn as equal
 CERTAIN = 0.95  # probability: where every event is so surely as before, no posterior is drawn
 EXPECTED = "#d9d9d9"  # colour of events as before; other hypotheses have the colours of recordings
 COLUMNS = 4  # of curves side by side
+_LABELS = ("injection rate\n[mm³/ms]", "line pressure\n[MPa]", "needle lift\n[um]")
 _LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
 
 
@@ -253,24 +254,18 @@ def _draw_injection(
             axes[1].plot(time, pressures[0], color=measured, lw=2.2, alpha=alpha, label="measured")
             axes[1].plot(time, pressures[1], color=colour, lw=1.1, label="observer, from the opening on")
         if curve.lift is not None:
-            lift, words = curve.lift
-            axes[-1].plot(time, lift / MICROMETRE, "--", color=colour, lw=1.4, label="lift, learned")
+            axes[-1].plot(time, curve.lift[0] / MICROMETRE, "--", color=colour, lw=1.4, label="lift, learned")
             if is_alone:
-                axes[-1].text(0.5, 0.3, words, ha="center", fontsize=6.5, transform=axes[-1].transAxes)
+                axes[-1].text(0.5, 0.3, curve.lift[1], ha="center", fontsize=6.5, transform=axes[-1].transAxes)
     axes[0].set_title(drawn[0][1].title if is_alone else f"injection {number}")
     for axis in axes:
         axis.grid(alpha=0.3)
     axes[-1].set_xlabel("time [ms]")
-    if len(axes) > 1:
-        for upper in axes[:-1]:
-            upper.sharex(axes[-1])
-            upper.tick_params(labelbottom=False)
-    if labelled:
-        axes[0].set_ylabel("injection rate\n[mm³/ms]")
-        if len(axes) > 1:
-            axes[1].set_ylabel("line pressure\n[MPa]")
-        if len(axes) > 2:
-            axes[2].set_ylabel("needle lift\n[um]")
+    for upper in axes[:-1]:
+        upper.sharex(axes[-1])
+        upper.tick_params(labelbottom=False)
+    for axis, label in zip(axes, _LABELS if labelled else (), strict=False):
+        axis.set_ylabel(label)
 
 
 def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | None) -> None:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +22,6 @@ SAMPLES_PER_CHUNK = 10_000  # between two reports of progress
 
 Progress = Callable[[float], None]
 """Called with the share done, 0 to 1."""
-
-
-class NeedleShape(NamedTuple):
-    """Motion of a needle that no model has: share by which it is slower near its seat, and lift [m] after landing."""
-
-    curvature: float = 0.0
-    bounce: float = 0.0
-
-
-AS_MODELLED = NeedleShape()
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +52,12 @@ def run_plant(
     time: NDArray[np.float64],
     rail_pressure: NDArray[np.float64],
     progress: Progress | None = None,
-    shape: NeedleShape = AS_MODELLED,
+    bounce: float = 0.0,
 ) -> Truth:
     """Integrate the injector from rest over an even `time` [s], shape (n,), n >= 2.
 
     `rail_pressure` [Pa], shape (n,), is linear between samples; the lift is exact at every stage of every
-    step. The steps are at most 1 us, an integer number per sample.
+    step. The steps are at most 1 us, an integer number per sample. bounce [m]: lift after landing.
     """
     longest_step, model = _longest_step(model)
     c = model.coefficients
@@ -78,14 +67,14 @@ def run_plant(
     time, rail = np.ascontiguousarray(time), (rail_pressure - c.chamber_pressure) / c.pressure_scale
     table = np.array(strokes, dtype=np.float64).reshape(len(strokes), len(NeedleStroke._fields))
     states, lift, rate, recorded = np.empty((time.size, 3)), *np.empty((3, time.size))
-    x, needle = np.zeros(c.states), {**shape._asdict(), "stop": model.injector.seat.max_lift}
+    x = np.zeros(c.states)
     rest_state(x, float(rail[0]), c)
     number, indicated, due = 0, float(rail[0]), 0
     for first in range(0, time.size, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, time.size)
-        state = x, number, indicated, due
+        state, grid = (x, number, indicated, due), (time, rail, table, steps)
         number, indicated, due = run_injector(
-            *state, first, last, time, rail, table, needle, steps, *parts, states, lift, rate, recorded
+            *state, first, last, *grid, bounce, *parts, states, lift, rate, recorded
         )
         if progress is not None:
             progress(last / time.size)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.effects import effect_named, parameter_named, value_in_bounds
-from observer_rt.desk.simulation.plant import AS_MODELLED, NeedleShape, Progress, Truth, run_plant
+from observer_rt.desk.simulation.plant import Progress, Truth, run_plant
 from observer_rt.desk.simulation.schedule import Schedule, strokes
 from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording, shown_slowly
 from observer_rt.files.signals.table_writers import (
@@ -95,14 +95,13 @@ def simulate(
     measured_rate: bool = False,
     seed: int = 0,
     progress: Progress | None = None,
-    shape: NeedleShape = AS_MODELLED,
+    bounce: float = 0.0,
 ) -> Simulation:
     """Simulate a schedule at `sample_rate` [Hz], with the effects in force in `parameters` and `effects` besides.
 
     Without `noise` the recording has neither noise nor quantisation. measured_rate: whether it has the injection rate
-    [m3/s], too; seed: of the noise; progress: takes the share simulated; shape: of the needle's
-    motion. The same arguments give the same bits;
-    every signal has its own random stream, so that one signal more or less leaves the others as they are.
+    [m3/s], too; seed: of the noise; progress: takes the share simulated; bounce: lift [m] after landing. The same
+    arguments give the same bits; every signal has its own random stream, which depends on no other.
     Raises `UserError` for a sample rate out of range and strokes that overlap.
     """
     model = effective_model(parameters, effects)
@@ -113,7 +112,7 @@ def simulate(
             f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz",
         )
     time = np.arange(round(schedule.duration * sample_rate) + 1) / sample_rate
-    truth = run_plant(model, strokes(schedule, parameters), time, schedule.rail_pressure(time), progress, shape)
+    truth = run_plant(model, strokes(schedule, parameters), time, schedule.rail_pressure(time), progress, bounce)
     return Simulation(_measure(truth, model, noise, measured_rate, seed), truth)
 
 

@@ -23,10 +23,7 @@ _COMMANDED = r"\bset|soll|target|demand|desired|\bcmd|consigne"
 _GAUGE = re.compile(r"[ _]?(?:\((?:abs|a|g|rel)\)|abs|rel)\.?$", re.IGNORECASE)
 _NAME_AND_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
 _SHOWN = 20  # columns
-_WITHOUT = {
-    TIME: "; or leave out this part, and state rate_hz",
-    "needle_lift": "; or leave out this part, and have energizing, or x.shots.csv beside x.csv",
-}
+_WITHOUT = {TIME: "state rate_hz", "needle_lift": "have energizing, or x.shots.csv beside x.csv"}
 BY_HEADINGS = "by its headings"
 
 
@@ -96,7 +93,7 @@ def signals_named(name: str) -> set[str]:
 
 def chosen(signal: str, headings: Sequence[Heading]) -> HeadingChoice:
     """The heading that names a signal."""
-    named = {each: _unit(signal, each) for each in headings if signal in signals_named(each.name)}
+    named = {each: unit_of(signal, each) for each in headings if signal in signals_named(each.name)}
     fitting = {each: unit for each, unit in named.items() if unit or not each.unit}
     several = {each: unit for each, unit in fitting.items() if unit or each.is_calendar} or fitting
     if len(several) == 1:
@@ -112,7 +109,7 @@ def chosen(signal: str, headings: Sequence[Heading]) -> HeadingChoice:
     return HeadingChoice(signal, None, problem=f"could be {shown}" if several else "no heading names it")
 
 
-def _unit(signal: str, heading: Heading) -> str:
+def unit_of(signal: str, heading: Heading) -> str:
     """Unit that is stated, or else ends the name, as `rail_pressure_MPa`."""
     if heading.unit or heading.is_calendar:
         return known_unit(signal, heading.unit)
@@ -137,7 +134,8 @@ def _section(choices: Sequence[HeadingChoice], headings: Sequence[Heading]) -> s
     for choice in choices:
         lines += ["", f"[recording.{choice.signal}]"]
         if choice.heading is None:
-            lines += [f"column = {among}{_WITHOUT.get(choice.signal, '')}"]
+            end = f"; or leave out this part, and {_WITHOUT[choice.signal]}" if choice.signal in _WITHOUT else ""
+            lines += [f"column = {among}{end}"]
         else:
             lines += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in entries(choice)]
         if not choice.unit and not (choice.heading is not None and choice.heading.is_calendar):

@@ -65,7 +65,7 @@ class RecordingConfig(Section):
     """The mapping of recordings that are not in a layout of our own."""
 
     rail_pressure: ColumnConfig
-    needle_lift: ColumnConfig | None = None  # without it the energizing is needed
+    needle_lift: ColumnConfig | None = None  # without it the energizing, or a table of shots, is needed
     line_pressure: ColumnConfig
     injection_rate: ColumnConfig | None = None
     energizing: ColumnConfig | None = None
@@ -84,12 +84,6 @@ class RecordingConfig(Section):
         if column is not None and column.unit is not None and column.unit not in units:
             raise ValueError(f"{column.unit!r} is no unit of this quantity; write one of {', '.join(units)}")
         return column
-
-    @model_validator(mode="after")
-    def _tells_of_the_needle(self) -> Self:
-        if self.needle_lift is None and self.energizing is None:
-            raise ValueError("neither 'needle_lift' nor 'energizing' is mapped; state one of them")
-        return self
 
     @model_validator(mode="after")
     def _separators_differ(self) -> Self:

@@ -4,6 +4,7 @@ A further format is one entry of `SIGNALS` or `LOGS`.
 """
 
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -19,10 +20,11 @@ from observer_rt.files.signals.csv_table import CsvTable
 from observer_rt.files.signals.mapped_signals import MappedSignals
 from observer_rt.files.signals.mdf4_table import Mdf4Table
 from observer_rt.files.signals.naming import in_words, layout_of
-from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
+from observer_rt.files.signals.recording import BESIDE, SHOTS_SUFFIX, Recording
+from observer_rt.files.signals.shots import take_shots
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.files.signals.table import SignalFormat
-from observer_rt.files.signals.table_signals import EvenSignals
+from observer_rt.files.signals.table_signals import EvenSignals, TableSignals
 from observer_rt.files.signals.table_writers import PRINTED, SI, WrittenColumn, recording_writer
 from observer_rt.foundation.console import check_suffix
 from observer_rt.foundation.errors import UserError
@@ -111,23 +113,28 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
     """
     kind = _of(path, SIGNALS)
     mapping = injector.config.recording if injector is not None else None
-    if path.name.endswith(TRUTH_SUFFIX):
-        raise UserError(
-            str(path), "is the truth behind a simulated recording, which is not for the observer", "leave it out"
-        )
+    if path.name.endswith(BESIDE):
+        problem = "is the truth behind a simulated recording, or the shots beside a recording, no recording itself"
+        raise UserError(str(path), problem, "leave it out; shots are read with the recording beside them")
     with file_errors(path):
-        stream: SignalStream
+        stream: TableSignals
+        shots, lift = path.with_suffix(SHOTS_SUFFIX), kind.mapping.needle_lift
+        if (has_shots := shots.is_file()) and lift is not None and lift.column not in kind.table.names(path):
+            kind = replace(kind, mapping=kind.mapping.model_copy(update={"needle_lift": None}))
         if kind.is_own(path, mapping):
             table = kind.table(path, kind.mapping, is_own=True)
             stream = EvenSignals(table) if len(table.rasters) == 1 else MappedSignals(table, 0.0)
         else:
             rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
-            layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time)
+            layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time, has_shots)
             table = kind.table(path, layout)
             table.mapped_by = table.mapped_by if mapping else "by its heading"
             table.density = density if injector is None or density is not None else injector.coefficients.density
             stream = MappedSignals(table, rate)
             stream.notes = (*(() if mapping else (f"{path}: {in_words(layout)}",)), *stream.notes)
+        if has_shots:
+            take_shots(shots, stream)
+        stream.refuse_unknown_needle()
     if injector is not None:
         stated = mapping.meaning if mapping is not None else None
         stream.meaning = stated or injector.config.sampling.meaning

@@ -81,5 +81,6 @@ def signals_of(
     mapped = HeldTable(name, layout, held)
     mapped.density = density
     stream = MappedSignals(mapped, 0.0)
+    stream.refuse_unknown_needle()
     stream.notes = (*notes, *stream.notes)
     return stream

@@ -76,6 +76,9 @@ def test_a_table_without_a_time_is_read_by_its_rate() -> None:
         signals_of(table).collected()
     assert "rate_hz" in raised.value.remedy
     units = zip(("rail_pressure", "needle_lift", "line_pressure"), table, ("bar", "um", "bar"), strict=True)
-    result = signals_of(table, {"rate_hz": 50e3, **{s: {"column": c, "unit": u} for s, c, u in units}}).collected()
+    mapping = {"rate_hz": 50e3, **{s: {"column": c, "unit": u} for s, c, u in units}}
+    result = signals_of(table, mapping).collected()
     np.testing.assert_allclose(result.line_pressure, OURS.line_pressure)
     assert result.sample_rate == 50e3
+    with pytest.raises(UserError, match="has neither needle_lift nor energizing"):
+        signals_of(table, {**mapping, "needle_lift": None})

@@ -14,6 +14,7 @@ from observer_rt.core.model.valve cimport (
     LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_EDGE, Stroke, hold_valve, join_valve
 )
 
+cdef double BOUNCE_LENGTH = 60e-6  # s, from landing on
 cdef double EMPTY_SAC = 1e-9  # of the pressure scale, below which a shut sac is at chamber pressure
 
 
@@ -27,6 +28,14 @@ cdef inline NeedleStroke _stroke(const double[:, ::1] strokes, int64_t number) n
     s.opening, s.top, s.closing = strokes[number, 0], strokes[number, 1], strokes[number, 2]
     s.closed, s.opening_speed, s.closing_speed = strokes[number, 3], strokes[number, 4], strokes[number, 5]
     return s
+
+
+cdef inline double _lift(double time, const NeedleStroke* s, double bounce) noexcept nogil:
+    """Lift [m] at a time [s] in or after a stroke, after which the needle bounces by a lift [m]."""
+    cdef double landed = (time - s.closed - 0.5 * CORNER_ROUNDING) / BOUNCE_LENGTH
+    if 0.0 < landed < 1.0:
+        return 4.0 * bounce * landed * (1.0 - landed)
+    return rounded_lift(time, CORNER_ROUNDING, s)
 
 
 cdef inline Inputs _inputs(double rail, double lift, const Coefficients* c) noexcept nogil:
@@ -57,13 +66,13 @@ cdef inline void _open_for(Inputs* u, double time, const NeedleStroke* s, const 
 
 def run_injector(
     double[::1] x, int64_t number, double indicated, int64_t due, int64_t first, int64_t last, const double[::1] time,
-    const double[::1] rail, const double[:, ::1] strokes, int64_t steps, Model model, Weights weights, sensor, Terms terms,
-    double[:, ::1] states, double[::1] lift, double[::1] rate, double[::1] recorded
+    const double[::1] rail, const double[:, ::1] strokes, int64_t steps, double bounce, Model model, Weights weights, sensor,
+    Terms terms, double[:, ::1] states, double[::1] lift, double[::1] rate, double[::1] recorded
 ) -> tuple[int, float, int]:
     """Record samples first..last-1 and step the state x (n,) on to `last`; number: of the stroke under way or next.
 
     indicated: what the sensor shows; due: the first sample of the line pressure not recorded yet. time [s], rail,
-    lift [m], rate [m3/s], recorded (k,); states (k, 3); strokes (m, 6).
+    lift [m], rate [m3/s], recorded (k,); states (k, 3); strokes (m, 6); bounce [m].
     """
     cdef NeedleStroke s = _stroke(strokes, number), following = _stroke(strokes, number + 1)
     cdef Forced forced
@@ -71,7 +80,7 @@ def run_injector(
     cdef Knot knot
     cdef Inputs u, middle, end_u
     cdef double delay = sensor.delay, lag = sensor.lag, step, start, before, shown, added, end, share, rail_middle, rail_end
-    cdef double lift_before, lift_end
+    cdef double lift_before, lift_end, lasting = BOUNCE_LENGTH if bounce > 0.0 else 0.0
     cdef int64_t n, i, samples = time.shape[0]
     c = &model.coefficients
     f = &terms.forcing
@@ -81,7 +90,7 @@ def run_injector(
     forced.coefficients, forced.network = model.coefficients, weights.network
     with nogil:
         for n in range(first, last):
-            lift[n] = lift_end = rounded_lift(time[n], CORNER_ROUNDING, &s)
+            lift[n] = lift_end = _lift(time[n], &s, bounce)
             u = _inputs(rail[n], lift[n], c)
             _open_valve(&u, time[n], lift[n], &s, &following, c)
             if u.area == 0.0 and fabs(x[SAC]) < EMPTY_SAC:
@@ -101,13 +110,13 @@ def run_injector(
             step = (time[n + 1] - time[n]) / steps
             for i in range(steps):
                 start = time[n] + i * step
-                if start > s.closed + CORNER_ROUNDING / 2.0:
+                if start > min(s.closed + CORNER_ROUNDING / 2.0 + lasting, following.opening - CORNER_ROUNDING / 2.0):
                     number += 1
                     s, following = following, _stroke(strokes, number + 1)
                 rail_middle = rail[n] + (i + 0.5) / steps * (rail[n + 1] - rail[n])
                 rail_end = rail[n] + (i + 1.0) / steps * (rail[n + 1] - rail[n])
-                lift_before, lift_end = lift_end, rounded_lift(start + step, CORNER_ROUNDING, &s)
-                middle = _inputs(rail_middle, rounded_lift(start + 0.5 * step, CORNER_ROUNDING, &s), c)
+                lift_before, lift_end = lift_end, _lift(start + step, &s, bounce)
+                middle = _inputs(rail_middle, _lift(start + 0.5 * step, &s, bounce), c)
                 end_u = _inputs(rail_end, lift_end, c)
                 _open_valve(&middle, start + 0.5 * step, lift_before, &s, &following, c)
                 _open_valve(&end_u, start + step, lift_end, &s, &following, c)

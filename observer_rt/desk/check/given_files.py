@@ -42,7 +42,7 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
     yield f"{stream.samples} samples at {stream.sample_rate:g} Hz: {', '.join(parts[:_SHOWN])}{more}"
     for note in stream.notes:
-        if BY_HEADINGS not in note:  # which the details say
+        if BY_HEADINGS not in note and note not in stream.details:  # which say it
             yield False, note, ""
     yield from _ranges(stream)
     if not stream.has_lift:

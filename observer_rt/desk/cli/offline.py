@@ -14,7 +14,7 @@ from observer_rt.foundation.files import REPRODUCED
 from observer_rt.foundation.options import Option
 from observer_rt.foundation.outputs import check_output, make_folder, write_text
 from observer_rt.foundation.progress import progress_bar
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND
+from observer_rt.foundation.units import MICROMETRE, MICROSECOND, MILLISECOND
 
 MAX_SAMPLES = 20_000_000  # of a simulation, that a machine of 4 GiB can hold with their truth
 
@@ -51,6 +51,7 @@ class SimulateOptions:
     jitter: Annotated[
         float, Option("By which the needle answers energizing later or earlier, one sigma [us].", minimum=0.0)
     ] = 0.0
+    bounce: Annotated[float, Option("Lift of the needle after it landed [um].", minimum=0.0, maximum=200.0)] = 0.0
     seed: Annotated[int, Option("Seed of the noise.", minimum=0)] = 0
     model: Annotated[Path, Option("Injector file (default: the nominal injector).")] = NOMINAL_INJECTOR
     force: shared.Force = False
@@ -86,10 +87,10 @@ def simulate(options: SimulateOptions) -> None:
     )
     parameters = load_injector(options.model)
     deviations = simulation.parse_effects(options.effect)
-    noise = simulation.SimulatedNoise() if options.noise == "on" else None
+    noise, bounce = simulation.SimulatedNoise() if options.noise == "on" else None, options.bounce * MICROMETRE
     with progress_bar(messages, "simulating", 1.0) as progress:
         made = simulation.simulate(
-            parameters, schedule, rate, deviations, noise, options.measured_rate, options.seed, progress
+            parameters, schedule, rate, deviations, noise, options.measured_rate, options.seed, progress, bounce
         )
     recording = made.recording
     if options.energizing or options.no_lift:

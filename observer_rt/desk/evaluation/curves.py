@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.needle import NeedleStroke, lift_of_stroke
 from observer_rt.desk.evaluation.trace import InjectionSamples, Signal, trace_of
+from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, ShownIndicator
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
@@ -20,7 +22,7 @@ from observer_rt.engine.reports.injection_report import (
 )
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS, Z_95
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95
 from observer_rt.model.effective import Coefficients
 
 
@@ -44,7 +46,8 @@ class RateCurves:
 
     reference: what it is compared with, if anything; sigma: standard deviation of the estimated rate, corrected: rate
     by the injection's own pressures, where known; line: its line pressure [Pa], measured and by the observer, open
-    loop from the opening on, where there is one.
+    loop from the opening on, where there is one; lift: the learned one [m], where it is not recorded, and what else
+    was learned of the needle, in words.
     """
 
     title: str
@@ -55,6 +58,7 @@ class RateCurves:
     sigma: Signal | None = None
     corrected: Signal | None = None
     line: tuple[Signal, Signal] | None = None
+    lift: tuple[Signal, str] | None = None
 
 
 def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:
@@ -83,7 +87,23 @@ def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficie
         trace.corrected_rate_sigma,
         trace.corrected_rate,
         (measured, modelled),
+        None if report.stroke is None else _learned_lift(report, report.stroke, trace.time - samples.start, c),
     )
+
+
+def _learned_lift(report: InjectionReport, stroke: NeedleStroke, time: Signal, c: Coefficients) -> tuple[Signal, str]:
+    """Lift [m] at times (n,) [s] in the window, and delays, speeds and landing, with 95 % intervals, in words."""
+    learned = [shown for column, shown in SCALARS.shown() if column in NEEDLE_LAW.columns]
+    lines = [in_words(shown, report.indicators[shown.effect], c) for shown in learned]
+    lines.append(f"lands at {stroke.closed / MILLISECOND:.3f} ms")
+    return np.array([lift_of_stroke(each, stroke) for each in time.tolist()]), "\n".join(lines)
+
+
+def in_words(shown: ShownIndicator, estimate: Estimate, c: Coefficients) -> str:
+    """Label, value and half width of the 95 % interval of an indicator, in the unit of screens."""
+    unit = shown.screen_unit or shown.unit
+    value, sigma = (figure * shown.factor(c, unit) for figure in (estimate.value, estimate.sigma or math.nan))
+    return f"{shown.label} = {value:+.3g} ± {Z_95 * sigma:.2g} {unit[0]}"
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.files.learned_picture import FLOWS, HEIGHT, draw_learned
 from observer_rt.foundation.figures import NotebookFigure, save_figure
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95
 
 ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
 RECORDINGS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2")
@@ -34,6 +34,7 @@ LEAST_SHOWN = 0.1  # % of a mass: what differs less is drawn as equal
 CERTAIN = 0.95  # probability: where every event is so surely as before, no posterior is drawn
 EXPECTED = "#d9d9d9"  # colour of events as before; other hypotheses have the colours of recordings
 COLUMNS = 4  # of curves side by side
+_LABELS = ("injection rate\n[mm³/ms]", "line pressure\n[MPa]", "needle lift\n[um]")
 _LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
 
 
@@ -180,6 +181,8 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     """
     numbers = sorted({number for one in recordings for number in one.curves})
     has_line = any(curve.line is not None for one in recordings for curve in one.curves.values())
+    has_lift = has_line and any(curve.lift is not None for one in recordings for curve in one.curves.values())
+    of_each = (3.4, *[2.2] * (has_line + has_lift))
     has_wear = any(row.wear for one in recordings for row in one.masses)
     panels: list[tuple[float, Callable[[Axes], None]]] = [
         (2.9, lambda axes: draw_masses(axes, recordings, reference))
@@ -192,16 +195,16 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     heights = [height for height, _ in panels]
     rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))
     learned = recordings[0].learned if len(recordings) == 1 else ()
-    sections = [3.4 + 2.2 * has_line] * rows + [sum(heights)] + [HEIGHT] * bool(learned)
+    sections = [sum(of_each)] * rows + [sum(heights)] + [HEIGHT] * bool(learned)
     size = max(8.8, 4.1 * columns), sum(sections) + 0.8
     figure = NotebookFigure(figsize=size, layout="constrained")
     parts = figure.add_gridspec(len(sections), 1, height_ratios=sections)
     if learned:
         draw_learned(parts[-1], learned)
     for row in range(rows):
-        grid = parts[row].subgridspec(1 + has_line, columns, height_ratios=(3.4, 2.2)[: 1 + has_line])
+        grid = parts[row].subgridspec(len(of_each), columns, height_ratios=of_each)
         for column, number in enumerate(numbers[row * COLUMNS : (row + 1) * COLUMNS]):
-            axes = [figure.add_subplot(grid[k, column]) for k in range(1 + has_line)]
+            axes = [figure.add_subplot(grid[k, column]) for k in range(len(of_each))]
             _draw_injection(axes, recordings, number, reference, labelled=column == 0)
             if row == column == 0:
                 _legend(figure, axes, recordings, reference)
@@ -232,14 +235,14 @@ def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture],
         )
         return
     figure.legend(handles=handles, loc="outside upper right", ncols=4, frameon=False)
-    if len(axes) > 1:
-        axes[1].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, frameon=False, ncols=2, borderpad=0.0)
+    for below in axes[1:]:
+        below.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, frameon=False, ncols=2, borderpad=0.0)
 
 
 def _draw_injection(
     axes: Sequence[Axes], recordings: Sequence[Picture], number: int, reference: str, labelled: bool
 ) -> None:
-    """One injection of every recording that has it: rates, and line pressure below."""
+    """One injection of every recording that has it: rates, line pressure and, where it was learned, lift below."""
     drawn = [(i, axis.curves[number]) for i, axis in enumerate(recordings) if number in axis.curves]
     is_alone = len(recordings) == 1
     for i, curve in drawn:
@@ -250,17 +253,19 @@ def _draw_injection(
             pressures = [values / MEGAPASCAL for values in curve.line]
             axes[1].plot(time, pressures[0], color=measured, lw=2.2, alpha=alpha, label="measured")
             axes[1].plot(time, pressures[1], color=colour, lw=1.1, label="observer, from the opening on")
+        if curve.lift is not None:
+            axes[-1].plot(time, curve.lift[0] / MICROMETRE, "--", color=colour, lw=1.4, label="lift, learned")
+            if is_alone:
+                axes[-1].text(0.5, 0.3, curve.lift[1], ha="center", fontsize=6.5, transform=axes[-1].transAxes)
     axes[0].set_title(drawn[0][1].title if is_alone else f"injection {number}")
     for axis in axes:
         axis.grid(alpha=0.3)
     axes[-1].set_xlabel("time [ms]")
-    if len(axes) > 1:
-        axes[0].sharex(axes[1])
-        axes[0].tick_params(labelbottom=False)
-    if labelled:
-        axes[0].set_ylabel("injection rate\n[mm³/ms]")
-        if len(axes) > 1:
-            axes[1].set_ylabel("line pressure\n[MPa]")
+    for upper in axes[:-1]:
+        upper.sharex(axes[-1])
+        upper.tick_params(labelbottom=False)
+    for axis, label in zip(axes, _LABELS if labelled else (), strict=False):
+        axis.set_ylabel(label)
 
 
 def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | None) -> None:

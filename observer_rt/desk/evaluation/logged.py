@@ -21,7 +21,7 @@ from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.channels import InputFrames, chosen_channels
 from observer_rt.files.formats import is_log, open_recording
-from observer_rt.files.signals.recording import TRUTH_SUFFIX, Chunk
+from observer_rt.files.signals.recording import BESIDE, Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
@@ -283,10 +283,10 @@ def open_source(
 
 
 def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
-    """The files without the truths beside simulated recordings, which `*.csv` catches, too."""
-    kept = [path for path in paths if not path.name.endswith(TRUTH_SUFFIX)]
+    """The files without truths and shots beside recordings, which `*.csv` catches, too."""
+    kept = [path for path in paths if not path.name.endswith(BESIDE)]
     if kept and len(kept) < len(paths):
-        say(console, f"left out: {len(paths) - len(kept)} files {TRUTH_SUFFIX[1:]}, which are not for the observer")
+        say(console, f"left out: {len(paths) - len(kept)} files beside recordings, truths or shots")
     return kept or list(paths)
 
 

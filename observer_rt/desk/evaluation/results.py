@@ -11,14 +11,14 @@ from rich.console import Console
 from rich.table import Table
 
 from observer_rt.core.stream.stream import FURTHEST_ZERO
-from observer_rt.desk.evaluation.curves import SHOWN, InjectionResult, injection_json
+from observer_rt.desk.evaluation.curves import SHOWN, InjectionResult, in_words, injection_json
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
 from observer_rt.engine.learning.learned_curves import furthest
 from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.console import plain_table, say
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, Z_95
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from observer_rt.model.effective import Coefficients
 
 SCHEMA = 1
@@ -230,9 +230,6 @@ def _line_side(last: InjectionResult, c: Coefficients) -> list[str]:
     for _, shown in SCALARS.shown():
         if (estimate := indicators.get(shown.effect)) is None:
             continue
-        unit = shown.screen_unit or shown.unit
         if shown.label and estimate.sigma and abs(estimate.value) > NOTEWORTHY * estimate.sigma:
-            factor = shown.factor(c, unit)
-            value, halfwidth = estimate.value * factor, Z_95 * estimate.sigma * factor
-            result.append(f"beside the rate: {shown.label} = {value:+.3g} ± {halfwidth:.2g} {unit[0]}")
+            result.append(f"beside the rate: {in_words(shown, estimate, c)}")
     return result

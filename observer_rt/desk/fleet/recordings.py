@@ -13,7 +13,7 @@ from typing import Self
 from observer_rt.config.bench import Bench
 from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.formats import SUFFIXES, is_log, open_log
-from observer_rt.files.signals.recording import TRUTH_SUFFIX
+from observer_rt.files.signals.recording import SHOTS_SUFFIX, TRUTH_SUFFIX
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
 
@@ -28,11 +28,11 @@ _MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since
 def recordings_in(sources: Sequence[str]) -> list[Path]:
     """All files, each once, in order: of a folder those, at any depth, whose suffix is a recording's or a log's.
 
-    Truths beside simulated recordings are left out. Raises `UserError` for a name under which nothing is.
+    Tables of shots are left out, in a folder truths, too. Raises `UserError` for a name under which nothing is.
     """
     paths: dict[Path, None] = {}
     for source in sources:
-        files = list(_files(source))
+        files = [file for file in _files(source) if not file.name.endswith(SHOTS_SUFFIX)]
         if not files:
             suffixes = ", ".join(SUFFIXES)
             raise UserError(source, "names no recording", f"give files, folders or patterns of {suffixes}")

@@ -52,11 +52,12 @@ def run_plant(
     time: NDArray[np.float64],
     rail_pressure: NDArray[np.float64],
     progress: Progress | None = None,
+    bounce: float = 0.0,
 ) -> Truth:
     """Integrate the injector from rest over an even `time` [s], shape (n,), n >= 2.
 
     `rail_pressure` [Pa], shape (n,), is linear between samples; the lift is exact at every stage of every
-    step. The steps are at most 1 us, an integer number per sample.
+    step. The steps are at most 1 us, an integer number per sample. bounce [m]: lift after landing.
     """
     longest_step, model = _longest_step(model)
     c = model.coefficients
@@ -72,7 +73,9 @@ def run_plant(
     for first in range(0, time.size, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, time.size)
         state, grid = (x, number, indicated, due), (time, rail, table, steps)
-        number, indicated, due = run_injector(*state, first, last, *grid, *parts, states, lift, rate, recorded)
+        number, indicated, due = run_injector(
+            *state, first, last, *grid, bounce, *parts, states, lift, rate, recorded
+        )
         if progress is not None:
             progress(last / time.size)
     return Truth(

@@ -95,12 +95,13 @@ def simulate(
     measured_rate: bool = False,
     seed: int = 0,
     progress: Progress | None = None,
+    bounce: float = 0.0,
 ) -> Simulation:
     """Simulate a schedule at `sample_rate` [Hz], with the effects in force in `parameters` and `effects` besides.
 
     Without `noise` the recording has neither noise nor quantisation. measured_rate: whether it has the injection rate
-    [m3/s], too; seed: of the noise; progress: takes the share simulated. The same arguments give the same bits;
-    every signal has its own random stream, so that one signal more or less leaves the others as they are.
+    [m3/s], too; seed: of the noise; progress: takes the share simulated; bounce: lift [m] after landing. The same
+    arguments give the same bits; every signal has its own random stream, which depends on no other.
     Raises `UserError` for a sample rate out of range and strokes that overlap.
     """
     model = effective_model(parameters, effects)
@@ -111,7 +112,7 @@ def simulate(
             f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz",
         )
     time = np.arange(round(schedule.duration * sample_rate) + 1) / sample_rate
-    truth = run_plant(model, strokes(schedule, model.injector), time, schedule.rail_pressure(time), progress)
+    truth = run_plant(model, strokes(schedule, model.injector), time, schedule.rail_pressure(time), progress, bounce)
     return Simulation(_measure(truth, model, noise, measured_rate, seed), truth)
 
 

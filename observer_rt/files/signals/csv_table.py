@@ -31,7 +31,8 @@ _UNGROUP = "write the file again without separators of thousands"
 class CsvTable(FileTable):
     """Columns by their names, in one line of names; the lines from the first number on."""
 
-    def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
+    def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False, may_be_cut: bool = True) -> None:
+        """may_be_cut: a last line without a line end is left out."""
         super().__init__(path, config, is_own)
         wanted = self._wanted()
         self.is_text = is_own
@@ -45,7 +46,7 @@ class CsvTable(FileTable):
         units = {name: dialect.units[place] for name, place in dialect.places.items() if place < len(dialect.units)}
         self.units = {name: unit for name, unit in units.items() if unit}
         self.rasters = (tuple(name for name in self.mapped if name != TIME),)
-        self._is_cut = self._ends_too_soon()
+        self._is_cut = may_be_cut and self._ends_too_soon()
         self._calendar = dialect.calendar(dialect.places[TIME], config) if TIME in dialect.places else None
         if self._calendar is not None:
             rows = (cells for _, lines in self._blocks() for cells in self._cells(lines).values())

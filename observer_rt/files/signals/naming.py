@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from observer_rt.config.injector import RecordingConfig
-from observer_rt.files.signals.recording import OPTIONAL
+from observer_rt.files.signals.recording import is_needed
 from observer_rt.files.signals.table import TIME, Heading
 from observer_rt.files.signals.table_signals import UNITS
 from observer_rt.foundation.errors import UserError
@@ -23,6 +23,7 @@ _COMMANDED = r"\bset|soll|target|demand|desired|\bcmd|consigne"
 _GAUGE = re.compile(r"[ _]?(?:\((?:abs|a|g|rel)\)|abs|rel)\.?$", re.IGNORECASE)
 _NAME_AND_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
 _SHOWN = 20  # columns
+_WITHOUT = {TIME: "state rate_hz", "needle_lift": "have energizing, or x.shots.csv beside x.csv"}
 BY_HEADINGS = "by its headings"
 
 
@@ -36,13 +37,15 @@ class HeadingChoice:
     problem: str = ""
 
 
-def layout_of(location: str, headings: Sequence[Heading], brings_time: bool = False) -> RecordingConfig:
-    """Mapping of a file of these headings. brings_time: no column is its time.
+def layout_of(
+    location: str, headings: Sequence[Heading], brings_time: bool = False, has_shots: bool = False
+) -> RecordingConfig:
+    """Mapping of a file of these headings. brings_time: no column is its time; has_shots: a table beside it.
 
     Raises `UserError` with the section to write where a signal has no heading or unit of its own, or several.
     """
     choices = [chosen(signal, headings) for signal in _ALIASES if signal != TIME or not brings_time]
-    needed = [each for each in choices if each.signal not in OPTIONAL or each.heading is not None]
+    needed = [each for each in choices if is_needed(each.signal, has_shots) or each.heading is not None]
     problems = [f"{each.signal}: {each.problem}" for each in needed if each.problem]
     if problems:
         raise UserError(
@@ -90,7 +93,7 @@ def signals_named(name: str) -> set[str]:
 
 def chosen(signal: str, headings: Sequence[Heading]) -> HeadingChoice:
     """The heading that names a signal."""
-    named = {each: _unit(signal, each) for each in headings if signal in signals_named(each.name)}
+    named = {each: unit_of(signal, each) for each in headings if signal in signals_named(each.name)}
     fitting = {each: unit for each, unit in named.items() if unit or not each.unit}
     several = {each: unit for each, unit in fitting.items() if unit or each.is_calendar} or fitting
     if len(several) == 1:
@@ -106,7 +109,7 @@ def chosen(signal: str, headings: Sequence[Heading]) -> HeadingChoice:
     return HeadingChoice(signal, None, problem=f"could be {shown}" if several else "no heading names it")
 
 
-def _unit(signal: str, heading: Heading) -> str:
+def unit_of(signal: str, heading: Heading) -> str:
     """Unit that is stated, or else ends the name, as `rail_pressure_MPa`."""
     if heading.unit or heading.is_calendar:
         return known_unit(signal, heading.unit)
@@ -131,7 +134,7 @@ def _section(choices: Sequence[HeadingChoice], headings: Sequence[Heading]) -> s
     for choice in choices:
         lines += ["", f"[recording.{choice.signal}]"]
         if choice.heading is None:
-            end = "; or leave out this part, and state rate_hz" if choice.signal == TIME else ""
+            end = f"; or leave out this part, and {_WITHOUT[choice.signal]}" if choice.signal in _WITHOUT else ""
             lines += [f"column = {among}{end}"]
         else:
             lines += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in entries(choice)]

@@ -28,6 +28,8 @@ MAX_SIGNIFICANT_DIGITS = 15
 _ROWS = 1024  # of every block of so many rows only the two farthest from the grid are remembered
 
 TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording, for what no sensor measures
+SHOTS_SUFFIX = ".shots.csv"  # in place of the suffix of a recording, for when the injector was energized
+BESIDE = (TRUTH_SUFFIX, SHOTS_SUFFIX)
 EQUIDISTANT = (
     "a recording must be equidistant: cut it at the gap, resample it on an even grid, or describe it in [recording] "
     "of a bench file, which bridges and splits; of rounded stamps state rate_hz there, without [recording.time]"

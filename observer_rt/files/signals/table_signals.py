@@ -67,6 +67,8 @@ class TableSignals(SignalStream):
         self.has_lift = "needle_lift" in self._mapped
         self.notes = tuple(table.notes)
         self.origin = table.origin
+        self.edges = np.empty(0)
+        """Times [s] at which energizing begins and ends in turn, by a table of shots."""
 
     def _parts(self, raster: int) -> Iterator[TablePart]:
         """Rows of a time axis in SI units, none empty, read anew."""
@@ -79,8 +81,17 @@ class TableSignals(SignalStream):
     def _chunk(self, time: Values, signals: Mapping[str, Values], stretch: int, first: int) -> Chunk:
         if not self.has_lift:
             signals = {"needle_lift": np.full(time.size, np.nan), **signals}
+        if self.edges.size:  # each goes to the nearest sample
+            edges_before = np.searchsorted(self.edges, time + 0.5 / self.rate, side="right")
+            signals = {**signals, "energizing": edges_before % np.float64(2.0)}
         of = {"path": self.path, "rate": self.rate, "stretch": stretch, "first": first}
         return Chunk(time, **signals, **of)  # type: ignore[arg-type]
+
+    def refuse_unknown_needle(self) -> None:
+        """Raise `UserError` where neither lift nor energizing is known."""
+        if not self.has_lift and "energizing" not in self.optional:
+            problem = "has neither needle_lift nor energizing"
+            raise UserError(str(self.path), problem, "map one of them, or write x.shots.csv beside x.csv")
 
     def _look_at(self, part: TablePart, row: int, raster: int) -> None:
         """Note the ranges of a part that begins at a row. Raises `UserError` for an infinite value."""

@@ -118,7 +118,7 @@ def test_truths_beside_recordings_are_left_out(command: Command, worn: Path, tmp
     shutil.copy(worn, tmp_path / "worn.csv")
     (tmp_path / "worn.csv.truth.csv").write_text("time_s,sac_pressure_MPa\n0,5\n")
     outcome = command.done("evaluate", *sorted(tmp_path.glob("*.csv")))
-    assert "left out: 1 files truth.csv" in outcome.err
+    assert "left out: 1 files beside recordings" in outcome.err
     command.refused("evaluate", tmp_path / "worn.csv.truth.csv")
 
 

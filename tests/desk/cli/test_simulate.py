@@ -22,7 +22,7 @@ def test_recording_and_its_truth(command: Command, tmp_path: Path) -> None:
     """Two events of pilot and main at their own pressures, through a nozzle that passes 30 % more."""
     path = tmp_path / "made.mf4"
     shots = ("--shots", "0.4@-2,1.0@0", "--rail-pressure", "60,120", "--effect", "orifice_area:v_H=0.3")
-    outcome = command.done("simulate", *FEW, *shots, "--measured-rate", "--output", path)
+    outcome = command.done("simulate", *FEW, *shots, "--measured-rate", "--bounce", 25, "--output", path)
     assert outcome.out == ""
     assert "2 events, orifice_area" in outcome.err
     recording = read_recording(path)
@@ -33,5 +33,7 @@ def test_recording_and_its_truth(command: Command, tmp_path: Path) -> None:
     rate = truth["injection_rate_mm3_per_ms"]
     assert 0.2 < np.std(recording.injection_rate / 1e-6 - rate) < 1.0  # it is a measurement
     assert np.count_nonzero(np.diff((rate > 1.0).astype(int)) == 1) == 4
+    rises = [np.count_nonzero(np.diff((truth["needle_lift_mm"] > mm).astype(int)) == 1) for mm in (0.015, 0.026)]
+    assert rises == [8, 4]  # the needle bounces after each
     first, second = np.array_split(rate, 2)
     assert second.max() > 1.25 * first.max()

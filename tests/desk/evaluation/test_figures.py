@@ -7,8 +7,12 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.desk.evaluation.curves import MassRow, RateCurves
-from observer_rt.desk.evaluation.figures import LEAST_SHOWN, Picture, draw_masses, injections_figure
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.evaluation.figures import LEAST_SHOWN, Picture, draw_masses, injections_figure, pictures_of
+from observer_rt.desk.simulation.schedule import energized, make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
 
@@ -105,6 +109,22 @@ def test_the_corrected_rate_is_thicker_than_the_live_one(is_known: bool) -> None
         thick, thin = lines["by its own pressures"], lines["observer, live"]
         assert thick.get_linewidth() > 1.5 * thin.get_linewidth()
         assert thick.get_ydata() == pytest.approx(1.02 * RATE / MM3_PER_MS)
+
+
+def test_a_learned_lift_is_drawn_where_the_needle_was() -> None:
+    """It opens and closes 80 us later than the file says; its own lift is not recorded."""
+    schedule, bench = make_schedule([100e6], 1, 0.06, [1.2e-3]), load_bench()
+    made = simulate(load_injector(), schedule, 100e3, noise=SimulatedNoise())
+    recording = made.recording.with_arrays({"energizing": np.roll(energized(schedule, made.recording.time), -8)})
+    (evaluation,) = evaluate(bench, [recording.without_lift()], curves_of=bench.injector.coefficients).evaluations
+    drawn_axes = injections_figure(pictures_of([evaluation]), "measured").axes
+    (axes,) = (each for each in drawn_axes if each.get_ylabel().startswith("needle lift"))
+    time, lift = np.asarray(axes.lines[0].get_data(), float)
+    drawn = evaluation.injections[0].start + time[lift > 150.0][[0, -1]] * MILLISECOND
+    assert drawn == pytest.approx(made.truth.time[made.truth.needle_lift > 150e-6][[0, -1]], abs=25e-6)
+    *learned, landing = axes.texts[0].get_text().splitlines()
+    assert learned[0].startswith("needle opens later by = +")
+    assert [landing.split(" ")[0], *(" ± " in line for line in learned)] == ["lands", *[True] * 4]
 
 
 @pytest.mark.parametrize("count", [2, 6, 8])

@@ -21,7 +21,7 @@ from tests.files.signals.test_csv_dialects import FORMATS, ISO, OF_DAY, START, l
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    for name in ("b.csv", "a.mf4", "a.csv.truth.csv", "notes.txt", "deep/er/c.blf"):
+    for name in ("b.csv", "a.mf4", "a.csv.truth.csv", "b.shots.csv", "notes.txt", "deep/er/c.blf"):
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()

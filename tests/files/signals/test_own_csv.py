@@ -1,4 +1,4 @@
-"""CSV recordings: exact round trip, and an error that names the place for each way to be wrong."""
+"""CSV recordings and shots beside them: exact round trip, and errors that name the place for each way to be wrong."""
 
 import re
 from pathlib import Path
@@ -13,8 +13,11 @@ from observer_rt.foundation.errors import UserError
 HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
 
 
-def write(folder: Path, text: str) -> Path:
+def write(folder: Path, text: str, shots: str = "") -> Path:
+    """A recording and, if there are any, shots beside it."""
     path = folder / "recording.csv"
+    if shots:
+        path.with_suffix(".shots.csv").write_text(shots)
     path.write_text(text)
     return path
 
@@ -115,10 +118,44 @@ def test_blank_lines_count_as_lines(tmp_path: Path) -> None:
         read_recording(write(tmp_path, "\n".join([HEADER, "", *lines[:4], "", *lines[4:]])))
 
 
-def test_truth_of_a_simulation_is_refused_by_name(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["worn.csv.truth.csv", "worn.shots.csv"])
+def test_what_is_beside_a_recording_is_refused_by_name(tmp_path: Path, name: str) -> None:
     """`*.csv` catches it, too."""
-    path = tmp_path / "worn.csv.truth.csv"
+    path = tmp_path / name
     path.write_text("time_s,sac_pressure_MPa\n0,5\n")
-    with pytest.raises(UserError, match="truth behind a simulated recording") as error:
+    with pytest.raises(UserError, match="the truth behind a simulated recording, or the shots beside") as error:
         read_recording(path)
     assert "leave it out" in str(error.value.remedy)
+
+
+NO_LIFT = "\n".join([HEADER.replace("needle_lift_mm", "note"), *rows(), ""])
+FOREIGN = "\n".join(["t_s,p_Rail_MPa,note,p_line_MPa", *rows(300), ""])
+SHOTS = "start_s,length_us\n"
+WRONG_SHOTS = ("0.0001,", "0.0001,-20", "0.0001,9", "0.00004,20", "0.00019,20")  # after a shot from 0 to 50 us
+
+
+@pytest.mark.parametrize("text", [NO_LIFT, FOREIGN])
+@pytest.mark.parametrize("shots", [f"{SHOTS}0.000024,50\n0.0001,30", "Start [ms];Length [ms]\n,024;,05\n,1;,03\n"])
+def test_shots_stand_for_the_lift(tmp_path: Path, text: str, shots: str) -> None:
+    recording = read_recording(write(tmp_path, text, shots))
+    assert not recording.has_lift
+    assert np.flatnonzero(recording.signals["energizing"]).tolist() == [2, 3, 4, 5, 6, 10, 11, 12]
+
+
+@pytest.mark.parametrize(
+    ("shots", "text", "said"),
+    [
+        ("start,length_us\n0.00002,50\n", NO_LIFT, "shots.csv, line 1: no start and length with units"),
+        ("start_s,length_us,length_ms\n0,50,.05\n", NO_LIFT, "shots.csv, line 1: no start and length with units"),
+        (SHOTS, NO_LIFT, "shots.csv: has no 2 numbers in a line"),
+        (f"{SHOTS},50\n0,50", NO_LIFT, "shots.csv, line 2: nan to nan s is no shot between 0 and 0.0002 s"),
+        (f"{SHOTS}0,50\n1,2,3", NO_LIFT, "shots.csv, line 3: 3 cells"),
+        (f"{SHOTS}0,50\n1,long", NO_LIFT, "shots.csv, line 3: column length_us (energizing): 'long' is not a number"),
+        *((f"{SHOTS}0,50\n{shot}", NO_LIFT, "no shot between 5e-05 and 0.0002 s") for shot in WRONG_SHOTS),
+        (f"{SHOTS}0,50", NO_LIFT.replace("note", "energizing"), "'energizing'"),
+        (f"{SHOTS}0,50", FOREIGN + FOREIGN.partition("\n")[2], "or whose time begins anew"),
+    ],
+)
+def test_shots_that_cannot_be_are_refused(tmp_path: Path, shots: str, text: str, said: str) -> None:
+    with pytest.raises(UserError, match=re.escape(said)):
+        read_recording(write(tmp_path, text, shots))

@@ -403,14 +403,14 @@ def by_theta(
     first; shots: of an event, whose delays follow them.
     """
     acting, elsewhere = _by_values(c.line, SCALARS.of_line(theta)), columns.size + 2 * shots
-    place, wanted = np.full(PARAMETERS, elsewhere), np.isin(acting.line_columns, columns)
-    place[columns] = np.arange(columns.size)
+    column, wanted = np.full(PARAMETERS, elsewhere), np.isin(acting.line_columns, columns)
+    column[columns] = np.arange(columns.size)
     return acting._replace(
-        **{name: place[getattr(acting, name)] for name in _PLACED},
-        neurons=NEURONS * (place[Parameter.NOZZLE_WEIGHT] < elsewhere),
+        **{name: column[getattr(acting, name)] for name in _PLACED},
+        neurons=NEURONS * (column[Parameter.NOZZLE_WEIGHT] < elsewhere),
         shots=shots,
         first_shot=columns.size,
-        line_columns=place[acting.line_columns[wanted]],
+        line_columns=column[acting.line_columns[wanted]],
         line_coefficients=acting.line_coefficients[wanted],
         line_slopes=acting.line_slopes[wanted],
         elsewhere=elsewhere,

@@ -65,7 +65,7 @@ def likely_delays(z: Vector, moved: Vector, bounds: NDArray[np.int64]) -> list[V
     moved (n, columns), bounds (events + 1,): as of `without_jitter`.
     """
     parts = [(moved[first:end], z[first:end]) for first, end in pairwise(bounds.tolist())]
-    return [-np.linalg.solve(of.T @ of + np.eye(of.shape[1]), of.T @ rest) for of, rest in parts]
+    return [np.asarray(-np.linalg.solve(of.T @ of + np.eye(of.shape[1]), of.T @ rest)) for of, rest in parts]
 
 
 def without_jitter(

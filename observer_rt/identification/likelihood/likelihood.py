@@ -1,7 +1,7 @@
 """Likelihood of a model given recordings: whitened innovations, -2 log L, by phase."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, partial
@@ -48,6 +48,10 @@ JITTER_STEP = 5e-6  # s, for a slope
 LEAST_JITTER, WIDEST_JITTER, JITTER_ROUNDS = 12e-6, 60e-6, 2  # s, standard deviations, of what is looked for
 MOST_JITTER = 5.0  # standard deviations, that a shot is followed
 _MOST_GAINS = 4096  # cached: those round a few candidates
+
+
+Run = Callable[..., tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""Innovations and rate of a model, with the shots later by as much as is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,18 +157,11 @@ class RecordingLikelihood:
         schedule = self._schedule(model)
         inputs = self._inputs_of(model)
         run = partial(self._predicted, model, inputs, late, schedule, substeps)
-        innovation, rate = run()
         log_sigma = math.log(schedule.innovation_sigma)
-        delays: list[NDArray[np.float64]] = []
-        if self._late:
-            by_shots = np.column_stack([other - innovation for other, _ in map(run, self._later_shots())])
-            moved = by_shots[self._rows.counted] * (self._jitter / (JITTER_STEP * schedule.innovation_sigma))
-            if not np.isfinite(moved).all():
-                return None
-            delays = likely_delays(self._normalised(innovation, model, schedule), moved, self._rows.counted_bounds)
-            innovation, rate = run(self._delayed(delays))
+        delays, moved = self._likely(run, model, schedule) if self._late else ([], np.empty((0, 0)))
+        innovation, rate = run(self._delayed(delays))
         z = self._normalised(innovation, model, schedule)
-        if not np.isfinite(z).all():
+        if not (np.isfinite(z).all() and np.isfinite(moved).all()):
             return None
         if delays:
             z, logs = without_jitter(z, delays, moved, self._rows.counted_bounds)
@@ -178,6 +175,23 @@ class RecordingLikelihood:
         rate_z, rate_log_sigma = self._judged_rate(shown[self._rows.rate_rows + late], model.inputs.lift_lag)
         volume_z = self._judged_volumes(self._rows.volumes(shown))
         return JudgedModel(z, log_sigma, rate_z, volume_z, rate_log_sigma, masses)
+
+    def late_shots(self, model: EffectiveModel) -> LateShots:
+        """Delays [s] of the shots of every event beyond those of a model's needle, as they are likeliest."""
+        schedule, late = self._schedule(model), math.floor(model.sensor.delay / self.measurement.interval)
+        run = partial(self._predicted, model, self._inputs_of(model), late, schedule, self._substeps_of(model))
+        likely = self._delayed(self._likely(run, model, schedule)[0])
+        return likely if all(np.isfinite(of).all() for of in likely) else self._late
+
+    def _likely(
+        self, run: Run, model: EffectiveModel, schedule: GainSchedule
+    ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+        """Likely delays of each event's shots, and by what one standard deviation moves innovations (n, columns)."""
+        innovation, _ = run()
+        by_shots = np.column_stack([other - innovation for other, _ in map(run, self._later_shots())])
+        moved = by_shots[self._rows.counted] * (self._jitter / (JITTER_STEP * schedule.innovation_sigma))
+        z = self._normalised(innovation, model, schedule)
+        return likely_delays(z, moved, self._rows.counted_bounds), moved
 
     def _normalised(
         self, innovation: NDArray[np.float64], model: EffectiveModel, schedule: GainSchedule

@@ -33,8 +33,8 @@ def _answered(model: EffectiveModel, measurement: Measurement) -> NDArray[np.flo
     """Commands (k, 2) moved by the likeliest delays of the shots."""
     commands = commands_of(measurement.recording)
     model = model.with_terms("sensor", offset=model.sensor.offset + standstill(measurement)[0])
-    likelihood = RecordingLikelihood(replace(measurement, commands=commands, is_free=True), model)
-    for event, late in zip(measurement.events, likelihood.late_shots(model), strict=True):
-        shots = (commands[:, 0] >= event.start) & (commands[:, 0] < event.end)
-        commands[shots] += late / measurement.interval
-    return commands
+    free = replace(measurement, commands=commands, is_free=True)
+    moved = commands.copy()
+    for event, late in zip(free.events, RecordingLikelihood(free, model).late_shots(model), strict=True):
+        moved[free.shots_in(event)] += late / free.interval
+    return moved

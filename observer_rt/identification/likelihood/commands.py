@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,13 +58,19 @@ def commanded_lift(injector: InjectorParameters, recording: Recording, commands:
     return replace(recording, needle_lift=lift)
 
 
-def likely_delays(z: Vector, moved: Vector, bounds: NDArray[np.int64]) -> list[Vector]:
-    """Delays (columns,) of the shots of every event by their innovations (n,), in standard deviations.
+def likelier_delays(
+    z: Vector, delays: Sequence[Vector], moved: Vector, bounds: NDArray[np.int64]
+) -> Sequence[Vector]:
+    """Delays (columns,) of the shots of every event by innovations (n,) at others, in standard deviations.
 
     moved (n, columns), bounds (events + 1,): as of `without_jitter`.
     """
-    parts = [(moved[first:end], z[first:end]) for first, end in pairwise(bounds.tolist())]
-    return [np.asarray(-np.linalg.solve(of.T @ of + np.eye(of.shape[1]), of.T @ rest)) for of, rest in parts]
+    results = []
+    for delay, first, end in zip(delays, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
+        by_shots = moved[first:end]
+        information = by_shots.T @ by_shots + np.eye(delay.size)
+        results.append(delay - np.linalg.solve(information, by_shots.T @ z[first:end] + delay))
+    return results
 
 
 def without_jitter(

@@ -20,7 +20,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time, smoothing_of
-from observer_rt.identification.likelihood.commands import likely_delays, without_jitter
+from observer_rt.identification.likelihood.commands import likelier_delays, without_jitter
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
 from observer_rt.identification.likelihood.windows import (
@@ -109,14 +109,6 @@ class RecordingLikelihood:
             self._rate_by_lift = self._rate_noise_by_lift(nominal)
             self._rate_sigma = self._rate_sigma_at(0.0)
 
-    def _later_shots(self) -> list[LateShots]:
-        """Delays of the shots, one of a shot of every event later by a step: its opening, then its closing."""
-        columns = range(max(late.size for late in self._late) if self._late else 0)
-        return [
-            [late + JITTER_STEP * (column == np.arange(late.size).reshape(-1, 2)) for late in self._late]
-            for column in columns
-        ]
-
     def _see_jitter(self, nominal: EffectiveModel) -> None:
         """Move shots to where they are seen beside the mean of all: innovations go straight only so far.
 
@@ -124,10 +116,10 @@ class RecordingLikelihood:
         """
         schedule, late = self._schedule(nominal), math.floor(nominal.sensor.delay / self.measurement.interval)
         run = partial(self._predicted, nominal, self._nominal_inputs, late, schedule, self._substeps_of(nominal))
-        here, counted = run()[0], self._rows.counted
-        by_shots = np.column_stack([other - here for other, _ in map(run, self._later_shots())])[counted]
-        by_shots *= WIDEST_JITTER / (JITTER_STEP * schedule.innovation_sigma)
-        z, seen = here[counted] / schedule.innovation_sigma, []
+        here = run()[0]
+        self._by_shots = self._by_delays(run, here, self._late)
+        by_shots = self._by_shots * (WIDEST_JITTER / schedule.innovation_sigma)
+        z, seen = here[self._rows.counted] / schedule.innovation_sigma, []
         for first, end in pairwise(self._rows.counted_bounds.tolist()):
             part = by_shots[first:end]
             information = part.T @ part + np.eye(part.shape[1])
@@ -163,7 +155,7 @@ class RecordingLikelihood:
         z = self._normalised(innovation, model, schedule)
         if not (np.isfinite(z).all() and np.isfinite(moved).all()):
             return None
-        if delays:
+        if self._late:
             z, logs = without_jitter(z, delays, moved, self._rows.counted_bounds)
             log_sigma += logs / z.size
         if model.inputs.lift_lag > 0.0:
@@ -185,13 +177,23 @@ class RecordingLikelihood:
 
     def _likely(
         self, run: Run, model: EffectiveModel, schedule: GainSchedule
-    ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    ) -> tuple[Sequence[NDArray[np.float64]], NDArray[np.float64]]:
         """Likely delays of each event's shots, and by what one standard deviation moves innovations (n, columns)."""
-        innovation, _ = run()
-        by_shots = np.column_stack([other - innovation for other, _ in map(run, self._later_shots())])
-        moved = by_shots[self._rows.counted] * (self._jitter / (JITTER_STEP * schedule.innovation_sigma))
-        z = self._normalised(innovation, model, schedule)
-        return likely_delays(z, moved, self._rows.counted_bounds), moved
+        delays: Sequence[NDArray[np.float64]] = [np.zeros(self._by_shots.shape[1]) for _ in self._late]
+        moved, shots = self._by_shots * (self._jitter / schedule.innovation_sigma), self._late
+        for number in range(JITTER_ROUNDS):
+            here, _ = run(shots)
+            if number:
+                moved = self._by_delays(run, here, shots) * (self._jitter / schedule.innovation_sigma)
+            z = self._normalised(here, model, schedule)
+            delays = likelier_delays(z, delays, moved, self._rows.counted_bounds)
+            shots = self._delayed(delays)
+        return delays, moved
+
+    def _by_delays(self, run: Run, here: NDArray[np.float64], shots: LateShots) -> NDArray[np.float64]:
+        """Derivatives of counted innovations (n, columns) by the delays [s] of a shot of every event."""
+        moved = [run(later)[0] - here for later in _later(shots)]
+        return np.asarray(np.column_stack(moved)[self._rows.counted] / JITTER_STEP)
 
     def _normalised(
         self, innovation: NDArray[np.float64], model: EffectiveModel, schedule: GainSchedule
@@ -300,7 +302,7 @@ class RecordingLikelihood:
         _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule, substeps)
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule, substeps)
         moved = as_by_meter(self.measurement, other - rate)
-        for shots in self._later_shots():
+        for shots in _later(self._late):
             _, other = self._predicted(nominal, self._nominal_inputs, late, schedule, substeps, shots)
             moved = np.hypot(moved, self._jitter / JITTER_STEP * as_by_meter(self.measurement, other - rate))
         moved = np.hypot(moved, METER_ERROR * (rate - as_by_meter(self.measurement, rate)))
@@ -378,6 +380,14 @@ class JointLikelihood:
         """All residuals: line pressure, then rate, recording after recording."""
         judged = self.judge(model)
         return None if judged is None else residuals_of(judged)
+
+
+def _later(shots: LateShots) -> list[LateShots]:
+    """Delays of the shots, one of a shot of every event later by a step: its opening, then its closing."""
+    columns = range(max((late.size for late in shots), default=0))
+    return [
+        [late + JITTER_STEP * (column == np.arange(late.size).reshape(-1, 2)) for late in shots] for column in columns
+    ]
 
 
 def residuals_of(judged: Sequence[JudgedModel]) -> Residuals:

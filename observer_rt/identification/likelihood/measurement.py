@@ -125,6 +125,11 @@ class Measurement:
         """The recording with the lift that was measured, or none."""
         return self.recording.without_lift() if self.is_answered else self.recording
 
+    def shots_in(self, event: JudgedEvent) -> NDArray[np.int64]:
+        """Numbers (k,) of the commands that begin in an event."""
+        begun = np.empty(0) if self.commands is None else self.commands[:, 0]
+        return np.flatnonzero((begun >= event.start) & (begun < event.end))
+
     def as_recorded(self, model: EffectiveModel) -> EffectiveModel:
         """A model with the stated delays and lags of the channels."""
         for effect in self.stated:

@@ -87,9 +87,11 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
         np.clip(np.arange(event.start - margin, event.end + margin), 0, recording.samples - 1) for event in ordered
     ]
     kept = np.concatenate(stretches)
-    moved, begin = [], 0
+    moved, commands, begin = [], [], 0
     for event, stretch in zip(ordered, stretches, strict=True):
         moved.append(event.moved(begin + margin - event.start))
+        if measurement.commands is not None:
+            commands.append(measurement.commands[measurement.shots_in(event)] + begin + margin - event.start)
         begin += stretch.size
 
     def cut(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -101,6 +103,7 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
         measurement,
         recording=part,
         events=tuple(moved),
+        commands=np.concatenate(commands) if commands else None,
         rail_pressure=float(np.mean([rail_pressure_before(event, recording) for event in ordered])),
         duration=float(np.mean([open_time(event, recording) for event in ordered])),
     )

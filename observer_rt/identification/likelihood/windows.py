@@ -1,7 +1,7 @@
 """The judged stretches of a recording as inputs and output of the predictor, for given input terms."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -214,16 +214,10 @@ def batch_of(
         np.array([event.openings[0].first - event.start + late for event in measurement.events]),
         inputs.knots[source] if inputs.knots.size else inputs.knots,
         clocks,
-        tuple(_by_event(measurement, late)) if measurement.is_free else (),
+        tuple(commands[measurement.shots_in(event)] - event.start + late for event in measurement.events)
+        if measurement.is_free and (commands := measurement.commands) is not None
+        else (),
     )
-
-
-def _by_event(measurement: Measurement, late: int) -> Iterator[NDArray[np.float64]]:
-    """Commands (k, 2) of every event, counted from its first row."""
-    commands = measurement.commands
-    assert commands is not None
-    for event in measurement.events:
-        yield commands[(commands[:, 0] >= event.start) & (commands[:, 0] < event.end)] - event.start + late
 
 
 def starts_of(measurement: Measurement, offset: float, c: Coefficients) -> NDArray[np.float64]:

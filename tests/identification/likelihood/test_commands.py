@@ -12,7 +12,7 @@ from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.likelihood.commands import (
     commands_of,
-    likely_delays,
+    likelier_delays,
     with_commanded_lift,
     without_jitter,
 )
@@ -70,11 +70,13 @@ def left(of: Fitter, candidate: Candidate) -> float:
     return worst(pool).ratio
 
 
-def test_jitter_of_shots_is_no_misfit() -> None:
-    usual = fitter(HiddenCase(0.0))
-    assert left(usual, usual.nothing()) <= 1.0
-    late = fitter(HiddenCase(0.0, opens=350 * US, shuts=300 * US))
-    assert left(late, late.nothing()) > 1.5
+@pytest.mark.parametrize(("later", "is_seen"), [(0.0, False), (30 * US, True)])
+def test_only_what_all_shots_have_in_common_is_no_jitter(later: float, is_seen: bool) -> None:
+    fits = fitter(HiddenCase(later, opens=320 * US + later, shuts=270 * US + later))
+    nothing = fits.nothing()
+    assert left(fits, nothing) <= 1.0
+    named = fits.named(nothing, [VOCABULARY["opening_delay"]])[0]
+    assert (nothing.statistic - named.statistic > 25.0) is is_seen
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -90,7 +92,7 @@ def test_a_hidden_size_is_found_by_commands_alone(name: str) -> None:
 def test_whitening_is_by_the_covariance_of_the_shots() -> None:
     rng = np.random.default_rng(1)
     z, moved, bounds = rng.normal(size=12), rng.normal(size=(12, 2)), np.array([0, 5, 12])
-    delays = likely_delays(z, moved, bounds)
+    delays = likelier_delays(z, [np.zeros(2)] * 2, moved, bounds)
     answered = z + np.concatenate([moved[:5] @ delays[0], moved[5:] @ delays[1]])
     white, logs = without_jitter(answered, delays, moved, bounds)
     of_events = np.arange(12) >= 5

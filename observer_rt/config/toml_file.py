@@ -20,9 +20,6 @@ _KINDS = {
 }
 """What an entry should be, by the type of a pydantic error; its own words serve for others."""
 
-_KEY = rb"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*"""
-_DEEP = re.compile(rb"^[ \t\[]*(?:" + _KEY + rb"){50}", re.MULTILINE)  # for such a key tomllib takes very long
-
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
@@ -35,8 +32,6 @@ def validated(model: type[_Model], document: Mapping[str, Any], location_of: Cal
     try:
         # as JSON, where a list is a tuple and a text a choice, however strict
         return model.model_validate_json(json.dumps(document, default=str), strict=True)
-    except RecursionError:  # of keys in quotes
-        raise UserError(location_of(), "is nested too deeply", "mend it") from None
     except ValidationError as error:
         errors = error.errors()
         # a misspelt key also shows as a missing one: name the cause
@@ -89,8 +84,6 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The content of a file. Raises `UserError`."""
     try:
         content = path.read_bytes()
-        if _DEEP.search(content):
-            raise RecursionError
         return tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except FileNotFoundError:
         raise UserError(str(path), "no such file", "correct the path") from None

@@ -20,7 +20,6 @@ from observer_rt.daemon.array_texts import ArrayTexts
 from observer_rt.engine.estimation.gain import LARGEST_NOISE
 from observer_rt.engine.estimation.scalars import SCALARS, sensor_lag
 from observer_rt.engine.learning.adequacy import LARGEST_LAG, is_worn_beyond_limits
-from observer_rt.engine.learning.disturbances.colour import ORDERS
 from observer_rt.engine.learning.knowledge import Knowledge, LearningState, no_state
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.stream.standstill import RestingLift
@@ -73,17 +72,6 @@ def _problem_of_belief(learned: LearnedInjector, farthest: NDArray[np.float64]) 
     ):
         if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
             return f"{name} is not symmetric and positive definite"
-    if any(np.any(sums < 0.0) for sums in plain(learned.statistics).values()):
-        return "the statistics of the innovations are no sums of squares"
-    if (colour := learned.colour) is None:
-        return None
-    whitening = colour.whitening
-    if whitening.taps.ndim != 1 or whitening.taps.size > ORDERS:
-        return f"the colour of the noise is no filter of at most {ORDERS} taps"
-    if min(colour.sigma, colour.interval) <= 0.0:
-        return "the colour of the noise has no level or no sample interval"
-    if whitening.forgetting is not None and not 0.0 < whitening.forgetting < 1.0:
-        return "the high pass of the noise is none"
     return None
 
 

@@ -27,7 +27,6 @@ from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.table_writers import SI, ParquetWriter
 from observer_rt.foundation.errors import ObserverError, UserError
-from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import replacing
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
 
@@ -35,7 +34,7 @@ SUFFIX = ".parquet"
 _BELIEF = "observer_rt_evidence"
 MODEL_DIGITS = 8  # of the SHA-256 of a model, in the names of its files
 _MIB = 1 << 20
-_LARGEST, _MOST_SAMPLES = 64 * _MIB, 1 << 20  # of an event's file [B], far more than the observer remembers
+_LARGEST = 64 * _MIB  # bytes of an event's file, far more than the observer remembers
 _NAME = re.compile(
     rf"\.?({'|'.join(EvidenceKind)})_-?\d+MPa_\d+us_[0-9a-f]{{8}}_\d{{8}}T\d{{12}}"
     rf"(\.[0-9a-f]{{8}}\.part)?{re.escape(SUFFIX)}"
@@ -83,43 +82,33 @@ def write_evidence(path: Path, evidence: EventEvidence, time: str) -> None:
 
 
 def read_evidence(path: Path) -> KeptEvent:
-    """Read an event that `write_evidence` wrote. Raises `UserError` for a damaged file, or another.
-
-    Whoever may write to the folder must not be able to hold up its reader: only files as large as an event are read.
-    """
+    """Read an event that `write_evidence` wrote. Raises `UserError` for a damaged file, or another."""
     import pyarrow
     from pyarrow import parquet
 
     remedy = "move it out of the folder; the others are used"
-    if path.exists() and not path.is_file():  # a pipe or a device may never end
-        raise UserError(str(path), "is no file", remedy)
-    with file_errors(path):
-        try:
-            with path.open("rb") as file:  # a name may look like an address to the library
-                content = file.read(_LARGEST + 1)
-            reader = parquet.ParquetFile(pyarrow.BufferReader(content), page_checksum_verification=True)
-            columns, kinds = [column.header for column in SI[:4]], reader.schema_arrow
-            if len(content) > _LARGEST or reader.metadata.num_rows > _MOST_SAMPLES:
-                raise ValueError("it is larger than any event")
-            if not all(pyarrow.types.is_floating(kinds.field(name).type) for name in columns):
-                raise ValueError("samples are numbers")
-            table, said = reader.read(columns), json.loads(kinds.metadata[_BELIEF.encode()])
-            time, rail, lift, line = (table.column(name).to_numpy() for name in columns)
-            recording = Recording(time, rail, lift, line, path=path)
-            return KeptEvent(
-                path,
-                hashlib.sha256(content).hexdigest(),
-                EvidenceKind(said["kind"]),
-                str(said["time"]),
-                float(said["open_time_s"]),
-                float(said["opening_pressure_Pa"]),
-                dict(said["belief"]),
-                recording,
-            )
-        except OSError as error:  # of a page whose checksum is another
-            raise UserError(str(path), f"is damaged: {error}", remedy) from None
-        except (pyarrow.ArrowException, KeyError, ValueError, TypeError, RecursionError):
-            raise UserError(str(path), "is no evidence kept by `observer-rt run`", remedy) from None
+    try:
+        with path.open("rb") as file:  # a name may look like an address to the library
+            content = file.read(_LARGEST)
+        reader = parquet.ParquetFile(pyarrow.BufferReader(content), page_checksum_verification=True)
+        said = json.loads(reader.schema_arrow.metadata[_BELIEF.encode()])
+        table = reader.read([column.header for column in SI[:4]])
+        time, rail, lift, line = (column.to_numpy() for column in table.columns)
+        recording = Recording(time, rail, lift, line, path=path)
+        return KeptEvent(
+            path,
+            hashlib.sha256(content).hexdigest(),
+            EvidenceKind(said["kind"]),
+            str(said["time"]),
+            float(said["open_time_s"]),
+            float(said["opening_pressure_Pa"]),
+            dict(said["belief"]),
+            recording,
+        )
+    except OSError as error:  # also of a page whose checksum is another
+        raise UserError(str(path), f"is damaged: {error}", remedy) from None
+    except (pyarrow.ArrowException, KeyError, ValueError, TypeError, RecursionError):
+        raise UserError(str(path), "is no evidence kept by `observer-rt run`", remedy) from None
 
 
 class EvidenceFolder:

@@ -44,15 +44,6 @@ def test_injector_file_from_before_there_were_formats(tmp_path: Path) -> None:
 
 
 @FILES
-@pytest.mark.parametrize("key", ["a", '"a"'])
-def test_a_deeply_nested_key(tmp_path: Path, source: Path, load: Load, key: str) -> None:
-    path = tmp_path / source.name
-    path.write_text(f"{source.read_text()}\n{'.'.join([key] * 1500)} = 1\n")  # in its last section
-    with pytest.raises(UserError, match="nested too deeply"):
-        load(path)
-
-
-@FILES
 @given(data=st.data())
 def test_damaged_bytes(
     tmp_path_factory: pytest.TempPathFactory, source: Path, load: Load, data: st.DataObject

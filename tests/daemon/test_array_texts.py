@@ -1,11 +1,10 @@
-"""Arrays as texts: put in again, and texts without an array."""
+"""Arrays as texts, put in again."""
 
 import json
-from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.daemon.array_texts import ArrayTexts
@@ -27,17 +26,6 @@ def test_a_covariance_stays_one_however_little_is_left_of_it(size: int, seed: in
     np.testing.assert_array_equal(first, second)
     np.linalg.cholesky(first)
     np.testing.assert_allclose(first, covariance, rtol=0.0, atol=1e-6 * np.abs(covariance).max())
-
-
-@example("root 999999999x0 0")
-@example("root 0 0")
-@example("root 0x1000000x1000000 0")
-@given(st.text() | st.from_regex(r"(exact|root) -?\d{1,9}(x-?\d{1,9}){0,2} [0-9a-zA-Z!#]*", fullmatch=True))
-def test_a_text_that_is_no_array_is_an_error_and_takes_no_memory(text: str) -> None:
-    with suppress(ValueError):
-        assert ArrayTexts([text]).put_in({"array": 0}).size == 0
-    with pytest.raises(LookupError):
-        ArrayTexts([text]).put_in({"array": 1})
 
 
 def test_an_array_that_is_not_finite_is_not_kept() -> None:

@@ -1,19 +1,15 @@
 """A folder of evidence: bounded, by kind and operating point, whole files only, and read as any recording."""
 
-import os
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-import pyarrow
 import pytest
-from pyarrow import parquet
 
 from observer_rt.config.injector import EvidenceConfig
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
 from observer_rt.files.evidence import EvidenceFolder, read_evidence, write_evidence
 from observer_rt.files.formats import open_recording
-from observer_rt.files.signals.table_writers import SI
 from observer_rt.foundation.errors import UserError
 
 BEGIN = datetime(2026, 5, 1, tzinfo=UTC)
@@ -121,20 +117,3 @@ def test_what_a_killed_writer_left_is_gone_and_what_is_damaged_is_refused(tmp_pa
     path.write_bytes(b"something else")
     with pytest.raises(UserError, match="no evidence"):
         read_evidence(path)
-
-
-def test_what_is_no_event_holds_nobody_up(tmp_path: Path) -> None:
-    """A pipe, a device, a table far longer than any event, texts for numbers, which may be as long as they like."""
-    write_evidence(tmp_path / "right", event(EvidenceKind.GOOD, 1), "2026-05-01T00:00:00.000+00:00")
-    said = parquet.read_schema(tmp_path / "right").metadata
-    names = ("pipe", "zeros", "long", "texts")
-    pipe, zeros, long, texts = (tmp_path / f"{name}.parquet" for name in names)
-    os.mkfifo(pipe)
-    zeros.symlink_to("/dev/zero")
-    for path, column in ((long, np.arange(2 << 20) / 1e5), (texts, pyarrow.array(["1"] * 20))):
-        columns = {each.header: column for each in SI[:4]}
-        table = pyarrow.table(columns).replace_schema_metadata(said)
-        parquet.write_table(table, path)
-    for path, problem in ((pipe, "no file"), (zeros, "no file"), (long, "no evidence"), (texts, "no evidence")):
-        with pytest.raises(UserError, match=f"{path}: is {problem}"):
-            read_evidence(path)

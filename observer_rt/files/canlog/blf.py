@@ -28,7 +28,6 @@ ERROR_TYPES = frozenset((2, 3, 73, 104))  # error, overload, extended error, FD 
 FRAME_TYPES = (layout.CAN_MESSAGE, layout.CAN_MESSAGE2, layout.CAN_FD_MESSAGE, layout.CAN_FD_MESSAGE_64)
 SENT, REQUESTED, DIRECTION = 1, 2, 0xF
 FD_64_REMOTE, FD_64_SHIFT = 0x10, 12  # among the flags of CAN_FD_MESSAGE_64, those of CAN FD begin there
-MOST_UNPACKED = 1 << 28  # bytes of a container, which has some 100 KB
 READABLE = "give a complete BLF file"
 MICROSECOND, MILLISECOND = 1000, 1_000_000  # ns
 OLDEST_START = 631_152_000 * NANOSECONDS  # 1990: an earlier time is no date in BLF, and is counted from 0
@@ -107,13 +106,10 @@ class BlfLog(LogReader):
         packing, size = layout.LOG_CONTAINER_STRUCT.unpack_from(body)
         data = body[layout.LOG_CONTAINER_STRUCT.size :]
         if packing == layout.ZLIB_DEFLATE:
-            unpacker = zlib.decompressobj()
             try:
-                data = unpacker.decompress(data, MOST_UNPACKED)
+                data = zlib.decompress(data)
             except zlib.error as error:
                 raise UserError(location, f"is damaged: {error}", READABLE) from None
-            if not unpacker.eof:
-                raise UserError(location, "is damaged: what is packed does not end", READABLE)
         elif packing != layout.NO_COMPRESSION:
             raise UserError(location, f"is packed in a way unknown here ({packing})", "save it again unpacked")
         if len(data) < size:

@@ -161,13 +161,3 @@ def test_damaged_files_are_refused(tmp_path: Path, parts: tuple[bytes, ...], sai
     with pytest.raises(UserError) as raised:
         list(log(tmp_path, *parts))
     assert said in str(raised.value)
-
-
-def test_what_is_packed_is_unpacked_to_its_end_and_no_further(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("observer_rt.files.canlog.blf.MOST_UNPACKED", 5000)
-    objects = b"".join(obj(1, classic(), n) for n in range(80))
-    assert len(list(log(tmp_path, container(objects)))) == 80
-    with pytest.raises(UserError, match="what is packed does not end"):
-        list(log(tmp_path, container(objects + bytes(2000))))

@@ -24,7 +24,7 @@ from tools.benchmarks.discovery.answers import (
 )
 from tools.benchmarks.discovery.cases import HiddenCase, Query, real_benches
 from tools.benchmarks.discovery.kinds import near_tie, same_effect
-from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches, write_all
+from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches
 from tools.benchmarks.fitting import fitted_model
 
 CASES = 150
@@ -37,7 +37,7 @@ def model_of(rig: Rig, out: Path) -> Path | str:
     """The fitted injector file of a rig, or why `fit` failed."""
 
     def recorded(folder: Path) -> list[Path]:
-        return write_all(healthy_benches(rig), rig.with_rate, folder / "healthy")
+        return scoring.write_all(healthy_benches(rig), rig.with_rate, folder / "healthy")
 
     try:
         return fitted_model(out / "rigs" / rig.name, recorded)
@@ -50,7 +50,7 @@ def score_real(case: HiddenCase, model: Path | str) -> Row:
     if isinstance(model, str):
         raise RunError(model)
     with TemporaryDirectory(prefix="discovery-") as name:
-        files = write_all(real_benches(case, GIVEN), case.with_rate, Path(name) / "given")
+        files = scoring.write_all(real_benches(case, GIVEN), case.with_rate, Path(name) / "given")
         answer = ask(files, Path(name) / "answer", model, choose=False)
     row, fitted = facts_of(case, answer), load_injector(model)
     row["adequate"] = fitted.baseline is not None and fitted.baseline.adequate

@@ -198,7 +198,7 @@ class Score:
 def score_outcome(case: Case, outcome: Outcome, bench: Bench) -> Score:
     """Score an observer by its bench, and the nominal model beside it, on what a case came to."""
     recording = recording_of(outcome)
-    if CLASSES[case.class_name].windowed:
+    if case.class_name in CLASSES and CLASSES[case.class_name].windowed:
         return score_evaluation(case, outcome, bench, evaluate_windowed(bench, recording))
     return score_evaluation(case, outcome, bench, evaluate(bench, [recording]).evaluations[0])
 

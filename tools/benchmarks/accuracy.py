@@ -26,6 +26,7 @@ CASES = 60  # per class
 PEER = "peer"
 PEER_KINDS = ("orifice_area", "seat_area", "orifice_and_seat_area", "line_friction", "healthy")  # of its states
 ERRORS, RMSE = "observer_errors_pct", "observer_rmse"
+AccuracyTier = StrEnum("AccuracyTier", {"A": "A", "B": "B", "C": "C"})
 _MAIN, _WELL = "group == 'main'", "group in ['main', 'operation']"
 _WORN = "class_name == 'orifice_area' and abs(nozzle_wear) >= 0.1"  # where the ratio of x3 counts
 _EACH = "class_name"
@@ -93,14 +94,6 @@ WORN_COLUMNS: dict[str, tuple[str, How]] = {
     "outside own interval": ("outside_own_interval", "sum"),
     "error level %": (ERRORS, "mean"),
 }
-
-
-class AccuracyTier(StrEnum):
-    """Which plant is measured."""
-
-    A = "A"
-    B = "B"
-    C = "C"
 
 
 def score_case(class_name: str, seed: int, number: int, how: needles.How) -> Row:

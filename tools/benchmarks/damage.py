@@ -44,9 +44,8 @@ BARS = (Bar("faults", "fault", "sum", most=0), *(Bar(each, each, "sum") for each
 
 def kinds() -> list[str]:
     """Names of whole files: frames and signals in every format that is written."""
-    logs = formats.LOGS_WRITTEN
-    signals = formats.SIGNALS_WRITTEN
-    return [f"frames{suffix}" for suffix in logs] + [f"signals{suffix}" for suffix in signals]
+    signals = [f"signals{suffix}" for suffix in formats.SIGNALS_WRITTEN]
+    return [f"frames{suffix}" for suffix in formats.LOGS_WRITTEN] + signals
 
 
 def write_whole(path: Path) -> None:

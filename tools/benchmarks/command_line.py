@@ -31,7 +31,6 @@ TierOption = Annotated[
     Tier, typer.Option(help="A: a plant of the nominal structure. B: a richer one, to which `fit` fits.")
 ]
 NoLiftOption = Annotated[bool, typer.Option("--no-lift", help="Without a lift: the needle by its commands alone.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 
 
 def chosen_names(text: str, option: str, names: Collection[str], default: Collection[str]) -> tuple[str, ...]:

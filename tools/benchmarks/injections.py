@@ -115,7 +115,6 @@ def injections(
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
     tier: cli.TierOption = cli.Tier.A,
-    as_json: cli.JsonOption = False,
 ) -> None:
     """Every injection of histories that nothing has taught: corrected and live mass and rate against the truth.
 
@@ -145,7 +144,7 @@ def injections(
         Bar("valid_share", "valid", "mean", least=valid, by="kind" if asked == "pilot" else ""),
         *_FURTHER.get(asked, ()),
     )
-    conclude(frame, bars, {f"injections: {asked}": table(frame, "kind", COLUMNS)}, out, as_json)
+    conclude(frame, bars, {f"injections: {asked}": table(frame, "kind", COLUMNS)}, out)
 
 
 def _is_chosen(name: str, parts: str) -> bool:

@@ -65,7 +65,6 @@ def discovery(
     seed: cli.SeedOption = 1,
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
-    as_json: cli.JsonOption = False,
 ) -> None:
     """Whether `discover` names effects hidden in recordings of independent plants."""
     if rate not in RATES:
@@ -85,7 +84,7 @@ def discovery(
             for asked in OUTSIDE_SHARES
             if "asked" in frame and frame["asked"].eq(asked).any()
         } | {"confidence": calibration(values_of(frame, "confidences"))}
-        conclude(frame, outside.bars(str(tier)), tables, out, as_json, outside.misses(frame))
+        conclude(frame, outside.bars(str(tier)), tables, out, outside.misses(frame))
     elif on_lines:
         cli.chosen_names(effects.replace("+", ","), "--effects", (*EFFECTS, *OUTSIDE, HEALTHY), ())
         count = real_line.CASES if cases is None else cases
@@ -95,7 +94,7 @@ def discovery(
             "effects, alone, in pairs and without a name": table(frame, "hidden", real_line.COLUMNS),
             "plants": table(frame, "discrepancy", real_line.PLANT_COLUMNS),
         }
-        conclude(frame, real_line.BARS, tables, out, as_json, real_line.misses(frame))
+        conclude(frame, real_line.BARS, tables, out, real_line.misses(frame))
     else:
         chosen = cli.chosen_names(effects, "--effects", HIDDEN, HIDDEN)
         hidden = nominal_cases(chosen, nominal.CASES if cases is None else cases, rates, seed)
@@ -104,7 +103,7 @@ def discovery(
             "hidden effects": table(frame, "hidden", nominal.COLUMNS),
             "with a measured rate": table(frame, "with_rate", nominal.COLUMNS),
         }
-        conclude(frame, nominal.BARS, tables, out, as_json, nominal.misses(frame))
+        conclude(frame, nominal.BARS, tables, out, nominal.misses(frame))
 
 
 def _run(work: Callable[..., Row], cases: Sequence[HiddenCase], jobs: int, out: Path) -> pd.DataFrame:

@@ -111,7 +111,6 @@ def faults(
         int, typer.Option(min=0, help="So many daemons killed, without room on the disk, without power.")
     ] = 0,
     no_lift: cli.NoLiftOption = False,
-    as_json: cli.JsonOption = False,
 ) -> None:
     """Everything that may go wrong with sensors, bus, clocks and processes, every row of the table in turn."""
     out = out or Path(f"build/faults-{tier}{'-no-lift' * no_lift}")
@@ -144,4 +143,4 @@ def faults(
     lines = [line_of(row) for row in seen.where(seen.notna(), None).to_dict("records") if is_faulty(row)]
     lines += [f"{row.label}: {each}" for row in kills.itertuples() for each in row.what]
     bars = [replace(bar, least=RIGHT_WITHOUT_LIFT) if no_lift and bar.column == "right" else bar for bar in BARS]
-    conclude(frame, bars, tables, out, as_json, lines)
+    conclude(frame, bars, tables, out, lines)

@@ -73,9 +73,7 @@ def _integral(values: Array, sample: float) -> Array:
 
 
 @pytest.mark.parametrize(("v_h", "v_s"), [(0.0, 0.0), (0.4, -0.3), (-0.5, 0.4)])
-def test_injection_agrees_with_an_independent_integration(
-    injector: InjectorParameters, v_h: float, v_s: float
-) -> None:
+def test_injection_agrees_with_another_integration(injector: InjectorParameters, v_h: float, v_s: float) -> None:
     """(19)-(23) in physical units by an implicit method with tight tolerances, from the same inputs."""
     inputs = stroke(401, SAMPLE)
     c = coefficients(injector)

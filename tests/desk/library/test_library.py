@@ -212,9 +212,7 @@ def test_simulate_refuses_by_its_parameters(arguments: dict[str, Any], location:
 
 
 @pytest.mark.parametrize(("call", "form"), [("evaluate", "layout"), ("discover", "recording"), ("fit", "frame")])
-def test_a_line_pressure_that_never_moves_is_refused_by_name(
-    worn: Worn, call: str, form: str, tmp_path: Path
-) -> None:
+def test_a_line_pressure_that_never_moves_is_refused(worn: Worn, call: str, form: str, tmp_path: Path) -> None:
     dead = worn[0].with_arrays({"line_pressure": np.full(worn[0].samples, 99.3e6)})
     frame = ort.to_frame(dead)
     injector = ort.Injector.load()

@@ -84,9 +84,7 @@ def test_steady_gain_solves_the_riccati_equation(
 @pytest.mark.parametrize("late", [0.3, 0.9])
 @pytest.mark.parametrize("lag", [0.0, 40e-6])
 @pytest.mark.parametrize("sample_rate", [20e3, 100e3])
-def test_steady_gain_of_a_line_pressure_recorded_late(
-    nominal: Case, sample_rate: float, lag: float, late: float
-) -> None:
+def test_steady_gain_of_a_late_line_pressure(nominal: Case, sample_rate: float, lag: float, late: float) -> None:
     schedule = gain_schedule(nominal.c, NOISE, sample_rate, lag, late)
     gain, sigma = steady_kalman(nominal.c, NOISE, sample_rate, lag, late)
     on_time, _ = steady_kalman(nominal.c, NOISE, sample_rate, lag)

@@ -108,9 +108,7 @@ def test_singular_information_is_refused() -> None:
 
 
 @given(st.integers(0, 10_000), st.floats(0.1, 1.0), st.frozensets(st.sampled_from(GATE.columns)))
-def test_gated_covariance_is_that_of_the_error_when_the_rest_is_known(
-    seed: int, share: float, active: frozenset[int]
-) -> None:
+def test_gated_covariance_is_that_of_the_error(seed: int, share: float, active: frozenset[int]) -> None:
     """By regression of the used on the known within the joint belief; its error is independent of the belief."""
     information, _ = belief(seed, 1.0)
     joint = np.asarray(np.linalg.inv(information), np.float64)

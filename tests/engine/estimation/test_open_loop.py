@@ -163,9 +163,7 @@ def event(nominal: Case) -> Window:
     ],
     ids=["pressures", "lift", "all"],
 )
-def test_variances_are_those_of_many_draws(
-    nominal: Case, event: Window, noise: NoiseLevels, tolerance: float
-) -> None:
+def test_variances_are_those_of_draws(nominal: Case, event: Window, noise: NoiseLevels, tolerance: float) -> None:
     random = np.random.default_rng(4)
     theta = worn_theta()
     run = open_loop(event, nominal.setting, theta)

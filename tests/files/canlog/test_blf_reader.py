@@ -163,9 +163,7 @@ def test_damaged_files_are_refused(tmp_path: Path, parts: tuple[bytes, ...], sai
     assert said in str(raised.value)
 
 
-def test_what_is_packed_is_unpacked_to_its_end_and_no_further(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_packed_is_unpacked_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("observer_rt.files.canlog.blf.MOST_UNPACKED", 5000)
     objects = b"".join(obj(1, classic(), n) for n in range(80))
     assert len(list(log(tmp_path, container(objects)))) == 80

@@ -109,16 +109,9 @@ def recorded(bench: plant.Bench, outcome: plant.Outcome, with_rate: bool) -> Ora
     counted = np.zeros(measured.time.size, np.bool_)
     for first, last in openings:
         counted[first - round(LEAD / INTERVAL) : last + round(TAIL / INTERVAL)] = True
-    return OracleRecording(
-        bench,
-        measured.rail_pressure,
-        measured.needle_lift,
-        measured.line_pressure,
-        measured_rate(bench, outcome) if with_rate else None,
-        openings,
-        np.concatenate(strokes)[:, 4:6],
-        counted,
-    )
+    rate, speeds = measured_rate(bench, outcome) if with_rate else None, np.concatenate(strokes)[:, 4:6]
+    seen = (measured.rail_pressure, measured.needle_lift, measured.line_pressure)
+    return OracleRecording(bench, *seen, rate, openings, speeds, counted)
 
 
 def record_all(benches: Sequence[plant.Bench], with_rate: bool) -> tuple[tuple[OracleRecording, plant.Outcome], ...]:

@@ -12,14 +12,8 @@ from observer_rt.foundation.errors import UserError
 
 JOBS = os.cpu_count() or 1
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-
-
-class Tier(StrEnum):
-    """Which plant is measured. A: of the nominal structure; B: richer, with travelling waves."""
-
-    A = "A"
-    B = "B"
-
+Tier = StrEnum("Tier", {"A": "A", "B": "B"})
+"""Which plant is measured. A: of the nominal structure; B: richer, with travelling waves."""
 
 CasesOption = Annotated[int, typer.Option(min=0, help="How many.")]
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]

@@ -105,12 +105,8 @@ def write_bench(folder: Path, interface: str, channel: str, ids: Ids, *changes: 
     folder.mkdir(parents=True, exist_ok=True)
     database = (PACKAGE_DATA / "observer_fd.dbc").read_text("utf-8")
     for number in DEFAULT_IDS:
-        database = re.sub(
-            rf"^(BO_|CM_ BO_|CM_ SG_|VAL_|SIG_VALTYPE_|BA_ \"\w+\" BO_|BA_ \"\w+\" SG_) {number} ",
-            rf"\1 {number + ids.shift} ",
-            database,
-            flags=re.MULTILINE,
-        )
+        mention = rf"^(BO_|CM_ BO_|CM_ SG_|VAL_|SIG_VALTYPE_|BA_ \"\w+\" BO_|BA_ \"\w+\" SG_) {number} "
+        database = re.sub(mention, rf"\1 {number + ids.shift} ", database, flags=re.MULTILINE)
     (folder / "observer_fd.dbc").write_text(database, "utf-8")
     text = bench_text(
         ('interface = "socketcan"', f'interface = "{interface}"'),

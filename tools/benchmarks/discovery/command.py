@@ -65,7 +65,6 @@ def discovery(
     if all_kinds and not is_outside:
         raise UserError("--all-kinds", "is for --outside", "add --outside, or give --cases")
     plants, rates = tuple(discrepancy or Discrepancy), RATES[rate]
-    on_lines = tier is cli.Tier.B
     out = out or Path(f"build/discovery{'-outside' if is_outside else ''}-{tier}")
     if is_outside:
         named = cli.chosen_names(effects, "--effects", (*KINDS, *VOCABULARY_KINDS, campaigns.HEALTHY), ())
@@ -78,13 +77,12 @@ def discovery(
             if "asked" in frame and frame["asked"].eq(asked).any()
         } | {"confidence": calibration(values_of(frame, "confidences"))}
         conclude(frame, outside.bars(str(tier)), tables, out, outside.misses(frame))
-    elif on_lines:
+    elif tier is cli.Tier.B:
         cli.chosen_names(effects.replace("+", ","), "--effects", (*EFFECTS, *OUTSIDE, campaigns.HEALTHY), ())
         count = real_line.CASES if cases is None else cases
         names = [name for name in effects.split(",") if name]
-        frame = _run(
-            real_line.score_real, campaigns.real_cases(count, healthy, rates, plants, seed, names), jobs, out
-        )
+        hidden = campaigns.real_cases(count, healthy, rates, plants, seed, names)
+        frame = _run(real_line.score_real, hidden, jobs, out)
         tables = {
             "effects, alone, in pairs and without a name": table(frame, "hidden", real_line.COLUMNS),
             "plants": table(frame, "discrepancy", real_line.PLANT_COLUMNS),

@@ -98,9 +98,7 @@ def test_an_effect_given_twice_or_of_the_bench(tmp_path: Path, text: str, number
 
 @settings(max_examples=30)
 @given(st.sampled_from([e for e in VOCABULARY.values() if e.parameters and not e.remedy]), st.floats(0.0, 1.0))
-def test_every_effect_in_its_printed_unit(
-    tmp_path_factory: pytest.TempPathFactory, effect: Effect, share: float
-) -> None:
+def test_every_effect_in_its_unit(tmp_path_factory: pytest.TempPathFactory, effect: Effect, share: float) -> None:
     values = [p.lowest + share * (p.highest - p.lowest) for p in effect.parameters]
     printed = ", ".join(
         f'{p.name} = {{ value = {value / p.si!r}, unit = "{p.unit}" }}'

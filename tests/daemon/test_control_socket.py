@@ -80,9 +80,7 @@ def test_a_line_without_end_is_hung_up_on(client: socket.socket) -> None:
     assert client.recv(1) == b""
 
 
-def test_clients_are_limited_and_silent_ones_are_in_nobodys_way(
-    kept: Path, client: socket.socket, said: list[str]
-) -> None:
+def test_clients_are_limited_and_silent_ones_do_no_harm(kept: Path, client: socket.socket, said: list[str]) -> None:
     others = [socket.socket(socket.AF_UNIX) for _ in range(MOST_CLIENTS)]
     for other in others:
         other.settimeout(20.0)

@@ -129,9 +129,7 @@ PORTION = 60  # frames
 @pytest.mark.parametrize(
     "interface", ["virtual", pytest.param("socketcan", marks=[pytest.mark.vcan, pytest.mark.slow])]
 )
-def test_results_over_four_buses_equal_those_of_one(
-    request: pytest.FixtureRequest, tmp_path: Path, interface: str
-) -> None:
+def test_results_over_four_buses_equal_one(request: pytest.FixtureRequest, tmp_path: Path, interface: str) -> None:
     """Played as fast as it goes, frames wait in the drivers; on real interfaces no faster than they take."""
     channels, speed = ([f"{uuid.uuid4().hex[:8]}-{name}" for name in ("rail", "lift", "line", "results")], math.inf)
     if interface == "socketcan":
@@ -172,9 +170,7 @@ def deliver(daemon: Daemon, links: Sequence[TroubledLink], frames: Sequence[Time
 
 
 @pytest.mark.parametrize("first", [0, 100])
-def test_a_bus_that_cannot_be_read_for_a_while_is_waited_for(
-    four: Path, monkeypatch: pytest.MonkeyPatch, first: int
-) -> None:
+def test_a_bus_unreadable_for_a_while_is_waited_for(four: Path, monkeypatch: pytest.MonkeyPatch, first: int) -> None:
     """As by a machine that has no time for its thread: meanwhile the others could come to their end."""
     receive, taken = TroubledLink.receive, [0]
 

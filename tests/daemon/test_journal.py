@@ -175,9 +175,7 @@ def test_a_file_that_is_moved_away_is_whole_and_a_new_one_begun(path: Path, jour
     assert numbers(path) == [3]
 
 
-def test_a_journal_that_was_removed_is_told_and_counted(
-    path: Path, journal: JournalWriter, messages: list[str]
-) -> None:
+def test_a_removed_journal_is_told_and_counted(path: Path, journal: JournalWriter, messages: list[str]) -> None:
     """Nothing new need be written for that: the next one has the run at once."""
     write(journal, 1, 2, 3)
     path.unlink()

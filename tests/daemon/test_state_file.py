@@ -237,9 +237,7 @@ def test_nothing_set_aside_is_overwritten(state: StateFile) -> None:
         assert kept.read_text() == f'{{"version": {number}'
 
 
-def test_a_state_of_many_injections_is_small_and_judges_the_next_ones_as_if_it_had_never_been_on_disk(
-    state: StateFile,
-) -> None:
+def test_a_state_of_many_injections_is_small_and_judges_as_if_never_on_disk(state: StateFile) -> None:
     bench, pressures = load_bench(), (60e6, 100e6, 140e6)
     learned = evaluate(bench, [simulated(20, 0.2, pressures, 100e3, seed=3)]).knowledge
     state.save(learned)

@@ -33,24 +33,19 @@ from observer_rt.engine.stream.state import RAIL as RAIL_CHANNEL
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
+from tests.plants.arrays import Array
 
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
 NOMINAL = load_injector()
 RAIL = 100e6  # Pa
 FINE = 500e3  # Hz, of a true course
 PIECE = 1000  # samples fed between two looks
-Channels = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Channels = tuple[Array, Array, Array]
 """Rail pressure, lift and line pressure [Pa, m, Pa]."""
 
 
 def _push_all(
-    observer: Observer,
-    index: int,
-    rail: NDArray[np.float64],
-    lift: NDArray[np.float64],
-    line: NDArray[np.float64],
-    broken: int,
-    between: tuple[float, float],
+    observer: Observer, index: int, rail: Array, lift: Array, line: Array, broken: int, between: tuple[float, float]
 ) -> None:
     """Samples from an index on into the ring of recorded ones, and taken in; between: shares of lift and rail."""
     recorded = int(observer.memory[0]["positions"]["recorded"])
@@ -109,9 +104,9 @@ class Stream:
 
     def feed(
         self,
-        rail: NDArray[np.float64],
-        lift: NDArray[np.float64],
-        line: NDArray[np.float64],
+        rail: Array,
+        lift: Array,
+        line: Array,
         index: int | None = None,
         broken: Break = Break.NONE,
         lift_after: float = 0.0,
@@ -139,7 +134,7 @@ class Stream:
         """A shut needle for `duration` [s], without noise."""
         return self.move(np.zeros(round(duration * self.sample_rate)), **where)
 
-    def move(self, lift: NDArray[np.float64], **where: int) -> "Stream":
+    def move(self, lift: Array, **where: int) -> "Stream":
         """A needle that moves so [m] beside pressures that stand still, without noise."""
         pressure = np.full(lift.size, RAIL)
         return self.feed(pressure, lift, pressure, **where)  # type: ignore[arg-type]
@@ -194,13 +189,13 @@ class Stream:
         self._seen = processed
 
 
-def stroke(open_for: int, peak: float = 0.3e-3, ramp: int = 20) -> NDArray[np.float64]:
+def stroke(open_for: int, peak: float = 0.3e-3, ramp: int = 20) -> Array:
     """Lift [m] of one opening: exactly `open_for` samples above 0, straight ramps of `ramp` samples."""
     k = np.arange(1, open_for + 1)
     return peak * np.clip(np.minimum(k, open_for + 1 - k) / ramp, 0.0, 1.0)
 
 
-def lift_with(length: int, strokes: Mapping[int, NDArray[np.float64] | int]) -> NDArray[np.float64]:
+def lift_with(length: int, strokes: Mapping[int, Array | int]) -> Array:
     """Lift [m] of `length` samples with strokes at some of them, or usual ones of so many samples."""
     lift = np.zeros(length)
     for start, shape in strokes.items():
@@ -209,7 +204,7 @@ def lift_with(length: int, strokes: Mapping[int, NDArray[np.float64] | int]) -> 
     return lift
 
 
-def opened(starts: Iterable[int], length: int, open_for: int = 110) -> NDArray[np.float64]:
+def opened(starts: Iterable[int], length: int, open_for: int = 110) -> Array:
     """Lift [m] of `length` samples, with openings."""
     return lift_with(length, dict.fromkeys(starts, open_for))
 
@@ -238,16 +233,14 @@ def true_course(injections: int, period: float, durations: tuple[float, ...], *e
     return run_plant(model, strokes(schedule, NOMINAL), time, schedule.rail_pressure(time))
 
 
-def period_means(signal: NDArray[np.float64], every: int) -> NDArray[np.float64]:
+def period_means(signal: Array, every: int) -> Array:
     """Of a signal (n,) over the periods that end at every so-many-th sample."""
     between = 0.5 * (signal[1:] + signal[:-1])
     complete = between[: between.size // every * every].reshape(-1, every).mean(axis=1)
     return np.append(signal[:1], complete)
 
 
-def beside_rest(
-    lift: NDArray[np.float64], fall: float = 0.0, since: int = 0, innovation_weight: float = 0.0
-) -> Stream:
+def beside_rest(lift: Array, fall: float = 0.0, since: int = 0, innovation_weight: float = 0.0) -> Stream:
     """What comes of a lift [m] beside pressures at rest with their noise; the line's falls [Pa] at a sample.
 
     innovation_weight: 1/sigma^2; 0: nothing contradicts the model.

@@ -111,9 +111,7 @@ def with_lift_too_low(offset: float) -> Stream:
 @pytest.mark.parametrize("speed", [0.5, 0.8, 1.1])
 @pytest.mark.parametrize("offset", [6 * UM, 20 * UM, 45 * UM])
 @pytest.mark.parametrize("phase", [0.0, 0.4, 0.9])
-def test_ramps_are_extended_to_where_the_needle_leaves_and_meets_its_seat(
-    speed: float, offset: float, phase: float
-) -> None:
+def test_ramps_are_extended_to_where_the_needle_is_at_its_seat(speed: float, offset: float, phase: float) -> None:
     """Straight ramps at `speed` [m/s]; of the lift only what exceeds the offset is recorded."""
     rise = speed * 1e-5
     time = np.arange(140) - 30 - phase

@@ -71,9 +71,7 @@ def test_recordings_as_they_should_be(pressure: float, noise: bool) -> None:
     ],
 )
 @pytest.mark.parametrize("pressure", [60e6, 150e6])
-def test_a_wrong_unit_names_signal_and_unit(
-    signals: tuple[str, ...], factor: float, unit: str, pressure: float
-) -> None:
+def test_a_wrong_unit_is_named(signals: tuple[str, ...], factor: float, unit: str, pressure: float) -> None:
     right = recorded(pressure)
     wrong = changed(right, **{name: right.signals[name] * factor for name in signals})
     with pytest.raises(UserError) as raised:

@@ -40,9 +40,7 @@ def test_a_layout_gives_the_same_recording(tmp_path: Path, layout: Layout) -> No
         (("Zeit [ms]", "Rail [V]", "Hub [um]", "p_line_bar"), "'V' of 'Rail' is no unit of it", "column"),
     ],
 )
-def test_headings_that_do_not_say_it_name_the_section(
-    tmp_path: Path, names: tuple[str, ...], problem: str, lacking: str
-) -> None:
+def test_vague_headings_name_the_section(tmp_path: Path, names: tuple[str, ...], problem: str, lacking: str) -> None:
     path = tmp_path / "a.csv"
     path.write_text(text(OURS, names, time=1e3, form=".5f"))
     with pytest.raises(UserError, match="do not say which column is which") as raised:

@@ -84,9 +84,7 @@ def test_limits_end_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_after_a_second_the_frames_are_on_the_disk(
-    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_after_a_second_frames_are_on_the_disk(tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Read beside the recorder, as after a loss of power: nothing was closed."""
     monkeypatch.setattr("observer_rt.files.recorder.FLUSH_PERIOD", 0)
     stop, path = threading.Event(), tmp_path / f"bus{suffix}"

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import FUELS, load_injector
 from observer_rt.config.toml_file import read_toml
@@ -15,6 +14,7 @@ from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import Network, constant_network
 from observer_rt.model.parameters import Fluid, InjectorParameters, LineOutflow
 from tests.intervals import Interval
+from tests.plants.arrays import Array
 
 State = tuple[float, float, float]
 GAUSS = [(0.5 + 0.5 * at, 0.5 * w) for at, w in zip(*np.polynomial.legendre.leggauss(5), strict=True)]
@@ -27,13 +27,8 @@ def injector(request: pytest.FixtureRequest) -> InjectorParameters:
 
 
 def integrate(
-    inputs: NDArray[np.float64],
-    start: State,
-    interval: float,
-    substeps: int,
-    c: Coefficients,
-    network: Network | None = None,
-) -> NDArray[np.float64]:
+    inputs: Array, start: State, interval: float, substeps: int, c: Coefficients, network: Network | None = None
+) -> Array:
     """States (n, 3) at the samples of inputs (n, 2), linear between them, from a start state."""
     states = np.empty((len(inputs), c.states))
     states[0] = start
@@ -51,7 +46,7 @@ def with_line(injector: InjectorParameters, **line: Any) -> InjectorParameters:
     return injector.model_copy(update={"line": injector.line.model_copy(update=line)})
 
 
-def at_rest(c: Coefficients, pressure: float = 0.95) -> NDArray[np.float64]:
+def at_rest(c: Coefficients, pressure: float = 0.95) -> Array:
     """State of a line behind a shut needle."""
     x = np.zeros(c.states)
     rest_state(x, pressure, c)

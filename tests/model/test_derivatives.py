@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import normalised_area, seat_area_slope
@@ -20,6 +19,7 @@ from observer_rt.model.line import LumpLine
 from observer_rt.model.parameters import LineOutflow
 from observer_rt.model.right_hand_side import tangent_of
 from tests.model.conftest import State, filled
+from tests.plants.arrays import Array
 
 FULL_LIFT = 1.39  # u_2
 STEP = 1e-6
@@ -45,7 +45,7 @@ def models(draw: st.DrawFn) -> Coefficients:
 
 
 @st.composite
-def thetas(draw: st.DrawFn) -> NDArray[np.float64]:
+def thetas(draw: st.DrawFn) -> Array:
     theta = np.array(draw(st.lists(st.floats(-0.2, 0.2), min_size=PARAMETERS, max_size=PARAMETERS)))
     theta[[Parameter.ENTRAINED_AIR, Parameter.BACK_PRESSURE, Parameter.BACK_PRESSURE + 1]] += 0.21
     return theta
@@ -55,7 +55,7 @@ STATES = st.tuples(PRESSURE, st.floats(-2.0, 2.0), PRESSURE)
 INPUTS = st.tuples(PRESSURE, AREA)
 
 
-def difference(law: Callable[[float], Sequence[float] | float], at: float = 0.0) -> NDArray[np.float64]:
+def difference(law: Callable[[float], Sequence[float] | float], at: float = 0.0) -> Array:
     """Central difference of fourth order."""
     near, far = (np.subtract(law(at + k * STEP), law(at - k * STEP)) for k in (1, 2))
     return np.asarray((8.0 * near - far) / (12.0 * STEP))
@@ -90,7 +90,7 @@ def test_a_closed_seat_does_not_open_with_noise(area: float) -> None:
 
 
 @given(models(), STATES, INPUTS, thetas())
-def test_lump_by_coefficients(c: Coefficients, x: State, u: tuple[float, float], theta: NDArray[np.float64]) -> None:
+def test_lump_by_coefficients(c: Coefficients, x: State, u: tuple[float, float], theta: Array) -> None:
     network = learned_of(theta, c).network
     away_from_kinks(x, u, c)
     tangent = tangent_of(c, by_theta(theta, c), PARAMETERS)
@@ -110,9 +110,7 @@ def test_lump_by_coefficients(c: Coefficients, x: State, u: tuple[float, float],
 
 
 @given(models(), STATES, INPUTS, thetas())
-def test_flows_by_state_and_area(
-    c: Coefficients, x: State, u: tuple[float, float], theta: NDArray[np.float64]
-) -> None:
+def test_flows_by_state_and_area(c: Coefficients, x: State, u: tuple[float, float], theta: Array) -> None:
     network = learned_of(theta, c).network
     away_from_kinks(x, u, c, float(network.nozzle @ (1.0, u[1])))
     slopes = slopes_of_flows(np.array(x), u, c, network)
@@ -133,9 +131,7 @@ def test_flows_by_state_and_area(
 
 
 @given(models(), STATES, INPUTS, thetas())
-def test_right_hand_side_by_state_and_theta(
-    c: Coefficients, x: State, u: tuple[float, float], theta: NDArray[np.float64]
-) -> None:
+def test_right_hand_side_by_state_and_theta(c: Coefficients, x: State, u: tuple[float, float], theta: Array) -> None:
     """The whole of df/dx and df/dtheta, through the elements and dc/dtheta."""
     learned = learned_of(theta, c)
     changed, network = learned.coefficients, learned.network

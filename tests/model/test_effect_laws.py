@@ -47,9 +47,7 @@ def test_cavitation_sets_in_at_the_critical_number(pressure: float, expected: fl
 
 
 @given(pressures, st.floats(0.0, 40e6), st.floats(0.0, 1.0), st.floats(1e-3, 1.0))
-def test_a_share_of_the_rise_grows_with_the_area_of_the_seat(
-    p_s: float, rise: float, share: float, opened: float
-) -> None:
+def test_a_share_of_the_rise_grows_with_the_seats_area(p_s: float, rise: float, share: float, opened: float) -> None:
     c = model(chamber_pressure_rise={"dp": rise, "s": share})
     area = opened * full_lift_area(NOMINAL) / NOMINAL.scaling.area
     expected = rise * (1.0 - share + share * opened)

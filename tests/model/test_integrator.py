@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from observer_rt.config.bench import load_injector
@@ -16,20 +15,21 @@ from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.stability import substeps_needed
 from tests.intervals import Interval
 from tests.model.conftest import State, filled, integrate, physical_rates
+from tests.plants.arrays import Array
 
 NO_FAULT = constant_network()
 SAMPLE = 1e-5  # s
 RAIL = 0.95
 
 
-def stroke(length: int, sample: float, area: float = 0.95) -> NDArray[np.float64]:
+def stroke(length: int, sample: float, area: float = 0.95) -> Array:
     """Inputs (length, 2) over 4 ms: rail at RAIL, needle up from 0.5 to 0.75 ms, down from 2 to 2.25 ms."""
     time = np.arange(length) * sample
     opening = np.interp(time, [0.5e-3, 0.75e-3, 2.0e-3, 2.25e-3], [0.0, area, area, 0.0])
     return np.column_stack([np.full(length, RAIL), opening])
 
 
-def _end_state(c: Coefficients, steps: int) -> NDArray[np.float64]:
+def _end_state(c: Coefficients, steps: int) -> Array:
     """From an open needle's state for 50 us, over which the inputs rise."""
     span, first, last = 5e-5, np.array([0.95, 0.6]), np.array([1.0, 0.8])
     x, network = np.array([0.9, 1.0, 0.7]), constant_network(0.3, -0.2)
@@ -68,14 +68,12 @@ def test_conserving_form_conserves_mass(injector: InjectorParameters) -> None:
     assert in_sac.max() > 1e-3 * injected[-1]  # so that the two forms are told apart
 
 
-def _integral(values: NDArray[np.float64], sample: float) -> NDArray[np.float64]:
+def _integral(values: Array, sample: float) -> Array:
     return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1])) * sample])
 
 
 @pytest.mark.parametrize(("v_h", "v_s"), [(0.0, 0.0), (0.4, -0.3), (-0.5, 0.4)])
-def test_injection_agrees_with_an_independent_integration(
-    injector: InjectorParameters, v_h: float, v_s: float
-) -> None:
+def test_injection_agrees_with_another_integration(injector: InjectorParameters, v_h: float, v_s: float) -> None:
     """(19)-(23) in physical units by an implicit method with tight tolerances, from the same inputs."""
     inputs = stroke(401, SAMPLE)
     c = coefficients(injector)
@@ -106,12 +104,10 @@ def test_parabolas_inject_what_the_exact_laws_do(fuel: str, rail: float) -> None
     assert np.abs(states - expected)[:, 0].max() < 0.005 * np.ptp(expected[:, 0])
 
 
-def _by_scipy(
-    injector: InjectorParameters, inputs: NDArray[np.float64], v_h: float, v_s: float
-) -> NDArray[np.float64]:
+def _by_scipy(injector: InjectorParameters, inputs: Array, v_h: float, v_s: float) -> Array:
     grid = np.arange(len(inputs)) * SAMPLE
 
-    def rates(time: float, x: NDArray[np.float64]) -> tuple[float, ...]:
+    def rates(time: float, x: Array) -> tuple[float, ...]:
         u = float(np.interp(time, grid, inputs[:, 0])), float(np.interp(time, grid, inputs[:, 1]))
         return physical_rates((x[0], x[1], x[2]), u, v_h, v_s, injector)[0]
 

@@ -40,9 +40,7 @@ def solved(indicated: float, start: float, end: float, interval: float, lag: flo
 @pytest.mark.parametrize("interval", [1e-5, 5e-5])
 @pytest.mark.parametrize("lag", [2e-7, 3e-6, 40e-6, 500e-6])
 @pytest.mark.parametrize(("indicated", "start", "end"), [(0.9, 0.95, 0.7), (1.0, 1.0, 1.2), (0.3, 0.1, 0.1)])
-def test_lagged_solves_the_sensors_equation(
-    interval: float, lag: float, indicated: float, start: float, end: float
-) -> None:
+def test_lagged_solves_its_equation(interval: float, lag: float, indicated: float, start: float, end: float) -> None:
     expected = solved(indicated, start, end, interval, lag)
     assert lagged(indicated, start, end, interval, lag) == pytest.approx(expected, abs=1e-8)
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.model import FORGETTING, WEIGHTS, advance_state, fault_with_rate, slopes_of_flows
@@ -20,6 +19,7 @@ from observer_rt.model.stability import substeps_needed
 from observer_rt.model.wave_line import pressure_at
 from tests.intervals import Interval
 from tests.model.conftest import at_rest, filled, with_line
+from tests.plants.arrays import Array
 
 RATE = 1e5  # Hz
 RAIL = 0.95  # normalised
@@ -37,9 +37,7 @@ def area(time: float) -> float:
     return float(np.interp(time, *LIFTED))
 
 
-def run(
-    c: Coefficients, rate: float, substeps: int, seconds: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def run(c: Coefficients, rate: float, substeps: int, seconds: float) -> tuple[Array, Array]:
     """States and injection rates [m3/s] at the samples of an injection."""
     x, network = at_rest(c), constant_network()
     states, rates = [x.copy()], [0.0]
@@ -51,9 +49,7 @@ def run(
     return np.array(states), np.array(rates)
 
 
-def assert_between(
-    slope: NDArray[np.float64], above: NDArray[np.float64], below: NDArray[np.float64], name: str
-) -> None:
+def assert_between(slope: Array, above: Array, below: Array, name: str) -> None:
     """A slope is that of both sides, to 1e-4; where they differ more, a corner lies between (friction at no flow)."""
     nearest = np.clip(slope, np.minimum(above, below), np.maximum(above, below))
     np.testing.assert_allclose(slope, nearest, rtol=1e-4, atol=2e-5, err_msg=name)
@@ -106,7 +102,7 @@ def test_derivatives(seed: int, needle: str, sac_volume: float, outflow: str, ra
     knot = (0.4, -0.05) if needle == "knot" else NO_KNOT
     interval = Interval((0.95, first), (0.96, last), 1.0 / rate, substeps_needed(parameters, rate))
 
-    def stepped(theta: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def stepped(theta: Array, x: Array) -> Array:
         learned = learned_of(theta, c)
         after = x.copy()
         advance_state(after, interval, learned.coefficients, learned.network, knot=knot)

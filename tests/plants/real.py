@@ -16,28 +16,19 @@ import numpy as np
 from numpy.random import Generator
 from scipy.signal import butter, lfilter, lfilter_zi
 
+from tests.plants import plant
 from tests.plants.arrays import Array
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import (
-    LIFT,
-    LINE,
-    RAIL,
-    SAMPLE_RATE,
-    Bench,
-    Event,
-    Needle,
-    Shot,
-    Step,
-    Surroundings,
-    event_start,
-    seen_as,
-)
 from tests.plants.rail import MovingRail, drawn_rail
 from tests.plants.wave import WaveLine, real_part
 
 CORNER = 28e3  # Hz, of the two-pole filter of a channel
-BITS = {RAIL: 250e6 / 2**14, LINE: 250e6 / 2**14, LIFT: 1e-3 / 2**14}  # Pa, Pa, m: steps of a converter
+BITS = {
+    plant.RAIL: 250e6 / 2**14,
+    plant.LINE: 250e6 / 2**14,
+    plant.LIFT: 1e-3 / 2**14,
+}  # Pa, Pa, m: steps of a converter
 STIFFENING = 10.8  # K_1 of a diesel fuel
 CONSTANT_AT = 100e6  # Pa, at which a fuel of one stiffness has that of one that stiffens
 CAVITATING = 0.1  # N_crit - 1 of the holes
@@ -120,26 +111,26 @@ class RealInjector:
     size: Size
     part: Injector
     line: WaveLine
-    needle: Needle
+    needle: plant.Needle
     laws: Laws
     faults: Faults
     rail: MovingRail
-    steps: tuple[Step, ...]
+    steps: tuple[plant.Step, ...]
 
     @property
     def points(self) -> list[tuple[float, float]]:
         """Operating points that `fit` is given: rail pressure [Pa], needle open [s]."""
         return [*itertools.product(self.size.pressures, self.size.durations)]
 
-    def bench(self, points: Sequence[tuple[float, float]], faults: Faults, rng: Generator) -> Bench:
+    def bench(self, points: Sequence[tuple[float, float]], faults: Faults, rng: Generator) -> plant.Bench:
         """A recording with an injection at each of the points; faults: its own among them."""
-        shots = [Shot(rng.uniform(0.0, 1.0 / SAMPLE_RATE), duration) for _, duration in points]
-        events = tuple(Event(point[0], (shot,), faults) for point, shot in zip(points, shots, strict=True))
-        openings = [(event_start(number) + shot.start, shot.duration) for number, shot in enumerate(shots)]
+        shots = [plant.Shot(rng.uniform(0.0, 1.0 / plant.SAMPLE_RATE), duration) for _, duration in points]
+        events = tuple(plant.Event(point[0], (shot,), faults) for point, shot in zip(points, shots, strict=True))
+        openings = [(plant.event_start(number) + shot.start, shot.duration) for number, shot in enumerate(shots)]
         supply = self.rail.supply(openings, float(np.mean([pressure for pressure, _ in points])), rng.random())
-        around = Surroundings(supply=(supply,), after_noise=self.steps)
+        around = plant.Surroundings(supply=(supply,), after_noise=self.steps)
         seed = int(rng.integers(2**62))
-        return Bench(self.part, self.needle, events, seed=seed, line=self.line, around=around, laws=self.laws)
+        return plant.Bench(self.part, self.needle, events, seed=seed, line=self.line, around=around, laws=self.laws)
 
 
 def real_injector(setting: Setting, seed: int) -> RealInjector:
@@ -153,7 +144,7 @@ def real_injector(setting: Setting, seed: int) -> RealInjector:
         size,
         part,
         WaveLine(end_share=size.body / part.line_volume, elements=ELEMENTS),
-        Needle(0.8 * opening, 0.9 * closing),
+        plant.Needle(0.8 * opening, 0.9 * closing),
         Laws(control_flow=size.pilot) if Setting.SERVO in has else NO_LAWS,
         Faults(rail_pressure_sensor_gain=gains[0], line_pressure_sensor_gain=gains[1]),
         drawn_rail(rng),
@@ -187,12 +178,12 @@ def _as_made(part: Injector, body: float, rng: Generator) -> Injector:
     )
 
 
-def _channel(role: str) -> Step:
+def _channel(role: str) -> plant.Step:
     """A channel's filter and its converter."""
-    poles = butter(2, CORNER, fs=SAMPLE_RATE)
+    poles = butter(2, CORNER, fs=plant.SAMPLE_RATE)
 
     def change(_: Array, values: Array) -> Array:
         filtered, _state = lfilter(*poles, values, zi=lfilter_zi(*poles) * values[0])
         return np.asarray(np.rint(filtered / BITS[role]) * BITS[role], np.float64)
 
-    return seen_as(role, change)
+    return plant.seen_as(role, change)

@@ -7,20 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from tests.plants import plant
 from tests.plants.equations import lift_at
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import (
-    FIRST_EVENT,
-    Bench,
-    Event,
-    Needle,
-    Outcome,
-    Shot,
-    Signals,
-    record,
-    strokes_of,
-    wave_injector,
-)
 
 pytestmark = pytest.mark.slow
 
@@ -30,15 +19,17 @@ def once(
     rail_pressure: float = 100e6,
     duration: float = 1.9e-3,
     noise: float = 0.0,
-) -> Outcome:
-    event = Event(rail_pressure, (Shot(0.0, duration),), Faults())
-    return record(Bench(injector, Needle(), (event,), noise=noise, seed=1))
+) -> plant.Outcome:
+    event = plant.Event(rail_pressure, (plant.Shot(0.0, duration),), Faults())
+    return plant.record(plant.Bench(injector, plant.Needle(), (event,), noise=noise, seed=1))
 
 
-def reference(event: Event, until: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def reference(
+    event: plant.Event, until: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Equations (19)-(23) of the nominal part as the paper prints them, by an adaptive implicit solver."""
     part = Injector()
-    strokes = strokes_of(event, FIRST_EVENT, Needle(), part.max_lift)
+    strokes = plant.strokes_of(event, plant.FIRST_EVENT, plant.Needle(), part.max_lift)
     jet = math.sqrt(2.0 / part.density)
 
     def root(d: float) -> float:
@@ -58,7 +49,7 @@ def reference(event: Event, until: float) -> tuple[NDArray[np.float64], NDArray[
             part.bulk_modulus_sac / part.sac_volume * (q_s - q_h),
         ]
 
-    times = np.arange(round(FIRST_EVENT * 1e5) - 5, round(until * 1e5)) / 1e5
+    times = np.arange(round(plant.FIRST_EVENT * 1e5) - 5, round(until * 1e5)) / 1e5
     start = [event.rail_pressure, 0.0, part.chamber_pressure]
     solved = solve_ivp(
         rates, (times[0], times[-1]), start, "LSODA", times, rtol=1e-8, atol=[1.0, 1e-12, 1.0], max_step=1e-6
@@ -69,8 +60,8 @@ def reference(event: Event, until: float) -> tuple[NDArray[np.float64], NDArray[
 
 @pytest.mark.parametrize("rail_pressure", [40e6, 150e6])
 def test_agrees_with_an_adaptive_solver(rail_pressure: float) -> None:
-    event = Event(rail_pressure, (Shot(0.0, 0.8e-3),), Faults())
-    times, line, rate = reference(event, FIRST_EVENT + 2e-3)
+    event = plant.Event(rail_pressure, (plant.Shot(0.0, 0.8e-3),), Faults())
+    times, line, rate = reference(event, plant.FIRST_EVENT + 2e-3)
     truth = once(rail_pressure=rail_pressure, duration=0.8e-3).truth
     samples = slice(round(times[0] * 1e5), round(times[0] * 1e5) + times.size)
     assert np.max(np.abs(truth.line_pressure[samples] - line)) < 2e3
@@ -78,7 +69,7 @@ def test_agrees_with_an_adaptive_solver(rail_pressure: float) -> None:
     assert np.sum(truth.injection_rate[samples]) == pytest.approx(np.sum(rate), rel=2e-4)
 
 
-def ringing_frequency(outcome: Outcome) -> float:
+def ringing_frequency(outcome: plant.Outcome) -> float:
     """Of the line pressure 2-12 ms after the needle shut, by its crossings of the rail pressure."""
     shut = int(outcome.openings[-1, 1])
     part = slice(shut + 200, shut + 1200)
@@ -93,11 +84,13 @@ def test_lump_rings_at_its_mode_and_a_wave_line_at_its_quarter_wave() -> None:
     inertance = part.density * part.line_length / part.line_area
     travel_time = math.sqrt(inertance * part.line_volume / part.bulk_modulus_line)
     assert ringing_frequency(once()) == pytest.approx(1.0 / (2.0 * math.pi * travel_time), rel=0.01)
-    assert ringing_frequency(once(injector=wave_injector())) == pytest.approx(1.0 / (4.0 * travel_time), rel=0.02)
+    assert ringing_frequency(once(injector=plant.wave_injector())) == pytest.approx(
+        1.0 / (4.0 * travel_time), rel=0.02
+    )
 
 
 def test_noise_and_codes_are_those_of_sensors_and_bus() -> None:
-    measured: Signals = once(noise=1.0).measured
+    measured: plant.Signals = once(noise=1.0).measured
     standstill = slice(0, 14_000)
     for signal, sigma, step in (
         (measured.rail_pressure, 0.1e6, 0.005e6),

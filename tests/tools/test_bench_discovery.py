@@ -11,7 +11,7 @@ from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.campaign import Row
-from tools.benchmarks.discovery import nominal, real_line
+from tools.benchmarks.discovery import answers, nominal, real_line, scoring
 from tools.benchmarks.discovery.answers import Answer, Grade, calibration_error, draw_calibration
 from tools.benchmarks.discovery.cases import HiddenCase, Query, nominal_cases, real_case
 from tools.benchmarks.discovery.discrepancies import Discrepancy
@@ -141,7 +141,7 @@ def test_the_true_effect_in_force_closes_the_gap(monkeypatch: pytest.MonkeyPatch
         noted_gaps.append(gaps(*arguments))
         return noted_gaps[-1]
 
-    monkeypatch.setattr(nominal, "gaps", noted)
+    monkeypatch.setattr(scoring, "gaps", noted)
     row = nominal.score_nominal(case, NOMINAL_INJECTOR)
     assert row["grade"] is Grade.RIGHT
     assert row["held"] == [True] * len(case.parts[0][1])
@@ -182,7 +182,7 @@ def test_answers_of_tier_b_are_graded(names: list[str], said: Answer, grade: Gra
 
 def test_a_case_on_a_real_line_is_scored_with_the_model_of_its_rig(monkeypatch: pytest.MonkeyPatch) -> None:
     case = real_case(["seat_area"], RIG, 0)
-    answering(monkeypatch, real_line, case.parts)
+    answering(monkeypatch, answers, case.parts)
     row = real_line.score_real(case, NOMINAL_INJECTOR)
     assert (row["grade"], row["held"], row["adequate"]) == (Grade.RIGHT, [True], False)
     assert "MPa" in row["gaps"]

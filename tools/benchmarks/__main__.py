@@ -15,7 +15,7 @@ from tools.benchmarks.speed import command as speed  # noqa: F401
 
 @app.callback()
 def bench() -> None:
-    """Measures the observer; each command prints a table, or a JSON document."""
+    """Measures the observer; each command prints tables, and figures beside their bars."""
 
 
 def main() -> None:

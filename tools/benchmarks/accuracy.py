@@ -26,6 +26,7 @@ CASES = 60  # per class
 PEER = "peer"
 PEER_KINDS = ("orifice_area", "seat_area", "orifice_and_seat_area", "line_friction", "healthy")  # of its states
 ERRORS, RMSE = "observer_errors_pct", "observer_rmse"
+AccuracyTier = StrEnum("AccuracyTier", {"A": "A", "B": "B", "C": "C"})
 _MAIN, _WELL = "group == 'main'", "group in ['main', 'operation']"
 _WORN = "class_name == 'orifice_area' and abs(nozzle_wear) >= 0.1"  # where the ratio of x3 counts
 _EACH = "class_name"
@@ -95,14 +96,6 @@ WORN_COLUMNS: dict[str, tuple[str, How]] = {
 }
 
 
-class AccuracyTier(StrEnum):
-    """Which plant is measured."""
-
-    A = "A"
-    B = "B"
-    C = "C"
-
-
 def score_case(class_name: str, seed: int, number: int, how: needles.How) -> Row:
     """Record a case, and score the observer and the peer on it; a filter wants the whole recording."""
     case = make_case(class_name, seed, number)
@@ -149,17 +142,16 @@ def accuracy(
         AccuracyTier,
         typer.Option(help="A: a plant of the nominal structure. B: richer, C: realistic; `fit` fits to it."),
     ] = AccuracyTier.A,
-    as_json: cli.JsonOption = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
     out = out or Path(f"build/accuracy-{tier}{'-no-lift' * no_lift}")
     how = needles.How(not no_peers, not no_lift)
     if tier is AccuracyTier.B:
-        _on_worn_lines(cases or worn_lines.CASES, seed, jobs, out, as_json, how)
+        _on_worn_lines(cases or worn_lines.CASES, seed, jobs, out, how)
         return
     if tier is AccuracyTier.C:
         settings = cli.chosen_names(classes, "--classes", [*Setting], [*Setting])
-        _on_real_injectors([Setting(name) for name in settings], cases or 1, seed, jobs, out, as_json, how)
+        _on_real_injectors([Setting(name) for name in settings], cases or 1, seed, jobs, out, how)
         return
     names = cli.chosen_names(classes, "--classes", CLASSES, CLASSES)
     todo = {
@@ -168,7 +160,7 @@ def accuracy(
         for number in range(cases or CASES)
     }
     frame = with_ratios(run_cases("accuracy", score_case, todo, jobs, out))
-    _conclude(frame, how, BARS, {"observer, from the fifth event on": table(frame, _EACH, COLUMNS)}, out, as_json)
+    _conclude(frame, how, BARS, {"observer, from the fifth event on": table(frame, _EACH, COLUMNS)}, out)
 
 
 def _conclude(
@@ -177,7 +169,6 @@ def _conclude(
     bars: Sequence[Bar],
     tables: Mapping[str, pd.DataFrame],
     out: Path,
-    as_json: bool,
     lines: Sequence[str] = (),
 ) -> None:
     """With the bars and tables, or those of needles without a lift, and the cases that are wrong while valid."""
@@ -186,10 +177,10 @@ def _conclude(
         tables = {f"without a lift, by {by}": table(frame, by, needles.COLUMNS) for by in (_EACH, "needle")}
     wrong = frame[frame.get("wrong_valid", pd.Series(0, frame.index)) > 0]
     lines = [*lines, *(f"{row.label}: {row.wrong_valid:.0f} wrong while valid" for row in wrong.itertuples())]
-    conclude(frame, bars, tables, out, as_json, lines)
+    conclude(frame, bars, tables, out, lines)
 
 
-def _on_worn_lines(cases: int, seed: int, jobs: int, out: Path, as_json: bool, how: needles.How) -> None:
+def _on_worn_lines(cases: int, seed: int, jobs: int, out: Path, how: needles.How) -> None:
     """A plant whose fit is not adequate is left out: nothing would be valid."""
     todo: dict[str, tuple[Any, ...]] = {}
     left_out = []
@@ -202,11 +193,11 @@ def _on_worn_lines(cases: int, seed: int, jobs: int, out: Path, as_json: bool, h
         todo |= {f"{discrepancy} {seed} {n}{how}": (discrepancy, seed, n, model, how) for n in range(cases)}
     frame = run_cases("worn-lines", worn_lines.score_worn, todo, jobs, out)
     tables = {"worn injectors on fitted lines, from the fifth event on": table(frame, _EACH, WORN_COLUMNS)}
-    _conclude(frame, how, WORN_BARS, tables, out, as_json, left_out)
+    _conclude(frame, how, WORN_BARS, tables, out, left_out)
 
 
 def _on_real_injectors(
-    settings: Sequence[Setting], cases: int, seed: int, jobs: int, out: Path, as_json: bool, how: needles.How
+    settings: Sequence[Setting], cases: int, seed: int, jobs: int, out: Path, how: needles.How
 ) -> None:
     """Only whole ones with measured masses are more than healthy, or evenly worn; without a lift all have masses."""
     fits = [*itertools.product(settings, (True, False) if how.has_lift else (True,))]
@@ -228,4 +219,4 @@ def _on_real_injectors(
             ("no mass measured, healthy and nozzle +12 %", ~is_weighed, "setting"),
         )
     }
-    _conclude(frame, how, real_injectors.BARS, tables, out, as_json)
+    _conclude(frame, how, real_injectors.BARS, tables, out)

@@ -73,11 +73,10 @@ def run(work: str, sources: Path, files: int, injections: int, bench: Path, *opt
     return dict(zip(("label", *COLUMNS), values, strict=True))
 
 
-@cli.app.command(epilog="Examples: tools/bench batch; tools/bench batch --quick --json")
+@cli.app.command(epilog="Example: tools/bench batch --quick")
 def batch(
     quick: Annotated[bool, typer.Option("--quick", help="Few and short files: a look, no verdict.")] = False,
     out: cli.OutOption = None,
-    as_json: cli.JsonOption = False,
 ) -> None:
     """What many recordings cost through `observer-rt batch`: a core, two workers, learning, memory."""
     (repeats, files), out = (3, 4) if quick else (8, 8), out or Path("build/batch")
@@ -99,4 +98,4 @@ def batch(
     frame["efficiency"] = many_row["clock"] / (2.0 * frame["clock"])
     frame["growth"] = frame["peak_mib"] / few_row["peak_mib"] - 1.0
     shown = table(frame, "work", {name: (name, "max") for name in COLUMNS[1:]}).drop("all")
-    conclude(frame, BARS, {"batch": shown}, out, as_json)
+    conclude(frame, BARS, {"batch": shown}, out)

@@ -183,36 +183,22 @@ def table(frame: pd.DataFrame, by: str, columns: Mapping[str, tuple[str, How]]) 
 
 
 def conclude(
-    frame: pd.DataFrame,
-    bars: Sequence[Bar],
-    tables: Mapping[str, pd.DataFrame],
-    out: Path,
-    as_json: bool,
-    lines: Iterable[str] = (),
+    frame: pd.DataFrame, bars: Sequence[Bar], tables: Mapping[str, pd.DataFrame], out: Path, lines: Iterable[str] = ()
 ) -> None:
-    """Print verdict, tables by title and lines, or all as JSON; the rows go into `out`.
+    """Print verdict, tables by title and lines; the rows go into `out`, and the figures as exact as they are.
 
     Raises `typer.Exit` with 1 where a bar is missed, or a case failed.
     """
     verdict, failed = judged(frame, bars), frame[frame["failed"].notna()]
-    missed = [str(name) for name in verdict.index[verdict["met"].eq(False)]]
-    failures = [f"{row.label}: {row.failed}" for row in failed.itertuples()]
+    failures = [f"failed: {row.label}: {row.failed}" for row in failed.itertuples()]
     out.mkdir(parents=True, exist_ok=True)
     frame.to_csv(out / "rows.csv", index=False)
-    if as_json:
-        figures = {"cases": len(frame), **json.loads(verdict["value"].to_json(double_precision=15))}
-        details: Row = {"missed": missed, "failed": failures, "lines": [*lines]}
-        details |= {
-            title: json.loads(columns.to_json(orient="index", double_precision=15))
-            for title, columns in tables.items()
-        }
-        print(json.dumps({"figures": figures, "details": details}, indent=2))
-    else:
-        shown = verdict.assign(met=verdict["met"].map({True: "met", False: "MISSED", None: ""}))
-        for title, columns in {**tables, f"figures of {len(frame)} cases": shown}.items():
-            print(f"\n{title}\n{columns.to_string(na_rep=NOTHING, float_format='{:.4g}'.format)}")
-        print("", *lines, *(f"failed: {line}" for line in failures), f"rows: {out / 'rows.csv'}", sep="\n")
-    if missed or failures:
+    verdict.to_csv(out / "figures.csv")
+    shown = verdict.assign(met=verdict["met"].map({True: "met", False: "MISSED", None: ""}))
+    for title, columns in {**tables, f"figures of {len(frame)} cases": shown}.items():
+        print(f"\n{title}\n{columns.to_string(na_rep=NOTHING, float_format='{:.4g}'.format)}")
+    print("", *lines, *failures, f"rows: {out / 'rows.csv'}", sep="\n")
+    if failures or verdict["met"].eq(False).any():
         raise typer.Exit(1)
 
 

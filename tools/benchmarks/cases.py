@@ -91,7 +91,6 @@ _INVENTED: dict[str, Draw] = {
     "line_inertance": lambda rng: Faults(line_inertance=rng.uniform(0.1, 0.3) * sign(rng)),
     "sac_stiffness": lambda rng: Faults(sac_stiffness=rng.uniform(0.2, 0.5) * sign(rng)),
 }
-
 """Outside the vocabulary."""
 
 _REST: dict[str, Draw] = {
@@ -132,10 +131,6 @@ def _wear(rng: Generator) -> Faults:
     return combined(_SIZES["orifice_area"](rng), _SIZES["seat_area"](rng))
 
 
-def _healthy(_: Generator) -> Faults:
-    return Faults()
-
-
 @dataclass(frozen=True)
 class FaultClass:
     """A class of cases: its faults, and what else is particular."""
@@ -157,13 +152,13 @@ _JUMPS: dict[str, Draw] = {
 }
 
 CLASSES: dict[str, FaultClass] = {
-    "healthy": FaultClass(Group.MAIN, _healthy),
+    "healthy": FaultClass(Group.MAIN, lambda _: Faults()),
     "orifice_and_seat_area": FaultClass(Group.MAIN, _wear),
     **{name: FaultClass(Group.MAIN, draw) for name, draw in _SIZES.items()},
     **{name: FaultClass(Group.MIXED, draw) for name, draw in _MORE_SIZES.items()},
     "mixture": FaultClass(Group.MIXED, _two_of(_SIZES | _MORE_SIZES)),
     **{name: FaultClass(Group.LOOK_ALIKE, draw) for name, draw in (_LOOK_ALIKES | _INVENTED | _UNSEEN).items()},
-    "wave_healthy": FaultClass(Group.WAVE, _healthy, waves=True),
+    "wave_healthy": FaultClass(Group.WAVE, lambda _: Faults(), waves=True),
     "wave_worn": FaultClass(Group.WAVE, _wear, waves=True),
     **{name: FaultClass(Group.CHANGE, draw, jumps=True) for name, draw in _JUMPS.items()},
     "growing_wear": FaultClass(Group.CHANGE, _wear, grows=0.1),

@@ -12,14 +12,8 @@ from observer_rt.foundation.errors import UserError
 
 JOBS = os.cpu_count() or 1
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-
-
-class Tier(StrEnum):
-    """Which plant is measured. A: of the nominal structure; B: richer, with travelling waves."""
-
-    A = "A"
-    B = "B"
-
+Tier = StrEnum("Tier", {"A": "A", "B": "B"})
+"""Which plant is measured. A: of the nominal structure; B: richer, with travelling waves."""
 
 CasesOption = Annotated[int, typer.Option(min=0, help="How many.")]
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
@@ -31,7 +25,6 @@ TierOption = Annotated[
     Tier, typer.Option(help="A: a plant of the nominal structure. B: a richer one, to which `fit` fits.")
 ]
 NoLiftOption = Annotated[bool, typer.Option("--no-lift", help="Without a lift: the needle by its commands alone.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 
 
 def chosen_names(text: str, option: str, names: Collection[str], default: Collection[str]) -> tuple[str, ...]:

@@ -44,9 +44,8 @@ BARS = (Bar("faults", "fault", "sum", most=0), *(Bar(each, each, "sum") for each
 
 def kinds() -> list[str]:
     """Names of whole files: frames and signals in every format that is written."""
-    logs = formats.LOGS_WRITTEN
-    signals = formats.SIGNALS_WRITTEN
-    return [f"frames{suffix}" for suffix in logs] + [f"signals{suffix}" for suffix in signals]
+    signals = [f"signals{suffix}" for suffix in formats.SIGNALS_WRITTEN]
+    return [f"frames{suffix}" for suffix in formats.LOGS_WRITTEN] + signals
 
 
 def write_whole(path: Path) -> None:
@@ -154,7 +153,6 @@ def damage(
     seed: cli.SeedOption = 1,
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
-    as_json: cli.JsonOption = False,
 ) -> None:
     """What becomes of damaged files of every format, kind by kind in turn."""
     names, out = kinds(), out or Path("build/damage")
@@ -163,4 +161,4 @@ def damage(
     faults = frame[frame[Became.FAULT].eq(True)]
     said = [f"{row.label}: {row.said}" for row in faults.itertuples()]
     counts = table(frame, "kind", {str(each): (str(each), "sum") for each in Became})
-    conclude(frame, BARS, {"damaged files": counts}, out, as_json, said)
+    conclude(frame, BARS, {"damaged files": counts}, out, said)

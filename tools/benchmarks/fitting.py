@@ -14,10 +14,9 @@ from observer_rt.config.bench import NOMINAL_INJECTOR, exact_text
 from observer_rt.files.formats import write_recording
 from observer_rt.foundation.errors import RunError
 from tests.observed_plants import recording_of
-from tests.plants.healthy import healthy_benches
 from tests.plants.parameters import Injector
-from tests.plants.plant import Bench, Outcome, record
-from tests.plants.wave import Variant, new_part
+from tests.plants.plant import Bench, Outcome
+from tests.plants.wave import new_part
 from tests.plants.windows import true_masses
 from tools.benchmarks.campaign import messages, state_of_the_code
 
@@ -78,13 +77,3 @@ def write_outcomes(folder: Path, outcomes: Mapping[str, Outcome]) -> list[Path]:
     for file, outcome in zip(files, outcomes.values(), strict=True):
         write_recording(file, recording_of(outcome))
     return files
-
-
-def plain_model(out: Path, seed: int) -> Path:
-    """The model of tier B's plain line, of the injector of a seed."""
-
-    def recorded(folder: Path) -> list[Path]:
-        benches: Mapping[str, Bench] = healthy_benches(Variant.PLAIN, seed)
-        return write_outcomes(folder, {name: record(bench) for name, bench in benches.items()})
-
-    return fitted_model(out / f"fit-{seed}", recorded)

@@ -67,9 +67,8 @@ def score_history(asked: str, name: str, seed: int, line: Discrepancy | None, mo
     evaluation = evaluate(bench_at(bench.sample_rate, model), [recording_of(outcome)]).evaluations[0]
     windows, trace, rate = windows_of(outcome, bench.sample_rate), evaluation.trace, outcome.truth.injection_rate
     masses, published = true_masses(outcome, bench), trace.injection_rate
-    live, corrected = (
-        np.where(np.isnan(each), trace.nominal_rate, each) for each in (published, trace.corrected_rate)
-    )
+    rates = (published, trace.corrected_rate)
+    live, corrected = (np.where(np.isnan(each), trace.nominal_rate, each) for each in rates)
     row: Row = {"kind": history.kind, "wrong": 0, **{column: [] for column, _ in COLUMNS.values()}}
     sums: dict[int, tuple[float, float]] = {}
     for injection in injections_of(evaluation, windows):
@@ -115,7 +114,6 @@ def injections(
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
     tier: cli.TierOption = cli.Tier.A,
-    as_json: cli.JsonOption = False,
 ) -> None:
     """Every injection of histories that nothing has taught: corrected and live mass and rate against the truth.
 
@@ -145,7 +143,7 @@ def injections(
         Bar("valid_share", "valid", "mean", least=valid, by="kind" if asked == "pilot" else ""),
         *_FURTHER.get(asked, ()),
     )
-    conclude(frame, bars, {f"injections: {asked}": table(frame, "kind", COLUMNS)}, out, as_json)
+    conclude(frame, bars, {f"injections: {asked}": table(frame, "kind", COLUMNS)}, out)
 
 
 def _is_chosen(name: str, parts: str) -> bool:

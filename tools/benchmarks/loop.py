@@ -64,14 +64,9 @@ def run_loop(seed: int, outside: bool) -> Row:
 
 
 @cli.app.command(epilog="Example: tools/vcan tools/bench loop --cases 20 --seed 100")
-def loop(
-    cases: cli.CasesOption = CASES,
-    seed: cli.SeedOption = 1,
-    out: cli.OutOption = None,
-    as_json: cli.JsonOption = False,
-) -> None:
+def loop(cases: cli.CasesOption = CASES, seed: cli.SeedOption = 1, out: cli.OutOption = None) -> None:
     """Hidden effects from the daemon's refusal to valid masses, by seeds; on vcan0 where there is one."""
     out = out or Path("build/loop")
     todo = {f"{seed + n}{' outside' * (n % 2)}": (seed + n, bool(n % 2)) for n in range(cases)}
     frame = run_cases("loop", run_loop, todo, 1, out)  # one after the other: in real time
-    conclude(frame, BARS, {"the loop closed": table(frame, "hidden", COLUMNS)}, out, as_json)
+    conclude(frame, BARS, {"the loop closed": table(frame, "hidden", COLUMNS)}, out)

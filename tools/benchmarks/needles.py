@@ -15,13 +15,13 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.effective import LAG_UNIT
 from observer_rt.model.parameters import InjectorParameters
-from tests.observed_plants import commanded, recording_of
+from tests.observed_plants import commanded
 from tests.plants.plant import LIFT_NOISE, Bench, Needle, Outcome, record, strokes_of
 from tools.benchmarks import campaign, scoring
 from tools.benchmarks.campaign import Bar, Row
 from tools.benchmarks.cases import Case
 from tools.benchmarks.faults.bench import bouncing, smooth
-from tools.benchmarks.scoring import FROM, OBSERVER, WRONG_RATE, Injection, score_evaluation
+from tools.benchmarks.scoring import FROM, OBSERVER, WRONG_RATE, Injection, score_evaluation, score_outcome
 
 OPENS_LATER, CLOSES_LATER = (-80e-6, 80e-6), (-150e-6, 150e-6)  # s, than the file's needle
 FASTER = (0.95, 1.05)  # than the plant's, which is up to 15 % faster or slower than the file's
@@ -122,9 +122,7 @@ def score_by(how: How, case: Case, observer: Observer, wrong_rate: float = WRONG
     in `Score.facts`.
     """
     if how.has_lift:
-        outcome = record(case.bench)
-        evaluation = evaluate(observer, [recording_of(outcome)]).evaluations[0]
-        return score_evaluation(case, outcome, observer, evaluation).facts(wrong_rate)
+        return score_outcome(case, record(case.bench), observer).facts(wrong_rate)
     kind, injector = [*Kind][case.number % len(Kind)], observer.injector.parameters
     bench, outcome, recording, later = recorded(case.bench, injector.needle_law, kind)
     case = replace(case, bench=bench)

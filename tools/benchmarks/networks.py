@@ -152,15 +152,11 @@ def score_law(law: str, network: str, seed: int) -> Row:
 
 @cli.app.command(epilog="Example: tools/bench networks --cases 2")
 def networks(
-    cases: cli.CasesOption = 1,
-    seed: cli.SeedOption = 1,
-    jobs: cli.JobsOption = cli.JOBS,
-    out: cli.OutOption = None,
-    as_json: cli.JsonOption = False,
+    cases: cli.CasesOption = 1, seed: cli.SeedOption = 1, jobs: cli.JobsOption = cli.JOBS, out: cli.OutOption = None
 ) -> None:
     """Networks with a fixed hidden layer, a trained one, and the paper's, on nine laws that no model has."""
     todo = [(law, name, seed + number) for name in NETWORKS for law in NINE_LAWS for number in range(cases)]
     out = out or Path("build/networks")
     frame = run_cases("networks", score_law, {" ".join(map(str, each)): each for each in todo}, jobs, out)
     tables = {name: table(frame[frame["network"].eq(name)], "law", COLUMNS) for name in NETWORKS}
-    conclude(frame, BARS, tables, out, as_json)
+    conclude(frame, BARS, tables, out)

@@ -12,10 +12,11 @@ from observer_rt.config.bench import load_bench, load_injector
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, record
 from tests.plants.real import Setting, real_injector
-from tools.benchmarks import needles, scoring
+from tools.benchmarks import scoring
 from tools.benchmarks.campaign import Bar, Row
 from tools.benchmarks.cases import Case
 from tools.benchmarks.fitting import fitted_model, maker_file, write_masses, write_outcomes
+from tools.benchmarks.needles import How, score_by
 
 MASSES = "masses.csv"
 EVENTS = 20
@@ -63,12 +64,10 @@ def real_model(setting: Setting, seed: int, weighed: bool, out: Path) -> Path:
 def write_healthy(setting: Setting, seed: int, folder: Path) -> list[Path]:
     """Recordings of a healthy injector, and their measured masses, in a folder."""
     injector, rng = real_injector(setting, seed), np.random.default_rng([seed, zlib.crc32(setting.encode()), 1])
-    benches = {
-        f"{pressure / 1e6:.0f}MPa_{1e3 * duration:.1f}ms": injector.bench(
-            [(pressure, duration)] * FIT_EVENTS, injector.faults, rng
-        )
-        for pressure, duration in injector.points
-    }
+    benches = {}
+    for pressure, duration in injector.points:
+        points, name = [(pressure, duration)] * FIT_EVENTS, f"{pressure / 1e6:.0f}MPa_{1e3 * duration:.1f}ms"
+        benches[name] = injector.bench(points, injector.faults, rng)
     outcomes = {name: record(bench) for name, bench in benches.items()}
     write_masses(folder / MASSES, benches, outcomes, WEIGHED_SIGMA)
     return write_outcomes(folder, outcomes)
@@ -87,13 +86,11 @@ def real_case(setting: Setting, kind: str, seed: int, number: int) -> Bench:
     return replace(bench, needle=replace(needle, opening_speed=SLOW * needle.opening_speed))
 
 
-def score_real(
-    setting: Setting, kind: str, seed: int, number: int, weighed: bool, model: Path, how: needles.How
-) -> Row:
+def score_real(setting: Setting, kind: str, seed: int, number: int, weighed: bool, model: Path, how: How) -> Row:
     """Record a case, and score the observer on it, of a bench whose sensors are as right as usual."""
     case = Case(f"{setting} {kind}", seed, number, real_case(setting, kind, seed, number))
     wrong_rate = scoring.WRONG_RATE * case.bench.injector.nozzle_area / Injector().nozzle_area
-    row = needles.score_by(how, case, load_bench(model=model), wrong_rate)
+    row = score_by(how, case, load_bench(model=model), wrong_rate)
     baseline = load_injector(model).baseline
     adequate = baseline is not None and baseline.adequate
     return row | {"setting": setting, "kind": kind, "weighed": weighed, "adequate": adequate}

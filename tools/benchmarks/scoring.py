@@ -198,7 +198,7 @@ class Score:
 def score_outcome(case: Case, outcome: Outcome, bench: Bench) -> Score:
     """Score an observer by its bench, and the nominal model beside it, on what a case came to."""
     recording = recording_of(outcome)
-    if CLASSES[case.class_name].windowed:
+    if case.class_name in CLASSES and CLASSES[case.class_name].windowed:
         return score_evaluation(case, outcome, bench, evaluate_windowed(bench, recording))
     return score_evaluation(case, outcome, bench, evaluate(bench, [recording]).evaluations[0])
 
@@ -216,26 +216,16 @@ def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Eva
         injections_of(evaluation, windows),
         *(estimate_of(each, outcome, windows, density, x3 - true_x3) for each in (rate, corrected)),
     )
-    judged, covered = _covered_samples(corrected - truth.injection_rate, trace.corrected_rate_sigma, windows)
-    valid, reasons, intervals = _judged(injections, len(windows.of_event))
+    said = _judged(injections, len(windows.of_event))
+    covered = _covered_samples(corrected - truth.injection_rate, trace.corrected_rate_sigma, windows)
     estimates = {
         OBSERVER: replace(ours, masses=_published_masses(live.masses, injections)),
         LIVE: live,
         NOMINAL: estimate_of(trace.nominal_rate, outcome, windows, density, nominal_x3 - true_x3),
     }
-    return Score(
-        case,
-        windows.of_event,
-        true_masses(outcome, case.bench) / MILLIGRAM,
-        np.array([windows.union(e).size for e in range(len(windows.of_event))]),
-        injections,
-        valid,
-        reasons,
-        intervals,
-        judged,
-        covered,
-        estimates,
-    )
+    masses = true_masses(outcome, case.bench) / MILLIGRAM
+    samples = np.array([windows.union(event).size for event in range(len(windows.of_event))])
+    return Score(case, windows.of_event, masses, samples, injections, *said, *covered, estimates)
 
 
 def _published_masses(live: Array, injections: Sequence[Injection]) -> Array:

@@ -13,7 +13,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.hydraulics import AT
 from observer_rt.model.parameters import InjectorParameters
 
-Vector = NDArray[np.float64]
+Vector, Bounds = NDArray[np.float64], NDArray[np.int64]
 SEEN_LATE = 0.5  # samples, on average, by which a command shows
 
 
@@ -58,9 +58,7 @@ def commanded_lift(injector: InjectorParameters, recording: Recording, commands:
     return replace(recording, needle_lift=lift)
 
 
-def likelier_delays(
-    z: Vector, delays: Sequence[Vector], moved: Vector, bounds: NDArray[np.int64]
-) -> Sequence[Vector]:
+def likelier_delays(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> Sequence[Vector]:
     """Delays (columns,) of the shots of every event by innovations (n,) at others, in standard deviations.
 
     moved (n, columns), bounds (events + 1,): as of `without_jitter`.
@@ -73,9 +71,7 @@ def likelier_delays(
     return results
 
 
-def without_jitter(
-    z: Vector, delays: Sequence[Vector], moved: Vector, bounds: NDArray[np.int64]
-) -> tuple[Vector, float]:
+def without_jitter(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> tuple[Vector, float]:
     """White innovations (n,), and the sum of the logarithms of their standard deviations beyond 1.
 
     z (n,): at the likely delays; moved (n, columns): by one standard deviation of the delays of every shot, drawn

@@ -48,9 +48,7 @@ def test_prompt_frames_tell_offset_and_drift_exactly(drift: float, samples: int)
 
 @settings(max_examples=20)
 @given(st.integers(0, 1000), st.floats(-200e-6, 200e-6), st.floats(0.6, 1.0), st.floats(1e3, 1e5))
-def test_late_frames_move_nothing_while_some_are_prompt(
-    seed: int, drift: float, prompt_share: float, width: float
-) -> None:
+def test_late_frames_beside_prompt_move_nothing(seed: int, drift: float, prompt_share: float, width: float) -> None:
     random = np.random.default_rng(seed)
     taken = sent(1.6, drift)
     late = np.where(random.random(taken.size) < prompt_share, 0.0, random.uniform(0.0, width, taken.size))

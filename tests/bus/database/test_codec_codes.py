@@ -144,9 +144,7 @@ FAULTS = 'VAL_ 1 Value 65535 "SNA" 65534 "Fault" 65533 "Signal invalid" 7 "seven
         ("0|8@1+ (1,0) [0|0]", "", [0, 255], []),
     ],
 )
-def test_codes_that_the_database_excludes_are_no_values(
-    layout: str, more: str, values: list[int], others: list[int]
-) -> None:
+def test_codes_that_are_excluded_are_no_values(layout: str, more: str, values: list[int], others: list[int]) -> None:
     message = message_with(layout, more=more)
     for codes, is_value in ((values, True), (others, False)):
         for code in codes:
@@ -184,9 +182,7 @@ def test_unusable_signals_are_refused(message: Message, said: str) -> None:
 @pytest.mark.parametrize(
     ("start", "length", "order"), [(60, 8, "little_endian"), (56, 16, "big_endian"), (70, 1, "little_endian")]
 )
-def test_signals_beyond_the_message_are_refused(
-    start: int, length: int, order: Literal["little_endian", "big_endian"]
-) -> None:
+def test_signals_beyond_are_refused(start: int, length: int, order: Literal["little_endian", "big_endian"]) -> None:
     """A database read leniently may have them; decoding them would read foreign memory."""
     value = Signal("Value", start, length, byte_order=order)
     with pytest.raises(UserError, match="Value: does not fit in the 8 bytes"):

@@ -43,9 +43,7 @@ def waiting(link: Link) -> list[Frame]:
         (0x1, b"", True, False),
     ],
 )
-def test_a_frame_arrives_as_sent(
-    connect: Connect, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool
-) -> None:
+def test_it_arrives_as_sent(connect: Connect, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> None:
     with connect([]) as sender, connect(None) as receiver:
         before = time.time_ns()
         sender.send(frame_id, payload, is_extended, is_fd)

@@ -40,9 +40,7 @@ def test_error_frames_are_counted_and_are_no_data(channel: str) -> None:
         assert receiver.condition.error_frames == 2
 
 
-def test_what_the_driver_refuses_may_be_tried_again(
-    channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_the_driver_refuses_is_tried_again(channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch) -> None:
     with receiver_of(channel) as receiver:
         with monkeypatch.context() as full:
             full.setattr(VirtualBus, "send", Mock(side_effect=can.CanOperationError("the transmit buffer is full")))
@@ -71,9 +69,7 @@ def test_threads_that_send_take_turns(channel: str, sender: Link, monkeypatch: p
     assert met == [False] * 40
 
 
-def test_a_device_that_went_away_is_connected_anew(
-    channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_device_that_went_away_is_reconnected(channel: str, sender: Link, monkeypatch: pytest.MonkeyPatch) -> None:
     unplugged = Mock(side_effect=can.CanInitializationError("no such device"))
     with receiver_of(channel, [(0x100, False)]) as receiver:
         with monkeypatch.context() as without_device:
@@ -133,9 +129,7 @@ def test_an_interface_that_cannot_be_opened_fails_at_run_time(channel: str, monk
     ("interface", "remedy"),
     [("udp_multicast", "pip install msgpack"), ("pcan", "libpcanbasic of the vendor"), ("vector", "on Windows only")],
 )
-def test_what_is_missing_of_a_driver_is_not_waited_for(
-    interface: str, remedy: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_driver_lacks_is_not_waited_for(interface: str, remedy: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "msgpack", None)
     monkeypatch.setattr("observer_rt.bus.links.opening.find_library", lambda _: None)
     with pytest.raises(UserError, match=f"'{interface}' cannot be used on this computer\n.*{remedy}"):

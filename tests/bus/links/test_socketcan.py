@@ -103,9 +103,7 @@ def test_a_missing_interface_is_named_with_those_present(vcan: str) -> None:
     ("number", "said"),
     [(errno.ENETDOWN, r"vcan0 is down\n.*ip link set vcan0 up"), (errno.ENXIO, "no interface vcan0")],
 )
-def test_a_lost_interface_fails_with_the_remedy(
-    vcan: str, monkeypatch: pytest.MonkeyPatch, number: int, said: str
-) -> None:
+def test_a_lost_interface_has_a_remedy(vcan: str, monkeypatch: pytest.MonkeyPatch, number: int, said: str) -> None:
     def fail(*_: object) -> None:
         raise OSError(number, "as arranged")
 

@@ -101,9 +101,7 @@ def test_the_interfaces_clock_gives_the_distances(start: int, steps: list[tuple[
 
 
 @pytest.mark.vcan
-def test_stamps_of_the_kernel_come_in_the_message_of_those_of_the_hardware(
-    vcan: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stamps_of_the_kernel_come_in_the_hardwares_message(vcan: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A virtual interface has no clock: of the three stamps the real control message has the first only."""
     monkeypatch.setattr(socketcan, "_offers_hardware_stamps", lambda *_: True)
     kinds: set[int] = set()

@@ -86,9 +86,7 @@ def test_slower_signal_is_held_for_two_and_a_half_frames_unless_stated(tmp_path:
         ("rate_hz", 10, "", "wait"),
     ],
 )
-def test_refusals_of_the_rail_pressure(
-    tmp_path: Path, key: str, value: str | float, further: str, problem: str
-) -> None:
+def test_refusals_of_rail_pressure(tmp_path: Path, key: str, value: str | float, further: str, problem: str) -> None:
     error = refused(tmp_path, f'message = "Rail"\n{further}{key} = {value}')
     assert error.location.endswith(f"signals.rail_pressure.{key}")
     assert problem in error.problem

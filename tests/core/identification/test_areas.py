@@ -23,9 +23,7 @@ def _areas(lift: NDArray[np.float64], first: int, last: int, tolerance: float) -
 
 @pytest.mark.parametrize("tolerance", [1e-9, float("nan")])
 @given(first=st.floats(1e-6, 40e-6), rises=st.lists(st.floats(5e-6, 60e-6), min_size=3, max_size=6))
-def test_a_needle_that_shuts_as_it_opened_has_a_mirrored_area(
-    tolerance: float, first: float, rises: list[float]
-) -> None:
+def test_a_needle_shut_as_opened_has_a_mirrored_area(tolerance: float, first: float, rises: list[float]) -> None:
     """Of means, too: the first and last hold a part of a ramp, which the next one inwards tells."""
     flank = first + np.concatenate([[0.0], np.cumsum(rises)])
     lift = np.concatenate([np.zeros(30), flank, np.full(12, flank[-1]), 0.7 * flank[::-1], np.zeros(30)])

@@ -196,9 +196,7 @@ def cycle(milliseconds: int) -> Edits:
         (SAMPLES_STATED, "sampling", "DAQ_RailPress states 2 samples a frame in the bus database, 1 are named"),
     ],
 )
-def test_what_a_database_of_the_user_says_otherwise(
-    tmp_path: Path, database: Edits, topic: str, said: str | None
-) -> None:
+def test_what_a_users_database_says_otherwise(tmp_path: Path, database: Edits, topic: str, said: str | None) -> None:
     finding = worst(foreign_findings(tmp_path, database), topic)
     assert finding.level is (Level.WARNING if said else Level.OK)
     assert (said or "") in finding.text

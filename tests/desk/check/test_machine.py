@@ -12,14 +12,8 @@ import pytest
 
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.daemon.rights import Processors, Rights
+from observer_rt.desk.check import machine
 from observer_rt.desk.check.findings import Finding, Level
-from observer_rt.desk.check.machine import (
-    Host,
-    driver_findings,
-    interface_findings,
-    real_time_findings,
-    socketcan_findings,
-)
 
 Network = Callable[..., Path]
 
@@ -62,20 +56,20 @@ def assert_odd(findings: list[Finding], *words: str) -> None:
 def test_an_interface_that_is_ready_or_to_be_mended(
     network: Network, changes: dict[str, str], fd: bool, command: str | None
 ) -> None:
-    findings = interface_findings(LinkConfig(channel="can0", fd=fd), network=network(**changes))
+    findings = machine.interface_findings(LinkConfig(channel="can0", fd=fd), network=network(**changes))
     assert findings
     assert_odd(findings, *([command] if command else []))
 
 
 @pytest.mark.parametrize(("channel", "remedy"), [("vcan7", "ip link add vcan7 type vcan"), ("can7", "driver")])
 def test_an_interface_that_is_missing(network: Network, channel: str, remedy: str) -> None:
-    assert_odd(interface_findings(LinkConfig(channel=channel), network=network()), remedy)
+    assert_odd(machine.interface_findings(LinkConfig(channel=channel), network=network()), remedy)
 
 
 @pytest.mark.vcan
 def test_a_real_virtual_interface(vcan: str) -> None:
     """By the kernel's own folder."""
-    findings = interface_findings(LinkConfig(channel=vcan))
+    findings = machine.interface_findings(LinkConfig(channel=vcan))
     assert [finding.text for finding in findings] == [
         f"{vcan}: up",
         f"{vcan}: mtu 72, CAN FD",
@@ -84,7 +78,7 @@ def test_a_real_virtual_interface(vcan: str) -> None:
     assert {finding.level for finding in findings} == {Level.OK}
 
 
-GOOD_HOST = Host(
+GOOD_HOST = machine.Host(
     Rights(may_hurry=True, may_lock_memory=True, priority=50), swap_in_use=False, processors=4, loops=Processors()
 )
 
@@ -102,7 +96,7 @@ GOOD_HOST = Host(
     ],
 )
 def test_a_machine_that_may_keep_up_or_not(changes: dict[str, Any], remedy: str | None) -> None:
-    findings = real_time_findings(replace(GOOD_HOST, **changes))
+    findings = machine.real_time_findings(replace(GOOD_HOST, **changes))
     assert len(findings) == 5
     assert_odd(findings, *([remedy] if remedy else []))
 
@@ -112,7 +106,7 @@ def test_a_kernel_without_can_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         raise OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
 
     monkeypatch.setattr(socket, "socket", refuse)
-    (finding,) = socketcan_findings()
+    (finding,) = machine.socketcan_findings()
     assert finding.level is Level.WARNING
     assert "no SocketCAN" in finding.text
     assert "sudo modprobe can_raw" in finding.text
@@ -121,7 +115,7 @@ def test_a_kernel_without_can_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_driver_that_cannot_be_used_here_and_who_else_hears_a_group(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "msgpack", None)
-    missing, others = driver_findings(LinkConfig(interface="udp_multicast", channel="239.74.163.2"))
+    missing, others = machine.driver_findings(LinkConfig(interface="udp_multicast", channel="239.74.163.2"))
     assert (missing.level, others.level) == (Level.WARNING, Level.OK)
     assert missing.text == "udp_multicast cannot be used on this computer; pip install msgpack"
     assert "may hear all groups" in others.text

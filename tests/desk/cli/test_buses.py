@@ -43,9 +43,7 @@ def masses(command: Command, *arguments: object) -> list[float]:
     return [injection["mass_mg"] for injection in recording["injections"]]
 
 
-def test_a_log_of_three_buses_gives_what_the_recording_gives(
-    command: Command, twins: Path, log: Path, tmp_path: Path
-) -> None:
+def test_a_log_of_three_buses_is_as_the_recording(command: Command, twins: Path, log: Path, tmp_path: Path) -> None:
     result = masses(command, log, "--bench", twins)
     assert len(result) == 4
     numbered = tmp_path / "bus.blf"

@@ -28,9 +28,7 @@ def test_a_search_interrupted_writes_nothing(
     assert not list((tmp_path / "found").iterdir())
 
 
-def test_a_search_names_a_worn_nozzle_and_the_amended_model_explains_it(
-    command: Command, worn: Path, tmp_path: Path
-) -> None:
+def test_a_search_names_a_worn_nozzle_and_amends_the_model(command: Command, worn: Path, tmp_path: Path) -> None:
     result = tmp_path / "found"
     done = command.done("discover", "--out", result, worn)
     assert done.out.startswith("named: orifice_area")
@@ -57,9 +55,7 @@ def test_a_search_names_a_worn_nozzle_and_the_amended_model_explains_it(
 
 
 @pytest.mark.parametrize("named_by", ["--model", "--bench"])
-def test_the_model_is_never_overwritten(
-    command: Command, worn: Path, bench: Path, tmp_path: Path, named_by: str
-) -> None:
+def test_no_model_is_overwritten(command: Command, worn: Path, bench: Path, tmp_path: Path, named_by: str) -> None:
     model = tmp_path / "amended.toml"
     shutil.copy(NOMINAL_INJECTOR, model)
     bench.write_text(bench.read_text().replace("[model]", '[model]\nfile = "amended.toml"'))

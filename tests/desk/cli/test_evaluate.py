@@ -110,9 +110,7 @@ def test_recording_without_injections(command: Command, resting: Path, tmp_path:
     assert recording["summary"]["valid_share"] == 0.0
 
 
-def test_the_first_a_middle_and_the_last_injection_are_drawn_with_units(
-    command: Command, worn: Path, tmp_path: Path
-) -> None:
+def test_first_middle_and_last_injection_are_drawn_with_units(command: Command, worn: Path, tmp_path: Path) -> None:
     figure = tmp_path / "worn.svg"
     command.done("evaluate", worn, "--plot", figure)
     # every text stands as a comment beside its outlines
@@ -128,9 +126,7 @@ def test_the_first_a_middle_and_the_last_injection_are_drawn_with_units(
         assert re.search(rf"{name} \[{unit}\]", words), name
 
 
-def test_traces_of_several_recordings_go_to_a_folder(
-    command: Command, worn: Path, resting: Path, tmp_path: Path
-) -> None:
+def test_traces_of_several_files_go_to_a_folder(command: Command, worn: Path, resting: Path, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "traces"
     command.done("evaluate", worn, resting, "--output", folder)
     assert {path.name for path in folder.iterdir()} == {"worn.csv.trace.csv", "resting.csv.trace.csv"}

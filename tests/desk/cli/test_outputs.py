@@ -103,9 +103,7 @@ def file_of(key: tuple[str, str]) -> Path:
 
 
 @pytest.mark.parametrize("key", FILES, ids=" ".join)
-def test_a_file_of_somebody_else_is_refused_by_its_name(
-    command: Command, folder: Path, worn: Path, key: tuple[str, str]
-) -> None:
+def test_a_file_of_others_is_refused(command: Command, folder: Path, worn: Path, key: tuple[str, str]) -> None:
     out = file_of(key)
     consents = [[]] if key in CONTINUED else [[], ["--force"]]
     for path in (out, *([Path(f"{out}{TRUTH_SUFFIX}")] if key[0] == "simulate" else [])):
@@ -128,9 +126,7 @@ def test_a_file_of_somebody_else_is_refused_by_its_name(
 
 
 @pytest.mark.parametrize("key", FOLDERS, ids=" ".join)
-def test_a_folder_of_somebody_else_is_left_alone(
-    command: Command, folder: Path, worn: Path, key: tuple[str, str]
-) -> None:
+def test_a_folder_of_others_is_left_alone(command: Command, folder: Path, worn: Path, key: tuple[str, str]) -> None:
     for name in FOLDERS[key][1]:
         for content in (b"mine\n", SAME_KIND.get(Path(name).suffix, b"[1]")):
             position = folder / str(len(list(folder.iterdir())))
@@ -167,9 +163,7 @@ WRITTEN = [
 
 
 @pytest.mark.parametrize("key", WRITTEN, ids=" ".join)
-def test_with_force_only_its_own_names_are_replaced(
-    command: Command, folder: Path, worn: Path, key: tuple[str, str]
-) -> None:
+def test_force_replaces_its_own_names_only(command: Command, folder: Path, worn: Path, key: tuple[str, str]) -> None:
     out = file_of(key)
     own = {str(out), *([f"{out}{TRUTH_SUFFIX}"] if key[0] == "simulate" else [])}
     for name in (*STRANGERS[2:], f".{out.stem}.part{out.suffix}", f"{out}.new", f"{out}.part"):
@@ -196,9 +190,7 @@ def full_disk(most: int) -> Iterator[None]:
 @pytest.mark.parametrize(
     ("line", "old"), [("evaluate {worn} --output out.csv", SAMPLES), ("convert {log} out.blf", b"LOGG")]
 )
-def test_a_full_disk_leaves_the_old_file_whole(
-    command: Command, folder: Path, worn: Path, line: str, old: bytes
-) -> None:
+def test_a_full_disk_leaves_the_old_file(command: Command, folder: Path, worn: Path, line: str, old: bytes) -> None:
     out = Path(next(word for word in line.split() if word.startswith("out")))
     out.write_bytes(old)
     Path("a.log").write_text("".join(f"({100 + k / 1000:.6f}) can0 123#{k:016X}\n" for k in range(20_000)))
@@ -212,9 +204,7 @@ def test_a_full_disk_leaves_the_old_file_whole(
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)])
-def test_an_end_in_the_midst_of_writing_leaves_the_old_file_whole(
-    folder: Path, number: signal.Signals, code: int
-) -> None:
+def test_an_end_while_writing_leaves_the_old_file_whole(folder: Path, number: signal.Signals, code: int) -> None:
     out = Path("out.csv")
     out.write_bytes(SAMPLES)
     process = module("simulate", "--injections", 150, "--noise", "off", "--output", out, "--force")

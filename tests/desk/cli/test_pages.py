@@ -270,9 +270,7 @@ def test_the_variant_with_one_bus(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_page_on_an_injector_of_ones_own(
-    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_on_ones_own_injector(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     own_injector.write_files(tmp_path)
     for line in own_injector.PAGE.commands:

@@ -53,9 +53,7 @@ def test_a_channel_of_a_log_is_chosen(command: Command, bus: can.BusABC, tmp_pat
     assert len(received(bus)) == 4
 
 
-def test_a_bus_where_others_send_the_same_is_refused_unless_forced(
-    command: Command, bus: can.BusABC, worn: Path
-) -> None:
+def test_a_bus_with_other_senders_is_refused_unless_forced(command: Command, bus: can.BusABC, worn: Path) -> None:
     def while_sending(identifier: int, *arguments: str) -> Outcome:
         def send(over: threading.Event) -> None:
             while not over.wait(0.01):

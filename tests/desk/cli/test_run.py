@@ -48,9 +48,7 @@ def valid_injections(results: ResultFrames) -> list[float]:
 EARLIER = "2026-03-01T12:00:00.000+01:00 INFO stop: an earlier run"
 
 
-def test_a_signal_ends_a_run_whose_results_are_told_and_kept(
-    command: Command, bench: Path, worn: Path, tmp_path: Path
-) -> None:
+def test_a_signal_ends_a_run_with_results_kept(command: Command, bench: Path, worn: Path, tmp_path: Path) -> None:
     """Without a terminal the view gives way to lines."""
     state, log, before = tmp_path / "learned.json", tmp_path / "run.log", signal.getsignal(signal.SIGTERM)
     bench.write_text(bench.read_text().replace('# journal = "injections.sqlite"', 'journal = "mine.sqlite"'))

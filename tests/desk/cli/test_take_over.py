@@ -27,9 +27,7 @@ def of_its_own() -> Sequence[str]:
     return prefix if subprocess.run([*prefix, "true"], check=False, capture_output=True).returncode == 0 else ()
 
 
-def test_a_daemon_in_a_container_has_it_in_force_when_the_command_ends(
-    command: Command, bench: Path, tmp_path: Path
-) -> None:
+def test_a_daemon_in_a_container_has_it_in_force_in_the_end(command: Command, bench: Path, tmp_path: Path) -> None:
     log, name = tmp_path / "run.log", "crin3_nominal_amended_1.toml"
     with subprocess.Popen([*of_its_own(), *words("run", "--bench", bench, "--log", log)]) as daemon:
         try:

@@ -33,9 +33,7 @@ def evaluated(folder: Path, signals: dict[str, str], *recordings: Recording) -> 
 
 
 @pytest.mark.parametrize("signals", [STAMPS, NIBBLE, slow(SLOW)], ids=["stamps", "counter", "slow rail"])
-def test_second_recording_of_a_history_is_found_again(
-    tmp_path: Path, made: Simulation, signals: dict[str, str]
-) -> None:
+def test_second_recording_of_a_history_is_found(tmp_path: Path, made: Simulation, signals: dict[str, str]) -> None:
     """Over the pause the count goes on by stamps; the second recording's samples are where they belong."""
     first, second = evaluated(tmp_path, signals, made.recording, made.recording)
     late = slice(LOCKED, made.recording.samples - 200)

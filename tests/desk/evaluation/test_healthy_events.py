@@ -83,9 +83,7 @@ def test_injections_that_differ_beyond_noise_are_overdispersed() -> None:
 
 
 @pytest.mark.parametrize("is_known", [False, True])
-def test_what_a_model_leaves_of_the_healthy_injector_is_not_held_against_it(
-    rung: list[Recording], is_known: bool
-) -> None:
+def test_what_a_model_leaves_of_the_healthy_is_not_held_against_it(rung: list[Recording], is_known: bool) -> None:
     stated = baseline()
     if is_known:
         stated = stated.model_copy(update={"observer": observer_remainder(NOMINAL, stated, rung)})

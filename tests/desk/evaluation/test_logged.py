@@ -219,9 +219,7 @@ def test_a_message_that_is_not_in_the_log_is_named(tmp_path: Path) -> None:
         (12, np.inf, True, "(needle_lift): needle_lift is frozen"),
     ],
 )
-def test_a_message_that_will_not_do_is_named(
-    tmp_path: Path, injections: int, end: float, is_dead: bool, said: str
-) -> None:
+def test_an_unfit_message_is_named(tmp_path: Path, injections: int, end: float, is_dead: bool, said: str) -> None:
     bench, recording = block_bench(tmp_path, "virtual", ["x"]), worn_recording(injections=injections)
     sent = replace(recording, needle_lift=recording.needle_lift * (not is_dead))
     frames = [each for each in frames_of(bench, sent) if each.frame_id != 0x111 or each.time < end]

@@ -97,9 +97,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say_when_values_scatter_beyon
     ("wear", "size", "day", "half"),
     [(0.002, 0.3, 150.0, 10.0), (-0.002, -0.3, 150.0, 10.0), (0.004, 0.25, 62.5, 2.5)],
 )
-def test_steady_wear_reaches_the_limit_when_it_should_or_did(
-    wear: float, size: float, day: float, half: float
-) -> None:
+def test_steady_wear_reaches_the_limit_in_time(wear: float, size: float, day: float, half: float) -> None:
     low, middle, high = line(0.0, wear).reaches(Limit("nozzle", size))
     assert day - half < low < day < high < day + half
     assert middle == pytest.approx(day, abs=0.3)

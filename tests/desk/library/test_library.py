@@ -22,17 +22,18 @@ from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effects import effective_model
 
 WORN = {"orifice_area": 0.25}
+Worn = tuple[Recording, pd.DataFrame]
 
 
 @pytest.fixture(scope="module")
-def worn() -> tuple[Recording, pd.DataFrame]:
+def worn() -> Worn:
     return ort.simulate(
         rail_pressure_MPa=[60, 100, 140], energizing_ms=[1.9, 1.0], injections=6, effects=WORN, seed=3
     )
 
 
 @pytest.fixture(scope="module")
-def result(worn: tuple[Recording, pd.DataFrame]) -> ort.EvaluationResult:
+def result(worn: Worn) -> ort.EvaluationResult:
     """As the daemon would have it live."""
     return ort.Injector.load().evaluate(worn[0])
 
@@ -62,7 +63,7 @@ def test_names_of_the_library_are_there() -> None:
         ort.Injektor  # noqa: B018
 
 
-def test_masses_are_those_of_the_command(worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult) -> None:
+def test_masses_are_those_of_the_command(worn: Worn, result: ort.EvaluationResult) -> None:
     history = evaluate(load_bench(), [worn[0]])
     masses = [report.mass * 1e6 for report in history.evaluations[0].reports]
     np.testing.assert_allclose(result.injections.mass_mg, masses, rtol=1e-12)
@@ -71,7 +72,7 @@ def test_masses_are_those_of_the_command(worn: tuple[Recording, pd.DataFrame], r
 
 @pytest.mark.parametrize("form", ["frame", "arrays", "si", "list"])
 def test_every_form_of_a_recording_gives_the_same_masses(
-    worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult, form: str, tmp_path: Path
+    worn: Worn, result: ort.EvaluationResult, form: str, tmp_path: Path
 ) -> None:
     recording, frame = worn[0], ort.to_frame(worn[0])
     path = tmp_path / "worn.parquet"
@@ -86,7 +87,7 @@ def test_every_form_of_a_recording_gives_the_same_masses(
     np.testing.assert_allclose(outcome.injections.mass_mg, result.injections.mass_mg, rtol=1e-6)
 
 
-def test_masses_have_a_budget(worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult) -> None:
+def test_masses_have_a_budget(worn: Worn, result: ort.EvaluationResult) -> None:
     table, budget = result.injections, result.budget
     total = np.sqrt((budget.filter(like="by_") ** 2).sum(axis=1))
     assert len(budget) == len(table)
@@ -116,9 +117,7 @@ def test_result_shows_itself(result: ort.EvaluationResult) -> None:
     assert refused.value.location == "injections"
 
 
-def test_learned_state_goes_on(
-    worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult, tmp_path: Path
-) -> None:
+def test_learned_state_goes_on(worn: Worn, result: ort.EvaluationResult, tmp_path: Path) -> None:
     path = tmp_path / "learned.state"
     result.save_state(path)
     again = ort.Injector.load().evaluate(worn[0], state=path)
@@ -130,9 +129,7 @@ def test_learned_state_goes_on(
 
 
 @pytest.mark.parametrize("block", [61, 5000])
-def test_observer_in_blocks_sees_what_evaluate_sees(
-    worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult, block: int
-) -> None:
+def test_observer_in_blocks_sees_what_evaluate_sees(worn: Worn, result: ort.EvaluationResult, block: int) -> None:
     frame = ort.to_frame(worn[0])
     signals = frame[["rail_pressure_MPa", "needle_lift_mm", "line_pressure_MPa"]].to_numpy()
     if block == 61:  # far enough for the first injection
@@ -171,7 +168,7 @@ def test_observer_refuses_a_sample_rate_by_its_parameter() -> None:
 
 
 def test_results_are_pickled_whole(
-    worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult, discovery: ort.Discovery, tmp_path: Path
+    worn: Worn, result: ort.EvaluationResult, discovery: ort.Discovery, tmp_path: Path
 ) -> None:
     def copied(outcome: Any) -> Any:
         return pickle.loads(pickle.dumps(outcome))
@@ -215,9 +212,7 @@ def test_simulate_refuses_by_its_parameters(arguments: dict[str, Any], location:
 
 
 @pytest.mark.parametrize(("call", "form"), [("evaluate", "layout"), ("discover", "recording"), ("fit", "frame")])
-def test_a_line_pressure_that_never_moves_is_refused_by_name(
-    worn: tuple[Recording, pd.DataFrame], call: str, form: str, tmp_path: Path
-) -> None:
+def test_a_line_pressure_that_never_moves_is_refused(worn: Worn, call: str, form: str, tmp_path: Path) -> None:
     dead = worn[0].with_arrays({"line_pressure": np.full(worn[0].samples, 99.3e6)})
     frame = ort.to_frame(dead)
     injector = ort.Injector.load()
@@ -232,13 +227,11 @@ def test_a_line_pressure_that_never_moves_is_refused_by_name(
 
 
 @pytest.fixture(scope="module")
-def discovery(worn: tuple[Recording, pd.DataFrame]) -> ort.Discovery:
+def discovery(worn: Worn) -> ort.Discovery:
     return ort.Injector.load().discover(worn[0])
 
 
-def test_discovery_names_effect_and_amends(
-    worn: tuple[Recording, pd.DataFrame], discovery: ort.Discovery, tmp_path: Path
-) -> None:
+def test_discovery_names_effect_and_amends(worn: Worn, discovery: ort.Discovery, tmp_path: Path) -> None:
     assert discovery.verdict == "named"
     (row,) = discovery.effects.itertuples()
     assert row.effect == "orifice_area"
@@ -274,7 +267,7 @@ def test_wrong_call_says_what_to_give(argument: object, error: type[Exception], 
         ort.Injector.load().evaluate(argument)
 
 
-def test_doubt_becomes_a_warning(worn: tuple[Recording, pd.DataFrame]) -> None:
+def test_doubt_becomes_a_warning(worn: Worn) -> None:
     arrays, frame = worn[0].arrays, ort.to_frame(worn[0])
     rail, line = arrays["rail_pressure"], arrays["line_pressure"]
     exchanged = frame.assign(rail_pressure_MPa=frame.line_pressure_MPa, line_pressure_MPa=frame.rail_pressure_MPa)

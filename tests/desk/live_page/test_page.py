@@ -109,9 +109,7 @@ def test_traces_move_are_held_stepped_back_to_and_saved(page: Page, serve: Serve
     assert 0.83 * volume == pytest.approx(said["mass_mg"], rel=1e-3)
 
 
-def test_several_injectors_stand_side_by_side_and_a_fault_says_what_to_do(
-    three: Path, serve: Serve, page: Page
-) -> None:
+def test_several_injectors_stand_side_by_side_and_a_fault_has_a_remedy(three: Path, serve: Serve, page: Page) -> None:
     page.goto(serve("--bench", three))
     for name in NAMES:
         state = page.locator(".state", has=page.locator(".name", has_text=name))

@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import lagged
@@ -19,6 +18,7 @@ from observer_rt.model.network import HIDDEN, Network, constant_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.stability import substeps_needed
 from tests.intervals import Interval
+from tests.plants.arrays import Array
 
 SAMPLE_RATE = 100e3
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
@@ -42,7 +42,7 @@ class Case:
     schedule: GainSchedule
     setting: Setting
 
-    def tuned_to(self, theta: NDArray[np.float64]) -> "Case":
+    def tuned_to(self, theta: Array) -> "Case":
         """The same model with the gain for the line and the sensor of theta."""
         learned = learned_of(theta, self.c)
         schedule = gain_schedule(learned.coefficients, NOISE, SAMPLE_RATE, float(learned.sensor[0]))
@@ -90,7 +90,7 @@ def make_case(injector: InjectorParameters) -> Case:
     return Case(c, schedule, Setting(1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy()))
 
 
-def worn_theta(seed: int = 1) -> NDArray[np.float64]:
+def worn_theta(seed: int = 1) -> Array:
     """A parameter vector (PARAMETERS,), no entry 0 but the lift's delay: offset 0.4 MPa, lag 25 us."""
     random = np.random.default_rng(seed)
     theta = np.zeros(PARAMETERS)
@@ -108,14 +108,14 @@ def worn_theta(seed: int = 1) -> NDArray[np.float64]:
     return theta
 
 
-def event_inputs(rail: float = RAIL, samples: int = 600) -> NDArray[np.float64]:
+def event_inputs(rail: float = RAIL, samples: int = 600) -> Array:
     """Inputs (samples, 2) at 100 kHz: a stroke from 1 to 2.4 ms."""
     time = np.arange(samples) / SAMPLE_RATE
     area = np.interp(time, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
     return np.column_stack([np.full(samples, rail), area])
 
 
-def start_at_rest(c: Coefficients, pressure: float) -> NDArray[np.float64]:
+def start_at_rest(c: Coefficients, pressure: float) -> Array:
     """State and indicated pressure with which a window starts behind a shut needle."""
     start = np.zeros(c.states)
     rest_state(start, pressure, c)
@@ -140,16 +140,14 @@ def recorded_late(window: Window, samples: float) -> Window:
     return window._replace(inputs=np.column_stack((window.inputs[:, 0], late)), opening=opening, resting=resting)
 
 
-def with_time(inputs: NDArray[np.float64], interval: float) -> list[list[float]]:
+def with_time(inputs: Array, interval: float) -> list[list[float]]:
     """Inputs (n, 2) with the time since the needle opened [s]."""
     opened = np.arange(len(inputs)) - np.argmax(inputs[:, 1] > 0.0) + 1.0
     listed: list[list[float]] = np.column_stack((inputs, np.maximum(opened, 0.0) * interval)).tolist()
     return listed
 
 
-def simulated_event(
-    case: Case, theta: NDArray[np.float64], inputs: NDArray[np.float64], seed: int | None = None
-) -> Window:
+def simulated_event(case: Case, theta: Array, inputs: Array, seed: int | None = None) -> Window:
     """Measured signals of an injector that is exactly `theta`; `seed` adds the noise of NOISE."""
     learned = learned_of(theta, case.c)
     c, setting = learned.coefficients, case.setting
@@ -175,7 +173,7 @@ def simulated_event(
     return Window(measured, output, resting, start, opening)
 
 
-def settled_line(c: Coefficients, rail: float) -> NDArray[np.float64]:
+def settled_line(c: Coefficients, rail: float) -> Array:
     """The state behind a shut needle that has rested for long: what leaks flows in, against the friction."""
     pressure = rail
     for _ in range(50):
@@ -183,7 +181,7 @@ def settled_line(c: Coefficients, rail: float) -> NDArray[np.float64]:
     return np.array([pressure, c.line.leak / c.line.a1 * pressure, 0.0])
 
 
-def innovations_at(case: Case, window: Window, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+def innovations_at(case: Case, window: Window, theta: Array) -> Array:
     """Innovations (n,) of a window for theta."""
     result = np.empty(window.output.size)
     innovations(window, case.setting, learned_of(theta, case.c), result)

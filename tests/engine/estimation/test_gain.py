@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
 from observer_rt.config.bench import load_injector
@@ -26,13 +25,14 @@ from tests.engine.estimation.conftest import (
     worn_theta,
 )
 from tests.model.conftest import with_line
+from tests.plants.arrays import Array
 
 HEALTHY = np.zeros(PARAMETERS)
 
 
 def steady_kalman(
     c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float, late: float = 0.0
-) -> tuple[NDArray[np.float64], float]:
+) -> tuple[Array, float]:
     """Gain (3,) and innovation sigma by matrix exponentials and the algebraic Riccati equation.
 
     States p_L, Q_L, the sensor's indication, which sees p_L as a ramp from sample to sample, and its
@@ -58,9 +58,7 @@ def seen_by_sensor(lag: float, interval: float) -> tuple[float, float, float]:
     return ramp[1] - ramp[2] / interval, ramp[2] / interval, ramp[0]
 
 
-def riccati(
-    transition: NDArray[np.float64], rail: NDArray[np.float64], c: Coefficients, noise: NoiseLevels
-) -> tuple[NDArray[np.float64], float]:
+def riccati(transition: Array, rail: Array, c: Coefficients, noise: NoiseLevels) -> tuple[Array, float]:
     """Steady gain (3,) of four states, the last measured, that the rail's noise drives; and innovation sigma."""
     process = np.outer(rail, rail) * (noise.rail_pressure / c.pressure_scale) ** 2
     measurement = np.array([[(noise.line_pressure / c.pressure_scale) ** 2]])
@@ -86,9 +84,7 @@ def test_steady_gain_solves_the_riccati_equation(
 @pytest.mark.parametrize("late", [0.3, 0.9])
 @pytest.mark.parametrize("lag", [0.0, 40e-6])
 @pytest.mark.parametrize("sample_rate", [20e3, 100e3])
-def test_steady_gain_of_a_line_pressure_recorded_late(
-    nominal: Case, sample_rate: float, lag: float, late: float
-) -> None:
+def test_steady_gain_of_a_late_line_pressure(nominal: Case, sample_rate: float, lag: float, late: float) -> None:
     schedule = gain_schedule(nominal.c, NOISE, sample_rate, lag, late)
     gain, sigma = steady_kalman(nominal.c, NOISE, sample_rate, lag, late)
     on_time, _ = steady_kalman(nominal.c, NOISE, sample_rate, lag)
@@ -140,7 +136,7 @@ def test_start_in_a_ringing_line_is_good_after_a_millisecond(nominal: Case) -> N
     assert abs(x[1] - flow * math.cos(angle[100])) < 2e-6 / c.flow_scale
 
 
-def _free_line(c: Coefficients, x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _free_line(c: Coefficients, x: Array) -> Array:
     """A shut line one sample later, its friction by one Euler step."""
     rates = np.array([[0.0, c.line.a1], [-c.line.a3, 0.0]]) / SAMPLE_RATE
     moved = expm(rates) @ np.array([x[0] - 0.95, x[1]])
@@ -165,7 +161,7 @@ def test_innovations_of_injections_are_white_with_the_true_wear(case: Case) -> N
     _check_white(np.concatenate(pieces), tuned.schedule.innovation_sigma, 0.03)
 
 
-def _check_white(e: NDArray[np.float64], sigma: float, tolerance: float) -> None:
+def _check_white(e: Array, sigma: float, tolerance: float) -> None:
     assert e.std() == pytest.approx(sigma, rel=tolerance)
     assert abs(e.mean()) < tolerance * sigma
     correlations = [np.corrcoef(e[lag:], e[:-lag])[0, 1] for lag in (1, 2, 3, 5, 8, 20, 80)]

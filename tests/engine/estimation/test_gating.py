@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import ENTER, STAY, Belief, Gate, GatedBelief, best_subset
+from tests.plants.arrays import Array
 
 SIZE = 6
 GATE = Gate(columns=(1, 3, 4), lowest=(-0.5, 0.0, 0.0))
 
 
-def belief(seed: int, strength: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def belief(seed: int, strength: float) -> tuple[Array, Array]:
     """Information (SIZE, SIZE) and vector of a random Gaussian belief."""
     random = np.random.default_rng(seed)
     root = random.normal(size=(SIZE, SIZE))
@@ -22,20 +22,16 @@ def belief(seed: int, strength: float) -> tuple[NDArray[np.float64], NDArray[np.
     return information, information @ random.normal(size=SIZE)
 
 
-def subset_of(
-    information: NDArray[np.float64], vector: NDArray[np.float64], active: frozenset[int]
-) -> tuple[NDArray[np.float64], frozenset[int]]:
+def subset_of(information: Array, vector: Array, active: frozenset[int]) -> tuple[Array, frozenset[int]]:
     covariance = np.asarray(np.linalg.inv(information), np.float64)
     return best_subset(covariance @ vector, covariance, GATE, active)
 
 
-def searched(
-    information: NDArray[np.float64], vector: NDArray[np.float64], active: frozenset[int]
-) -> tuple[NDArray[np.float64], frozenset[int]]:
+def searched(information: Array, vector: Array, active: frozenset[int]) -> tuple[Array, frozenset[int]]:
     """Every choice of on and off by least squares on a square root of the information."""
     square_root = np.linalg.cholesky(information).T
     target = np.linalg.solve(square_root.T, vector)
-    best: tuple[float, NDArray[np.float64], frozenset[int]] | None = None
+    best: tuple[float, Array, frozenset[int]] | None = None
     for switches in product([False, True], repeat=len(GATE.columns)):
         off = [c for c, on in zip(GATE.columns, switches, strict=True) if not on]
         used = [c for c in range(SIZE) if c not in off]
@@ -63,7 +59,7 @@ def test_best_subset_is_the_best(seed: int, exponent: float, active: frozenset[i
     assert not theta[left_out].any()
 
 
-def single(significance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def single(significance: float) -> tuple[Array, Array]:
     """Nothing known but column 3, which is `significance` of its standard deviations above 0."""
     information = np.eye(SIZE)
     vector = np.zeros(SIZE)
@@ -112,9 +108,7 @@ def test_singular_information_is_refused() -> None:
 
 
 @given(st.integers(0, 10_000), st.floats(0.1, 1.0), st.frozensets(st.sampled_from(GATE.columns)))
-def test_gated_covariance_is_that_of_the_error_when_the_rest_is_known(
-    seed: int, share: float, active: frozenset[int]
-) -> None:
+def test_gated_covariance_is_that_of_the_error(seed: int, share: float, active: frozenset[int]) -> None:
     """By regression of the used on the known within the joint belief; its error is independent of the belief."""
     information, _ = belief(seed, 1.0)
     joint = np.asarray(np.linalg.inv(information), np.float64)

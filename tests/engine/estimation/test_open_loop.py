@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.core.model.laws import seat_area_slope
 from observer_rt.core.model.model import advance_state, fault_with_rate
@@ -15,6 +14,7 @@ from observer_rt.model.effective import LAG_UNIT
 from tests.differences import assert_columns_agree, differences
 from tests.engine.estimation.conftest import NOISE, SMOOTH, Case, event_inputs, simulated_event, with_time, worn_theta
 from tests.intervals import Interval
+from tests.plants.arrays import Array
 
 HEALTHY = np.zeros(PARAMETERS)
 VALVE = range(Parameter.CONTROL_START, Parameter.DISPLACEMENT)  # does nothing without flow
@@ -25,9 +25,7 @@ SILENT = NoiseLevels(0.0, 0.0, 0.0)
 INTERVAL = 1e-5  # s
 
 
-def rate_of(
-    case: Case, window: Window, theta: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def rate_of(case: Case, window: Window, theta: Array) -> tuple[Array, Array]:
     run = open_loop(window, case.setting, theta)
     return run.rate, run.slopes
 
@@ -40,7 +38,7 @@ def quiet_event(case: Case) -> Window:
     return window._replace(opening=1)
 
 
-def assert_slopes(case: Case, theta: NDArray[np.float64], by_corners: float = 0.2) -> None:
+def assert_slopes(case: Case, theta: Array, by_corners: float = 0.2) -> None:
     """Against differences of the rate, by every parameter."""
     window = quiet_event(case)
     _, slopes = rate_of(case, window, theta)
@@ -57,7 +55,7 @@ def assert_slopes(case: Case, theta: NDArray[np.float64], by_corners: float = 0.
 
 
 @pytest.mark.parametrize("theta", [HEALTHY, worn_theta()], ids=["healthy", "worn"])
-def test_slopes_are_the_derivatives_of_the_rate(case: Case, theta: NDArray[np.float64]) -> None:
+def test_slopes_are_the_derivatives_of_the_rate(case: Case, theta: Array) -> None:
     assert_slopes(case, theta)
 
 
@@ -165,9 +163,7 @@ def event(nominal: Case) -> Window:
     ],
     ids=["pressures", "lift", "all"],
 )
-def test_variances_are_those_of_many_draws(
-    nominal: Case, event: Window, noise: NoiseLevels, tolerance: float
-) -> None:
+def test_variances_are_those_of_draws(nominal: Case, event: Window, noise: NoiseLevels, tolerance: float) -> None:
     random = np.random.default_rng(4)
     theta = worn_theta()
     run = open_loop(event, nominal.setting, theta)
@@ -180,7 +176,7 @@ def test_variances_are_those_of_many_draws(
     assert np.sqrt(variance.volume[-1]) == pytest.approx(volumes.std(), rel=tolerance)
 
 
-def rms(values: NDArray[np.float64]) -> float:
+def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 

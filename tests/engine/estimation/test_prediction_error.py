@@ -61,9 +61,7 @@ def test_gradient_is_the_derivative(case: Case, theta: NDArray[np.float64], outl
 
 
 @pytest.mark.parametrize("temper", [1.0, 2.5])
-def test_chi2_beyond_noise_is_that_of_the_innovations_however_much_they_are_tempered(
-    nominal: Case, temper: float
-) -> None:
+def test_chi2_beyond_noise_is_that_of_the_innovations_however_tempered(nominal: Case, temper: float) -> None:
     theta = worn_theta(7)
     window = simulated_event(nominal, theta, event_inputs(), seed=3)
     cost = EventCost(window, nominal.setting, SIGMA, BURN_IN, temper=temper)

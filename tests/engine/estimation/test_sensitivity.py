@@ -23,6 +23,7 @@ from tests.engine.estimation.conftest import (
     worn_theta,
 )
 from tests.model.conftest import with_line
+from tests.plants.arrays import Array
 
 HEALTHY = np.zeros(PARAMETERS)
 FLOW = list(range(Parameter.LINE_PRESSURE_OFFSET))  # nozzle and seat
@@ -34,18 +35,14 @@ QUICK = worn_theta()
 QUICK[Parameter.SENSOR_LAG] = 5e-9 / LAG_UNIT  # far shorter than a sample: another branch of the sensor
 
 
-def with_slopes(
-    case: Case, window: Window, theta: NDArray[np.float64], columns: NDArray[np.int64] = EVERY
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def with_slopes(case: Case, window: Window, theta: Array, columns: NDArray[np.int64] = EVERY) -> tuple[Array, Array]:
     result = np.empty(window.output.size)
     slopes = np.empty((window.output.size, columns.size))
     innovations_with_sensitivity(window, case.setting, theta, result, slopes, columns)
     return result, slopes
 
 
-def assert_slopes(
-    case: Case, window: Window, theta: NDArray[np.float64], by_corners: float = 0.2, share: float = 1e-6
-) -> None:
+def assert_slopes(case: Case, window: Window, theta: Array, by_corners: float = 0.2, share: float = 1e-6) -> None:
     """Against differences of the innovations, by every parameter; by the lift's delay, over half a sample.
 
     by_corners: share of a move of the lift that its corners between the samples may be.
@@ -70,7 +67,7 @@ def assert_slopes(
 @pytest.mark.parametrize(
     "theta", [HEALTHY, worn_theta(), QUICK, SERVO], ids=["healthy", "worn", "quick sensor", "servo"]
 )
-def test_slopes_are_the_derivatives_of_the_innovations(case: Case, theta: NDArray[np.float64]) -> None:
+def test_slopes_are_the_derivatives_of_the_innovations(case: Case, theta: Array) -> None:
     """At another pressure than 100 MPa, at which no exponent tells."""
     assert_slopes(case, simulated_event(case, worn_theta(seed=7), event_inputs(rail=0.7), seed=3), theta)
 

@@ -50,9 +50,7 @@ def learned(
     ("flow", "faults", "opens_after", "shuts_after"),
     [(1.5e-6, Faults(orifice_area=-0.15), 0.1e-3, 0.1e-3), (6e-6, Faults(seat_area=-0.1), 0.15e-3, 0.05e-3)],
 )
-def test_flow_and_delays_are_found_beside_wear(
-    flow: float, faults: Faults, opens_after: float, shuts_after: float
-) -> None:
+def test_flow_and_delays_beside_wear(flow: float, faults: Faults, opens_after: float, shuts_after: float) -> None:
     run_of_events, delays = learned(flow, faults, opens_after, shuts_after)
     assert all(run_of_events.valid)
     assert np.mean(run_of_events.inside) >= 0.9

@@ -51,9 +51,7 @@ def test_hostile_events_are_refused_at_worst(hostile: list[Window]) -> None:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("error", [OverflowError, ValueError, np.linalg.LinAlgError])
-def test_numbers_that_end_a_computation_refuse_the_event(
-    error: type[Exception], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_numbers_that_end_a_computation_refuse_it(error: type[Exception], monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(*_: object) -> None:
         np.square(np.array([1e200]))
         raise error("by numbers of an event")

@@ -33,9 +33,7 @@ def test_nothing_is_known_before_the_first_event() -> None:
 
 
 @given(points, st.lists(points, max_size=16), points)
-def test_an_event_more_never_makes_a_point_stranger(
-    point: EventPoint, learned_at: list[EventPoint], more: EventPoint
-) -> None:
+def test_more_events_make_none_stranger(point: EventPoint, learned_at: list[EventPoint], more: EventPoint) -> None:
     before, after = extrapolation_sigma(point, learned_at), extrapolation_sigma(point, [*learned_at, more])
     assert 0.0 <= after <= before + 1e-9 <= 1.0 + 1e-9
 

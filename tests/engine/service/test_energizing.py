@@ -61,9 +61,7 @@ def test_every_opening_has_its_command(tmp_path: Path, name: str) -> None:
     [(0.3e-3, "", 0.0), (0.8e-3, "", 0.0), (2e-3, "delay_us = 2000\n", 2e-3)],
     ids=["before it opens", "after it opened", "stated"],
 )
-def test_a_stamp_that_is_late_makes_the_delay_too_short(
-    tmp_path: Path, late: float, stated: str, made_up: float
-) -> None:
+def test_a_late_stamp_makes_the_delay_too_short(tmp_path: Path, late: float, stated: str, made_up: float) -> None:
     """Even below zero it is the same command, that of a pilot, too. Stated delays are made up for."""
     pulses, recording = injected(2, PILOT_AND_MAIN)
     bench = pulse_bench(tmp_path, EnergizingBy.TIME_BY_STAMP + stated)

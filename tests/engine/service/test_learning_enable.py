@@ -42,9 +42,7 @@ def flags(result: Result) -> list[int]:
 
 
 @pytest.mark.parametrize("value", [1, 2, None])
-def test_enabled_or_not_known_changes_nothing(
-    clean: Traffic, with_frames: Callable[..., Result], value: int | None
-) -> None:
+def test_on_or_unknown_changes_nothing(clean: Traffic, with_frames: Callable[..., Result], value: int | None) -> None:
     assert with_frames((n, bed("LearnEnable", value)) for n in range(0, 1600, 100)).frames == clean.result.frames
     assert with_frames([]).frames == clean.result.frames
 
@@ -75,9 +73,7 @@ def test_what_was_learned_stays_in_force(clean: Traffic, with_frames: Callable[.
 
 
 @pytest.mark.parametrize("on", [1, None])
-def test_learning_goes_on_when_it_is_on_again(
-    clean: Traffic, with_frames: Callable[..., Result], on: int | None
-) -> None:
+def test_learning_goes_on_when_on_again(clean: Traffic, with_frames: Callable[..., Result], on: int | None) -> None:
     result = with_frames([(0, bed("LearnEnable", 0)), (after_injection(clean.result, 1), bed("LearnEnable", on))])
     assert [report.mass_ci95 is None for report in result.reports] == [True, False, False]
     assert result.core.counters.adoptions == 2

@@ -70,9 +70,7 @@ def test_what_is_not_to_be_trusted_contradicts_nothing() -> None:
 
 
 @pytest.mark.parametrize(("healthy", "contradicts"), [(NOT_FITTED, True), (Healthy(live_variance=9.0), False)])
-def test_what_a_fitted_model_leaves_of_a_healthy_injector_is_no_contradiction(
-    healthy: Healthy, contradicts: bool
-) -> None:
+def test_what_a_fitted_model_leaves_of_the_healthy_is_no_contradiction(healthy: Healthy, contradicts: bool) -> None:
     constants = constants_for(NOMINAL, 100e3, Durations(), 2)
     knowledge = no_knowledge(NOISE, constants.coefficients.pressure_scale)
     learner = Learner(constants, knowledge)
@@ -101,9 +99,7 @@ def test_a_contradiction_at_rest_is_over_when_the_channel_is_well_again(resting:
     ("event", "fault", "lasts"),
     [(7, Reason.INPUT_FROZEN, False), (7, Reason.NONE, True), (6, Reason.INPUT_FROZEN, True)],
 )
-def test_what_contradicted_in_an_event_of_doubtful_samples_is_over_with_it(
-    event: int, fault: Reason, lasts: bool
-) -> None:
+def test_what_contradicts_in_an_event_of_doubt_is_over_with_it(event: int, fault: Reason, lasts: bool) -> None:
     observer = Stream().observer
     monitor = observer.memory[0]["monitor"]
     observer.events[0]["number"], observer.events[0]["fault"] = event, fault

@@ -225,14 +225,8 @@ def _with_hidden(bench: Bench, case: HiddenCase, kinds: Mapping[str, HiddenKind]
     """The bench with the effects hidden in laws, injections, sensors and rail."""
     for name, values in case.parts:
         kind, around = kinds[name], bench.around
-        bench = replace(
-            bench,
-            laws=kind.laws(values, bench.laws),
-            events=tuple(replace(e, faults=kind.faults(values, i, e.faults)) for i, e in enumerate(bench.events)),
-            around=replace(
-                around,
-                supply=(*around.supply, *kind.supplies(values)),
-                before_noise=(*around.before_noise, *kind.steps(values)),
-            ),
-        )
+        events = tuple(replace(e, faults=kind.faults(values, i, e.faults)) for i, e in enumerate(bench.events))
+        supply, steps = (*around.supply, *kind.supplies(values)), (*around.before_noise, *kind.steps(values))
+        around = replace(around, supply=supply, before_noise=steps)
+        bench = replace(bench, laws=kind.laws(values, bench.laws), events=events, around=around)
     return bench

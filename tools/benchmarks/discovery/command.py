@@ -14,16 +14,9 @@ from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import UserError
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.campaign import Row, conclude, run_cases, table, values_of
+from tools.benchmarks.discovery import cases as campaigns
 from tools.benchmarks.discovery import nominal, outside, real_line
 from tools.benchmarks.discovery.answers import calibration, draw_calibration
-from tools.benchmarks.discovery.cases import (
-    HEALTHY,
-    OUTSIDE_SHARES,
-    HiddenCase,
-    nominal_cases,
-    outside_cases,
-    real_cases,
-)
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.laws import KINDS, VOCABULARY_KINDS
 from tools.benchmarks.discovery.rigs import Rig
@@ -65,7 +58,6 @@ def discovery(
     seed: cli.SeedOption = 1,
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
-    as_json: cli.JsonOption = False,
 ) -> None:
     """Whether `discover` names effects hidden in recordings of independent plants."""
     if rate not in RATES:
@@ -73,41 +65,41 @@ def discovery(
     if all_kinds and not is_outside:
         raise UserError("--all-kinds", "is for --outside", "add --outside, or give --cases")
     plants, rates = tuple(discrepancy or Discrepancy), RATES[rate]
-    on_lines = tier is cli.Tier.B
     out = out or Path(f"build/discovery{'-outside' if is_outside else ''}-{tier}")
     if is_outside:
-        named = cli.chosen_names(effects, "--effects", (*KINDS, *VOCABULARY_KINDS, HEALTHY), ())
+        named = cli.chosen_names(effects, "--effects", (*KINDS, *VOCABULARY_KINDS, campaigns.HEALTHY), ())
         count = 0 if all_kinds else outside.CASES if cases is None else cases
-        hidden = outside_cases(str(tier), count, rates, plants, seed, named)
+        hidden = campaigns.outside_cases(str(tier), count, rates, plants, seed, named)
         frame = _run(outside.score_outside, hidden, jobs, out)
         tables = {
             f"asked: {asked}": table(frame[frame["asked"].eq(asked)], "hidden", outside.COLUMNS)
-            for asked in OUTSIDE_SHARES
+            for asked in campaigns.OUTSIDE_SHARES
             if "asked" in frame and frame["asked"].eq(asked).any()
         } | {"confidence": calibration(values_of(frame, "confidences"))}
-        conclude(frame, outside.bars(str(tier)), tables, out, as_json, outside.misses(frame))
-    elif on_lines:
-        cli.chosen_names(effects.replace("+", ","), "--effects", (*EFFECTS, *OUTSIDE, HEALTHY), ())
+        conclude(frame, outside.bars(str(tier)), tables, out, outside.misses(frame))
+    elif tier is cli.Tier.B:
+        cli.chosen_names(effects.replace("+", ","), "--effects", (*EFFECTS, *OUTSIDE, campaigns.HEALTHY), ())
         count = real_line.CASES if cases is None else cases
         names = [name for name in effects.split(",") if name]
-        frame = _run(real_line.score_real, real_cases(count, healthy, rates, plants, seed, names), jobs, out)
+        hidden = campaigns.real_cases(count, healthy, rates, plants, seed, names)
+        frame = _run(real_line.score_real, hidden, jobs, out)
         tables = {
             "effects, alone, in pairs and without a name": table(frame, "hidden", real_line.COLUMNS),
             "plants": table(frame, "discrepancy", real_line.PLANT_COLUMNS),
         }
-        conclude(frame, real_line.BARS, tables, out, as_json, real_line.misses(frame))
+        conclude(frame, real_line.BARS, tables, out, real_line.misses(frame))
     else:
         chosen = cli.chosen_names(effects, "--effects", HIDDEN, HIDDEN)
-        hidden = nominal_cases(chosen, nominal.CASES if cases is None else cases, rates, seed)
+        hidden = campaigns.nominal_cases(chosen, nominal.CASES if cases is None else cases, rates, seed)
         frame = _run(nominal.score_nominal, hidden, jobs, out)
         tables = {
             "hidden effects": table(frame, "hidden", nominal.COLUMNS),
             "with a measured rate": table(frame, "with_rate", nominal.COLUMNS),
         }
-        conclude(frame, nominal.BARS, tables, out, as_json, nominal.misses(frame))
+        conclude(frame, nominal.BARS, tables, out, nominal.misses(frame))
 
 
-def _run(work: Callable[..., Row], cases: Sequence[HiddenCase], jobs: int, out: Path) -> pd.DataFrame:
+def _run(work: Callable[..., Row], cases: Sequence[campaigns.HiddenCase], jobs: int, out: Path) -> pd.DataFrame:
     """A row a case, each asked with the fitted model of its rig, or the nominal one; draws how sure it was."""
     rigs = dict.fromkeys(case.rig for case in cases if case.rig is not None)
     models: dict[Rig | None, Path | str] = {None: NOMINAL_INJECTOR}

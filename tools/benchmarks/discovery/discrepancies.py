@@ -63,14 +63,8 @@ def plant_of(discrepancy: Discrepancy, seed: int) -> Plant:
         case Discrepancy.TAPER:
             return replace(plant, line=plant.line._replace(taper=sign(rng) * rng.uniform(*TAPERS)))
         case Discrepancy.END_VOLUMES:
-            return replace(
-                plant,
-                line=plant.line._replace(
-                    end_share=rng.uniform(*END_SHARES),
-                    inlet_ratio=rng.uniform(*INLET_RATIOS),
-                    inlet_loss=rng.uniform(*INLET_LOSSES),
-                ),
-            )
+            share, ratio, loss = (rng.uniform(*each) for each in (END_SHARES, INLET_RATIOS, INLET_LOSSES))
+            return replace(plant, line=plant.line._replace(end_share=share, inlet_ratio=ratio, inlet_loss=loss))
         case Discrepancy.PLAIN | Discrepancy.FRICTION | Discrepancy.STEP:
             return replace(plant, line=LINES[Variant(discrepancy)])
         case Discrepancy.MOUNTING:

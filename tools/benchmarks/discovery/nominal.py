@@ -9,11 +9,11 @@ import pandas as pd
 from observer_rt.config.bench import load_injector
 from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.campaign import CHANCE, Bar, How, Row, chance_of_95, tally
+from tools.benchmarks.discovery import scoring
 from tools.benchmarks.discovery.answers import AMBIGUOUS, GRADES, NAMED, NONE, Answer, Grade, ask, calibration_error
 from tools.benchmarks.discovery.cases import HiddenCase, nominal_benches
 from tools.benchmarks.discovery.kinds import same_effect
-from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, write_all
-from tools.benchmarks.discovery.scoring import gaps, held_intervals, injector_of, rivalry, visibility, with_effects
+from tools.benchmarks.discovery.rigs import FURTHER, GIVEN
 
 CASES = 300
 VISIBLE_GAIN = 50.0  # of the oracle's -2 log L
@@ -25,16 +25,16 @@ MEANINGFUL_GAP = 0.1  # MPa or mg; the share that is left of a smaller gap says 
 def score_nominal(case: HiddenCase, model: Path) -> Row:
     """Record a case, run `discover` on it, and judge the answer."""
     with TemporaryDirectory(prefix="discovery-") as name:
-        files = write_all(nominal_benches(case, GIVEN), case.with_rate, Path(name) / "given")
+        files = scoring.write_all(nominal_benches(case, GIVEN), case.with_rate, Path(name) / "given")
         answer = ask(files, Path(name) / "answer", model, choose=True)
-    row = facts_of(case, answer, visibility(case) if case.parts else {}, rivalry(case, answer))
+    row = facts_of(case, answer, scoring.visibility(case) if case.parts else {}, scoring.rivalry(case, answer))
     if row["named_right"] and case.parts:
-        row["held"] = held_intervals(case.parts, answer)
+        row["held"] = scoring.held_intervals(case.parts, answer)
     if row["above"] and not VOCABULARY[case.name].remedy:  # effects with a remedy amend no model
         injector = load_injector(model)
-        models = (injector, injector_of(answer.amended_model), with_effects(injector, case.parts))
+        models = (injector, scoring.injector_of(answer.amended_model), scoring.with_effects(injector, case.parts))
         for name, (before, after, best) in zip(
-            ("pressure_left", "mass_left"), gaps(nominal_benches(case, FURTHER, 0.0), models), strict=True
+            ("pressure_left", "mass_left"), scoring.gaps(nominal_benches(case, FURTHER, 0.0), models), strict=True
         ):
             row[name] = (after - best) / (before - best) if before - best >= MEANINGFUL_GAP else None
         left = [row[name] for name in ("pressure_left", "mass_left") if row[name] is not None]

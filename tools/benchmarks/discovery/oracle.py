@@ -16,20 +16,8 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
 
-from tests.plants import plant
+from tests.plants import equations, plant
 from tests.plants.arrays import Array
-from tests.plants.equations import (
-    STEPS_FLOWING,
-    STEPS_SHUT,
-    chamber_pressure,
-    drift,
-    kick,
-    lagged,
-    line_stiffness,
-    nozzle_factor,
-    seat_factor,
-    square_root,
-)
 from tests.plants.parameters import Faults, Injector, with_faults
 from tools.benchmarks.discovery.kinds import HiddenKind
 from tools.benchmarks.discovery.rigs import RATE_GAIN, RATE_NOISE, measured_rate
@@ -70,21 +58,21 @@ def follow(
     errors[0], rate[0] = line[0] - recorded, 0.0
     for k in range(1, rail.shape[0]):
         shut = lift[k - 1] <= 0.0 and lift[k] <= 0.0 and p_s == part.chamber_pressure
-        steps = STEPS_SHUT if shut else STEPS_FLOWING
+        steps = equations.STEPS_SHUT if shut else equations.STEPS_FLOWING
         step = interval / steps
         lift1, rail1 = lift[k - 1], rail[k - 1]
         for j in range(steps):
             lift0, rail0, p_l0, seen0 = lift1, rail1, p[0], seen
             lift1 = lift[k - 1] + (lift[k] - lift[k - 1]) * (j + 1) / steps
             rail1 = rail[k - 1] + (rail[k] - rail[k - 1]) * (j + 1) / steps
-            kick(q, p, rail0, 0.5 * step, part, faults)
-            p_s = drift(q, p, p_s, lift0, lift1, step, part, faults)
-            kick(q, p, rail1, 0.5 * step, part, faults)
-            seen = lagged(seen0, p_l0, p[0], step, faults.line_pressure_sensor_lag)
+            equations.kick(q, p, rail0, 0.5 * step, part, faults)
+            p_s = equations.drift(q, p, p_s, lift0, lift1, step, part, faults)
+            equations.kick(q, p, rail1, 0.5 * step, part, faults)
+            seen = equations.lagged(seen0, p_l0, p[0], step, faults.line_pressure_sensor_lag)
             if j * step < late <= (j + 1) * step * (1.0 + 1e-12):
                 recorded = seen0 + (seen - seen0) * (late / step - j)
-        p_c = chamber_pressure(lift1, part, faults)
-        rate[k] = nozzle_factor(p_s, p_c, lift1, part, faults) * square_root(p_s - p_c)
+        p_c = equations.chamber_pressure(lift1, part, faults)
+        rate[k] = equations.nozzle_factor(p_s, p_c, lift1, part, faults) * equations.square_root(p_s - p_c)
         errors[k] = line[k] - recorded
         p[0] += gain[0] * errors[k]
         q[0] += gain[1] * errors[k]
@@ -121,16 +109,9 @@ def recorded(bench: plant.Bench, outcome: plant.Outcome, with_rate: bool) -> Ora
     counted = np.zeros(measured.time.size, np.bool_)
     for first, last in openings:
         counted[first - round(LEAD / INTERVAL) : last + round(TAIL / INTERVAL)] = True
-    return OracleRecording(
-        bench,
-        measured.rail_pressure,
-        measured.needle_lift,
-        measured.line_pressure,
-        measured_rate(bench, outcome) if with_rate else None,
-        openings,
-        np.concatenate(strokes)[:, 4:6],
-        counted,
-    )
+    rate, speeds = measured_rate(bench, outcome) if with_rate else None, np.concatenate(strokes)[:, 4:6]
+    seen = (measured.rail_pressure, measured.needle_lift, measured.line_pressure)
+    return OracleRecording(bench, *seen, rate, openings, speeds, counted)
 
 
 def record_all(benches: Sequence[plant.Bench], with_rate: bool) -> tuple[tuple[OracleRecording, plant.Outcome], ...]:
@@ -169,7 +150,7 @@ def gain_of(part: Injector, faults: Faults, pressure: float) -> tuple[Array, flo
 
     angle: of the line's mode in one sample; impedance: pressure over flow of the mode; late: lag in samples.
     """
-    stiffness = line_stiffness(pressure, part, faults) / part.line_volume
+    stiffness = equations.line_stiffness(pressure, part, faults) / part.line_volume
     inertance = part.density * part.line_length / part.line_area
     late = faults.line_pressure_sensor_lag / INTERVAL
     angle, impedance = math.sqrt(stiffness / inertance) * INTERVAL, math.sqrt(stiffness * inertance)
@@ -212,7 +193,7 @@ def rate_sigma(r: OracleRecording) -> Array:
     nozzle = part.nozzle_area * math.sqrt(2.0 / part.density)
 
     def quasi_static(x: float) -> float:
-        seat = seat_factor(x, part.chamber_pressure, part, Faults())
+        seat = equations.seat_factor(x, part.chamber_pressure, part, Faults())
         return float(seat * nozzle / math.hypot(seat, nozzle) * math.sqrt(drop))
 
     slope = [(quasi_static(x + LIFT_STEP) - quasi_static(x)) / LIFT_STEP if x > 0.0 else 0.0 for x in lift]

@@ -21,6 +21,7 @@ from observer_rt.identification.likelihood.operating_points import by_operating_
 from observer_rt.model import effects
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
+from observer_rt.model.terms.term import Term
 from tools.benchmarks.discovery.scoring import Misfit, misfit
 
 IMPROBABLE = 0.02
@@ -84,36 +85,24 @@ def ask_outside(
     core_seconds = time.process_time() - begin
     outcome = noted[-1]
     winner = outcome.winner if outcome.adequate else outcome.nominal
-    return OutsideAnswer(
-        str(findings.verdict),
-        findings.confidence,
-        findings.named.ids,
-        winner.ids,
-        str(findings.unexplained.equation) if findings.unexplained is not None else "",
-        proposed(findings.proposals[0], nominal, further) if findings.proposals else None,
-        misfit(nominal, further),
-        misfit(nominal, healthy),
-        misfit(winner.model(nominal), further),
-        core_seconds,
-        tuple(
-            (odds, one.named, tuple(str(term.equation) for term in one.terms))
-            for one, odds in outcome.posterior
-            if odds >= IMPROBABLE
-        ),
-    )
+    said = str(findings.verdict), findings.confidence, findings.named.ids, winner.ids
+    suspect = str(findings.unexplained.equation) if findings.unexplained is not None else ""
+    best = proposed(findings.proposals[0], nominal, further) if findings.proposals else None
+    misfits = misfit(nominal, further), misfit(nominal, healthy), misfit(winner.model(nominal), further)
+    explained = ((odds, one.named, equations_of(one.terms)) for one, odds in outcome.posterior if odds >= IMPROBABLE)
+    return OutsideAnswer(*said, suspect, best, *misfits, core_seconds, tuple(explained))
+
+
+def equations_of(terms: Sequence[Term]) -> tuple[str, ...]:
+    """Where terms stand in the model."""
+    return tuple(str(term.equation) for term in terms)
 
 
 def proposed(proposal: Proposal, nominal: EffectiveModel, further: Measurements) -> ProposedTerms:
     """A proposal beside the vocabulary, in plain values."""
-    return ProposedTerms(
-        tuple(str(term.equation) for term in proposal.terms),
-        " + ".join(
-            (*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in proposal.terms), *proposal.candidate.named)
-        ),
-        proposal.candidate.named,
-        proposal.may_enter,
-        misfit(proposal.candidate.model(nominal), further),
-    )
+    named, off = proposal.candidate.named, misfit(proposal.candidate.model(nominal), further)
+    text = " + ".join((*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in proposal.terms), *named))
+    return ProposedTerms(equations_of(proposal.terms), text, named, proposal.may_enter, off)
 
 
 @contextmanager

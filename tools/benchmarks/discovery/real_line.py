@@ -9,22 +9,10 @@ import pandas as pd
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import RunError
 from tools.benchmarks.campaign import Bar, How, Row, tally
-from tools.benchmarks.discovery import scoring
-from tools.benchmarks.discovery.answers import (
-    AMBIGUOUS,
-    CONFIDENT,
-    GRADES,
-    NAMED,
-    NONE,
-    UNKNOWN,
-    Answer,
-    Grade,
-    ask,
-    calibration_error,
-)
+from tools.benchmarks.discovery import answers, scoring
 from tools.benchmarks.discovery.cases import HiddenCase, Query, real_benches
 from tools.benchmarks.discovery.kinds import near_tie, same_effect
-from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches, write_all
+from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches
 from tools.benchmarks.fitting import fitted_model
 
 CASES = 150
@@ -37,7 +25,7 @@ def model_of(rig: Rig, out: Path) -> Path | str:
     """The fitted injector file of a rig, or why `fit` failed."""
 
     def recorded(folder: Path) -> list[Path]:
-        return write_all(healthy_benches(rig), rig.with_rate, folder / "healthy")
+        return scoring.write_all(healthy_benches(rig), rig.with_rate, folder / "healthy")
 
     try:
         return fitted_model(out / "rigs" / rig.name, recorded)
@@ -50,14 +38,14 @@ def score_real(case: HiddenCase, model: Path | str) -> Row:
     if isinstance(model, str):
         raise RunError(model)
     with TemporaryDirectory(prefix="discovery-") as name:
-        files = write_all(real_benches(case, GIVEN), case.with_rate, Path(name) / "given")
-        answer = ask(files, Path(name) / "answer", model, choose=False)
+        files = scoring.write_all(real_benches(case, GIVEN), case.with_rate, Path(name) / "given")
+        answer = answers.ask(files, Path(name) / "answer", model, choose=False)
     row, fitted = facts_of(case, answer), load_injector(model)
     row["adequate"] = fitted.baseline is not None and fitted.baseline.adequate
     truth = scoring.in_terms_of(fitted, case)
     if row["named_right"]:
         row["held"] = scoring.held_intervals(truth, answer)
-    if answer.verdict == NAMED and answer.amended_model != model.read_text():
+    if answer.verdict == answers.NAMED and answer.amended_model != model.read_text():
         amended = scoring.injector_of(answer.amended_model)
         models = fitted, amended, scoring.with_effects(amended, truth)
         misfits = scoring.gaps(real_benches(case, FURTHER, 0.0), models)
@@ -80,11 +68,11 @@ def is_larger(gap: Sequence[float], tolerance: float) -> bool:
     return after > least + max(tolerance, GAP_TOLERANCE * least)
 
 
-def facts_of(case: HiddenCase, answer: Answer) -> Row:
+def facts_of(case: HiddenCase, answer: answers.Answer) -> Row:
     """A case and its answer as a row, but for what the fitted model has to do with."""
     assert case.rig is not None
     effects, smallest = [name for name, _ in case.parts], scoring.smallest_visible(answer)
-    names, is_named = answer.names, answer.verdict == NAMED
+    names, is_named = answer.names, answer.verdict == answers.NAMED
 
     def is_hidden(name: str) -> bool:
         return any(same_effect(name, effect) for effect in effects)
@@ -93,15 +81,15 @@ def facts_of(case: HiddenCase, answer: Answer) -> Row:
         return all(any(same_effect(name, effect) for name in named) for effect in effects)
 
     named_right = is_named and len(names) == len(effects) and all(map(is_hidden, names)) and has_all(names)
-    is_open = answer.verdict == AMBIGUOUS and bool(effects) and has_all(answer.listed)
+    is_open = answer.verdict == answers.AMBIGUOUS and bool(effects) and has_all(answer.listed)
     if case.asked is Query.SINGLE:  # of one effect, beside its near ties only
         is_open = is_open and all(near_tie(name, effects[0]) for name in answer.listed)
-    due = {Query.HEALTHY: NONE, Query.OUTSIDE: UNKNOWN}.get(case.asked)
+    due = {Query.HEALTHY: answers.NONE, Query.OUTSIDE: answers.UNKNOWN}.get(case.asked)
     right = answer.verdict == due if due else named_right or is_open
     counted = bool(due) or all(
         abs(values[0]) >= SURELY_VISIBLE * smallest.get(name, 0.0) for name, values in case.parts
     )
-    grade = Grade.AMBIGUOUS if is_open else Grade.RIGHT if right else Grade.WRONG
+    grade = answers.Grade.AMBIGUOUS if is_open else answers.Grade.RIGHT if right else answers.Grade.WRONG
     confidences = answer.confidences(is_hidden)
     return {
         "hidden": case.name,
@@ -112,9 +100,9 @@ def facts_of(case: HiddenCase, answer: Answer) -> Row:
         "named_right": named_right,
         "counted": counted,
         "right": right,
-        "grade": grade if counted else Grade.NOT_LOOKED_FOR,
+        "grade": grade if counted else answers.Grade.NOT_LOOKED_FOR,
         "half_right": case.asked is Query.PAIR and not right and is_named and any(map(is_hidden, names)),
-        "wrong_and_sure": is_named and any(each <= -CONFIDENT for each in confidences),
+        "wrong_and_sure": is_named and any(each <= -answers.CONFIDENT for each in confidences),
         "confidences": confidences,
         "smallest": smallest.get(case.name),
         "named_size": abs(case.parts[0][1][0]) if named_right and len(effects) == 1 else None,
@@ -128,7 +116,7 @@ def misses(frame: pd.DataFrame) -> list[str]:
     """A line for every case that was answered wrongly, surely so, or left a larger gap."""
     if "grade" not in frame:
         return []
-    wrong = frame["grade"].eq(Grade.WRONG) | frame["wrong_and_sure"].eq(True) | frame["gap_larger"].eq(True)
+    wrong = frame["grade"].eq(answers.Grade.WRONG) | frame["wrong_and_sure"].eq(True) | frame["gap_larger"].eq(True)
     return [
         f"{row.text}: {row.verdict} {row.claimed} {'SURE ' * row.wrong_and_sure}{'GAP ' * row.gap_larger}{row.gaps}"
         for row in frame[wrong].itertuples()
@@ -146,11 +134,11 @@ BARS = (
     Bar("pairs_half_right", "half_right", "sum", of="kind == 'pair'"),
     Bar("gap_larger", "gap_larger", "sum", most=0),
     Bar("coverage_share", "held", "mean", 0.90, 0.98, from_values=20),
-    Bar("confidence_calibration_error", "confidences", calibration_error, most=0.05),
+    Bar("confidence_calibration_error", "confidences", answers.calibration_error, most=0.05),
     Bar("core_seconds_max", "core_seconds", "max", most=20.0),
 )  # fmt: skip
 COLUMNS: dict[str, tuple[str, How]] = {
-    **GRADES,
+    **answers.GRADES,
     "answered": ("answer", tally),
     "smallest visible, stated, SI": ("smallest", "median"),
     "smallest named": ("named_size", "min"),
@@ -158,7 +146,7 @@ COLUMNS: dict[str, tuple[str, How]] = {
 }
 PLANT_COLUMNS: dict[str, tuple[str, How]] = {
     "fit adequate": ("adequate", "of"),
-    **GRADES,
+    **answers.GRADES,
     "wrong and sure": ("wrong_and_sure", "sum"),
     "gap larger": ("gap_larger", "sum"),
     "of a core, max": ("core_seconds", "max"),

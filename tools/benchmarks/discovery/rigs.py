@@ -2,25 +2,21 @@
 
 import itertools
 import zlib
-from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
 
 from tests.plants.arrays import Array
-from tests.plants.histories import MM3_PER_MS, POINTS
+from tests.plants.histories import POINTS
 from tests.plants.parameters import Faults
-from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, Surroundings, record
+from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, Surroundings
 from tools.benchmarks.discovery.discrepancies import Discrepancy, plant_of
 
 GIVEN = POINTS
 """Operating points `discover` is given."""
 FURTHER = tuple(itertools.product((80e6, 120e6), (0.9e-3, 1.5e-3)))
 """Operating points it never sees: there the gap is measured."""
-MEGAPASCAL, MILLIMETRE = 1e6, 1e-3
-HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
 RATE_NOISE = 0.5e-6  # m3/s per sample of a measured rate at 100 kHz
 RATE_GAIN = 0.005  # one sigma of a recording's gain
 FIT_INJECTIONS = 6  # in each recording
@@ -77,29 +73,3 @@ def measured_rate(bench: Bench, outcome: Outcome) -> Array:
     truth = outcome.truth.injection_rate
     gain = 1.0 + RATE_GAIN * bench.noise * rng.normal()
     return np.asarray(gain * truth + RATE_NOISE * bench.noise * rng.normal(size=truth.size), np.float64)
-
-
-def write_all(benches: Iterable[Bench], with_rate: bool, folder: Path) -> list[Path]:
-    """Recordings as CSV files, named by nothing but their order."""
-    folder.mkdir(parents=True, exist_ok=True)
-    files = []
-    for number, bench in enumerate(benches, start=1):
-        files.append(folder / f"recording_{number}.csv")
-        _write_recording(files[-1], bench, with_rate)
-    return files
-
-
-def _write_recording(path: Path, bench: Bench, with_rate: bool) -> None:
-    outcome = record(bench)
-    measured = outcome.measured
-    columns: list[Array] = [
-        measured.time,
-        measured.rail_pressure / MEGAPASCAL,
-        measured.needle_lift / MILLIMETRE,
-        measured.line_pressure / MEGAPASCAL,
-    ]
-    header, row = HEADER, "%.5f,%.3f,%.5f,%.3f"
-    if with_rate:
-        columns.append(measured_rate(bench, outcome) / MM3_PER_MS)
-        header, row = f"{header},injection_rate_mm3_per_ms", f"{row},%.5f"
-    np.savetxt(path, np.column_stack(columns), row, header=header, comments="")

@@ -2,14 +2,15 @@
 
 import math
 import tempfile
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from observer_rt.config.bench import load_injector
-from observer_rt.files.formats import read_recording
+from observer_rt.files.formats import write_recording
+from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import mass, measured_mass, simulated
@@ -17,9 +18,10 @@ from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
+from tests.observed_plants import recording_of
 from tests.plants.arrays import Array
 from tests.plants.parameters import Faults, with_faults
-from tests.plants.plant import SAMPLE_RATE, Bench
+from tests.plants.plant import SAMPLE_RATE, Bench, record
 from tests.plants.windows import windows_of
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.discovery import oracle
@@ -27,7 +29,7 @@ from tools.benchmarks.discovery.answers import AMBIGUOUS, Answer
 from tools.benchmarks.discovery.cases import HiddenCase, nominal_benches
 from tools.benchmarks.discovery.discrepancies import plant_of
 from tools.benchmarks.discovery.kinds import same_effect
-from tools.benchmarks.discovery.rigs import GIVEN, write_all
+from tools.benchmarks.discovery.rigs import GIVEN, measured_rate
 from tools.benchmarks.discovery.vocabulary import ALL_EFFECTS, HIDDEN, Parts
 
 Model = tuple[Array, Array]
@@ -82,10 +84,27 @@ def held_intervals(truth: Parts, answer: Answer) -> list[bool]:
     return held
 
 
+def recordings(benches: Iterable[Bench], with_rate: bool) -> Iterator[Recording]:
+    """What benches come to."""
+    for bench in benches:
+        outcome = record(bench)
+        recording = recording_of(outcome)
+        yield replace(recording, injection_rate=measured_rate(bench, outcome)) if with_rate else recording
+
+
+def write_all(benches: Iterable[Bench], with_rate: bool, folder: Path) -> list[Path]:
+    """Recordings as CSV files, named by nothing but their order."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for number, recording in enumerate(recordings(benches, with_rate), start=1):
+        files.append(folder / f"recording_{number}.csv")
+        write_recording(files[-1], recording)
+    return files
+
+
 def measured(benches: Iterable[Bench], with_rate: bool = True) -> tuple[Measurement, ...]:
-    """What benches come to, as it is read from files."""
-    with tempfile.TemporaryDirectory() as folder:
-        return measurements([read_recording(path) for path in write_all(benches, with_rate, Path(folder))])
+    """What benches come to, as it is measured."""
+    return measurements([*recordings(benches, with_rate)])
 
 
 def gaps(benches: Iterable[Bench], injectors: Sequence[InjectorParameters]) -> tuple[list[float], ...]:

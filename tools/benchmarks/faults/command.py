@@ -14,6 +14,7 @@ from tests.observed_plants import bench_at
 from tests.plants.plant import record
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.campaign import Bar, How, Row, conclude, frame_of, run_cases, table
+from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.faults import live as on_bus
 from tools.benchmarks.faults import player
 from tools.benchmarks.faults.daemons import Strike, strike
@@ -21,8 +22,8 @@ from tools.benchmarks.faults.fault import BenchFault, SensorFault
 from tools.benchmarks.faults.scenario import Task, drawn, entries, tasks
 from tools.benchmarks.faults.score import Verdict, facts_of
 from tools.benchmarks.faults.table import TABLE
-from tools.benchmarks.fitting import plain_model
 from tools.benchmarks.needles import recorded
+from tools.benchmarks.worn_lines import worn_model
 
 CASES, RIGHT_WITHOUT_LIFT = 520, 0.8
 BARS = (
@@ -110,13 +111,12 @@ def faults(
         int, typer.Option(min=0, help="So many daemons killed, without room on the disk, without power.")
     ] = 0,
     no_lift: cli.NoLiftOption = False,
-    as_json: cli.JsonOption = False,
 ) -> None:
     """Everything that may go wrong with sensors, bus, clocks and processes, every row of the table in turn."""
     out = out or Path(f"build/faults-{tier}{'-no-lift' * no_lift}")
     rows = WITHOUT_LIFT if no_lift else TABLE
     names = entries(TABLE, cli.chosen_names(only, "--only", rows, rows))
-    model = plain_model(out, seed) if tier is cli.Tier.B and cases else None
+    model = worn_model(Discrepancy.PLAIN, seed, out) if tier is cli.Tier.B and cases else None
     todo = {
         f"{task.label}{' by commands' * no_lift}": (task, model, not no_lift)
         for task in tasks(TABLE, names, cases, seed)
@@ -143,4 +143,4 @@ def faults(
     lines = [line_of(row) for row in seen.where(seen.notna(), None).to_dict("records") if is_faulty(row)]
     lines += [f"{row.label}: {each}" for row in kills.itertuples() for each in row.what]
     bars = [replace(bar, least=RIGHT_WITHOUT_LIFT) if no_lift and bar.column == "right" else bar for bar in BARS]
-    conclude(frame, bars, tables, out, as_json, lines)
+    conclude(frame, bars, tables, out, lines)

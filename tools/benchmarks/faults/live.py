@@ -50,21 +50,12 @@ class Bus:
 
 
 @contextmanager
-def _stopped(bus: Bus) -> Iterator[None]:
-    bus.daemon.suspend()
+def _between(begin: Callable[[], None], end: Callable[[], None]) -> Iterator[None]:
+    begin()
     try:
         yield
     finally:
-        bus.daemon.process.send_signal(signal.SIGCONT)
-
-
-@contextmanager
-def _away(bus: Bus) -> Iterator[None]:
-    _set("down")
-    try:
-        yield
-    finally:
-        _set("up")
+        end()
 
 
 def _send(frame_id: int, rate: float, over: threading.Event) -> None:
@@ -76,8 +67,10 @@ def _send(frame_id: int, rate: float, over: threading.Event) -> None:
 
 
 _LIVE: dict[str, Callable[[Bus], AbstractContextManager[None]]] = {
-    "process_stopped": _stopped,
-    "interface_away": _away,
+    "process_stopped": lambda bus: _between(
+        bus.daemon.suspend, partial(bus.daemon.process.send_signal, signal.SIGCONT)
+    ),
+    "interface_away": lambda bus: _between(partial(_set, "down"), partial(_set, "up")),
     "second_sender": lambda bus: meanwhile(partial(_send, RATE_ID, 20.0)),
     "busy_bus": lambda bus: meanwhile(partial(_send, BUSY_ID, BUSY_FRAMES)),
 }

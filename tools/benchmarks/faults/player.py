@@ -145,14 +145,10 @@ class Receiver:
             elif frame.frame_id == SUMMARY_ID:
                 (index,) = struct.unpack_from("<I", frame.payload, 4)
                 (mass,) = struct.unpack_from("<H", frame.payload, _SUMMARY_MASS)
-                self.published.summaries.append(
-                    Summary(
-                        self._placed.get(index, self._sample(index)),
-                        bool(frame.payload[3] & 1),
-                        np.nan if mass == _MISSING else (0.01 * mass - 50.0) * MILLIGRAM,
-                        Reason(frame.payload[_SUMMARY_REASON]).name,
-                    )
-                )
+                kilograms = np.nan if mass == _MISSING else (0.01 * mass - 50.0) * MILLIGRAM
+                valid, reason = bool(frame.payload[3] & 1), Reason(frame.payload[_SUMMARY_REASON]).name
+                first = self._placed.get(index, self._sample(index))
+                self.published.summaries.append(Summary(first, valid, kilograms, reason))
 
     def _take_rates(self, row: np.void) -> None:
         index, raw = int(row["index"]), row["rates"]
@@ -201,18 +197,10 @@ class _Player:
                 self._receiver.note_sent(frame.time, frame.moved)
         self._misbehave(frames[-1].time)
         layouts = self._bus.input_layouts
-        handed_on = [
-            BusFrame(
-                layouts[frame.message].bus,
-                Frame(
-                    layouts[frame.message].frame_id,
-                    frame.payload,
-                    1_700_000_000_000_000_000 + round(1e9 * frame.stamp),
-                    layouts[frame.message].is_extended,
-                ),
-            )
-            for frame in frames
-        ]
+        handed_on = []
+        for frame in frames:
+            layout, stamp = layouts[frame.message], 1_700_000_000_000_000_000 + round(1e9 * frame.stamp)
+            handed_on.append(BusFrame(layout.bus, Frame(layout.frame_id, frame.payload, stamp, layout.is_extended)))
         self._receiver.take(self._core.handle_many(block_of(handed_on)))
         _, reason = self._core.state
         said = self._receiver.published.reason

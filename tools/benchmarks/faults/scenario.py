@@ -9,8 +9,8 @@ from numpy.random import Generator
 
 from tests.plants.parameters import Injector
 from tests.plants.plant import PERIOD, Bench, drawn_needle
-from tests.plants.wave import LINES, Variant, real_part
 from tools.benchmarks.cases import worn_events
+from tools.benchmarks.discovery.discrepancies import Discrepancy, plant_of
 from tools.benchmarks.faults.fault import Fault, PlacedFault, Where
 
 SETTLED, LAST_BEGIN = 4, 10  # events: what goes and comes begins after the one, before the other
@@ -92,7 +92,8 @@ def drawn(task: Task, table: Mapping[str, Fault], is_rich: bool) -> Scenario:
     wear = WEARS[int(rng.integers(len(WEARS)))] if learning else 0.0  # which nobody would learn
     bench = Bench(Injector(), needle, worn_events(rng, wear), seed=int(rng.integers(2**62)))
     if is_rich:
-        bench = replace(bench, injector=real_part(task.master_seed), line=LINES[Variant.PLAIN])
+        plant = plant_of(Discrepancy.PLAIN, task.master_seed)
+        bench = replace(bench, injector=plant.part, line=plant.line)
     placed: list[PlacedFault] = []
     for fault, size, is_stated in rows:
         placed.append(replace(_placed(fault, size, bench, rng), is_stated=is_stated))

@@ -170,11 +170,9 @@ def low_pass(order: int) -> Wave:
     return through(lambda corner: filters.butterworth(order, corner))
 
 
-def _delay(
-    role: str, microseconds: Callable[[float], float], key: str = "filter_delay_us"
-) -> Callable[[float], Stated]:
-    """What the bench file says of a size."""
-    return lambda size: {role: {key: microseconds(size)}}
+def _delay(role: str, value_of: Callable[[float], float], key: str = "filter_delay_us") -> Callable[[float], Stated]:
+    """What the bench file says of a size [us]."""
+    return lambda size: {role: {key: value_of(size)}}
 
 
 def _small(name: str, unit: str, sizes: tuple[float, ...], change: Any, reasons: Any, **more: Any) -> Any:

@@ -72,7 +72,6 @@ def speed(
     quick: Annotated[bool, typer.Option("--quick", help="10 s of each: a look, no verdict.")] = False,
     seconds: Annotated[float | None, typer.Option(min=1.0, help="Of the sustained rate (600).")] = None,
     out: cli.OutOption = None,
-    as_json: cli.JsonOption = False,
 ) -> None:
     """How fast: round trip beside a C echo and python-can, load at 100 kHz, start, several injectors."""
     parts, before = cli.chosen_names(only, "--only", list(Part), list(Part)), os.getloadavg()
@@ -103,14 +102,12 @@ def speed(
         for part in parts
     }
     load = f"load of the machine: {before[0]:.1f} before, {os.getloadavg()[0]:.1f} after"
-    conclude(frame, BARS, tables, out, as_json, [load])
+    conclude(frame, BARS, tables, out, [load])
 
 
 @cli.app.command(epilog="Example: tools/bench soak --minutes 60")
 def soak(
-    minutes: Annotated[float, typer.Option(min=0.1, help="How long.")] = 10.0,
-    out: cli.OutOption = None,
-    as_json: cli.JsonOption = False,
+    minutes: Annotated[float, typer.Option(min=0.1, help="How long.")] = 10.0, out: cli.OutOption = None
 ) -> None:
     """A learning daemon at 100 kHz, its Python paused at random: does memory grow, are samples lost?"""
     out = out or Path("build/soak")
@@ -119,4 +116,4 @@ def soak(
     settled = frame[int(SETTLED * len(frame)) :]
     if len(settled) >= FEWEST:  # by a straight line through it
         frame["growth"] = float(np.polyfit(settled["minute"] / 60.0, settled["memory_mib"], 1)[0])
-    conclude(frame, SOAK_BARS, {"soak": table(frame, "label", SOAK_COLUMNS)}, out, as_json)
+    conclude(frame, SOAK_BARS, {"soak": table(frame, "label", SOAK_COLUMNS)}, out)

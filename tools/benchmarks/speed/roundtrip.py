@@ -20,7 +20,7 @@ from tools.benchmarks.campaign import Row
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.observers import BUSY_RUN, RUN, Observer, observer
 from tools.benchmarks.speed.pace import Pacer, Passage, latency_of
-from tools.benchmarks.speed.traffic import Ids, Traffic, load_traffic, write_bench
+from tools.benchmarks.speed.traffic import Ids, Traffic, make_traffic, write_bench
 
 ECHO, OURS, BUSY, PEER = "C echo", "observer_rt", "observer_rt, Python busy", "python-can, no observer"
 PARTIES = {ECHO: Ids(0), OURS: Ids(1), BUSY: Ids(2), PEER: Ids(3)}
@@ -36,7 +36,7 @@ _VCAN = Path(__file__).parents[2] / "vcan"
 def measure_roundtrips(folder: Path, seconds: float) -> list[Row]:
     """Send to each party for `seconds` in all at the slow pace, a fifth at the fast one: a row a pace and party.
 
-    The folder holds the traffic. Runs in user-mode Linux where the kernel of this machine has no CAN. Raises
+    Runs in user-mode Linux where the kernel of this machine has no CAN. Raises
     RunError.
     """
     own = [sys.executable, "-m", "tools.benchmarks.speed.roundtrip", folder, CHANNEL, seconds]
@@ -50,7 +50,7 @@ def measure_roundtrips(folder: Path, seconds: float) -> list[Row]:
 
 def run_parties(folder: Path, channel: str, seconds: float) -> None:
     """The measurement itself, where the channel is; rows as a file in the folder."""
-    traffic = load_traffic(folder)
+    traffic = make_traffic(folder)  # as the other parts have it
     with ExitStack() as stack:
         running = {}
         for party in PARTIES:

@@ -27,7 +27,6 @@ _EVENTS = 9  # 0.36 s, a whole number of frames
 _PRESSURES = (60e6, 100e6, 140e6)  # Pa
 _OPEN = 5e-6  # m
 RAW_FRAME = np.dtype([("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("unused", "<u2"), ("data", "u1", 64)])
-_LOOP, _FACTS = "loop.frames", "loop.npz"
 _SWITCHED = 1  # flag of struct canfd_frame
 DEFAULT_IDS = (256, 272, 273, 274, 512, 513, 514)
 _ID_STEP = 32
@@ -53,26 +52,12 @@ class Traffic:
         return np.asarray(self.is_open[(index + RATES - 1) % self.is_open.size])
 
 
-@dataclass(frozen=True)
 class Ids:
-    """Identifiers of one of several observers on the same bus."""
+    """Identifiers of one of several observers on the same bus; shift: added to the database's."""
 
-    number: int = 0
-
-    @property
-    def shift(self) -> int:
-        """Added to the database's identifiers."""
-        return self.number * _ID_STEP
-
-    @property
-    def input(self) -> int:
-        """Of input frames."""
-        return INPUT_ID + self.shift
-
-    @property
-    def rate(self) -> int:
-        """Of rate frames."""
-        return RATE_ID + self.shift
+    def __init__(self, number: int = 0) -> None:
+        self.number, self.shift = number, number * _ID_STEP
+        self.input, self.rate = INPUT_ID + self.shift, RATE_ID + self.shift
 
 
 def worn_loop(injections: int) -> Recording:
@@ -92,18 +77,9 @@ def make_traffic(folder: Path) -> Traffic:
     raw = np.zeros(len(payloads), RAW_FRAME)
     raw["id"], raw["length"], raw["flags"] = INPUT_ID, 64, _SWITCHED
     raw["data"] = np.frombuffer(b"".join(payloads), np.uint8).reshape(-1, 64)
-    path = folder / _LOOP
+    path = folder / "loop.frames"
     path.write_bytes(raw.tobytes())
-    is_open, ahead = recording.needle_lift > _OPEN, samples_ahead(payloads)
-    np.savez(folder / _FACTS, is_open=is_open, ahead=ahead)
-    return Traffic(path, len(payloads), is_open, ahead)
-
-
-def load_traffic(folder: Path) -> Traffic:
-    """What `make_traffic` wrote."""
-    with np.load(folder / _FACTS) as facts:
-        is_open = facts["is_open"]
-        return Traffic(folder / _LOOP, is_open.size // SAMPLES, is_open, int(facts["ahead"]))
+    return Traffic(path, len(payloads), recording.needle_lift > _OPEN, samples_ahead(payloads))
 
 
 def samples_ahead(payloads: Sequence[bytes]) -> int:
@@ -129,12 +105,8 @@ def write_bench(folder: Path, interface: str, channel: str, ids: Ids, *changes: 
     folder.mkdir(parents=True, exist_ok=True)
     database = (PACKAGE_DATA / "observer_fd.dbc").read_text("utf-8")
     for number in DEFAULT_IDS:
-        database = re.sub(
-            rf"^(BO_|CM_ BO_|CM_ SG_|VAL_|SIG_VALTYPE_|BA_ \"\w+\" BO_|BA_ \"\w+\" SG_) {number} ",
-            rf"\1 {number + ids.shift} ",
-            database,
-            flags=re.MULTILINE,
-        )
+        mention = rf"^(BO_|CM_ BO_|CM_ SG_|VAL_|SIG_VALTYPE_|BA_ \"\w+\" BO_|BA_ \"\w+\" SG_) {number} "
+        database = re.sub(mention, rf"\1 {number + ids.shift} ", database, flags=re.MULTILINE)
     (folder / "observer_fd.dbc").write_text(database, "utf-8")
     text = bench_text(
         ('interface = "socketcan"', f'interface = "{interface}"'),

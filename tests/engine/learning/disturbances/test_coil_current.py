@@ -9,14 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.coil_current import (
-    CoilCurrent,
-    CoilPulse,
-    Edge,
-    Energizing,
-    OtherColumns,
-    pulse_ends,
-)
+from observer_rt.engine.learning.disturbances import coil_current
 
 INTERVAL = 1e-5  # s
 COUNT = 600
@@ -41,16 +34,16 @@ def as_seen(window: Window) -> NDArray[np.float64]:
 
 K = np.arange(COUNT)
 SLOPES = np.stack([np.where((K > 120) & (K < 250), 1.0, 0.0), np.sin(K / 40.0)], axis=1)
-OTHER = OtherColumns.of(SLOPES, PRIOR)
+OTHER = coil_current.OtherColumns.of(SLOPES, PRIOR)
 
 
-def after(events: int, height: float, until: int = UNTIL) -> CoilCurrent:
+def after(events: int, height: float, until: int = UNTIL) -> coil_current.CoilCurrent:
     """What was found in events with a pulse of a height [SIGMA]."""
-    current, ends = CoilCurrent(), pulse_ends(INTERVAL)
+    current, ends = coil_current.CoilCurrent(), coil_current.pulse_ends(INTERVAL)
     for seed in range(events):
         noise = window(SIGMA * np.random.default_rng(seed).normal(size=COUNT))
-        recorded = CoilPulse(-height * SIGMA, BEFORE, until).taken_out(noise)
-        edge = Edge(height * SIGMA, BEFORE)
+        recorded = coil_current.CoilPulse(-height * SIGMA, BEFORE, until).taken_out(noise)
+        edge = coil_current.Edge(height * SIGMA, BEFORE)
         current = current.after(recorded, edge, as_seen, OTHER, ends)
     return current
 
@@ -88,7 +81,7 @@ def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
     assert np.allclose(output, np.where(taken, 1.0 - height, 1.0))
     cost: Any = SimpleNamespace(value=lambda _: 0.0, innovations=np.zeros(COUNT), burn_in=0)
     fit: Any = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)), slopes=SLOPES)
-    coil = Energizing(current=current)
+    coil = coil_current.Energizing(current=current)
     without, said = coil.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, flowing=False)
     assert said
     assert not without.is_known

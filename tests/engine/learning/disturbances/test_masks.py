@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.outliers import LENGTH, PRICE, find_held, find_loud
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.disturbances.masks import CleanWindow, Sigmas, without_stretches
+from tests.plants.arrays import Array
 
 NOISE = 0.0015  # of p_0
 SIGMAS = Sigmas(innovation=1.2 * NOISE, noise=NOISE)
@@ -19,20 +19,20 @@ COUNT, OPENING, FIRST = 1500, 100, 50
 BURST = slice(500, 700)
 
 
-def truth() -> NDArray[np.float64]:
+def truth() -> Array:
     """A line that swings after an injection, over the rail pressure and below it."""
     k = np.arange(COUNT) - OPENING
     swing = -0.15 * np.sin(2.0 * np.pi * k / 130.0) * np.exp(-k / 600.0)
     return 1.0 + np.where(k > 0, swing, 0.0)
 
 
-def noise(seed: int, burst: float = 0.0, at: slice = BURST) -> NDArray[np.float64]:
+def noise(seed: int, burst: float = 0.0, at: slice = BURST) -> Array:
     sigmas = np.full(COUNT, NOISE)
     sigmas[at] = np.hypot(NOISE, burst)
     return np.asarray(np.random.default_rng(seed).normal(size=COUNT) * sigmas, np.float64)
 
 
-def without(y: NDArray[np.float64], innovations: NDArray[np.float64] | None = None) -> CleanWindow | None:
+def without(y: Array, innovations: Array | None = None) -> CleanWindow | None:
     """Of a window with such a line pressure (n,), against a right model."""
     resting = np.arange(COUNT) > COUNT // 2
     window = Window(np.column_stack([np.ones(COUNT), np.zeros(COUNT)]), y, resting, np.zeros(4), OPENING)
@@ -110,14 +110,12 @@ def test_a_wrong_model_of_what_moves_is_no_stretch() -> None:
     assert without(truth() + noise(3), noise(3) + 0.2 * (truth() - 1.0)) is None
 
 
-def chi2_of_constant(y: NDArray[np.float64]) -> float:
+def chi2_of_constant(y: Array) -> float:
     return float(np.sum((y - y.mean()) ** 2))
 
 
 @given(arrays(np.float64, 24, elements=st.floats(-4.0, 4.0)), arrays(np.float64, 24, elements=st.floats(-9.0, 9.0)))
-def test_held_stretches_are_the_best_of_all_ways_to_part_an_event(
-    y: NDArray[np.float64], deviates: NDArray[np.float64]
-) -> None:
+def test_held_stretches_are_the_best_of_all_ways_to_part_an_event(y: Array, deviates: Array) -> None:
     """Against plain recursion over the ends of the last stretch."""
     n, best = y.size, np.zeros(y.size + 1)
     for end in range(1, n + 1):

@@ -66,9 +66,7 @@ def drawn(random: Generator) -> Faults:
     ],
     ids=["line", "rail that dips", "at one pressure, with an offset"],
 )
-def test_a_gain_within_its_accuracy_is_in_the_interval(
-    faults: Faults, pressures: tuple[float, ...], dips: bool
-) -> None:
+def test_a_gain_within_accuracy_is_in_the_interval(faults: Faults, pressures: tuple[float, ...], dips: bool) -> None:
     run = seen(faults, Injector(), KNOWN, pressures=pressures, dips=dips)
     assert all(report.valid for report in run.reports[3:])  # the third pressure is new
     assert sum(run.inside) >= len(run.inside) - 1

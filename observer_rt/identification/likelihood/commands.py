@@ -13,7 +13,8 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.hydraulics import AT
 from observer_rt.model.parameters import InjectorParameters
 
-Vector, Bounds = NDArray[np.float64], NDArray[np.int64]
+Vector = NDArray[np.float64]
+Bounds = NDArray[np.int64]
 SEEN_LATE = 0.5  # samples, on average, by which a command shows
 
 
@@ -58,7 +59,7 @@ def commanded_lift(injector: InjectorParameters, recording: Recording, commands:
     return replace(recording, needle_lift=lift)
 
 
-def likelier_delays(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> Sequence[Vector]:
+def likelier_delays(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> list[Vector]:
     """Delays (columns,) of the shots of every event by innovations (n,) at others, in standard deviations.
 
     moved (n, columns), bounds (events + 1,): as of `without_jitter`.

@@ -59,7 +59,8 @@ class JudgedModel:
     """A model on one recording: normalised innovations (n,) where counted, log of their standard deviation, and
     normalised residuals of the measured rate (m,), and of its integral over every event (events,), the gain error
     taken out and appended; (0,) without a rate. rate_log_sigma: of the standard deviation of the former, beyond that
-    without a lag of the lift; masses: injected in every event by x~ (events,) [kg]."""
+    without a lag of the lift; masses: injected in every event by x~ (events,) [kg]; late: mean square of how late
+    shots answer, in standard deviations, 0 where the lift was measured."""
 
     z: NDArray[np.float64]
     log_sigma: float
@@ -67,6 +68,7 @@ class JudgedModel:
     volume_z: NDArray[np.float64]
     rate_log_sigma: float
     masses: NDArray[np.float64]
+    late: float = 0.0
 
 
 class RecordingLikelihood:
@@ -166,7 +168,8 @@ class RecordingLikelihood:
         shown = as_by_meter(self.measurement, rate)
         rate_z, rate_log_sigma = self._judged_rate(shown[self._rows.rate_rows + late], model.inputs.lift_lag)
         volume_z = self._judged_volumes(self._rows.volumes(shown))
-        return JudgedModel(z, log_sigma, rate_z, volume_z, rate_log_sigma, masses)
+        answered = float(np.mean(np.square(delays))) if self._late else 0.0
+        return JudgedModel(z, log_sigma, rate_z, volume_z, rate_log_sigma, masses, answered)
 
     def late_shots(self, model: EffectiveModel) -> LateShots:
         """Delays [s] of the shots of every event beyond those of a model's needle, as they are likeliest."""
@@ -177,9 +180,9 @@ class RecordingLikelihood:
 
     def _likely(
         self, run: Run, model: EffectiveModel, schedule: GainSchedule
-    ) -> tuple[Sequence[NDArray[np.float64]], NDArray[np.float64]]:
+    ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
         """Likely delays of each event's shots, and by what one standard deviation moves innovations (n, columns)."""
-        delays: Sequence[NDArray[np.float64]] = [np.zeros(self._by_shots.shape[1]) for _ in self._late]
+        delays = [np.zeros(self._by_shots.shape[1]) for _ in self._late]
         moved, shots = self._by_shots * (self._jitter / schedule.innovation_sigma), self._late
         for number in range(JITTER_ROUNDS):
             here, _ = run(shots)

@@ -105,6 +105,9 @@ def worst(pool: Pool, healthy: Healthy = NOT_FITTED) -> Worst:
     return max(ranked, key=lambda item: item.ratio)
 
 
+MOST_LATE = 4.0  # mean square of the delays of shots that jitter, over their variance
+
+
 class Adequacy:
     """Whether candidates leave nothing but noise, or the model's own error."""
 
@@ -116,14 +119,18 @@ class Adequacy:
     def ratio(self, candidate: Candidate) -> float:
         """Ratio of a candidate's worst phase to its limit; above 1 it does not explain the recordings."""
         pool = self._fits.pool(candidate)
-        return np.inf if pool is None else worst(pool, self._healthy).ratio
+        return np.inf if pool is None else max(worst(pool, self._healthy).ratio, self._late(candidate))
 
     def __call__(self, candidate: Candidate) -> bool:
         """Whether a candidate with laws explains the recordings, but for the model's own error."""
         pool = self._fits.pool(candidate)
-        if pool is None:
+        if pool is None or self._late(candidate) > 1.0:
             return False
         return self.ratio(candidate) <= 1.0 or bool(candidate.hypothesis.effects and self._is_remainder(pool))
+
+    def _late(self, candidate: Candidate) -> float:
+        """How late shots answer, where no lift was measured; above 1 jitter does not explain it."""
+        return max((judged.late for judged in self._fits.judged(candidate) or ()), default=0.0) / MOST_LATE
 
     def _is_remainder(self, pool: Pool) -> bool:
         """Whether so little is left of what there was in every phase that it may be the model's own error."""

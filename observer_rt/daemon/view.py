@@ -1,14 +1,11 @@
-"""The terminal view: state and inputs, an injection as curves, the recent ones; drawn of a snapshot."""
+"""The terminal view: state and inputs, and the recent injections; drawn of a snapshot."""
 
 import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-import plotext
-from numpy.typing import NDArray
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
@@ -20,22 +17,15 @@ from observer_rt.daemon.snapshot import ShownInjection, Snapshot, Status, Status
 from observer_rt.engine.reports.injection_report import NAMED
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import STATES, named
-from observer_rt.foundation.units import Z_95
 
 Values = Mapping[str, Any]
 WIDEST = 200  # columns
 FRAME = 4  # columns of the panel's border and padding
 BORDER = 3  # lines of the panel's border, and one to spare
-TABLE_SHARE = 0.3  # of the lines that curves and table have
 FRAMES_PER_SECOND = 8
 _BADGES = {StatusLevel.GOOD: "green", StatusLevel.WAITING: "yellow", StatusLevel.BAD: "red"}
 _STYLES = {StatusLevel.GOOD: "dim", StatusLevel.WAITING: "yellow", StatusLevel.BAD: "bold red"}
 
-LOWEST = 6  # lines of a plot
-STACKED = 20  # lines, from which there is room for two plots
-_BAND, _ESTIMATE, _MEASURED = "gray", "green+", "cyan"
-_REFERENCES = ("orange", "magenta")
-_SCREEN_STYLES = {"gray": "dim", "green+": "bright_green", "cyan": "cyan", "orange": "yellow", "magenta": "magenta"}
 WITH_WORDS = 110  # columns, from which all columns have room, and reasons are put into words
 HEADING = 2  # lines
 _FIRST = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg", "mass_bound_mg")]
@@ -60,9 +50,7 @@ class View:
         left = max(0, height - BORDER - len(lines) - drawn - HEADING)
         parts: list[RenderableType] = [head, *lines]
         if shown:
-            rows = max(1, min(len(shown), round(TABLE_SHARE * left)))
-            parts.append(_curves(shown[-1], (inner, max(LOWEST, left - rows))))
-            parts.append(_injections(shown[-rows:], inner))
+            parts.append(_injections(shown[-max(1, left) :], inner))
         else:
             parts.append(Text("no injection yet", style="dim"))
         return Panel(Group(*parts), title=self._title, expand=False)
@@ -96,60 +84,6 @@ def _inputs(status: Status) -> list[Text]:
         text.append(age_text(math.nan if source.age is None else source.age), style)
         lines.append(text.append(source.lateness, "dim"))
     return lines
-
-
-class _CurveLine(NamedTuple):
-    name: str
-    colour: str  # as plotext calls it
-    values: NDArray[np.float32]
-
-
-def _curves(shown: ShownInjection, size: tuple[int, int]) -> RenderableType:
-    """Plots in so many columns and lines."""
-    width, height = size
-    if height >= STACKED:
-        upper = round(0.6 * height)
-        return Group(_rate(shown, (width, upper)), _pressure(shown, (width, height - upper)))
-    return _rate(shown, size)
-
-
-def _rate(shown: ShownInjection, size: tuple[int, int]) -> RenderableType:
-    corrected, half = shown.curve("corrected_rate_mm3_per_ms"), Z_95 * shown.curve("corrected_rate_sigma_mm3_per_ms")
-    lines = [_CurveLine("95 %", _BAND, corrected - half), _CurveLine("", _BAND, corrected + half)]
-    for name, colour in zip(shown.references, _REFERENCES, strict=False):
-        lines.append(_CurveLine(name, colour, shown.curve(f"{name}_rate_mm3_per_ms")))
-    lines.append(_CurveLine("live", _MEASURED, shown.curve("rate_mm3_per_ms")))
-    lines.append(_CurveLine("corrected", _ESTIMATE, corrected))
-    lines = [each for each in lines if not np.isnan(each.values).all()]
-    values = shown.values
-    title = f"injection {values['number']} at {values['rail_pressure_MPa']:.0f} MPa, mm3/ms:"
-    return _plot(title, shown.curve("time_ms"), lines, size)
-
-
-def _pressure(shown: ShownInjection, size: tuple[int, int]) -> RenderableType:
-    model, measured = shown.curve("modelled_pressure_MPa"), shown.curve("line_pressure_MPa")
-    furthest = float(np.max(np.abs(model - measured), initial=0.0))
-    lines = [_CurveLine("observer", _ESTIMATE, model), _CurveLine("sensor", _MEASURED, measured)]
-    title = f"line pressure, MPa over ms, {furthest:.1f} MPa apart:"
-    return _plot(title, shown.curve("time_ms"), lines, size)
-
-
-def _plot(
-    title: str, time: NDArray[np.float32], lines: Sequence[_CurveLine], size: tuple[int, int]
-) -> RenderableType:
-    """Lines below a heading that names them in their colours; later ones cover earlier ones."""
-    plotext.clear_figure()
-    plotext.limit_size(False, False)
-    plotext.plotsize(size[0], size[1] - 1)
-    plotext.theme("clear")
-    heading = Text(f" {title}", no_wrap=True, overflow="ellipsis")
-    for line in lines:
-        available = ~np.isnan(line.values)
-        values = line.values[available].tolist()
-        plotext.plot(time[available].tolist(), values, marker="braille", color=line.colour)
-        if line.name:
-            heading.append(f"  {line.name}", _SCREEN_STYLES[line.colour])
-    return Group(heading, Text.from_ansi(str(plotext.build()).rstrip("\n")))
 
 
 def _injections(shown: Sequence[ShownInjection], width: int) -> Table:

@@ -183,7 +183,8 @@ class RecordingLikelihood:
     ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
         """Likely delays of each event's shots, and by what one standard deviation moves innovations (n, columns)."""
         delays = [np.zeros(self._by_shots.shape[1]) for _ in self._late]
-        moved, shots = self._by_shots * (self._jitter / schedule.innovation_sigma), self._late
+        shots: LateShots = self._late
+        moved = self._by_shots * (self._jitter / schedule.innovation_sigma)
         for number in range(JITTER_ROUNDS):
             here, _ = run(shots)
             if number:

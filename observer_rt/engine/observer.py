@@ -8,29 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream import stream as core
 from observer_rt.core.stream.stepper import Stepper
-from observer_rt.core.stream.stream import (
-    CHANNEL,
-    COMMANDS,
-    EVENT,
-    INJECTION,
-    INJECTIONS,
-    LONG_PAST,
-    MEMORY,
-    PENDING_EVENTS,
-    REACH,
-    RECORDED,
-    RECORDED_RING,
-    RING,
-    SAMPLE,
-    SLOTS,
-    VERDICT,
-    Break,
-    Stream,
-    Timing,
-    copy_window,
-    dead_band,
-)
 from observer_rt.engine.estimation.predictor import SETTLE, Window
 from observer_rt.engine.learning.adequacy import Innovations
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
@@ -109,7 +88,7 @@ def constants_for(
         sensor=sensor,
         interval=interval,
         substeps=substeps_needed(model.injector, sample_rate, model.departures),
-        timing=Timing(
+        timing=core.Timing(
             settle=samples(SETTLE),
             good=samples(GOOD),
             event_gap=samples(durations.event_gap),
@@ -117,7 +96,7 @@ def constants_for(
             window_lead=samples(WINDOW_LEAD),
             window_tail=samples(WINDOW_TAIL),
             learning_lead=samples(LEARNING_LEAD),
-            lookahead=max(samples_ahead(interval) + toe, sensor.late + REACH),
+            lookahead=max(samples_ahead(interval) + toe, sensor.late + core.REACH),
             toe=toe,
             ramp=ramp_samples(interval),
             confirm=confirming_samples(interval),
@@ -139,24 +118,24 @@ def make_observer(
     constants: Constants, knowledge: Knowledge, learner: Learner, healthy: Healthy = NOT_FITTED
 ) -> Observer:
     """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
-    pair, gains = (RING, constants.coefficients.states), learner.schedule.gains.shape
-    parameters, verdicts = knowledge.in_force.size, 2 * SLOTS
+    pair, gains = (core.RING, constants.coefficients.states), learner.schedule.gains.shape
+    parameters, verdicts = knowledge.in_force.size, 2 * core.SLOTS
     lent = (
-        np.zeros(1, MEMORY),
-        np.zeros(RECORDED_RING, RECORDED),
-        np.zeros(RING, SAMPLE),
+        np.zeros(1, core.MEMORY),
+        np.zeros(core.RECORDED_RING, core.RECORDED),
+        np.zeros(core.RING, core.SAMPLE),
         np.zeros(pair),
         np.zeros(pair),
         np.zeros(gains),
-        np.zeros(PENDING_EVENTS, EVENT),
-        np.zeros(INJECTIONS, INJECTION),
-        np.zeros(3, CHANNEL),
+        np.zeros(core.PENDING_EVENTS, core.EVENT),
+        np.zeros(core.INJECTIONS, core.INJECTION),
+        np.zeros(3, core.CHANNEL),
         np.zeros(parameters),
-        np.zeros(verdicts, VERDICT),
+        np.zeros(verdicts, core.VERDICT),
         np.zeros((verdicts, *gains)),
         np.zeros((verdicts, parameters)),
     )
-    stream = Stream(*lent)
+    stream = core.Stream(*lent)
     observer = Observer(constants, *lent, stream, _bound_stepper(stream, constants))
     memory = observer.memory[0]
     prior, judgement, resting = memory["prior"], memory["judgement"], memory["resting_lift"]
@@ -165,13 +144,13 @@ def make_observer(
     prior["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
     judgement["phi_version"] = knowledge.phi_version
     judgement["offset_moves"] = knowledge.state.learned.colour is None
-    memory["dead_band"] = dead_band(noise.needle_lift * noise_gain(constants.undoing.lift_lag))
+    memory["dead_band"] = core.dead_band(noise.needle_lift * noise_gain(constants.undoing.lift_lag))
     resting["zero"] = lift.zero
     resting["quick_squares"] = lift.wander**2
     resting["crosstalk"] = lift.crosstalk * scale
     for mean in ("mean", "near", "behind"):
         memory["lift_zero"][mean] = lift.zero
-    memory["lift_step"]["stepped"] = LONG_PAST
+    memory["lift_step"]["stepped"] = core.LONG_PAST
     memory["mode"]["waits_for_verdicts"] = True
     begin_with(observer, knowledge, learner.schedule)
     return observer
@@ -183,7 +162,7 @@ def with_constants(observer: Observer, constants: Constants) -> Observer:
     return observer._replace(constants=constants, stepper=stepper)
 
 
-def _bound_stepper(stream: Stream, constants: Constants, before: Stepper | None = None) -> Stepper:
+def _bound_stepper(stream: core.Stream, constants: Constants, before: Stepper | None = None) -> Stepper:
     """Stepper of the pair by these constants from now on; before: what stepped it so far."""
     stepper = Stepper(stream, constants)
     if before is not None:
@@ -204,15 +183,15 @@ def energize(observer: Observer, number: int, start: int, length: float = math.i
     start: index of the first sample of it; length [samples]: infinite as long as it is not known.
     """
     commands = observer.memory[0]["commands"]
-    commands["starts"][number % COMMANDS], commands["lengths"][number % COMMANDS] = start, length
+    commands["starts"][number % core.COMMANDS], commands["lengths"][number % core.COMMANDS] = start, length
     commands["count"] = max(int(commands["count"]), number + 1)
 
 
 def commands_at(observer: Observer, start: int, end: int) -> NDArray[np.float64]:
     """Commands (k, 2) as of `Window` that begin in, or not long before, positions [start, end)."""
     commands = observer.memory[0]["commands"]
-    kept = np.arange(max(int(commands["count"]) - COMMANDS, 0), int(commands["count"])) % COMMANDS
-    first = observer.ring["index"][start % RING]
+    kept = np.arange(max(int(commands["count"]) - core.COMMANDS, 0), int(commands["count"])) % core.COMMANDS
+    first = observer.ring["index"][start % core.RING]
     begun: NDArray[np.float64] = samples_between(first, commands["starts"][kept])
     within = np.abs(begun) < end - start
     return np.column_stack((begun, begun + commands["lengths"][kept]))[within]
@@ -220,7 +199,7 @@ def commands_at(observer: Observer, start: int, end: int) -> NDArray[np.float64]
 
 def event_window(observer: Observer, number: int) -> Window | None:
     """Learning window of the `number`-th closed event (0, 1, ..), copied; None when it cannot be learned."""
-    event = observer.events[number % PENDING_EVENTS]
+    event = observer.events[number % core.PENDING_EVENTS]
     if not event["learnable"]:
         return None
     start, end = _window_of(observer, event)
@@ -230,13 +209,13 @@ def event_window(observer: Observer, number: int) -> Window | None:
         inputs=np.empty((samples, 2)),
         output=np.empty(samples),
         resting=np.empty(samples, np.bool_),
-        start=np.append(observer.x_tilde[start % RING], observer.ring[start % RING]["indicated"]),
+        start=np.append(observer.x_tilde[start % core.RING], observer.ring[start % core.RING]["indicated"]),
         opening=int(event["opening_position"]) - start,
         knots=np.empty((samples, 2)),
         masked=np.empty(samples, np.bool_),
     )
     columns = window.inputs, window.output, window.resting, window.knots, window.masked
-    copy_window(observer.ring, start, late, *columns)
+    core.copy_window(observer.ring, start, late, *columns)
     openings = np.count_nonzero(np.diff(window.inputs[:, 1] > 0.0, prepend=False) & (window.inputs[:, 1] > 0.0))
     begun = Clock(start * observer.constants.interval, float(event["injections"] - openings))
     needle = observer.constants.needle
@@ -245,7 +224,7 @@ def event_window(observer: Observer, number: int) -> Window | None:
 
 def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:
     """Samples, or a column of them, at positions [start, end): a view, where they do not lie round the ring's end."""
-    first, last = start % RING, (end - 1) % RING + 1
+    first, last = start % core.RING, (end - 1) % core.RING + 1
     if start >= end:
         return ring[:0]
     return ring[first:last] if first < last else np.concatenate((ring[first:], ring[:last]))
@@ -254,7 +233,7 @@ def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:
 def samples_at(observer: Observer, start: int, end: int) -> NDArray[np.void]:
     """Samples at positions [start, end), with x~ and x^, copied; dtype `sample_dtype`."""
     rows = np.empty(max(0, end - start), sample_dtype(observer.x_hat.shape[1]))
-    rows[list(SAMPLE.names or ())] = remembered(observer.ring, start, end)
+    rows[list(core.SAMPLE.names or ())] = remembered(observer.ring, start, end)
     rows["x_tilde"], rows["x_hat"] = (remembered(states, start, end) for states in (observer.x_tilde, observer.x_hat))
     return rows
 
@@ -262,7 +241,7 @@ def samples_at(observer: Observer, start: int, end: int) -> NDArray[np.void]:
 def event_innovations(observer: Observer, number: int) -> Innovations:
     """Innovations of the live x~ over the learning window of a closed event, copied."""
     noise = observer.memory[0]["innovation_noise"]
-    start, end = _window_of(observer, observer.events[number % PENDING_EVENTS])
+    start, end = _window_of(observer, observer.events[number % core.PENDING_EVENTS])
     innovations = remembered(observer.ring["innovation"], start, end)
     return Innovations(innovations.copy(), float(noise["sigma"]))
 
@@ -280,7 +259,7 @@ def event_standstill(observer: Observer, number: int) -> Standstill:
 
     Not the knowledge at the time of the question: that depends on how many samples a frame carries.
     """
-    event = observer.events[number % PENDING_EVENTS]
+    event = observer.events[number % core.PENDING_EVENTS]
     stated = observer.memory[0]["prior"]["stated_noise"]
     return standstill_of(event, observer.constants.coefficients.pressure_scale, stated)
 
@@ -293,17 +272,17 @@ def was_shut(observer: Observer, begin: float, end: float) -> bool:
     processed = int(observer.memory[0]["positions"]["processed"])
     if processed == 0:
         return False
-    newest = int(observer.ring[(processed - 1) % RING]["index"])
-    span = min(processed, RING, max(math.ceil(newest - begin) + 2, 0))
+    newest = int(observer.ring[(processed - 1) % core.RING]["index"])
+    span = min(processed, core.RING, max(math.ceil(newest - begin) + 2, 0))
     rows = remembered(observer.ring, processed - span, processed)
-    anew = np.flatnonzero(rows["broken"] == Break.RESTART)
+    anew = np.flatnonzero(rows["broken"] == core.Break.RESTART)
     rows = rows[anew[-1] :] if anew.size else rows
     first = int(np.searchsorted(rows["index"], begin, side="right")) - 1
     last = int(np.searchsorted(rows["index"], end, side="left"))
     if first < 0 or last == len(rows) or rows["seat_area"][first] > 0.0:
         return False
     broken = rows["broken"][first + 1 : last + 1]
-    return bool(np.isin(broken, (Break.NONE, Break.JUMP)).all())
+    return bool(np.isin(broken, (core.Break.NONE, core.Break.JUMP)).all())
 
 
 def in_force(observer: Observer) -> NDArray[np.float64]:

@@ -15,18 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, BIT_RATE_SWITCH, CLASSIC_LENGTH, ERROR_STATE, FD_LENGTHS, FD_MTU
-from observer_rt.bus.links.link import (
-    SWITCHED,
-    BusCondition,
-    BusState,
-    ErrorClass,
-    FdFlags,
-    Frame,
-    Link,
-    LinkDownError,
-    StampSource,
-    after_error_frame,
-)
+from observer_rt.bus.links import link
 from observer_rt.foundation.errors import RunError, UserError
 
 NO_SOCKETCAN = 'sudo modprobe can_raw, or interface = "udp_multicast" in the bench file (docs/buses.md)'
@@ -64,7 +53,7 @@ _FD_FRAME = struct.Struct("=IBB2x64s")
 _FILTER = struct.Struct("=II")
 _COUNT = struct.Struct("=I")
 _ANCILLARY_BYTES = ANCILLARY_BYTES + socket.CMSG_SPACE(_COUNT.size)
-_TOLD_ERRORS = ErrorClass.CONTROLLER | ErrorClass.BUS_OFF | ErrorClass.RESTARTED
+_TOLD_ERRORS = link.ErrorClass.CONTROLLER | link.ErrorClass.BUS_OFF | link.ErrorClass.RESTARTED
 
 
 class StampReader:
@@ -113,7 +102,7 @@ def _offers_hardware_stamps(can_socket: socket.socket, channel: str) -> bool:
     return bool(capabilities & needed == needed)
 
 
-class SocketCanLink(Link):
+class SocketCanLink(link.Link):
     """Raw socket on one interface, such as `can0` or `vcan0`."""
 
     def __init__(
@@ -127,7 +116,7 @@ class SocketCanLink(Link):
         self._receive_ids = receive_ids
         self._computer_time = computer_time
         self._dropped = 0
-        self._condition = BusCondition()
+        self._condition = link.BusCondition()
         self._warnings: list[str] = []
         self._open()
 
@@ -185,13 +174,13 @@ class SocketCanLink(Link):
         if mtu < FD_MTU:
             name = self._channel
             # down, too: an interface that was plugged in again may not be configured yet
-            raise LinkDownError(
+            raise link.LinkDownError(
                 f"{name} cannot carry CAN FD frames: its mtu is {mtu}\n"
                 f"  remedy: sudo ip link set {name} down && sudo ip link set {name} mtu {FD_MTU} && "
                 f"sudo ip link set {name} up (hardware: with `fd on` and a `dbitrate`)"
             )
 
-    def receive(self, timeout_s: float) -> Frame | None:
+    def receive(self, timeout_s: float) -> link.Frame | None:
         deadline: float | None = None
         while True:
             try:
@@ -216,7 +205,7 @@ class SocketCanLink(Link):
             is_extended = bool(identifier & socket.CAN_EFF_FLAG)
             is_fd = len(data) == _FD_FRAME.size
             identifier &= socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK
-            return Frame(
+            return link.Frame(
                 identifier,
                 payload,
                 stamp_ns,
@@ -246,9 +235,11 @@ class SocketCanLink(Link):
 
     def note_error_frame(self, identifier: int, data: bytes) -> None:
         """Take the content of an error frame into the condition."""
-        self._condition = after_error_frame(self._condition, identifier, data)
+        self._condition = link.after_error_frame(self._condition, identifier, data)
 
-    def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED) -> None:
+    def send(
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: link.FdFlags = link.SWITCHED
+    ) -> None:
         deadline = time.monotonic() + SEND_PATIENCE_S
         bits = BIT_RATE_SWITCH * flags.bit_rate_switch | ERROR_STATE * flags.error_state_indicator
         frame = self._packed(frame_id, payload, is_extended, is_fd, bits)
@@ -288,19 +279,19 @@ class SocketCanLink(Link):
     def reconnect(self) -> None:
         self.close()
         self._open()  # anew: the old socket may be bound to a device that is gone
-        self._condition = replace(self._condition, state=BusState.ACTIVE)
+        self._condition = replace(self._condition, state=link.BusState.ACTIVE)
 
     @property
     def dropped(self) -> int:
         return self._dropped + self._condition.overruns
 
     @property
-    def condition(self) -> BusCondition:
+    def condition(self) -> link.BusCondition:
         return self._condition
 
     @property
-    def stamp_source(self) -> StampSource:
-        return StampSource.HARDWARE if self._stamps.by_hardware else StampSource.KERNEL
+    def stamp_source(self) -> link.StampSource:
+        return link.StampSource.HARDWARE if self._stamps.by_hardware else link.StampSource.KERNEL
 
     @property
     def descriptor(self) -> int:
@@ -318,12 +309,12 @@ class SocketCanLink(Link):
         """Exception for `error` with its remedy."""
         name = self._channel
         if error.errno == errno.ENETDOWN:
-            return LinkDownError(f"{name} is down\n  remedy: sudo ip link set {name} up")
+            return link.LinkDownError(f"{name} is down\n  remedy: sudo ip link set {name} up")
         if error.errno in (errno.ENODEV, errno.ENXIO):
             types = sorted(Path("/sys/class/net").glob("*/type"))
             cans = [path.parent.name for path in types if path.read_text().strip() == str(ARPHRD_CAN)]
             present = ", ".join(cans) or "none"
-            return LinkDownError(
+            return link.LinkDownError(
                 f"there is no interface {name} (CAN interfaces present: {present})\n"
                 "  remedy: connect the device, or for a virtual bus: "
                 f"sudo ip link add dev {name} type vcan && sudo ip link set {name} mtu {FD_MTU} up"

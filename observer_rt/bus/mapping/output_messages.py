@@ -8,16 +8,7 @@ from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, FD_LENGTHS, length_code, length_of
-from observer_rt.bus.database.codec import (
-    Condition,
-    Selection,
-    blank_frame,
-    compile_conditions,
-    conditions_of,
-    frame_kinds,
-    meets,
-    signal_table,
-)
+from observer_rt.bus.database import codec
 from observer_rt.bus.database.lookup import PROFILES, MessageLayout, signal_names
 from observer_rt.bus.mapping.output_signals import signals_of
 from observer_rt.core.frames.frames import Header, shortest_protected
@@ -56,7 +47,7 @@ class OutputPage:
     table: NDArray[np.void]
     blank: NDArray[np.uint8]
     places: NDArray[np.int64]
-    selection: Selection
+    selection: codec.Selection
 
 
 @dataclass(frozen=True)
@@ -82,15 +73,17 @@ def output_message(message: Message, signals: Sequence[str], bus: int = 0) -> Ou
     Raises `UserError`: its protection is not supported, or a signal cannot be encoded.
     """
     present = {signal.name for signal in message.signals}
-    conditions = {name: conditions_of(message, name) for name in signals if name in present}
-    kinds = frame_kinds(conditions.values())
+    conditions = {name: codec.conditions_of(message, name) for name in signals if name in present}
+    kinds = codec.frame_kinds(conditions.values())
     pages = []
     for kind in kinds:
-        names = tuple(name for name, needed in conditions.items() if meets(kind, needed))
-        held = frozenset(Condition(selector, frozenset({value})) for selector, value in kind.items())
+        names = tuple(name for name, needed in conditions.items() if codec.meets(kind, needed))
+        held = frozenset(codec.Condition(selector, frozenset({value})) for selector, value in kind.items())
         places = np.array([signals.index(name) for name in names], np.int64)
-        selection = compile_conditions(message, held)
-        pages.append(OutputPage(names, signal_table(message, names), blank_frame(message, kind), places, selection))
+        selection = codec.compile_conditions(message, held)
+        pages.append(
+            OutputPage(names, codec.signal_table(message, names), codec.blank_frame(message, kind), places, selection)
+        )
     return OutputMessage(protected_layout(message, bus), tuple(pages))
 
 

@@ -23,6 +23,7 @@ from observer_rt.engine.learning.knowledge import EventRecord, Knowledge, no_kno
 from observer_rt.engine.observer import make_observer, samples_at
 from observer_rt.engine.reports.injection_report import report_of
 from observer_rt.engine.reports.news import Listener, Notice, fan_out
+from observer_rt.engine.service import messages
 from observer_rt.engine.service.injector import (
     LearnerFactory,
     bench_constants,
@@ -32,18 +33,6 @@ from observer_rt.engine.service.injector import (
     slow_noise_of,
 )
 from observer_rt.engine.service.judging import InlineExecutor, Judging
-from observer_rt.engine.service.messages import (
-    CompiledPipeline,
-    Counters,
-    OutputFrame,
-    Pipeline,
-    ResultFrames,
-    counted,
-    make_input_memory,
-    make_publisher,
-    make_receiver,
-    make_supervised,
-)
 from observer_rt.engine.service.optional_inputs import OptionalInputs
 from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
 from observer_rt.engine.stream.state import Reason, State
@@ -124,18 +113,18 @@ class Core:
         may_learn = healthy.adequate and (config.learning.enabled if learning is None else learning)
         assumed = fuel_temperature if config.signals.fuel_temperature else None
         observer = make_observer(constants, start, learner, healthy)
-        self.compiled = CompiledPipeline(
-            Pipeline(
+        self.compiled = messages.CompiledPipeline(
+            messages.Pipeline(
                 bus.inputs,
-                make_receiver(),
-                make_supervised(bus.inputs.messages, config.e2e),
-                make_input_memory(bus.inputs, may_learn, assumed),
+                messages.make_receiver(),
+                messages.make_supervised(bus.inputs.messages, config.e2e),
+                messages.make_input_memory(bus.inputs, may_learn, assumed),
                 make_timekeeping(
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
                 ),
                 make_alignment(bus.grid_relations, dead_band(noise.needle_lift)[0], observer.recorded),
                 observer,
-                make_publisher(bus.rate, may_learn),
+                messages.make_publisher(bus.rate, may_learn),
             )
         )
         """Everything compiled code works on."""
@@ -156,11 +145,11 @@ class Core:
         """Energizing, fuel temperature and learning enable as received."""
         self.second_sender = SecondSender(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
         """Whether another node sends the same results."""
-        self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
+        self._results = messages.ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
 
     def handle(
         self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int, bus: int = 0
-    ) -> list[OutputFrame]:
+    ) -> list[messages.OutputFrame]:
         """Takes one frame received on a bus and returns the frames to send; frames that are not ours are ignored.
 
         frame_id: of 29 bits where `is_extended`, else of 11; payload: its bytes; bus: its number, from 0.
@@ -169,7 +158,7 @@ class Core:
         """
         return self.handle_many(block_of([BusFrame(bus, Frame(frame_id, payload, stamp_ns, is_extended))]))
 
-    def handle_many(self, block: FrameBlock) -> list[OutputFrame]:
+    def handle_many(self, block: FrameBlock) -> list[messages.OutputFrame]:
         """Takes many frames in arrays, at the speed of compiled code, and returns the frames to send."""
         number = 0
         while number < block.frames:
@@ -178,7 +167,7 @@ class Core:
             self._results.collect_results()
         return self._results.taken()
 
-    def attend(self) -> list[OutputFrame]:
+    def attend(self) -> list[messages.OutputFrame]:
         """Handles what the stream did meanwhile, by frames given to `compiled`: hand over, judge, report.
 
         Returns the frames to send; rates are in the publisher, for whoever gives it frames.
@@ -186,7 +175,7 @@ class Core:
         self._go_on(waiting=False)
         return self._results.taken()
 
-    def answer(self) -> list[OutputFrame]:
+    def answer(self) -> list[messages.OutputFrame]:
         """Goes on as `attend`, with the model, the command or the verdict that the stream waits for."""
         self._follow()
         self._answer()
@@ -201,7 +190,7 @@ class Core:
         """Whether no injection is under way, nor any to be judged."""
         return self._judging.is_idle and not self.compiled.observer.memory[0]["event"]["in_event"]
 
-    def finish(self) -> list[OutputFrame]:
+    def finish(self) -> list[messages.OutputFrame]:
         """Ends the frames: processes what waits, judges every event, and returns the last frames to send."""
         self.compiled.observer.memory["mode"]["draining"] = True
         self.compiled.observer.memory["mode"]["waits_for_verdicts"] = True
@@ -314,9 +303,9 @@ class Core:
         return timing_of(self._bus, self.compiled.pipeline.keeping)
 
     @property
-    def counters(self) -> Counters:
+    def counters(self) -> messages.Counters:
         """Counts since the start."""
-        return counted(self.parts)
+        return messages.counted(self.parts)
 
     @property
     def parts(self) -> dict[str, Any]:

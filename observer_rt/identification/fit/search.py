@@ -13,20 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer_rt.foundation.errors import UserError
+from observer_rt.identification.fit import problem
 from observer_rt.identification.fit.cross_validation import Fold, thinned
-from observer_rt.identification.fit.problem import (
-    OPTIONAL_GROUPS,
-    STIFFENING,
-    STIFFNESS,
-    WAVE_DAMPING,
-    Calibration,
-    Certainty,
-    FreeParameter,
-    Structure,
-    certainty,
-    values_of,
-    with_values,
-)
 from observer_rt.identification.fit.residuals import HeldOut, UnexplainedSignal, held_out, pooled
 from observer_rt.identification.likelihood.bounded_fit import Minimum, fit
 from observer_rt.identification.likelihood.likelihood import JudgedModel
@@ -39,7 +27,7 @@ MOST_FITS = 3  # of a structure, as its cells change with the sound speed found
 STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart
 SPARE = 1.2  # by which the stiffness that a search begins with may be too small
 DAMPINGS = (0.5, 2.0)  # m2/s; a strong one makes the minimum wide
-STIFFENINGS = (1.0, STIFFENING.start)  # K_1 of a wave speed that hardly depends on pressure, and of fuels
+STIFFENINGS = (1.0, problem.STIFFENING.start)  # K_1 of a wave speed that hardly depends on pressure, and of fuels
 SURE = 4.0  # standard deviations of a control flow or a displacement, below which there is none
 LEAST = 0.1  # mm3/ms, mm2: what no mass notices
 EXPLAINED = 5.0  # mean chi2, below which a search has not ended beside the minimum
@@ -52,8 +40,8 @@ class FittedStructure:
     judged: of every fold there; left: of the line pressure on the recordings it was fitted to.
     """
 
-    structure: Structure
-    calibration: Calibration
+    structure: problem.Structure
+    calibration: problem.Calibration
     minimum: Minimum
     judged: Sequence[JudgedModel]
     left: UnexplainedSignal
@@ -70,23 +58,23 @@ class FittedStructure:
         return float(sum(fold.masses.sum() for fold in self.judged))
 
     @property
-    def certainty(self) -> Certainty:
+    def certainty(self) -> problem.Certainty:
         """Certainty of the parameters; residuals that are more than noise say less."""
-        return certainty(self.calibration, self.minimum.at, max(1.0, self.left.mean))
+        return problem.certainty(self.calibration, self.minimum.at, max(1.0, self.left.mean))
 
 
 @dataclass(frozen=True)
 class FailedStructure:
     """A structure that could not be fitted, with the reason."""
 
-    structure: Structure
+    structure: problem.Structure
     reason: str
 
 
 def fitted(
-    structure: Structure,
+    structure: problem.Structure,
     start: InjectorParameters,
-    free: Sequence[FreeParameter],
+    free: Sequence[problem.FreeParameter],
     folds: Sequence[Fold],
     iterations: int,
     spare: float = 1.0,
@@ -121,30 +109,30 @@ def fitted(
 
 
 def _fit(
-    start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold], iterations: int
-) -> tuple[Calibration, Minimum | None]:
-    calibration = Calibration(start, free, folds)
+    start: InjectorParameters, free: Sequence[problem.FreeParameter], folds: Sequence[Fold], iterations: int
+) -> tuple[problem.Calibration, Minimum | None]:
+    calibration = problem.Calibration(start, free, folds)
     return calibration, fit(calibration.residuals, calibration.centre, calibration.ranges, iterations)
 
 
 def settled(
     best: FittedStructure, start: InjectorParameters, folds: Sequence[Fold]
-) -> tuple[FittedStructure, tuple[FreeParameter, ...]]:
+) -> tuple[FittedStructure, tuple[problem.FreeParameter, ...]]:
     """The chosen structure fitted to `folds`, and the parameters left to the file since the data do not tell them.
 
     start: the file's injector. One parameter at a time is left to the file, the least certain: with it fixed the
     others may be determined.
     """
-    left_out: list[FreeParameter] = []
+    left_out: list[problem.FreeParameter] = []
     free = list(best.calibration.free)
     now = best
     while True:
-        numbers = with_values(now.injector, left_out, values_of(best.structure.of(start), left_out))
+        numbers = problem.with_values(now.injector, left_out, problem.values_of(best.structure.of(start), left_out))
         again = fitted(best.structure, numbers, free, folds, FINE_ITERATIONS)
         if isinstance(again, FailedStructure):
             return now, tuple(left_out)
         now = again
-        groups = [group for group in OPTIONAL_GROUPS if group[0] in free and group not in certain_groups(now)]
+        groups = [group for group in problem.OPTIONAL_GROUPS if group[0] in free and group not in certain_groups(now)]
         if groups:
             doubtful = [one for group in groups for one in group if one in free]
             left_out += doubtful
@@ -158,9 +146,9 @@ def settled(
 
 
 def searched(
-    structure: Structure,
+    structure: problem.Structure,
     file: InjectorParameters,
-    free: Sequence[FreeParameter],
+    free: Sequence[problem.FreeParameter],
     folds: Sequence[Fold],
     iterations: int,
 ) -> FittedStructure | FailedStructure:
@@ -169,7 +157,7 @@ def searched(
     A line in one lump has no travelling waves: the file's numbers do. Where a search ends with much unexplained
     they are sought once more, by the orifices found by then.
     """
-    if WAVE_DAMPING not in structure.free:
+    if problem.WAVE_DAMPING not in structure.free:
         return fitted(structure, file, free, folds, iterations)
     few = tuple(thinned(fold, 1) for fold in folds)
     start = _best(structure, _around(file, free), free, few)
@@ -188,10 +176,10 @@ def searched(
     )
 
 
-def certain_groups(structure: FittedStructure) -> tuple[tuple[FreeParameter, ...], ...]:
+def certain_groups(structure: FittedStructure) -> tuple[tuple[problem.FreeParameter, ...], ...]:
     """Groups of `OPTIONAL_GROUPS` that an injector has beyond doubt, or as stated."""
     free, sigmas, groups = structure.calibration.free, structure.certainty.sigmas, []
-    for group in OPTIONAL_GROUPS:
+    for group in problem.OPTIONAL_GROUPS:
         size, sigma = group[0].of(structure.injector), 0.0
         if group[0] in free:
             sigma = max(SURE * float(sigmas[free.index(group[0])]), LEAST) * group[0].linear
@@ -200,24 +188,27 @@ def certain_groups(structure: FittedStructure) -> tuple[tuple[FreeParameter, ...
     return tuple(groups)
 
 
-def _around(injector: InjectorParameters, free: Sequence[FreeParameter]) -> list[InjectorParameters]:
-    fuels = [np.array([])] if STIFFENING not in free else [np.array([each]) for each in STIFFENINGS]
-    sized = (STIFFNESS, WAVE_DAMPING, *(one for one in free if one is STIFFENING))
+def _around(injector: InjectorParameters, free: Sequence[problem.FreeParameter]) -> list[InjectorParameters]:
+    fuels = [np.array([])] if problem.STIFFENING not in free else [np.array([each]) for each in STIFFENINGS]
+    sized = (problem.STIFFNESS, problem.WAVE_DAMPING, *(one for one in free if one is problem.STIFFENING))
     return [
-        with_values(injector, sized, np.array([stiffness, damping, *fuel]))
-        for stiffness in STIFFNESS.of(injector) * STIFFNESSES
+        problem.with_values(injector, sized, np.array([stiffness, damping, *fuel]))
+        for stiffness in problem.STIFFNESS.of(injector) * STIFFNESSES
         for damping in DAMPINGS
         for fuel in fuels
     ]
 
 
 def _best(
-    structure: Structure, starts: Sequence[InjectorParameters], free: Sequence[FreeParameter], folds: Sequence[Fold]
+    structure: problem.Structure,
+    starts: Sequence[InjectorParameters],
+    free: Sequence[problem.FreeParameter],
+    folds: Sequence[Fold],
 ) -> InjectorParameters:
     """Start with the least -2 log L, nothing fitted."""
 
     def statistic(start: InjectorParameters) -> float:
-        calibration = Calibration(structure.of(start), free, folds)
+        calibration = problem.Calibration(structure.of(start), free, folds)
         residuals = calibration.residuals(calibration.centre)
         return math.inf if residuals is None or math.isnan(residuals.statistic) else residuals.statistic
 

@@ -12,18 +12,9 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gain import gain_schedule
 from observer_rt.foundation.documents import key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.identification.likelihood import windows
 from observer_rt.identification.likelihood.channel_noise import smoothing_of
 from observer_rt.identification.likelihood.measurement import JudgedEvent, Measurement
-from observer_rt.identification.likelihood.windows import (
-    Rows,
-    TrueInputs,
-    as_by_meter,
-    batch_of,
-    followed,
-    in_mass_window,
-    rate_as_recorded,
-    setting_of,
-)
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import in_stable_cells, substeps_needed
 
@@ -86,24 +77,24 @@ def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulat
     c, sensor = measurement.coefficients_of(model), model.sensor
     late = math.floor(sensor.delay / interval)
     share = sensor.delay / interval - late
-    rows = Rows(measurement)
-    inputs = TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
-    batch = batch_of(measurement, rows, inputs, late, sensor.offset, c)
+    rows = windows.Rows(measurement)
+    inputs = windows.TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
+    batch = windows.batch_of(measurement, rows, inputs, late, sensor.offset, c)
     sample_rate = measurement.recording.sample_rate
     gains = gain_schedule(
         c, measurement.noise, sample_rate, sensor.lag, share, rail_smoothing=smoothing_of(interval)
     ).gains
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
-    setting = setting_of(measurement, model, late, substeps, gains[-1])
-    errors, rate = followed(batch, setting, model.injector.needle_law, until_opening=True)
+    setting = windows.setting_of(measurement, model, late, substeps, gains[-1])
+    errors, rate = windows.followed(batch, setting, model.injector.needle_law, until_opening=True)
     pressure = (batch.output - errors) * c.pressure_scale + c.chamber_pressure
     result = []
     for number, event in enumerate(measurement.events):
         window = slice(*batch.bounds[number : number + 2])
         first = event.openings[0].first - event.start
         samples = rows.samples[window][first:]
-        recorded = rate_as_recorded(measurement, rate[window])
-        shown = as_by_meter(measurement, recorded)[first:]
+        recorded = windows.rate_as_recorded(measurement, rate[window])
+        shown = windows.as_by_meter(measurement, recorded)[first:]
         of_line = event, samples, pressure[window][first:]
         result.append(SimulatedInjection(*of_line, samples - late, recorded[first:], shown))
     return tuple(result)
@@ -111,7 +102,7 @@ def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulat
 
 def mass(measurement: Measurement, injection: SimulatedInjection, density: float) -> float:
     """Injected mass of an event [kg]."""
-    inside = in_mass_window(measurement, injection.event, injection.rate_samples)
+    inside = windows.in_mass_window(measurement, injection.event, injection.rate_samples)
     return float(np.trapezoid(injection.rate[inside])) * measurement.interval * density
 
 
@@ -140,7 +131,7 @@ def measured_mass(measurement: Measurement, injection: SimulatedInjection, densi
     measured = measurement.recording.injection_rate
     if measured is None:
         return math.nan
-    inside = in_mass_window(measurement, injection.event, injection.rate_samples)
+    inside = windows.in_mass_window(measurement, injection.event, injection.rate_samples)
     late = (injection.rate - injection.shown_rate)[inside]
     return float(np.trapezoid(measured[injection.rate_samples[inside]] + late)) * measurement.interval * density
 

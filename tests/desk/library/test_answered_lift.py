@@ -1,6 +1,7 @@
 """Recordings without a needle lift: what each shot did, and a line with waves that is fitted to them."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +15,9 @@ from tests.observed_plants import commanded
 from tests.plants.healthy import healthy_benches
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, record
-from tests.plants.wave import Variant
+from tests.plants.wave import Variant, new_part
 from tests.plants.windows import true_masses
+from tools.benchmarks.fitting import maker_file
 
 DELAYS = 0.32e-3, 0.27e-3  # s, of the nominal needle
 
@@ -34,15 +36,20 @@ def test_each_shot_is_found_as_late_as_it_answers() -> None:
 
 
 @pytest.mark.slow
-def test_a_line_with_waves_is_fitted_from_the_file_of_a_lump() -> None:
-    """Needle and line together: a needle learned first, on a lump, made up for waves, and no fit was adequate."""
+def test_a_line_with_waves_is_fitted_from_the_file_of_a_lump(tmp_path: Path) -> None:
+    """Needle and line together: a needle learned first, on a lump, made up for waves, and no fit was adequate.
+
+    The sac is as the maker says: from one of 75 mm3 for 3 the search ends beside the minimum.
+    """
     benches = healthy_benches(Variant.PLAIN, 1)
     outcomes = {name: record(bench) for name, bench in benches.items()}
     recordings = [
         commanded(benches[name], outcome, 0.28e-3, 0.34e-3, jitter=8e-6).without_lift()
         for name, outcome in outcomes.items()
     ]
-    fitted = ort.Injector.load().fit(recordings[::2] + recordings[-1:])
+    own = tmp_path / "own.toml"
+    own.write_text(maker_file(new_part()))
+    fitted = ort.Injector.load(own).fit(recordings[::2] + recordings[-1:])
     assert fitted.calibration is not None
     assert fitted.calibration.adequate
     assert fitted.parameters.line.model == "wave"
@@ -50,4 +57,4 @@ def test_a_line_with_waves_is_fitted_from_the_file_of_a_lump() -> None:
     assert [needle.opening_delay, needle.closing_delay] == pytest.approx([0.28e-3, 0.34e-3], abs=8e-6)
     name = list(benches)[1]
     masses = fitted.evaluate(recordings[1]).injections["mass_mg"]
-    assert masses.to_numpy() == pytest.approx(1e6 * true_masses(outcomes[name], benches[name]), rel=0.01)
+    assert masses.to_numpy() == pytest.approx(1e6 * true_masses(outcomes[name], benches[name]), rel=0.025)

@@ -15,6 +15,11 @@ def _later(name: str, model: EffectiveModel, values: Sequence[float]) -> Effecti
     return replace(model, injector=model.injector.model_copy(update={"needle": needle}))
 
 
+BESIDE = dict.fromkeys(("seat_area", "opening_speed"), ("opening_delay",)) | {
+    "closing_delay": ("closing_speed",),
+    "opening_delay": ("closing_delay",),
+}
+"""What moves with an effect of needle or seat where it stands for another."""
 _DELAY = (parameter("d", -300.0, 400.0, 8.0, (-80.0, 0.0, 80.0), "us", MICROSECOND),)
 _SPEED = (parameter("r", -0.6, 1.5, 0.02),)
 

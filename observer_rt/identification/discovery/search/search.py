@@ -22,6 +22,7 @@ from observer_rt.identification.discovery.search.results import SearchOutcome, p
 from observer_rt.identification.likelihood.appearance import least_gain
 from observer_rt.model.effect import Component, Effect, Likeness
 from observer_rt.model.effects import VOCABULARY, seen_in
+from observer_rt.model.effects.needle import BESIDE
 
 STARTS = 3  # candidates gone on from at once
 NAMES = 6  # refitted beside a candidate, of the best by score
@@ -32,11 +33,6 @@ LED = 0.5  # of what the best explains, that a candidate must explain to be gone
 TIE = 16.0  # of -2 log L, within which fits explain as much
 # Of what is explained, that an effect must add; beside a fitted model.
 RELATIVE_GAIN, FITTED_GAIN = 1e-3, 0.02
-# What moves with the needle's effect, or the seat's, where it stands for another.
-BESIDE = dict.fromkeys(("seat_area", "opening_speed"), ("opening_delay",)) | {
-    "closing_delay": ("closing_speed",),
-    "opening_delay": ("closing_delay",),
-}
 # Of what is left unexplained, that a further law must gain; that it keeps.
 LEAST_SHARE, KEPT_SHARE = 0.05, 0.02
 

@@ -5,19 +5,24 @@ from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
-from observer_rt.desk.library.answered_lift import answered_again
 from observer_rt.foundation.errors import require
 from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, rounded
-from observer_rt.identification.fit.cross_validation import sensor_gain, warnings
+from observer_rt.identification.fit.cross_validation import sensor_gain, standstill, warnings
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import PLAIN, STRUCTURES, Structure
-from observer_rt.identification.likelihood.measurement import Measurement, without_gain
+from observer_rt.identification.likelihood.commands import commanded_lift, commands_of
+from observer_rt.identification.likelihood.likelihood import RecordingLikelihood
+from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain
 from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.baseline import Baseline
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 
 TRADED = (
@@ -131,3 +136,28 @@ def _with_needle(
         start = start.model_copy(update={"needle": done.injector.needle})
         done = calibrated(number, STRUCTURES if number == ROUNDS - 1 else [done.fitted.structure])
     return done
+
+
+def answered_again(injector: InjectorParameters, recordings: Sequence[Measurement]) -> tuple[Measurement, ...]:
+    """Measurements with the commands that the needle would answer as each shot did, and with the lift by them.
+
+    Raises as `measurements`.
+    """
+    model = effective_model(injector)
+    commands = [_answered(model, one) for one in recordings]
+    lifted = [commanded_lift(injector, one.recording, of) for one, of in zip(recordings, commands, strict=True)]
+    return tuple(
+        replace(new, stated=old.stated, commands=of)
+        for new, old, of in zip(measurements(lifted), recordings, commands, strict=True)
+    )
+
+
+def _answered(model: EffectiveModel, measurement: Measurement) -> NDArray[np.float64]:
+    """Commands (k, 2) moved by the likeliest delays of the shots."""
+    commands = commands_of(measurement.recording)
+    model = model.with_terms("sensor", offset=model.sensor.offset + standstill(measurement)[0])
+    free = replace(measurement, commands=commands, is_free=True)
+    moved = commands.copy()
+    for event, late in zip(free.events, RecordingLikelihood(free, model).late_shots(model), strict=True):
+        moved[free.shots_in(event)] += late / free.interval
+    return moved

@@ -42,11 +42,8 @@ def with_commanded_lift(injector: InjectorParameters, recordings: Sequence[Recor
 
 def commanded_lift(injector: InjectorParameters, recording: Recording, commands: NDArray[np.float64]) -> Recording:
     """A recording with the lift by which an injector's needle would answer commands (k, 2) [samples]."""
-    lift, rate, needle = (
-        np.zeros(recording.samples),
-        recording.sample_rate,
-        effective_model(injector).injector.needle_law,
-    )
+    lift, rate = np.zeros(recording.samples), recording.sample_rate
+    needle = effective_model(injector).injector.needle_law
     pressures = np.nan_to_num(recording.rail_pressure[commands[:, 0].astype(np.int64)], nan=AT) / AT
     for (start, end), pressure in zip(commands / rate, pressures, strict=True):
         answer = stroke_of(start, end - start, pressure, needle)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -116,16 +115,13 @@ class RecordingLikelihood:
 
         Their scatter, where it is larger than usual, counts for the jitter.
         """
-        schedule, late = self._schedule(nominal), math.floor(nominal.sensor.delay / self.measurement.interval)
-        run = partial(self._predicted, nominal, self._nominal_inputs, late, schedule, self._substeps_of(nominal))
-        here = run()[0]
+        schedule = self._schedule(nominal)
+        run = self._run(nominal, schedule)
+        here, counted = run()[0], self._rows.counted_bounds
         self._by_shots = self._by_delays(run, here, self._late)
         by_shots = self._by_shots * (WIDEST_JITTER / schedule.innovation_sigma)
-        z, seen = here[self._rows.counted] / schedule.innovation_sigma, []
-        for first, end in pairwise(self._rows.counted_bounds.tolist()):
-            part = by_shots[first:end]
-            information = part.T @ part + np.eye(part.shape[1])
-            seen.append(-WIDEST_JITTER * np.linalg.solve(information, part.T @ z[first:end]))
+        z, on_time = here[self._rows.counted] / schedule.innovation_sigma, np.zeros(by_shots.shape[1])
+        seen = WIDEST_JITTER * np.array(likelier_delays(z, [on_time] * len(self._late), by_shots, counted))
         for delays, moved in zip(self._late, seen - np.mean(seen, axis=0), strict=True):
             delays += moved[: delays.size].reshape(-1, 2)
         scatter = math.sqrt(
@@ -149,8 +145,7 @@ class RecordingLikelihood:
         if abs(late) >= self._latest or substeps > MAX_SUBSTEPS:
             return None
         schedule = self._schedule(model)
-        inputs = self._inputs_of(model)
-        run = partial(self._predicted, model, inputs, late, schedule, substeps)
+        run = self._run(model, schedule)
         log_sigma = math.log(schedule.innovation_sigma)
         delays, moved = self._likely(run, model, schedule) if self._late else ([], np.empty((0, 0)))
         innovation, rate = run(self._delayed(delays))
@@ -173,10 +168,13 @@ class RecordingLikelihood:
 
     def late_shots(self, model: EffectiveModel) -> LateShots:
         """Delays [s] of the shots of every event beyond those of a model's needle, as they are likeliest."""
-        schedule, late = self._schedule(model), math.floor(model.sensor.delay / self.measurement.interval)
-        run = partial(self._predicted, model, self._inputs_of(model), late, schedule, self._substeps_of(model))
-        likely = self._delayed(self._likely(run, model, schedule)[0])
+        schedule = self._schedule(model)
+        likely = self._delayed(self._likely(self._run(model, schedule), model, schedule)[0])
         return likely if all(np.isfinite(of).all() for of in likely) else self._late
+
+    def _run(self, model: EffectiveModel, schedule: GainSchedule) -> Run:
+        late = math.floor(model.sensor.delay / self.measurement.interval)
+        return partial(self._predicted, model, self._inputs_of(model), late, schedule, self._substeps_of(model))
 
     def _likely(
         self, run: Run, model: EffectiveModel, schedule: GainSchedule

@@ -26,6 +26,7 @@ COLOUR_LIMIT = {Signal.LINE_PRESSURE: 2.0, Signal.INJECTION_RATE: 4.0}
 SIGNIFICANT = 5.0  # standard deviations
 REMAINDER = 0.06  # of what there was, that a fitted model may leave: a law is no more exact than it is
 EXACT = 1e-3  # of the same, that an exact model may leave: steps and samples are not finer
+MOST_LATE = 4.0  # mean square of the delays of shots that jitter, over their variance
 
 
 def cells_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel], model: EffectiveModel) -> tuple[Cell, ...]:
@@ -103,9 +104,6 @@ def worst(pool: Pool, healthy: Healthy = NOT_FITTED) -> Worst:
                 ratio = min(ratio, 1.0)
             ranked.append(Worst(signal, phase, ratio))
     return max(ranked, key=lambda item: item.ratio)
-
-
-MOST_LATE = 4.0  # mean square of the delays of shots that jitter, over their variance
 
 
 class Adequacy:

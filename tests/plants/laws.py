@@ -104,6 +104,25 @@ NINE_LAWS = {  # of nozzle and seat, that no model has
 }
 
 
+def _law_of_two(first: int, second: int, nozzle: float = 0.0, seat: float = 0.0) -> tuple[Laws, Faults]:
+    factors = {"first_factor": float(first), "second_factor": float(second)}
+    return Laws(nozzle_product=nozzle, seat_product=seat, **factors), Faults()
+
+
+TEN_PRODUCTS = {  # of two inputs of nozzle or seat
+    "nozzle by rail pressure and time": _law_of_two(BY_RAIL, BY_TIME, nozzle=0.1),
+    "the same, the other way": _law_of_two(BY_RAIL, BY_TIME, nozzle=-0.06),
+    "nozzle by rail pressure and lift": _law_of_two(BY_RAIL, BY_LIFT, nozzle=0.1),
+    "nozzle by time and lift": _law_of_two(BY_TIME, BY_LIFT, nozzle=0.1),
+    "nozzle by drop and time": _law_of_two(BY_DROP, BY_TIME, nozzle=0.1),
+    "nozzle by drop and lift": _law_of_two(BY_DROP, BY_LIFT, nozzle=-0.1),
+    "nozzle by rail pressure and drop": _law_of_two(BY_RAIL, BY_DROP, nozzle=0.1),
+    "seat by lift and drop": _law_of_two(BY_LIFT, BY_DROP, seat=0.15),
+    "seat by rail pressure and lift": _law_of_two(BY_RAIL, BY_LIFT, seat=0.15),
+    "seat by time and lift": _law_of_two(BY_TIME, BY_LIFT, seat=-0.15),
+}
+
+
 class Moment(NamedTuple):
     """What laws go by, at the beginning of a step: SI.
 

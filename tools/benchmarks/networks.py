@@ -1,91 +1,75 @@
-"""`tools/bench networks`: our network, the same with its hidden layer trained, and the paper's, on nine laws.
+"""`tools/bench networks`: our network on injectors with a law and without, and others beside it.
 
-Trained: after every event centres and widths of the neurons move, too, by a Gauss-Newton step beside W. The paper's:
-five neurons of all inputs, Algorithm 1 on each event; it does not say which masses are valid.
+Nine laws of one input each and ten of two inputs, which no model has; injectors that wear evenly. Without: the same
+observer whose weights are held at 0. The paper's: five neurons of all inputs, Algorithm 1 on each event; it does not
+say which masses are valid. The filter: of seven states, two of them changes of the flows, and no law.
 """
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.core.model.model import REACH
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.paper import scheme, training
 from observer_rt.desk.paper.study import LARGEST_GAIN
-from observer_rt.engine.estimation import scalars
-from observer_rt.engine.estimation.predictor import Window, innovations
-from observer_rt.engine.learning.adequacy import BURN_IN
-from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import WEIGHTS
+from observer_rt.engine.learning.knowledge import Knowledge, Outcome
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.learning.posterior.reader import setting_of
 from observer_rt.engine.stream.state import Constants
-from observer_rt.model.network import BASIS, GROUPS, HIDDEN, Group, network_with
 from tests.observed_plants import bench_at, recording_of
-from tests.plants.arrays import Array
-from tests.plants.laws import NINE_LAWS
-from tests.plants.parameters import Injector
+from tests.plants.laws import NINE_LAWS, NO_LAWS, TEN_PRODUCTS, Laws
+from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, record
-from tests.plants.windows import LEAD, TAIL, true_masses
+from tests.plants.windows import LEAD, MILLIGRAM, TAIL, true_masses, windows_of
 from tools.benchmarks import command_line as cli
-from tools.benchmarks.campaign import Bar, How, Row, conclude, run_cases, table
+from tools.benchmarks.campaign import Bar, How, Row, conclude, frame_of, run_cases, summed_up, table, values_of
 from tools.benchmarks.cases import Case
-from tools.benchmarks.scoring import FROM, WRONG_MASS, score_evaluation
+from tools.benchmarks.scoring import FROM, WRONG_MASS, estimate_of, score_evaluation
+from tools.benchmarks.unscented import unscented_rate
 
 RAIL_PRESSURES, DURATIONS = (60e6, 100e6, 140e6, 80e6, 120e6), (1.4e-3, 0.9e-3, 1.9e-3)  # Pa, s
-EVENTS = 24
-LAYER_PRIOR = 0.3  # one sigma of a centre, in distances between them, and of the logarithm of a width
-STEP, LONGEST_STEP = 0.05, 0.3  # of finite differences, and of one event
+EVENTS, WEAR_EVENTS = 24, 10
+PLANTS, PRESSURES = 14, 3  # that wear evenly, each at as many rail pressures of its own
+NARROW = 1e-4  # of their prior, that weights held at 0 may be
+NO_LAW = "no law"
+OURS, WITHOUT, PAPERS, FILTER = "ours", "without", "paper's", "filter"
+HOWS: dict[str, How] = {"rms": lambda v: float(np.sqrt(np.mean(np.square(list(v))))), "p95": "p95", "largest": "max"}
 COLUMNS: dict[str, tuple[str, How]] = {
     "valid": ("valid_share", "mean"),
     "wrong": ("wrong_valid", "sum"),
     "inside": ("held", "mean"),
+    "1.96 sigma %": ("half_width_pct", "mean"),
     "mean error %": ("error_pct", "mean"),
+    "rms %": ("error_pct", HOWS["rms"]),
+    "p95 %": ("error_pct", "p95"),
     "largest %": ("error_pct", "max"),
     "ms an event": ("ms", "median"),  # of the processor, all of the observer
 }
+_OURS_ONE, _OURS_TWO = "network == 'ours' and inputs == 1", "network == 'ours' and inputs == 2"
 BARS = (
-    Bar("wrong_while_valid", "wrong_valid", "sum", most=0, of="network == 'fixed'"),
-    Bar("valid_share", "valid_share", "mean", least=0.83, of="network == 'fixed'", by="law"),
-    Bar("inside_share", "held", "mean", least=0.93, of="network == 'fixed'"),
+    Bar("wrong_while_valid", "wrong_valid", "sum", most=0, of="network == 'ours'"),
+    Bar("valid_share", "valid_share", "mean", least=0.83, of=_OURS_ONE, by="law"),
+    Bar("inside_share", "held", "mean", least=0.93, of=_OURS_ONE),
+    Bar("valid_share_two_inputs", "valid_share", "mean", least=0.85, of=_OURS_TWO, by="law"),
+    *(Bar(f"no_law_{how}_over_{WITHOUT}", f"{how}_{WITHOUT}", "mean", most=1.1) for how in (*HOWS, "half_width")),
+    *(Bar(f"no_law_{how}_over_{FILTER}", f"{how}_{FILTER}", "mean", most=1.1) for how in HOWS),
 )
 
 
-class TrainedLayer(Learner):
-    """Ours with centres and widths of the neurons learned beside W."""
+class LawlessLearner(Learner):
+    """Ours, with the weights of its network held at 0."""
 
     def __init__(self, constants: Constants, start: Knowledge) -> None:
-        super().__init__(constants, start)
-        self._layer, self._information = np.zeros(2 * HIDDEN), np.eye(2 * HIDDEN) / LAYER_PRIOR**2
-
-    def learn(self, window: Window, *others: Any) -> Outcome:
-        """Learn W, then move the hidden layer with W held, by what all events so far say of it."""
-        outcome = super().learn(window, *others)
-        if outcome.adoption is Adoption.ADOPTED:
-            self._train(window, outcome)
-        return outcome
-
-    def _train(self, window: Window, outcome: Outcome) -> None:
-        setting, theta = setting_of(self._constants, outcome.schedule), outcome.estimate
-        learned = scalars.learned_of(theta, setting.coefficients)
-
-        def residuals(layer: Array) -> Array:
-            set_layer(layer)
-            curves, errors = network_with(theta[scalars.WEIGHTS]).curves, np.empty(window.output.size)
-            network = learned.network._replace(curves=curves)
-            innovations(window, setting, learned._replace(network=network), errors)
-            return np.asarray(errors[round(BURN_IN / setting.interval) :] / outcome.schedule.innovation_sigma)
-
-        here = residuals(self._layer)
-        moved = np.array([residuals(self._layer + step) for step in STEP * np.eye(2 * HIDDEN)])
-        slopes = (moved - here) / STEP
-        if np.isfinite(slopes).all():
-            self._information += slopes @ slopes.T
-            step = np.linalg.solve(self._information, slopes @ here)
-            self._layer -= step * LONGEST_STEP / max(float(np.abs(step).max()), LONGEST_STEP)
-        set_layer(self._layer)
+        state = start.state.map(
+            lambda learned: replace(learned, belief=learned.belief.narrowed(WEIGHTS.tolist(), NARROW))
+        )
+        super().__init__(constants, replace(start, state=state))
 
 
 class PapersNetwork(Learner):
@@ -109,40 +93,41 @@ class PapersNetwork(Learner):
         return super().learn(window, *others)
 
 
-NETWORKS = {"fixed": Learner, "trained": TrainedLayer, "paper's": PapersNetwork}
+LEARNERS = {OURS: Learner, WITHOUT: LawlessLearner, PAPERS: PapersNetwork}
+ALL_LAWS: dict[str, tuple[Laws, Faults]] = NINE_LAWS | TEN_PRODUCTS
 
 
-def set_layer(layer: Array) -> None:
-    """Move the neurons of this process: centres (HIDDEN,), in distances between them, and logarithms of widths."""
-    moves = iter(zip(*np.split(layer, 2), strict=True))
-    for curve, group in enumerate(GROUPS):
-        centres, distance = np.linspace(group.first, group.last, group.neurons, retstep=True)
-        for neuron, centre in enumerate(centres):
-            shift, width = next(moves)
-            first = centre + shift * distance
-            pair = Group(2, first, first + distance * np.exp(width))
-            BASIS[curve, :, :, neuron] = pair.basis(REACH[curve])[:, :, 0]
-    for function in vars(scalars).values():  # what theta means is another thing now
-        if hasattr(function, "cache_clear"):
-            function.cache_clear()
+def plant_of(law: str, seed: int) -> Bench:
+    """A plant with a law; with none: worn evenly, with three rail pressures of its own."""
+    laws, faults, pressures, events = *ALL_LAWS.get(law, (NO_LAWS, Faults())), RAIL_PRESSURES, EVENTS
+    if law == NO_LAW:
+        random = np.random.default_rng(seed)
+        nozzle, seat, is_seat_worn = *random.uniform(-0.3, 0.4, 2), random.random() < 0.5
+        faults, events = Faults(orifice_area=nozzle, seat_area=seat * is_seat_worn), WEAR_EVENTS
+        pressures = tuple(random.uniform(40e6, 160e6, PRESSURES).tolist())
+    durations = [DURATIONS[(k + k // len(pressures)) % len(DURATIONS)] for k in range(events)]
+    shots = [(pressures[k % len(pressures)], Shot(7e-6 * (k % 5), durations[k])) for k in range(events)]
+    schedule = tuple(Event(pressure, (shot,), faults) for pressure, shot in shots)
+    return Bench(Injector(), Needle(), schedule, seed=seed, laws=laws)
 
 
 def score_law(law: str, network: str, seed: int) -> Row:
-    """An injector with a law: valid, wrong and held masses from the fifth event on."""
-    laws, faults = NINE_LAWS[law]
-    shots = [(RAIL_PRESSURES[k % 5], Shot(7e-6 * (k % 5), DURATIONS[k % 3])) for k in range(EVENTS)]
-    events = tuple(Event(pressure, (shot,), faults) for pressure, shot in shots)
-    case = Case(law, seed, 0, Bench(Injector(), Needle(), events, seed=seed, laws=laws))
+    """An injector with a law, or none: valid, wrong and held masses from the fifth event on."""
+    case = Case(law, seed, 0, plant_of(law, seed))
     outcome, bench, made = record(case.bench), bench_at(case.bench.sample_rate), list[Learner]()
+    row: Row = {"law": law, "network": network, "inputs": 1 + (law in TEN_PRODUCTS) - (law == NO_LAW)}
+    if network == FILTER:
+        windows, true = windows_of(outcome, case.bench.sample_rate), true_masses(outcome, case.bench) / MILLIGRAM
+        masses = estimate_of(unscented_rate(outcome.measured), outcome, windows, Injector().density).masses
+        return row | {"error_pct": (100.0 * np.abs(masses / true - 1.0)[FROM:]).tolist()}
 
     def learner(_: BenchInjector, constants: Constants, start: Knowledge) -> Learner:
-        made.append(NETWORKS[network](constants, start))
+        made.append(LEARNERS[network](constants, start))
         return made[-1]
 
-    set_layer(np.zeros(2 * HIDDEN))  # a process has several cases
     begin = time.process_time()
     evaluation = evaluate(bench, [recording_of(outcome)], learner_of=learner).evaluations[0]
-    row: Row = {"law": law, "network": network, "ms": 1e3 * (time.process_time() - begin) / EVENTS}
+    row |= {"ms": 1e3 * (time.process_time() - begin) / len(case.bench.events)}
     if isinstance(made[0], PapersNetwork):
         errors = 100.0 * np.abs(np.array(made[0].masses) / true_masses(outcome, case.bench) - 1.0)[FROM:]
         return row | {"error_pct": errors.tolist(), "wrong_valid": int(np.sum(errors > WRONG_MASS))}
@@ -150,13 +135,30 @@ def score_law(law: str, network: str, seed: int) -> Row:
     return facts | row | {"error_pct": np.abs(facts["observer_errors_pct"]).tolist()}
 
 
+def ratios(frame: pd.DataFrame) -> Row:
+    """Errors and half widths of our masses where there is no law, over those of the others."""
+    row: Row = {"label": "ratios"}
+    errors = {name: values_of(frame[frame["network"].eq(name)], "error_pct") for name in (OURS, WITHOUT, FILTER)}
+    for name in (WITHOUT, FILTER):
+        row |= {
+            f"{how}_{name}": summed_up(errors[OURS], of) / summed_up(errors[name], of) for how, of in HOWS.items()
+        }
+    ours, without = (values_of(frame[frame["network"].eq(name)], "half_width_pct").mean() for name in (OURS, WITHOUT))
+    return row | {f"half_width_{WITHOUT}": ours / without}
+
+
 @cli.app.command(epilog="Example: tools/bench networks --cases 2")
 def networks(
     cases: cli.CasesOption = 1, seed: cli.SeedOption = 1, jobs: cli.JobsOption = cli.JOBS, out: cli.OutOption = None
 ) -> None:
-    """Networks with a fixed hidden layer, a trained one, and the paper's, on nine laws that no model has."""
-    todo = [(law, name, seed + number) for name in NETWORKS for law in NINE_LAWS for number in range(cases)]
+    """Our network on laws of one and of two inputs and on even wear; beside it the paper's, a filter, and no network."""
+    seeds = range(seed, seed + cases)
+    todo = [(law, name, each) for name in (OURS, PAPERS) for law in ALL_LAWS for each in seeds]
+    worn = range(seed, seed + PLANTS * cases)
+    todo += [(NO_LAW, name, each) for name in (OURS, WITHOUT, FILTER) for each in worn]
     out = out or Path("build/networks")
     frame = run_cases("networks", score_law, {" ".join(map(str, each)): each for each in todo}, jobs, out)
-    tables = {name: table(frame[frame["network"].eq(name)], "law", COLUMNS) for name in NETWORKS}
-    conclude(frame, BARS, tables, out)
+    of_laws, of_none = frame[frame["law"].ne(NO_LAW)], frame[frame["law"].eq(NO_LAW)]
+    tables = {name: table(of_laws[of_laws["network"].eq(name)], "law", COLUMNS) for name in (OURS, PAPERS)}
+    tables |= {NO_LAW: table(of_none, "network", COLUMNS)}
+    conclude(pd.concat([frame, frame_of([ratios(of_none)])]), BARS, tables, out)

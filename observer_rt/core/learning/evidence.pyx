@@ -4,7 +4,7 @@ from libc.math cimport INFINITY, NAN, fabs, fmax, fmin, isfinite, isnan, log
 from libc.stdint cimport int64_t
 from libc.string cimport memcpy
 
-from numpy import array, empty, empty_like, zeros
+from numpy import array, empty, zeros
 from numpy.linalg import LinAlgError
 
 from observer_rt.core.learning.matrices cimport add_moved, invert, whole
@@ -47,35 +47,51 @@ def integrate_cost(cost, limits, prior, double beyond) -> tuple[float, NDArray[n
 
 def weigh_scales(
     const double[::1] mean, const double[:, ::1] covariance, const int64_t[::1] weights, const double[::1] sizes,
-    int64_t first, const double[::1] noises, double[::1] logs
+    const int64_t[::1] ends, const double[::1] noises, double[::1] logs
 ) -> NDArray[np.float64]:
-    """Add to logs (k k,) how likely weights are to be 0 by a mean (m,) and a covariance (m, m), for all pairs of noises (k,).
+    """Add to logs (k^g,) how likely weights are to be 0 by a mean (m,) and a covariance (m, m), for all noises of groups.
 
-    One noise is of the `first` weights, those of one flow, the other, which changes faster, of the others. weights (w,):
+    ends (g,): of the groups of weights, of which the last changes its noise fastest; noises (k,). weights (w,):
     columns of theta; sizes (w,): of their priors, in whose units noises are variances. Returns the mean (m,) once they
-    were measured to be 0 with the likeliest pair. Raises numpy.linalg.LinAlgError when not positive definite.
+    were measured to be 0 with the likeliest noises. Raises numpy.linalg.LinAlgError when not positive definite.
     """
-    cdef int64_t w = weights.shape[0], k = noises.shape[0], i, j
-    # upper half of the weights' covariance, beside it their mean, in units of the sizes
-    cdef double[:, ::1] rows = zeros((w + 1, whole(w + 1))), one = empty_like(rows), both = empty_like(rows)
-    cdef double[:, ::1] likeliest = empty_like(rows)
-    cdef double by_first, best = -INFINITY
+    cdef int64_t w = weights.shape[0], k = noises.shape[0], groups = ends.shape[0], count = logs.shape[0], size = whole(w + 1)
+    # a table a group: upper half of the weights' covariance, beside it their mean, in units of the sizes
+    cdef double[:, :, ::1] tables = zeros((groups + 1, w + 1, size))
+    cdef double[:, ::1] rows = tables[0], likeliest
+    cdef double[::1] densities = zeros(groups + 1)
+    cdef int64_t i, j, group, first, leaves, best = 0
     moved = array(mean)
     cdef double[::1] result = moved
     for i in range(w):
         for j in range(i, w):
             rows[i, j] = covariance[weights[i], weights[j]] / (sizes[i] * sizes[j])
         rows[i, w] = mean[weights[i]] / sizes[i]
-    for i in range(k * k):
-        if i % k == 0:
-            memcpy(&one[0, 0], &rows[0, 0], rows.nbytes)
-            by_first = _eliminate(one, 0, first, noises[i // k])
-        memcpy(&both[0, 0], &one[0, 0], rows.nbytes)
-        logs[i] += by_first + _eliminate(both, first, w, noises[i % k])
-        if not isfinite(logs[i]):
-            raise LinAlgError("matrix is not positive definite")
-        if logs[i] > best:
-            best, both, likeliest = logs[i], likeliest, both
+    with nogil:
+        for i in range(count):
+            leaves = count // k
+            for group in range(groups):  # those before have the noise that they had
+                if i % leaves == 0:
+                    first = ends[group - 1] if group > 0 else 0
+                    for j in range(first, w):
+                        memcpy(&tables[group + 1, j, first], &tables[group, j, first], (size - first) * sizeof(double))
+                    densities[group + 1] = densities[group] + _eliminate(
+                        tables[group + 1], first, ends[group], noises[i // leaves % k]
+                    )
+                leaves //= k
+            logs[i] += densities[groups]
+            if not isfinite(logs[i]):
+                break
+            if logs[i] > logs[best]:
+                best = i
+    if not isfinite(logs[i]):
+        raise LinAlgError("matrix is not positive definite")
+    likeliest = tables[0]
+    for group in range(groups - 1, -1, -1):
+        for j in range(ends[group - 1] if group > 0 else 0, ends[group]):
+            likeliest[j, j] += noises[best % k]
+        best //= k
+    _eliminate(likeliest, 0, w, 0.0)
     for i in range(w - 1, -1, -1):
         for j in range(i + 1, w):
             likeliest[i, w] -= likeliest[i, j] * likeliest[j, w]
@@ -92,7 +108,7 @@ cdef double _eliminate(double[:, ::1] rows, int64_t first, int64_t last, double 
     """
     cdef int64_t size = rows.shape[0], parts = rows.shape[1] // WIDTH, i, j, k
     cdef Columns* values = <Columns*> &rows[0, 0]
-    cdef double density = 0.0, share, factor
+    cdef double pivots = 1.0, squares = 0.0, share, factor
     for k in range(first, last):
         rows[k, k] += noise
     for k in range(first, last):
@@ -103,8 +119,9 @@ cdef double _eliminate(double[:, ::1] rows, int64_t first, int64_t last, double 
             factor = share * rows[k, i]
             for j in range(i // WIDTH, parts):
                 values[i * parts + j] = values[i * parts + j] - factor * values[k * parts + j]
-        density -= 0.5 * (log(rows[k, k]) + share * rows[k, size - 1] * rows[k, size - 1])
-    return density
+        pivots *= rows[k, k]
+        squares += share * rows[k, size - 1] * rows[k, size - 1]
+    return -0.5 * (log(pivots) + squares)
 
 
 cdef double _expected(

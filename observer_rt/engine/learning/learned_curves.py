@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.indicators import SEAT_AREA, SEAT_DROP, nozzle_change, seat_change
 from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.learning.learned_injector import law_probabilities
 from observer_rt.engine.learning.learned_range import FULL, EventPoint
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, Z_95
 from observer_rt.model.effective import Coefficients
 
+SEAT_BY_AREA, SEAT_BY_DROP = 4, 5  # numbers of its curves in the network
 POINTS = 41  # of a curve
 LOWEST_DROP = 0.05  # p_0, from which a curve over a pressure drop is stated
 LEAST_SPAN = 0.05  # of its middle: a curve over a narrower range of its input says nothing
@@ -25,7 +27,7 @@ class LearnedCurve:
     """Relative change of a flow over one input, the other inputs held at those of the last event.
 
     flow: name of its indicator; variable: the input, whose unit ends the name; inputs, change and half_width (of the
-    95 % interval): (n,) each.
+    95 % interval): (n,) each; probability: that the flow goes by this input.
     """
 
     flow: str
@@ -33,6 +35,7 @@ class LearnedCurve:
     inputs: NDArray[np.float64]
     change: NDArray[np.float64]
     half_width: NDArray[np.float64]
+    probability: float
 
     @property
     def bend(self) -> float:
@@ -44,7 +47,8 @@ class LearnedCurve:
     def words(self) -> str:
         """What the curve says of the flow."""
         variable, span = self.variable.rpartition("_")[0].replace("_", " "), 100.0 * np.ptp(self.change)
-        return f"learned: {'nozzle' if self.flow == NOZZLE else 'seat'} flow by {variable}, {span:.0f} % in all"
+        flow = "nozzle" if self.flow == NOZZLE else "seat"
+        return f"learned: {flow} flow by {variable}, {span:.0f} % in all, probability {self.probability:.2f}"
 
     @property
     def columns(self) -> dict[str, Any]:
@@ -55,6 +59,7 @@ class LearnedCurve:
             "value": self.inputs.tolist(),
             "change": self.change.tolist(),
             "ci95_halfwidth": self.half_width.tolist(),
+            "probability": self.probability,
         }
 
 
@@ -66,15 +71,22 @@ def furthest(curves: Iterable[LearnedCurve]) -> LearnedCurve | None:
 def learned_curves(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedCurve, ...]:
     """Curves of what was learned, over the ranges in which there were events; none before any."""
     learned, theta = knowledge.state.learned, knowledge.in_force
-    covariance = learned.gated.covariance
+    covariance, probabilities = learned.gated.covariance, law_probabilities(learned.belief)
     return tuple(
-        LearnedCurve(flow, variable, inputs, change, Z_95 * np.sqrt(((slopes @ covariance) * slopes).sum(1)))
-        for flow, variable, inputs, change, slopes in _changes(theta, learned.learned_at, c)
+        LearnedCurve(
+            flow,
+            variable,
+            inputs,
+            change,
+            Z_95 * np.sqrt(((slopes @ covariance) * slopes).sum(1)),
+            probabilities[curve],
+        )
+        for curve, flow, variable, inputs, change, slopes in _changes(theta, learned.learned_at, c)
     )
 
 
 def _changes(theta: NDArray[np.float64], points: Sequence[EventPoint], c: Coefficients) -> Iterator[tuple[Any, ...]]:
-    """Flow, variable, inputs (n,), change (n,) and its slopes by theta (n, m) of every curve."""
+    """Number, flow, variable, inputs (n,), change (n,) and its slopes by theta (n, m) of every curve."""
     if not points:
         return
     last, pressure, area = points[-1], c.pressure_scale / MEGAPASCAL, c.area_scale / MILLIMETRE**2
@@ -91,10 +103,10 @@ def _changes(theta: NDArray[np.float64], points: Sequence[EventPoint], c: Coeffi
         drop, seat, since, rail = (grid if swept == k else np.full_like(grid, held[k]) for k in range(4))
         if grid.size:
             states = np.stack((drop, 0.0 * drop, drop))
-            yield NOZZLE, variable, unit * grid + origin, *nozzle_change(theta, states, (rail, seat), since)
+            yield swept, NOZZLE, variable, unit * grid + origin, *nozzle_change(theta, states, (rail, seat), since)
     drops, areas = _grid(LOWEST_DROP, max(rails)), grids[1][-1]
-    yield SEAT, "seat_area_mm2", areas * area, *seat_change(theta, areas, SEAT_DROP)
-    yield SEAT, "pressure_drop_MPa", drops * pressure, *seat_change(theta, SEAT_AREA, drops)
+    yield SEAT_BY_AREA, SEAT, "seat_area_mm2", areas * area, *seat_change(theta, areas, SEAT_DROP)
+    yield SEAT_BY_DROP, SEAT, "pressure_drop_MPa", drops * pressure, *seat_change(theta, SEAT_AREA, drops)
 
 
 def _grid(first: float, last: float) -> NDArray[np.float64]:

@@ -81,7 +81,7 @@ def test_what_the_events_were_is_drawn_where_one_was_not_as_before(changed: floa
 @pytest.mark.parametrize("recordings", [1, 2])
 def test_laws_learned_are_drawn_of_a_single_recording(recordings: int) -> None:
     drop = np.linspace(10.0, 100.0, 5)
-    curve = LearnedCurve("orifice_area", "pressure_drop_MPa", drop, np.full(5, -0.1), np.full(5, 0.01))
+    curve = LearnedCurve("orifice_area", "pressure_drop_MPa", drop, np.full(5, -0.1), np.full(5, 0.01), 0.97)
     shown = replace(picture("one"), learned=(curve,))
     axes = injections_figure([shown] * recordings, "measured").axes
     drawn = [panel for panel in axes if panel.get_xlabel() == "pressure drop [MPa], nozzle"]

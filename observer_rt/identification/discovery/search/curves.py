@@ -90,14 +90,19 @@ class Axis:
             Form("tanh(u/A)", (widths,), Shape.STEP),
         )
 
-    def hats(self, equation: TermEquation, factor: str = "") -> list[Effect]:
-        """Terms that are 1 at a knot, 0 at the next ones; the first and last stay 1 beyond."""
-        made = []
+    @property
+    def hat_laws(self) -> list[str]:
+        """Laws that are 1 at a knot, 0 at the next ones; the first and last stay 1 beyond."""
+        laws = []
         for knot in range(len(self.knots)):
             shown = range(max(0, knot - 1), min(knot + 2, len(self.knots)))
             pairs = ", ".join(f"{self.knots[number]:g}, {float(number == knot):g}" for number in shown)
-            made.append(term_effect(equation, f"{factor}table({self.over}, {pairs})"))
-        return made
+            laws.append(f"table({self.over}, {pairs})")
+        return laws
+
+    def hats(self, equation: TermEquation, factor: str = "") -> list[Effect]:
+        """Hats as terms of an equation, with a factor before each."""
+        return [term_effect(equation, factor + law) for law in self.hat_laws]
 
 
 FLOW = Axis("line_flow/60", (-0.3, -0.1, 0.0, 0.1, 0.25, 0.5, 0.75, 1.0), {"line_flow"})
@@ -154,6 +159,10 @@ class Form:
             text = text.replace(letter, f"({number.value!r})")
         return np.broadcast_to(_parsed(text).at({"time": knots}), knots.shape)
 
+    def over(self, axis: Axis) -> str:
+        """The law over the variable of an axis."""
+        return self.law.replace("u", f"({axis.over})")
+
 
 # many curves share an axis, and with it all forms
 _parsed = lru_cache(maxsize=4096)(parse)
@@ -190,11 +199,11 @@ Score = Callable[[Sequence[Effect]], Scores]
 
 def free_curves(curves: Sequence[tuple[TermEquation, Axis, str]], score: Score) -> list[FreeCurve]:
     """Curves about a model, each hat linearised once."""
-    parts = _parts([axis.hats(equation, factor) for equation, axis, factor in curves], score)
+    parts = parts_of([axis.hats(equation, factor) for equation, axis, factor in curves], score)
     return [FreeCurve(*curve, part) for curve, part in zip(curves, parts, strict=True) if part.numbers.size]
 
 
-def _parts(groups: Sequence[Sequence[Effect]], score: Score) -> list[Scores]:
+def parts_of(groups: Sequence[Sequence[Effect]], score: Score) -> list[Scores]:
     """Scores of every group of terms."""
     scores = score([effect for group in groups for effect in group])
     ends = np.cumsum([len(group) for group in groups])
@@ -209,7 +218,7 @@ def made_to_measure(
     Each wave is linearised once.
     """
     promising = [law for curve in curves for law in _laws(curve)]
-    for pair, part in zip(swings, _parts(swings, score), strict=True):
+    for pair, part in zip(swings, parts_of(swings, score), strict=True):
         sizes = part.sizes(range(len(part.effects)))
         if sizes.size == 2:
             promising.append((float(sizes @ part.gradient), turned(pair[0], sizes.tolist())))
@@ -230,7 +239,7 @@ def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
         sizes = np.clip(sizes, -equation.bounds[1], equation.bounds[1])
         gains = 2.0 * sizes * slopes - sizes**2 * weights
         best = int(np.argmax(gains))
-        law = form.law.replace("u", f"({axis.over})")
+        law = form.over(axis)
         if form.shape not in laws_by_shape or gains[best] > laws_by_shape[form.shape][0]:
             laws_by_shape[form.shape] = (float(gains[best]), term_effect(equation, curve.factor + law, tried[best]))
     return sorted(laws_by_shape.values(), key=lambda item: -item[0])[:MOST_OF_CURVE]

@@ -27,6 +27,7 @@ from observer_rt.identification.discovery.search.curves import (
 from observer_rt.identification.discovery.search.fits import SAME, Fitter
 from observer_rt.identification.discovery.search.library import library, span_of
 from observer_rt.identification.discovery.search.scores import Scores, scored
+from observer_rt.identification.discovery.search.surfaces import products
 from observer_rt.identification.discovery.search.tables import NONE, tables, validated
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import COMPONENTS, TermLaw, term_effect
@@ -137,6 +138,9 @@ class Laws:
         curves = free_curves([one for one in _EVERY if one[0] in where], score)
         fits = self._fitted_beside(about, made_to_measure(curves, self._waves(about), score))
         if about.ids or any(map(self._is_adequate, fits)):
+            return fits
+        fits += self._fitted_beside(about, products(score))
+        if any(map(self._is_adequate, fits)):
             return fits
         return fits + self._fitted_beside(about, tables(curves, score))
 

@@ -75,7 +75,7 @@ def test_the_page_stands_alone_with_size_confidence_and_amended_model_first(worn
 
 def test_what_the_network_learned_is_the_first_figure(worn: Worn) -> None:
     drop = np.linspace(10.0, 100.0, 5)
-    curve = LearnedCurve("orifice_area", "pressure_drop_MPa", drop, 1e-3 * drop, np.full(5, 0.01))
+    curve = LearnedCurve("orifice_area", "pressure_drop_MPa", drop, 1e-3 * drop, np.full(5, 0.01), 0.97)
     findings = replace(worn.findings, learned=(curve,))
     first = report(findings).partition("</figure>")[0]
     assert "pressure drop [MPa], nozzle" in first

@@ -131,6 +131,22 @@ def spelled(law: str) -> tuple[str, list[float]]:
     return re.sub(NUMBER, "_", law), [float(one) for one in re.findall(NUMBER, law)]
 
 
+@pytest.mark.parametrize(("rows", "shares"), [((0, 1), {"nozzle_product": 0.1}), ((2, 3), {"seat_product": 0.15})])
+def test_a_law_of_two_variables_is_a_product(rows: tuple[int, int], shares: dict[str, float]) -> None:
+    """Of tanh, both; at operating points that were recorded it is within a twentieth of the flow of the truth."""
+    first, second = rows
+    (term,) = found_in(with_laws(**shares, first_factor=float(first), second_factor=float(second)))
+    expected = TermEquation.NOZZLE_FLOW if "nozzle_product" in shares else TermEquation.SEAT_FLOW
+    assert term.equation is expected
+    words = ("rail_pressure", "time_since_opening", "needle_lift", "sac_pressure")
+    assert all(words[row] in str(term.law) for row in rows)
+    if expected is TermEquation.NOZZLE_FLOW:
+        rail, since = (values.ravel() for values in np.meshgrid((60.0, 100.0, 140.0), np.linspace(0.1, 1.8, 18)))
+        true = 0.1 * np.tanh((rail - 100.0) / 30.0) * np.tanh((since - 0.8) / 0.4)
+        seen = term.law.at({"rail_pressure": rail, "time_since_opening": since}, term.coefficient)
+        assert np.abs(seen - true).max() < 0.01
+
+
 def test_what_no_form_explains_is_one_table() -> None:
     (term,) = found_in(with_sensor(lambda p: p + 0.8e6 * np.sin(2.0 * np.pi * p / 60e6)))
     assert term.equation is TermEquation.LINE_PRESSURE_SENSOR
@@ -210,7 +226,8 @@ def test_the_law_that_the_network_learned_is_near_the_truth_and_tried_first() ->
 def test_a_curve_that_may_be_level_is_no_guess() -> None:
     inputs, half = np.linspace(10.0, 100.0, 5), np.full(5, 0.01)
     level, slight, rising = (
-        LearnedCurve(SEAT, "seat_area_mm2", inputs, np.linspace(-rise, rise, 5), half) for rise in (0.0, 0.009, 0.03)
+        LearnedCurve(SEAT, "seat_area_mm2", inputs, np.linspace(-rise, rise, 5), half, 0.9)
+        for rise in (0.0, 0.009, 0.03)
     )
     assert furthest((level, slight)) is None
     assert furthest((level, rising)) is rising

@@ -1,0 +1,100 @@
+"""Laws of two variables at once: a free surface over both, and the product of two simple forms that comes nearest.
+
+A surface is a sum of products of hats, each a term of its own, as a curve is a sum of hats: what they do to the
+innovations, linearised, says what any product of a law over the one and a law over the other variable would gain.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.identification.discovery.search.curves import (
+    LIFT,
+    OVER_NOZZLE,
+    OVER_SEAT,
+    SINCE,
+    Axis,
+    Form,
+    Score,
+    Shape,
+    parts_of,
+)
+from observer_rt.identification.discovery.search.scores import Scores
+from observer_rt.model.effect import Effect
+from observer_rt.model.term_effect import LETTERS, FormNumber, term_effect
+from observer_rt.model.terms.term import TermEquation
+
+Floats = NDArray[np.float64]
+
+MOST_PRODUCTS = 4  # made at once, each over other variables
+RAIL = Axis("(rail_pressure - 100)/50", (-0.9, -0.45, 0.0, 0.45, 0.9), {"rail_pressure"})
+_SINCE, _LIFT = replace(SINCE, knots=(0.1, 0.4, 0.7, 1.0, 1.5)), replace(LIFT, knots=(0.1, 0.3, 0.5, 0.75, 1.0))
+_OVER_NOZZLE = replace(OVER_NOZZLE, knots=(0.1, 0.35, 0.6, 0.9, 1.2))
+_OVER_SEAT = replace(OVER_SEAT, knots=(0.3, 1.0, 2.5, 6.0))
+SURFACES: Mapping[TermEquation, tuple[tuple[Axis, Axis], ...]] = {
+    TermEquation.NOZZLE_FLOW: (
+        (RAIL, _SINCE),
+        (RAIL, _LIFT),
+        (RAIL, _OVER_NOZZLE),
+        (_SINCE, _LIFT),
+        (_OVER_NOZZLE, _SINCE),
+        (_OVER_NOZZLE, _LIFT),
+    ),
+    TermEquation.SEAT_FLOW: ((RAIL, _LIFT), (_SINCE, _LIFT), (_OVER_SEAT, _LIFT)),
+}
+"""Surfaces of an equation: over which two variables."""
+_SHAPES = (Shape.POWER, Shape.KINK, Shape.STEP, Shape.SATURATION)
+
+
+@dataclass(frozen=True)
+class _Factor:
+    """A simple form of an axis with its numbers, and its values at the knots (k,)."""
+
+    form: Form
+    numbers: tuple[FormNumber, ...]
+    values: Floats
+
+
+def products(score: Score) -> list[Effect]:
+    """Products of two forms as terms, the best over each pair of variables, the one that would gain most first."""
+    pairs = [(equation, *axes) for equation, surfaces in SURFACES.items() for axes in surfaces]
+    parts = parts_of([_hats(*pair) for pair in pairs], score)
+    made = [_nearest(*pair, part) for pair, part in zip(pairs, parts, strict=True) if part.numbers.size]
+    made.sort(key=lambda item: -item[0])
+    return [effect for _, effect in made[:MOST_PRODUCTS]]
+
+
+def _hats(equation: TermEquation, first: Axis, second: Axis) -> list[Effect]:
+    """Terms that are 1 at a knot of both axes, and 0 at all others."""
+    return [term_effect(equation, f"{one}*{other}") for one, other in product(first.hat_laws, second.hat_laws)]
+
+
+def _factors(axis: Axis) -> list[_Factor]:
+    """All forms of an axis that are no constant, with the numbers that are tried."""
+    knots = np.array(axis.knots)
+    return [
+        _Factor(form, numbers, form.values(numbers, knots))
+        for form in axis.forms
+        if form.shape in _SHAPES and form.law != "1"
+        for numbers in product(*form.numbers)
+    ]
+
+
+def _nearest(equation: TermEquation, first: Axis, second: Axis, scores: Scores) -> tuple[float, Effect]:
+    """What the product of two forms would gain that comes nearest to a surface, and the product as a term."""
+    ones, others = _factors(first), _factors(second)
+    values = np.einsum("ik,jl->ijkl", [each.values for each in ones], [each.values for each in others])
+    values = values.reshape(len(ones) * len(others), -1)[:, scores.numbers]
+    weights = np.einsum("ij,ij->i", values @ scores.information, values)
+    slopes = values @ scores.gradient
+    sizes = np.divide(slopes, weights, out=np.zeros_like(slopes), where=weights > 0.0)
+    sizes = np.clip(sizes, -equation.bounds[1], equation.bounds[1])
+    gains = 2.0 * sizes * slopes - sizes**2 * weights
+    best = int(np.argmax(gains))
+    one, other = ones[best // len(others)], others[best % len(others)]
+    further = str.maketrans(LETTERS[: len(other.numbers)], LETTERS[len(one.numbers) :][: len(other.numbers)])
+    laws = (f"({one.form.over(first)})", f"({other.form.over(second).translate(further)})")
+    return float(gains[best]), term_effect(equation, "*".join(laws), (*one.numbers, *other.numbers))

@@ -151,7 +151,7 @@ def ratios(frame: pd.DataFrame) -> Row:
 def networks(
     cases: cli.CasesOption = 1, seed: cli.SeedOption = 1, jobs: cli.JobsOption = cli.JOBS, out: cli.OutOption = None
 ) -> None:
-    """Our network on laws of one and of two inputs and on even wear; beside it the paper's, a filter, and no network."""
+    """Our network on laws of one and of two inputs and on even wear; beside it the paper's, a filter, none."""
     seeds = range(seed, seed + cases)
     todo = [(law, name, each) for name in (OURS, PAPERS) for law in ALL_LAWS for each in seeds]
     worn = range(seed, seed + PLANTS * cases)

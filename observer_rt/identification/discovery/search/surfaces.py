@@ -85,16 +85,17 @@ def _factors(axis: Axis) -> list[_Factor]:
 
 def _nearest(equation: TermEquation, first: Axis, second: Axis, scores: Scores) -> tuple[float, Effect]:
     """What the product of two forms would gain that comes nearest to a surface, and the product as a term."""
-    ones, others = _factors(first), _factors(second)
-    values = np.einsum("ik,jl->ijkl", [each.values for each in ones], [each.values for each in others])
-    values = values.reshape(len(ones) * len(others), -1)[:, scores.numbers]
+    rows, columns = _factors(first), _factors(second)
+    values = np.einsum("ik,jl->ijkl", [row.values for row in rows], [column.values for column in columns])
+    values = values.reshape(len(rows) * len(columns), -1)[:, scores.numbers]
     weights = np.einsum("ij,ij->i", values @ scores.information, values)
     slopes = values @ scores.gradient
     sizes = np.divide(slopes, weights, out=np.zeros_like(slopes), where=weights > 0.0)
     sizes = np.clip(sizes, -equation.bounds[1], equation.bounds[1])
     gains = 2.0 * sizes * slopes - sizes**2 * weights
     best = int(np.argmax(gains))
-    one, other = ones[best // len(others)], others[best % len(others)]
-    further = str.maketrans(LETTERS[: len(other.numbers)], LETTERS[len(one.numbers) :][: len(other.numbers)])
-    laws = (f"({one.form.over(first)})", f"({other.form.over(second).translate(further)})")
-    return float(gains[best]), term_effect(equation, "*".join(laws), (*one.numbers, *other.numbers))
+    row, column = rows[best // len(columns)], columns[best % len(columns)]
+    own, further = len(row.numbers), len(column.numbers)
+    letters = str.maketrans(LETTERS[:further], LETTERS[own : own + further])
+    law = f"({row.form.over(first)})*({column.form.over(second).translate(letters)})"
+    return float(gains[best]), term_effect(equation, law, (*row.numbers, *column.numbers))

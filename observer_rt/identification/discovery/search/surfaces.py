@@ -69,7 +69,7 @@ def products(score: Score) -> list[Effect]:
 
 def _hats(equation: TermEquation, first: Axis, second: Axis) -> list[Effect]:
     """Terms that are 1 at a knot of both axes, and 0 at all others."""
-    return [term_effect(equation, f"{one}*{other}") for one, other in product(first.hat_laws, second.hat_laws)]
+    return [term_effect(equation, "*".join(laws)) for laws in product(first.hat_laws, second.hat_laws)]
 
 
 def _factors(axis: Axis) -> list[_Factor]:

@@ -104,8 +104,7 @@ def test_the_commands_that_need_a_bus(shell: Shell, vcan: str) -> None:
     recorded, limited = only(commands, r" record .*bus\.blf$"), only(commands, "record .*--duration")
     played, log_played = only(commands, r"replay worn\.csv .*--speed"), only(commands, r"replay bus\.blf")
     on_several = only(commands, "replay .*lift=vcan1")
-    refused = only(commands, "run .*testbed_classic")  # by tests/desk/cli/test_dbc_page.py
-    assert {*commands} == {viewed, kept, piped, recorded, limited, played, log_played, on_several, refused}
+    assert {*commands} == {viewed, kept, piped, recorded, limited, played, log_played, on_several}
     shell.do("observer-rt run --print-example-bench > bench.toml")
     shell.do("observer-rt simulate --injections 4 --effect orifice_area:v_H=0.3 --output worn.csv")
     with own_interfaces("can0"):

@@ -9,17 +9,14 @@ from tests.pages import ROOT, Page
 
 PAGE = Page("docs/dbc.md")
 DATABASES = ROOT / "tests" / "bus" / "databases"
-EXAMPLES = ("testbed_classic", "fast_daq_fd", "adc_multiplexed")
-BUSES = (Page("docs/buses.md"), "three_buses")
-CHECKED = [(PAGE, "testbed_classic"), BUSES]
-QUOTED = [*((PAGE, name) for name in EXAMPLES), BUSES]
+EXAMPLES = [(PAGE, "testbed_classic"), (Page("docs/buses.md"), "three_buses")]
 
 
 def words(text: str) -> str:
     return " ".join(text.split())
 
 
-@pytest.mark.parametrize(("page", "name"), CHECKED)
+@pytest.mark.parametrize(("page", "name"), EXAMPLES)
 def test_what_check_prints(page: Page, name: str, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.chdir(DATABASES)
@@ -29,7 +26,7 @@ def test_what_check_prints(page: Page, name: str, command: Command, monkeypatch:
     assert [line for line in shown if line not in printed] == []
 
 
-@pytest.mark.parametrize(("page", "name"), QUOTED)
+@pytest.mark.parametrize(("page", "name"), EXAMPLES)
 def test_the_files_say_what_the_page_quotes(page: Page, name: str) -> None:
     files = [DATABASES / f"{name}.toml", DATABASES / f"{name}.dbc"]
     text = "".join(path.read_text() for path in files if path.exists())
@@ -48,9 +45,9 @@ def test_an_overlap(command: Command, tmp_path: Path, monkeypatch: pytest.Monkey
     bench = (DATABASES / "testbed_classic.toml").read_text()
     (tmp_path / "testbed_classic.toml").write_text(bench)
     monkeypatch.chdir(tmp_path)
-    said = command.refused("run", "--bench", "testbed_classic.toml")
-    shown = PAGE.shown("observer-rt run --bench testbed_classic.toml")
-    assert [words(line) for line in shown] == [words(line) for line in said.splitlines() if line.strip()]
+    said = words(command.refused("run", "--bench", "testbed_classic.toml"))
+    assert "error: testbed_classic.dbc:22: The signals RP_SensorState and RP_RailPressure are overlapping" in said
+    assert "remedy: mend the bus database, or read it all the same: lenient = true in its [[dbc]]" in said
     monkeypatch.setenv("COLUMNS", "200")
     overlooked = "overlooked: testbed_classic.dbc: The signals RP_SensorState and RP_RailPressure"
     lenient = bench.replace('"testbed_classic.dbc"', '"testbed_classic.dbc"\nlenient = true', 1)

@@ -113,7 +113,7 @@ def test_a_block_may_carry_it_in_kelvins(tmp_path: Path) -> None:
     by_block = run(block_bench(tmp_path), with_block_temperature(frames_at(HOT), HOT + 273.15))
     (tmp_path / "other").mkdir()
     by_sensor = run(bench(tmp_path / "other"), [sensor(HOT), *frames_at(HOT)])
-    assert by_block.reports[-1].fuel_temperature == pytest.approx(HOT + 273.15, abs=0.01)
+    assert by_block.reports[-1].surroundings.fuel_temperature == pytest.approx(HOT + 273.15, abs=0.01)
     assert by_block.reports[-1].mass == pytest.approx(by_sensor.reports[-1].mass, rel=1e-3)
 
 
@@ -152,7 +152,7 @@ def test_it_takes_effect_between_events(tmp_path: Path) -> None:
     usual = run(bench(tmp_path), [sensor(REFERENCE), *frames])
     middle = (usual.reports[2].start_index + usual.reports[2].end_index) // 2 // BLOCK
     result = run(bench(tmp_path), inserted(frames, [(0, sensor(REFERENCE)), (middle, sensor(HOT))]))
-    kelvins = [round(report.fuel_temperature or 0.0, 2) for report in result.reports]
+    kelvins = [round(report.surroundings.fuel_temperature or 0.0, 2) for report in result.reports]
     assert kelvins == [313.15, 313.15, 313.15, 358.15]
     assert [r.mass for r in result.reports[:3]] == [r.mass for r in usual.reports[:3]]
     assert result.reports[3].density == pytest.approx(830.0 * (1.0 - 7e-4 * 45.0))
@@ -208,7 +208,7 @@ def made(folder: Path, timeout: float) -> Fuel:
         device.index = round(time * SAMPLE_RATE)
         samples = device.send(simulated(), Span(0, BLOCK))
         hand(core, [*samples, *(optional_frames or samples)])  # a frame that is repeated brings nothing but a look
-        kelvin = float(core.compiled.pipeline.input_memory.memory["measured"][0])
+        kelvin = float(core.compiled.pipeline.input_memory.memory["measured"][0, 0])
         return None if math.isnan(kelvin) else round(kelvin - 273.15, 1)
 
     return at

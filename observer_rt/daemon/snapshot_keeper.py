@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.links.opening import IdleLink
 from observer_rt.config.bench import Bench
-from observer_rt.config.signals import in_units
+from observer_rt.config.signals import in_words
 from observer_rt.daemon.arrivals import SECOND, inputs_of
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_watch import ABOUT_INPUTS, LASTING, REPORTED_AFTER
@@ -138,8 +138,10 @@ class SnapshotKeeper:
     def _curves(
         self, report: InjectionReport, rows: NDArray[np.void], compared: Sequence[ComparedRate]
     ) -> dict[str, NDArray[np.float32]]:
+        chamber = report.surroundings.chamber_pressure or self._c.chamber_pressure
+
         def pressure(values: NDArray[np.float64]) -> NDArray[np.float64]:
-            return (values * self._c.pressure_scale + self._c.chamber_pressure) / MEGAPASCAL
+            return (values * self._c.pressure_scale + chamber) / MEGAPASCAL
 
         courses = {"corrected_rate": report.corrected_rate, "corrected_rate_sigma": report.rate_sigma}
         rates = {name: course[-len(rows) :] for name, course in courses.items() if course is not None}
@@ -284,8 +286,7 @@ def _figures(daemon: Daemon) -> Iterator[StatusLine]:
     if not core.optional.learning:
         learned += "; learning is off"
     constants = core.compiled.observer.constants
-    measured = [f"{name} {value:.1f}" for name, value in in_units(constants.surroundings).items()]
-    yield StatusLine("; ".join((learned, *measured)))
+    yield StatusLine("; ".join((learned, *in_words(constants.surroundings))))
     level = (constants.calibration.as_text(), f"rates at {constants.coefficients.density:.0f} kg/m3")
     is_good = constants.calibration.is_calibrated
     yield StatusLine("; ".join(filter(None, level)), StatusLevel.GOOD if is_good else StatusLevel.WAITING)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.model import rest_state
 from observer_rt.core.stream import stream as core
 from observer_rt.core.stream.stepper import Stepper
 from observer_rt.engine.estimation.predictor import SETTLE, Window
@@ -148,8 +149,28 @@ def make_observer(
 
 def with_constants(observer: state.Observer, constants: state.Constants) -> state.Observer:
     """Observer that goes on with other constants."""
+    c, before = constants.coefficients, observer.constants.coefficients
+    if c.chamber_pressure != before.chamber_pressure:
+        _count_from(observer, (c.chamber_pressure - before.chamber_pressure) / c.pressure_scale)
     stepper = _bound_stepper(observer.stream, constants, observer.stepper)
     return observer._replace(constants=constants, stepper=stepper)
+
+
+def _count_from(observer: state.Observer, rise: float) -> None:
+    """Have all pressures that are remembered count from a pressure in the chamber that is higher by `rise` [p_0].
+
+    That of a sac at rest is the chamber's before and after.
+    """
+    memory, line = observer.memory[0], np.zeros(observer.x_hat.shape[1])
+    rest_state(line, rise, observer.constants.coefficients)
+    for states in (observer.x_tilde, observer.x_hat):
+        states -= line
+    for name in ("rail_pressure", "line_pressure", "indicated"):
+        observer.ring[name] -= rise
+    for name in ("last", "instead", "held"):
+        observer.channels[name][[0, 2]] -= rise
+    memory["crosstalk"]["line_mean"] -= rise
+    memory["rest"]["highest_line"] -= rise
 
 
 def _bound_stepper(stream: core.Stream, constants: state.Constants, before: Stepper | None = None) -> Stepper:

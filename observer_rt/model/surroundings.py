@@ -1,4 +1,4 @@
-"""Fuel as it is round an injector, which changes the parameters of its file: an optional input of a bench.
+"""Fuel and chamber as they are, which change the parameters of an injector's file: optional inputs of a bench.
 
 Densities and bulk moduli fall linearly with the temperature, as measured for diesel fuels and calibration oils within
 a few tens of kelvin:
@@ -6,17 +6,18 @@ a few tens of kelvin:
     rho(T) = rho (1 - alpha (T - T_0))      K(T) = K + s (T - T_0),  s < 0
 
 `thermal_expansion` alpha and `bulk_modulus_slope` s hold for line and nozzle (sac) alike; T_0 is the temperature the
-file values were taken at. Areas, volumes and the vapour pressure stay.
+file values were taken at. Areas, volumes and the vapour pressure stay. The pressure in the chamber is p_C, from which
+all pressures of the model count (24).
 """
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.parameters import Chamber, InjectorParameters
 
-LOWEST_TEMPERATURE = 233.15  # K, -40 degC: below it the fuel waxes
-HIGHEST_TEMPERATURE = 423.15  # K, 150 degC: above it no feed line is run
+TEMPERATURES = 233.15, 423.15  # K, -40 to 150 degC: below the fuel waxes, above no feed line is run
+CHAMBER_PRESSURES = 0.01e6, 40e6  # Pa: a sensor that is not connected shows less, no chamber is under more
 SMALLEST_FACTOR = 0.3  # of density or bulk modulus: beyond it the law no longer describes a fuel
 
 
@@ -24,11 +25,12 @@ class Surroundings(NamedTuple):
     """Quantities round the injector [SI], by the names of their optional roles; None: not measured, as filed."""
 
     fuel_temperature: float | None = None  # in the feed line, K
+    chamber_pressure: float | None = None  # p_C, absolute, Pa
 
 
 def filed(injector: InjectorParameters, names: Iterable[str]) -> Surroundings:
     """Of the quantities with these names those at which an injector's parameters hold."""
-    values = {"fuel_temperature": injector.fluid.reference_temperature}
+    values = {"fuel_temperature": injector.fluid.reference_temperature, "chamber_pressure": injector.chamber.pressure}
     return Surroundings(**{name: values[name] for name in names})
 
 
@@ -36,6 +38,8 @@ def in_surroundings(injector: InjectorParameters, surroundings: Surroundings) ->
     """The injector in surroundings, which become those of its file. Raises `UserError` as `at_temperature`."""
     if surroundings.fuel_temperature is not None:
         injector = at_temperature(injector, surroundings.fuel_temperature)
+    if surroundings.chamber_pressure is not None:
+        injector = injector.model_copy(update={"chamber": Chamber(pressure=surroundings.chamber_pressure)})
     return injector
 
 

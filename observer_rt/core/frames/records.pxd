@@ -9,7 +9,7 @@ cdef enum:
     MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
     LONGEST_FRAME = 64  # bytes
     POINTS = 16
-    SURROUNDINGS = 1  # quantities round the injector that change the model
+    SURROUNDINGS = 2  # quantities round the injector that change the model
 
 
 cdef struct Signal:

@@ -89,6 +89,12 @@ class OptionalInputs:
         self._compiled.observer.memory["input_fault"] = Reason.INPUT_STALE if is_missing else Reason.NONE
         memory["in_force"], memory["since_change"], memory["is_due"] = wanted, 0.0, False
 
+    def take(self, surroundings: Surroundings) -> None:
+        """Take what no frame carries; it counts until the next."""
+        for number, value in enumerate(surroundings):
+            if value is not None:
+                self._memory["measured"][number], self._memory["is_input"][number] = value, True
+
     def opening_of(self, injection: np.void) -> CommandedOpening | None:
         """Command of an injection (`stream.state.INJECTION`) that is about to be reported; None: not known."""
         return None if self._watch is None else self._watch.opening_of(injection)

@@ -167,18 +167,18 @@ REASON_EDITS = (
     ("engine/stream/validity.py", "\n\ndef state_of_service", "    is_hot: bool = False\n\n\ndef state_of_service"),
     (
         "engine/stream/validity.py",
-        "    if surroundings.is_stale:",
-        "    if surroundings.is_hot:\n        return State.DEGRADED, Reason.FUEL_HOT\n    if surroundings.is_stale:",
+        "    if condition.is_stale:",
+        "    if condition.is_hot:\n        return State.DEGRADED, Reason.FUEL_HOT\n    if condition.is_stale:",
     ),
 )
 REASON = """
 import json
 
-from observer_rt.engine.stream.validity import Surroundings, state_of_service
+from observer_rt.engine.stream.validity import Condition, state_of_service
 from observer_rt.engine.words import named
 from tools.lib.word_tables import DATABASES, PAGE, database_with_words, page_with_words
 
-_, reason = state_of_service(None, Surroundings(is_hot=True))
+_, reason = state_of_service(None, Condition(is_hot=True))
 print(json.dumps({
     "named": named(reason),
     "page": "| `FUEL_HOT` | the fuel is too hot | cool it |" in page_with_words(PAGE.read_text()),

@@ -32,7 +32,8 @@ from observer_rt.foundation.files import file_hash
 from observer_rt.model.accuracy import EXACTLY_KNOWN
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model
-from observer_rt.model.parameters import InjectorParameters, at_temperature
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.surroundings import at_temperature
 from observer_rt.model.wave_line import with_cells
 
 PACKAGE_DATA = Path(str(files("observer_rt") / "data"))

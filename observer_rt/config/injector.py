@@ -69,6 +69,7 @@ class RecordingConfig(Section):
     line_pressure: ColumnConfig
     injection_rate: ColumnConfig | None = None
     energizing: ColumnConfig | None = None
+    chamber_pressure: ColumnConfig | None = None
     time: TimeConfig | None = None  # MDF4 files bring their own; others need it, or `rate_hz`
     rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] | None = None
     """Rate at which rows follow each other where no column is the time; also that of the grid."""
@@ -77,7 +78,7 @@ class RecordingConfig(Section):
     meaning: Meaning | None = None  # of their samples; None: as [sampling] says
     bridge_ms: Annotated[float, Field(ge=0.0, le=100.0)] = 0.05  # gaps up to this become a straight line
 
-    @field_validator("rail_pressure", "needle_lift", "line_pressure")
+    @field_validator("rail_pressure", "needle_lift", "line_pressure", "chamber_pressure")
     @classmethod
     def _known_unit(cls, column: ColumnConfig | None, field: ValidationInfo) -> ColumnConfig | None:
         units = LENGTH_UNITS if field.field_name == "needle_lift" else PRESSURE_UNITS
@@ -94,8 +95,8 @@ class RecordingConfig(Section):
     @property
     def signals(self) -> Iterator[tuple[str, ColumnConfig]]:
         """The signals mapped, by their names in a `Recording`."""
-        for name in ("rail_pressure", "needle_lift", "line_pressure", "injection_rate", "energizing"):
-            if (column := getattr(self, name)) is not None:
+        for name in RecordingConfig.model_fields:
+            if isinstance(column := getattr(self, name), ColumnConfig) and name != "time":
                 yield name, column
 
 

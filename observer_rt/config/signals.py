@@ -14,10 +14,11 @@ from pydantic import Field, field_validator, model_validator
 
 from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MASS_UNITS, MICROSECOND, TEMPERATURE_ORIGINS
+from observer_rt.foundation.units import MASS_UNITS, MICROSECOND, PRESSURE_UNITS, TEMPERATURE_ORIGINS
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
-from observer_rt.model.parameters import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, InjectorParameters, Positive
+from observer_rt.model.parameters import InjectorParameters, Positive
+from observer_rt.model.surroundings import CHAMBER_PRESSURES, TEMPERATURES, Surroundings
 
 if TYPE_CHECKING:
     from observer_rt.config.bench import BenchInjector
@@ -40,6 +41,7 @@ class OptionalRole(StrEnum):
     LEARNING_ENABLE = "learning_enable"
     MEASURED_MASS = "measured_mass"
     FUEL_TEMPERATURE = "fuel_temperature"
+    CHAMBER_PRESSURE = "chamber_pressure"
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,8 @@ class OptionalSignal:
     use: what becomes of its values; possible: lowest and highest value [SI]; its range must reach one of them, else
     it is `wrong`. expires: a value counts for a time only. usual: value [SI] in frames made of recordings; if not
     always, then only where a frame cannot mark it as not available. units: SI of each, or origins: where each begins
-    [K]; neither: a plain number. shown: the unit of its range in `check`; without one that is not shown.
+    [K]; neither: a plain number. shown: the unit of screens; without one its range is not shown. step: change [SI] of
+    one of the `Surroundings` below which the model stays.
     """
 
     use: str
@@ -61,6 +64,7 @@ class OptionalSignal:
     units: Mapping[str, float] | None = None
     origins: Mapping[str, float] | None = None
     shown: str = ""
+    step: float = math.inf
 
     def to_si(self, unit: str) -> tuple[float, float]:
         """Factor and origin of a unit: value_si = value * factor + origin."""
@@ -76,14 +80,41 @@ OPTIONAL_SIGNALS: Mapping[OptionalRole, OptionalSignal] = {
     ),
     OptionalRole.FUEL_TEMPERATURE: OptionalSignal(
         "",
-        (LOWEST_TEMPERATURE, HIGHEST_TEMPERATURE),
+        TEMPERATURES,
         "no temperature of a fuel; what is its unit?",
+        step=0.1,  # K: .04 % of the bulk modulus, less than injections differ by
         expires=True,
         usual=lambda injector: injector.fluid.reference_temperature or math.nan,
         origins=TEMPERATURE_ORIGINS,
         shown="degC",
     ),
+    OptionalRole.CHAMBER_PRESSURE: OptionalSignal(
+        "the model's p_C",
+        CHAMBER_PRESSURES,
+        "no pressure of a chamber; what is its unit?",
+        expires=True,
+        usual=lambda injector: injector.chamber.pressure,
+        units=PRESSURE_UNITS,
+        shown="MPa",
+        step=0.02e6,  # Pa: .02 % of the mass at 50 MPa
+    ),
 }
+
+
+def in_units(surroundings: Surroundings) -> dict[str, float]:
+    """Those that are measured, by names that end in their units, such as `fuel_temperature_degC`."""
+    roles = {OptionalRole(role): value for role, value in surroundings._asdict().items() if value is not None}
+    scales = {role: OPTIONAL_SIGNALS[role].to_si(OPTIONAL_SIGNALS[role].shown) for role in roles}
+    return {
+        f"{role}_{OPTIONAL_SIGNALS[role].shown}": (value - scales[role][1]) / scales[role][0]
+        for role, value in roles.items()
+    }
+
+
+def in_words(surroundings: Surroundings) -> list[str]:
+    """Those that are measured, such as `fuel_temperature 40.0 degC`."""
+    parts = ((*name.rsplit("_", 1), value) for name, value in in_units(surroundings).items())
+    return [f"{role} {value:.1f} {unit}" for role, unit, value in parts]
 
 
 class SampledConfig(Section):
@@ -149,7 +180,7 @@ class LearningEnableConfig(SlowSignalConfig):
     timeout_ms: Positive | None = None  # None: ten cycle times of the message
 
 
-class FuelTemperatureConfig(SlowQuantityConfig):
+class SurroundingConfig(SlowQuantityConfig):
     timeout_ms: Positive | None = None  # None: ten cycle times of the message
 
 
@@ -159,7 +190,8 @@ class SignalsConfig(Section):
     line_pressure: SignalConfig
     learning_enable: LearningEnableConfig | None = None
     measured_mass: SlowQuantityConfig | None = None  # of an injection
-    fuel_temperature: FuelTemperatureConfig | None = None  # in the feed line
+    fuel_temperature: SurroundingConfig | None = None  # in the feed line
+    chamber_pressure: SurroundingConfig | None = None  # absolute, into which is injected
     energizing: EnergizingConfig | None = None
 
     @field_validator("rail_pressure")
@@ -198,6 +230,11 @@ class SignalsConfig(Section):
         """The optional roles the bench has, with their mappings."""
         mappings = ((role, getattr(self, role.value)) for role in OptionalRole)
         return tuple((role, mapping) for role, mapping in mappings if mapping is not None)
+
+    @property
+    def surroundings(self) -> tuple[OptionalRole, ...]:
+        """The optional roles the bench has that change the model, by their names in `Surroundings`."""
+        return tuple(role for role, _ in self.optional if role in Surroundings._fields)
 
 
 def undone_in_alignment(signals: SignalsConfig, role: Role) -> float:

@@ -18,6 +18,7 @@ from typing import IO, Any, Self, TextIO
 
 from rich.console import Console
 
+from observer_rt.config.signals import in_words
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
 from observer_rt.engine.reports.injection_report import InjectionReport, beyond_learned, injection_record
 from observer_rt.engine.reports.news import MeasuredMass, MissingInjection, News, Notice
@@ -25,7 +26,7 @@ from observer_rt.engine.stream.state import Reason
 from observer_rt.engine.stream.validity import OF_MODEL
 from observer_rt.engine.words import TOPICS, Topic, named
 from observer_rt.foundation.console import say
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, ZERO_CELSIUS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.model.effective import Coefficients
 
 CAPACITY = 10_000  # lines that wait for a slow disk, terminal or reader; more are given up and counted
@@ -259,14 +260,12 @@ def line(report: InjectionReport) -> str:
     verdict = report.validity if report.valid else f"{report.validity}: {'; '.join(reasons)}"
     if report.posterior and OF_MODEL.intersection(report.reasons):
         verdict += f" ({report.posterior_text})"
-    temperature = report.fuel_temperature
-    fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
     mass = "mass unknown" if math.isnan(report.mass) else f"{report.mass / MILLIGRAM:.2f} mg"
     flow, remainder = 100 * report.indicators[NOZZLE].value, report.remainder_text
     return (
         f"injection {report.number} at index {report.start_index}: {mass}, "
         f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, nozzle flow {flow:+.1f} %, "
-        f"correction {report.phi_version}, {fuel}{verdict}"
+        f"{', '.join((f'correction {report.phi_version}', *in_words(report.surroundings), verdict))}"
         + (f", {remainder}" if remainder else "")
         + (f", {report.commanded.as_text()}" if report.commanded else "")
     )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.links.opening import IdleLink
 from observer_rt.config.bench import Bench
+from observer_rt.config.signals import in_words
 from observer_rt.daemon.arrivals import SECOND, inputs_of
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_watch import ABOUT_INPUTS, LASTING, REPORTED_AFTER
@@ -33,7 +34,7 @@ from observer_rt.engine.service.injector import ComparedRate, NominalInjection, 
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
 from observer_rt.foundation.errors import REMEDY
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS, ZERO_CELSIUS
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 LONGEST_WAIT = 1.0  # s that a client waits for news at the most
 _POLL_INTERVAL = 0.01  # s between two looks for news
@@ -137,8 +138,10 @@ class SnapshotKeeper:
     def _curves(
         self, report: InjectionReport, rows: NDArray[np.void], compared: Sequence[ComparedRate]
     ) -> dict[str, NDArray[np.float32]]:
+        chamber = report.surroundings.chamber_pressure or self._c.chamber_pressure
+
         def pressure(values: NDArray[np.float64]) -> NDArray[np.float64]:
-            return (values * self._c.pressure_scale + self._c.chamber_pressure) / MEGAPASCAL
+            return (values * self._c.pressure_scale + chamber) / MEGAPASCAL
 
         courses = {"corrected_rate": report.corrected_rate, "corrected_rate_sigma": report.rate_sigma}
         rates = {name: course[-len(rows) :] for name, course in courses.items() if course is not None}
@@ -282,10 +285,8 @@ def _figures(daemon: Daemon) -> Iterator[StatusLine]:
     learned = f"learned {counters.adoptions} times in {counters.events} events ({refused})"
     if not core.optional.learning:
         learned += "; learning is off"
-    if core.optional.fuel_temperature is not None:
-        learned += f"; fuel {core.optional.fuel_temperature - ZERO_CELSIUS:.1f} °C"
-    yield StatusLine(learned)
     constants = core.compiled.observer.constants
+    yield StatusLine("; ".join((learned, *in_words(constants.surroundings))))
     level = (constants.calibration.as_text(), f"rates at {constants.coefficients.density:.0f} kg/m3")
     is_good = constants.calibration.is_calibrated
     yield StatusLine("; ".join(filter(None, level)), StatusLevel.GOOD if is_good else StatusLevel.WAITING)

@@ -231,9 +231,9 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
 def _kept_with(fitted: BenchInjector) -> Sequence[KeptEvent]:
     """Events that were kept with this model, the oldest first. Raises `UserError` for a folder without any.
 
-    None where the bench measures the fuel's temperature, which evidence does not hold.
+    None where the bench measures surroundings, which evidence does not hold.
     """
-    if fitted.evidence is None or fitted.config.signals.fuel_temperature is not None:
+    if fitted.evidence is None or fitted.config.signals.surroundings:
         return ()
     model = model_hash(fitted.parameters)
     kept = read_folder(fitted.evidence, Console(quiet=True))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.model import rest_state
 from observer_rt.core.stream import stream as core
 from observer_rt.core.stream.stepper import Stepper
 from observer_rt.engine.estimation.predictor import SETTLE, Window
@@ -16,18 +17,8 @@ from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.mailbox import begin_with
+from observer_rt.engine.stream import state
 from observer_rt.engine.stream.standstill import Standstill, standstill_of
-from observer_rt.engine.stream.state import (
-    Constants,
-    Observer,
-    confirming_samples,
-    noise_gain,
-    ramp_samples,
-    sample_dtype,
-    samples_ahead,
-    toe_samples,
-    undoing_of,
-)
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effect import SizedEffect
@@ -66,7 +57,7 @@ def constants_for(
     means: bool = False,
     stated: Sequence[SizedEffect] = (),
     calibration: StatedAccuracy = EXACT,
-) -> Constants:
+) -> state.Constants:
     """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
 
     rail_every: samples to one of the rail pressure; means: samples are means over the sample period before;
@@ -76,12 +67,12 @@ def constants_for(
     model = effective_model(parameters, stated)
     interval = 1.0 / sample_rate
     sensor = sensor_of(model.sensor, model.coefficients.pressure_scale, interval)
-    toe = toe_samples(model.inputs, interval)
+    toe = state.toe_samples(model.inputs, interval)
 
     def samples(duration: float) -> int:
         return round(duration * sample_rate)
 
-    return Constants(
+    return state.Constants(
         coefficients=averaged(model.coefficients) if means else model.coefficients,
         means=means,
         inputs=model.inputs,
@@ -96,10 +87,10 @@ def constants_for(
             window_lead=samples(WINDOW_LEAD),
             window_tail=samples(WINDOW_TAIL),
             learning_lead=samples(LEARNING_LEAD),
-            lookahead=max(samples_ahead(interval) + toe, sensor.late + core.REACH),
+            lookahead=max(state.samples_ahead(interval) + toe, sensor.late + core.REACH),
             toe=toe,
-            ramp=ramp_samples(interval),
-            confirm=confirming_samples(interval),
+            ramp=state.ramp_samples(interval),
+            confirm=state.confirming_samples(interval),
             bounce=samples(BOUNCE),
             stays=samples(STAYS),
             bridge=samples(durations.bridge),
@@ -107,7 +98,7 @@ def constants_for(
         ),
         events_required=events_required,
         rail_every=rail_every,
-        undoing=undoing_of(model.inputs, interval),
+        undoing=state.undoing_of(model.inputs, interval),
         quickest=QUICKEST * max(parameters.needle.opening_speed, parameters.needle.closing_speed) * interval,
         program=model.program,
         calibration=calibration,
@@ -115,8 +106,8 @@ def constants_for(
 
 
 def make_observer(
-    constants: Constants, knowledge: Knowledge, learner: Learner, healthy: Healthy = NOT_FITTED
-) -> Observer:
+    constants: state.Constants, knowledge: Knowledge, learner: Learner, healthy: Healthy = NOT_FITTED
+) -> state.Observer:
     """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
     pair, gains = (core.RING, constants.coefficients.states), learner.schedule.gains.shape
     parameters, verdicts = knowledge.in_force.size, 2 * core.SLOTS
@@ -136,7 +127,7 @@ def make_observer(
         np.zeros((verdicts, parameters)),
     )
     stream = core.Stream(*lent)
-    observer = Observer(constants, *lent, stream, _bound_stepper(stream, constants))
+    observer = state.Observer(constants, *lent, stream, _bound_stepper(stream, constants))
     memory = observer.memory[0]
     prior, judgement, resting = memory["prior"], memory["judgement"], memory["resting_lift"]
     scale, noise, lift = constants.coefficients.pressure_scale, knowledge.state.noise, knowledge.lift
@@ -144,7 +135,7 @@ def make_observer(
     prior["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
     judgement["phi_version"] = knowledge.phi_version
     judgement["offset_moves"] = knowledge.state.learned.colour is None
-    memory["dead_band"] = core.dead_band(noise.needle_lift * noise_gain(constants.undoing.lift_lag))
+    memory["dead_band"] = core.dead_band(noise.needle_lift * state.noise_gain(constants.undoing.lift_lag))
     resting["zero"] = lift.zero
     resting["quick_squares"] = lift.wander**2
     resting["crosstalk"] = lift.crosstalk * scale
@@ -156,13 +147,33 @@ def make_observer(
     return observer
 
 
-def with_constants(observer: Observer, constants: Constants) -> Observer:
+def with_constants(observer: state.Observer, constants: state.Constants) -> state.Observer:
     """Observer that goes on with other constants."""
+    c, before = constants.coefficients, observer.constants.coefficients
+    if c.chamber_pressure != before.chamber_pressure:
+        _count_from(observer, (c.chamber_pressure - before.chamber_pressure) / c.pressure_scale)
     stepper = _bound_stepper(observer.stream, constants, observer.stepper)
     return observer._replace(constants=constants, stepper=stepper)
 
 
-def _bound_stepper(stream: core.Stream, constants: Constants, before: Stepper | None = None) -> Stepper:
+def _count_from(observer: state.Observer, rise: float) -> None:
+    """Have all pressures that are remembered count from a pressure in the chamber that is higher by `rise` [p_0].
+
+    That of a sac at rest is the chamber's before and after.
+    """
+    memory, line = observer.memory[0], np.zeros(observer.x_hat.shape[1])
+    rest_state(line, rise, observer.constants.coefficients)
+    for states in (observer.x_tilde, observer.x_hat):
+        states -= line
+    for name in ("rail_pressure", "line_pressure", "indicated"):
+        observer.ring[name] -= rise
+    for name in ("last", "instead", "held"):
+        observer.channels[name][[0, 2]] -= rise
+    memory["crosstalk"]["line_mean"] -= rise
+    memory["rest"]["highest_line"] -= rise
+
+
+def _bound_stepper(stream: core.Stream, constants: state.Constants, before: Stepper | None = None) -> Stepper:
     """Stepper of the pair by these constants from now on; before: what stepped it so far."""
     stepper = Stepper(stream, constants)
     if before is not None:
@@ -177,7 +188,7 @@ def samples_between(earlier: Any, later: Any) -> Any:
     return (later - earlier + INDICES / 2) % INDICES - INDICES / 2
 
 
-def energize(observer: Observer, number: int, start: int, length: float = math.inf) -> None:
+def energize(observer: state.Observer, number: int, start: int, length: float = math.inf) -> None:
     """Tell the pilot valve of the `number`-th command (0, 1, ..), which may be known already but for its end.
 
     start: index of the first sample of it; length [samples]: infinite as long as it is not known.
@@ -187,7 +198,7 @@ def energize(observer: Observer, number: int, start: int, length: float = math.i
     commands["count"] = max(int(commands["count"]), number + 1)
 
 
-def commands_at(observer: Observer, start: int, end: int) -> NDArray[np.float64]:
+def commands_at(observer: state.Observer, start: int, end: int) -> NDArray[np.float64]:
     """Commands (k, 2) as of `Window` that begin in, or not long before, positions [start, end)."""
     commands = observer.memory[0]["commands"]
     kept = np.arange(max(int(commands["count"]) - core.COMMANDS, 0), int(commands["count"])) % core.COMMANDS
@@ -197,7 +208,7 @@ def commands_at(observer: Observer, start: int, end: int) -> NDArray[np.float64]
     return np.column_stack((begun, begun + commands["lengths"][kept]))[within]
 
 
-def event_window(observer: Observer, number: int) -> Window | None:
+def event_window(observer: state.Observer, number: int) -> Window | None:
     """Learning window of the `number`-th closed event (0, 1, ..), copied; None when it cannot be learned."""
     event = observer.events[number % core.PENDING_EVENTS]
     if not event["learnable"]:
@@ -230,15 +241,15 @@ def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:
     return ring[first:last] if first < last else np.concatenate((ring[first:], ring[:last]))
 
 
-def samples_at(observer: Observer, start: int, end: int) -> NDArray[np.void]:
+def samples_at(observer: state.Observer, start: int, end: int) -> NDArray[np.void]:
     """Samples at positions [start, end), with x~ and x^, copied; dtype `sample_dtype`."""
-    rows = np.empty(max(0, end - start), sample_dtype(observer.x_hat.shape[1]))
+    rows = np.empty(max(0, end - start), state.sample_dtype(observer.x_hat.shape[1]))
     rows[list(core.SAMPLE.names or ())] = remembered(observer.ring, start, end)
     rows["x_tilde"], rows["x_hat"] = (remembered(states, start, end) for states in (observer.x_tilde, observer.x_hat))
     return rows
 
 
-def event_innovations(observer: Observer, number: int) -> Innovations:
+def event_innovations(observer: state.Observer, number: int) -> Innovations:
     """Innovations of the live x~ over the learning window of a closed event, copied."""
     noise = observer.memory[0]["innovation_noise"]
     start, end = _window_of(observer, observer.events[number % core.PENDING_EVENTS])
@@ -246,7 +257,7 @@ def event_innovations(observer: Observer, number: int) -> Innovations:
     return Innovations(innovations.copy(), float(noise["sigma"]))
 
 
-def _window_of(observer: Observer, event: np.void) -> tuple[int, int]:
+def _window_of(observer: state.Observer, event: np.void) -> tuple[int, int]:
     """Positions [start, end) of an event's samples whose line pressure is known."""
     late = observer.constants.sensor.late
     start = max(int(event["start_position"]), -late)
@@ -254,7 +265,7 @@ def _window_of(observer: Observer, event: np.void) -> tuple[int, int]:
     return start, min(int(event["end_position"]) + 1, received - max(late, 0))
 
 
-def event_standstill(observer: Observer, number: int) -> Standstill:
+def event_standstill(observer: state.Observer, number: int) -> Standstill:
     """Standstill as known when the `number`-th closed event (0, 1, ..) ended.
 
     Not the knowledge at the time of the question: that depends on how many samples a frame carries.
@@ -264,7 +275,7 @@ def event_standstill(observer: Observer, number: int) -> Standstill:
     return standstill_of(event, observer.constants.coefficients.pressure_scale, stated)
 
 
-def was_shut(observer: Observer, begin: float, end: float) -> bool:
+def was_shut(observer: state.Observer, begin: float, end: float) -> bool:
     """Whether the needle was shut at the index `begin`, and every sample from there to `end` was processed.
 
     The legal pauses of a windowed source count as processed.
@@ -285,6 +296,6 @@ def was_shut(observer: Observer, begin: float, end: float) -> bool:
     return bool(np.isin(broken, (core.Break.NONE, core.Break.JUMP)).all())
 
 
-def in_force(observer: Observer) -> NDArray[np.float64]:
+def in_force(observer: state.Observer) -> NDArray[np.float64]:
     """The parameter vector theta (m,) the observer carries."""
     return observer.theta.copy()

@@ -1,14 +1,7 @@
 """Parameters of an injector, as in `injector.toml`: in SI units, validated and immutable.
 
 `Departures` hold what an injector may do beyond (19)-(23), which have no parameter for it. Densities and bulk moduli
-are those without pressure; `model.fuel` has what pressure makes of them. `at_temperature` changes them with the
-temperature of the fuel. They fall linearly, as measured for diesel fuels and calibration oils within a few tens of
-kelvin:
-
-    rho(T) = rho (1 - alpha (T - T_0))      K(T) = K + s (T - T_0),  s < 0
-
-`thermal_expansion` alpha and `bulk_modulus_slope` s hold for line and nozzle (sac) alike; T_0 is the temperature the
-file values were taken at. Areas, volumes and the vapour pressure stay.
+are those without pressure; `model.fuel` has what pressure makes of them, `model.surroundings` what temperature does.
 """
 
 import math
@@ -20,7 +13,6 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.foundation.documents import Section
-from observer_rt.foundation.errors import UserError
 from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.baseline import Baseline, Remainder
 from observer_rt.model.fuel import Compressibility
@@ -36,10 +28,6 @@ NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 ValveTime = Annotated[float, Field(ge=-0.5e-3, le=1e-3)]  # s
 Area = Annotated[float, Field(ge=-10e-6, le=10e-6)]  # m2, of either sign
 Temperature = Annotated[float, Field(ge=200, le=500)]  # K; what is given in degC is refused
-
-LOWEST_TEMPERATURE = 233.15  # K, -40 degC: below it the fuel waxes
-HIGHEST_TEMPERATURE = 423.15  # K, 150 degC: above it no feed line is run
-SMALLEST_FACTOR = 0.3  # of density or bulk modulus: beyond it the law no longer describes a fuel
 
 
 class UnitName(str):
@@ -222,37 +210,3 @@ class Departures(NamedTuple):
 
 
 NO_DEPARTURES = Departures()
-
-
-def at_temperature(injector: InjectorParameters, temperature: float) -> InjectorParameters:
-    """The injector with its fuel at another temperature [K], which becomes its reference temperature.
-
-    Raises `UserError` if it has no reference temperature, or if the linear law no longer describes a fuel there.
-    """
-    fluid = injector.fluid
-    if fluid.reference_temperature is None:
-        raise UserError(
-            "fluid.reference_temperature",
-            "is missing, so that nothing says at which temperature the densities and bulk moduli hold",
-            "add the temperature of the fuel they were taken at, in K, such as 313.15",
-        )
-    warmer = temperature - fluid.reference_temperature
-    expanded = 1.0 - fluid.thermal_expansion * warmer
-    softened = fluid.bulk_modulus_slope * warmer
-    changed = {
-        "density_line": fluid.density_line * expanded,
-        "density_nozzle": fluid.density_nozzle * expanded,
-        "bulk_modulus_line": fluid.bulk_modulus_line + softened,
-        "bulk_modulus_sac": fluid.bulk_modulus_sac + softened,
-    }
-    for key, value in changed.items():
-        if value < SMALLEST_FACTOR * getattr(fluid, key):
-            cause = "thermal_expansion" if key.startswith("density") else "bulk_modulus_slope"
-            raise UserError(
-                f"fluid.{cause}",
-                f"makes {key} {value:.3g} at {temperature:.0f} K, of {getattr(fluid, key):.3g} at "
-                f"{fluid.reference_temperature:.0f} K",
-                "correct it: diesel fuels have about 7e-4 1/K and -7e6 Pa/K",
-            )
-    changed["reference_temperature"] = temperature
-    return injector.model_copy(update={"fluid": fluid.model_copy(update=changed)})

@@ -23,6 +23,7 @@ from observer_rt.engine.learning.learned_range import EventPoint
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift
 from observer_rt.engine.stream.state import Reason, State
+from observer_rt.model.surroundings import Surroundings
 
 PRESSURE_SCALE = 1e8  # Pa
 
@@ -110,7 +111,7 @@ def some_report(number: int = 1, **changes: Any) -> InjectionReport:
         "phi_version": number,
         "indicators": {shown.effect: Estimate(0.3, 0.01) for _, shown in SCALARS.shown()},
         "density": 830.0,
-        "fuel_temperature": 313.15,
+        "surroundings": Surroundings(313.15),
         "commanded": CommandedOpening(number, 320e-6, 1.1e-3),
         "budget": VolumeBudget(*(share * 0.5e-6 / 830.0 / 1.96 for share in (0.6, 0.8, 0.0, 0.0, 0.0))),
     }

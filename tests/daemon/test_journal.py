@@ -19,6 +19,7 @@ from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.reports.news import MeasuredMass, MissingInjection
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.model.surroundings import Surroundings
 from tests.daemon.participants import until
 from tests.daemon.samples import some_knowledge, some_report
 
@@ -110,7 +111,7 @@ def test_an_injection_is_a_row_of_typed_columns(path: Path, journal: JournalWrit
 
 
 def test_what_is_not_known_is_null(path: Path, journal: JournalWriter) -> None:
-    unknown: dict[str, Any] = dict.fromkeys(("budget", "fuel_temperature", "commanded"))
+    unknown: dict[str, Any] = {"budget": None, "commanded": None, "surroundings": Surroundings()}
     unknown |= {"mass": math.nan, "peak_rate": math.nan, "valid": False, "reason": Reason.SAMPLES_LOST}
     report = some_report(1, **unknown)
     journal(report)

@@ -20,12 +20,13 @@ from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.stream.state import Reason, State, VerdictKind
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
+from tests.benches import SAMPLE_RATE
 from tests.daemon.end_to_end import RATE, SUMMARY, decoded, payloads, published_rates, results_of
 from tests.daemon.participants import PumpRun, serving, until
 from tests.daemon.slow_frames import bed, slow_bench
 from tests.device import RATES, Device, encoded, frames_of, inserted, run, simulated, worn_recording
-from tests.engine.service.test_fuel_temperature import bench as temperature_bench
-from tests.engine.service.test_fuel_temperature import sensor
+from tests.engine.service.test_surroundings import bench as temperature_bench
+from tests.engine.service.test_surroundings import chamber, chamber_bench, sensor
 
 FD_FRAME = struct.Struct("=IBB2x64s")
 LITTLE_ROOM = 1 << 14  # bytes of a socket's queue, some twenty frames
@@ -143,6 +144,13 @@ def warming_fuel(folder: Path) -> tuple[Path, list[TimedFrame]]:
     return temperature_bench(folder, "timeout_ms = 60\n"), inserted(frames, changes)
 
 
+def rising_pressure(folder: Path) -> tuple[Path, list[TimedFrame]]:
+    """A pressure in the chamber that rises within the second injection, unlike what the model's file says."""
+    frames = Device().send(simulated())
+    at = [(7, chamber(2.0)), (int(0.2008 * SAMPLE_RATE) // 9, chamber(6.0))]
+    return chamber_bench(folder).path, inserted(frames, at)
+
+
 def switched_learning(folder: Path) -> tuple[Path, list[TimedFrame]]:
     """Learning that is held up from before the first injection until after it, and again for the last."""
     frames = Device().send(simulated())
@@ -152,7 +160,7 @@ def switched_learning(folder: Path) -> tuple[Path, list[TimedFrame]]:
     return slow_bench(folder, {"learning_enable": ("Bed", "LearnEnable")}), inserted(frames, changes)
 
 
-@pytest.mark.parametrize("case", [warming_fuel, switched_learning])
+@pytest.mark.parametrize("case", [warming_fuel, rising_pressure, switched_learning])
 def test_optional_inputs_take_effect_where_they_do_without_a_pump(
     tmp_path: Path, case: Callable[[Path], tuple[Path, list[TimedFrame]]]
 ) -> None:

@@ -7,7 +7,8 @@ import pytest
 from observer_rt.config.bench import FUELS, NOMINAL_INJECTOR, load_injector
 from observer_rt.config.toml_file import read_toml
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.parameters import InjectorParameters, at_temperature
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.surroundings import at_temperature
 from tests.model.conftest import filled
 
 NOMINAL = load_injector()

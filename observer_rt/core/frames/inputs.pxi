@@ -2,15 +2,11 @@
 
 
 cpdef enum:
-    LEARNING_ENABLE = 0  # numbers of the optional roles
-    FUEL_TEMPERATURE = 2
+    LEARNING_ENABLE = 0  # number of the optional role
     READINGS = 4096  # that wait: 0.8 s of blocks of 20 levels at 100 kHz
 
 
-cdef double LOWEST_TEMPERATURE = 233.15  # K
-cdef double HIGHEST_TEMPERATURE = 423.15
 cdef double GRACE = 1.0  # s a value still counts after its sender said that it has none
-cdef double KELVIN_STEP = 0.1  # K, below which the model stays: .04 % of the bulk modulus, less than injections differ by
 cdef double PERIOD = 0.1  # s between two changes of the model
 
 
@@ -63,12 +59,13 @@ cdef void _read(
     for k in range(1 if row.is_placed else 0, row.signal_count):
         values[k] = values[k] * row.factor + row.origin
     samples = 1.0 / observer.constants.interval
-    if row.role == FUEL_TEMPERATURE and not LOWEST_TEMPERATURE <= values[0] <= HIGHEST_TEMPERATURE:
+    if row.surrounding >= 0 and not row.lowest <= values[0] <= row.highest:
         newest.left = min(newest.left, GRACE * samples)
-    elif row.role == FUEL_TEMPERATURE or row.role == LEARNING_ENABLE:
+    elif row.surrounding >= 0 or row.role == LEARNING_ENABLE:
         newest.value = values[0]
         newest.left = row.timeout * samples
-        memory.is_assumed &= 1 if row.role != FUEL_TEMPERATURE else 0
+        if row.surrounding >= 0:
+            memory.is_assumed[row.surrounding] = 0
     else:
         begun = stream.counts.injections_begun
         is_under_way = begun > 0 and observer.injections[(begun - 1) % INJECTIONS].end_position < 0
@@ -86,21 +83,25 @@ cdef void _read(
 
 
 cdef void _take_effect(InputMemory* input_memory, const Inputs* inputs, Observer* observer) noexcept nogil:
-    """What counts now, of what is known and of what was for too long: whether to learn, and the fuel wanted.
+    """What counts now, of what is known and of what was for too long: whether to learn, and the surroundings wanted.
 
-    The model changes outside events only; nothing is valid while the fuel is not known.
+    The model changes outside events only; nothing is valid while one of its surroundings is not known.
     """
-    cdef bint is_known, is_in_force, is_near, is_too_soon, is_fuel_known
+    cdef bint is_known, is_wanted = False, is_too_soon
     memory, stream = input_memory.memory, observer.memory
     for n in range(input_memory.newest_count):
         value = input_memory.newest[n].value if input_memory.newest[n].left > 0.0 else NAN
         if inputs.optional[n].role == LEARNING_ENABLE:
             memory.learning = memory.may_learn and value != 0.0
-        elif inputs.optional[n].role == FUEL_TEMPERATURE:
-            memory.measured = value
-            is_known, is_in_force = not isnan(value), not isnan(memory.fuel_temperature)
-            is_near = abs(value - memory.fuel_temperature) < KELVIN_STEP
-            is_too_soon = memory.since_change * observer.constants.interval < PERIOD
-            memory.is_due = is_known and not (is_near or is_too_soon or stream.event.in_event)
-            is_fuel_known = memory.is_assumed or (is_known and is_in_force)
-            stream.input_fault = REASON_NONE if is_fuel_known else REASON_INPUT_STALE
+        elif inputs.optional[n].surrounding >= 0:
+            memory.measured[inputs.optional[n].surrounding] = value
+    stream.input_fault = REASON_NONE
+    for k in range(<int64_t> SURROUNDINGS):
+        if memory.is_input[k]:
+            is_known = not isnan(memory.measured[k])
+            if is_known and not abs(memory.measured[k] - memory.in_force[k]) < memory.steps[k]:
+                is_wanted = True
+            if not (memory.is_assumed[k] or (is_known and not isnan(memory.in_force[k]))):
+                stream.input_fault = REASON_INPUT_STALE
+    is_too_soon = memory.since_change * observer.constants.interval < PERIOD
+    memory.is_due = is_wanted and not (is_too_soon or stream.event.in_event)

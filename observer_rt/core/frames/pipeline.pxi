@@ -59,9 +59,8 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
         supervised.refused += 1
         return
     counter = frame_counter(payload, profile)
-    if pipeline.inputs.optional_count > 0:
-        take_inputs(&pipeline.input_memory, &pipeline.inputs, pipeline.observer, number, payload, status, stamp)
-        pipeline.publisher.memory.learning = pipeline.input_memory.memory.learning
+    take_inputs(&pipeline.input_memory, &pipeline.inputs, pipeline.observer, number, payload, status, stamp)
+    pipeline.publisher.memory.learning = pipeline.input_memory.memory.learning
     if message.group_count == 0:
         return
     last = receiver.last_counter[number]
@@ -87,11 +86,7 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
             receiver.interrupted[stream] = 0
         elif not follows:
             receiver.interrupted[stream] = 1
-    if (
-        not restarted
-        and (status == E2E_WRONG_SEQUENCE or status == E2E_REPEATED)
-        and profile != UNPROTECTED
-    ):
+    if not restarted and (status == E2E_WRONG_SEQUENCE or status == E2E_REPEATED) and profile != UNPROTECTED:
         receiver.sequence_errors += 1
     receiver.last_counter[number] = counter
     decide(&pipeline.alignment)
@@ -142,9 +137,7 @@ cdef int64_t _take_group(
     shift = 0
     if is_nearest:
         shift = keeping.shifts[group.stream].samples
-    placing = place_block(
-        &pipeline.alignment, group.stream, raw_index + shift, group.samples, contiguous, &start
-    )
+    placing = place_block(&pipeline.alignment, group.stream, raw_index + shift, group.samples, contiguous, &start)
     if placing == PLACING_ACCEPTED or placing == PLACING_RESTARTED:
         if placing == PLACING_RESTARTED:
             begin_anew(keeping, group.stream)
@@ -154,9 +147,7 @@ cdef int64_t _take_group(
     return placing
 
 
-cdef int64_t _raw_index(
-    Pipeline* pipeline, const InputGroup* group, int64_t counter, int64_t stamp
-) noexcept nogil:
+cdef int64_t _raw_index(Pipeline* pipeline, const InputGroup* group, int64_t counter, int64_t stamp) noexcept nogil:
     """Index of the group's first sample as sent or, where none is sent, as counted; -1: the frame is dropped."""
     keeping, stream = &pipeline.keeping, group.stream
     timing = &keeping.timing[stream]

@@ -82,9 +82,7 @@ cdef void _extend(Alignment* alignment, int64_t message, int64_t start, int64_t 
         memory.newest = max(memory.newest, stream.next_index)
 
 
-cdef void _begin_stream(
-    Alignment* alignment, int64_t message, int64_t start, int64_t count
-) noexcept nogil:
+cdef void _begin_stream(Alignment* alignment, int64_t message, int64_t start, int64_t count) noexcept nogil:
     stream = &alignment.streams[message]
     _extend(alignment, message, start, count)
     stream.seen = True

@@ -9,6 +9,7 @@ cdef enum:
     MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
     LONGEST_FRAME = 64  # bytes
     POINTS = 16
+    SURROUNDINGS = 2  # quantities round the injector that change the model
 
 
 cdef struct Signal:
@@ -218,6 +219,9 @@ cdef struct InputGroup:
 
 cdef struct OptionalInput:
     int64_t role  # OPTIONAL_ROLES[role], or ENERGIZING
+    int64_t surrounding  # place among the surroundings, -1: it is none; its value must lie between these [SI]
+    double lowest
+    double highest
     unsigned char is_placed  # by its first signal, the index of its first sample
     double factor  # of its other signals, to SI
     double origin  # what their 0 is in SI
@@ -253,9 +257,11 @@ cdef struct OptionalMemory:
     int64_t newest  # index of the newest sample when a frame came last, -1: there was none
     unsigned char may_learn  # by the bench
     unsigned char learning  # .. and by its learning enable
-    double measured  # temperature of the fuel [K] that counts, nan: none
-    double fuel_temperature  # of the model in force [K], nan: it waits for one
-    unsigned char is_assumed  # for none was measured yet
+    unsigned char is_input[SURROUNDINGS]  # of the bench
+    double measured[SURROUNDINGS]  # SI, that counts, nan: none
+    double in_force[SURROUNDINGS]  # in the model, nan: it waits for one
+    double steps[SURROUNDINGS]  # between the two, below which the model stays
+    unsigned char is_assumed[SURROUNDINGS]  # for none was measured yet
     double since_change  # samples since the model changed
     unsigned char is_due  # Python must change the model before samples are observed
     # of `readings` and `values`

@@ -14,9 +14,7 @@ cdef double MISSED = 1.5  # spacings between two samples, from which on some are
 cdef double SLIP = 0.1  # samples by which a lift may drift off the sample it belongs to while the needle moves
 
 
-cdef void follow(
-    Alignment* alignment, int64_t message, double position, const double* values
-) noexcept nogil:
+cdef void follow(Alignment* alignment, int64_t message, double position, const double* values) noexcept nogil:
     """Take one sample of a follower: where it lies on the grid, and its values (MAX_INPUTS,) [SI].
 
     A sample without a value, or not after the last one, is left out.

@@ -18,15 +18,8 @@ cdef struct Foot:
 
 
 def fill_areas(
-    const double[:] lift,
-    const int64_t[:, ::1] openings,
-    const double[:, ::1] ramps,
-    double factor,
-    double shift,
-    double rounding,
-    double tolerance,
-    seat,
-    double[::1] area,
+    const double[:] lift, const int64_t[:, ::1] openings, const double[:, ::1] ramps, double factor, double shift,
+    double rounding, double tolerance, seat, double[::1] area
 ) -> None:
     """Normalised seat areas (n,): of the true lift while open, 0 while shut.
 

@@ -34,9 +34,7 @@ cdef void free_fault(const double* x, Inputs u, const FreeWeights* w, double* ro
     cdef int64_t neuron
     for neuron in range(<int64_t> NEURONS):
         row = w.hidden + ARGUMENTS * neuron
-        sigma = fast_tanh(
-            row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * u.rail + row[4] * u.area + row[5]
-        )
+        sigma = fast_tanh(row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * u.rail + row[4] * u.area + row[5])
         first += w.output[neuron] * sigma
         second += w.output[NEURONS + neuron] * sigma
         third += w.output[2 * NEURONS + neuron] * sigma

@@ -34,9 +34,7 @@ cdef double commanded_lift(Observer* observer, int64_t position) noexcept nogil:
             continue
         pressure = observer.ring[(position - min(since, MASK)) & MASK].rail_pressure * c.pressure_scale + c.chamber_pressure
         pressure = max(pressure / 1e8, 0.1)
-        lifts = answers(
-            0.0, commands.lengths[number % COMMANDS] * interval, pressure, &c.needle, in_force.needle, &s
-        )
+        lifts = answers(0.0, commands.lengths[number % COMMANDS] * interval, pressure, &c.needle, in_force.needle, &s)
         if lifts:
             lift = max(lift, rounded_lift(since * interval, window, &s))
         if number == commands.answered and since * interval > s.closed + window:
@@ -167,9 +165,7 @@ cdef double _recorded_lift(Observer* observer, int64_t position) noexcept nogil:
     return inputs.lift_factor * observer.ring[position & MASK].lift + inputs.lift_shift
 
 
-cdef double _slope_of_means(
-    Observer* observer, int64_t outermost, int64_t inwards, double slope
-) noexcept nogil:
+cdef double _slope_of_means(Observer* observer, int64_t outermost, int64_t inwards, double slope) noexcept nogil:
     """Slope of the ramp whose outermost sample is `outermost`; the next one is `inwards` (1 or -1) of it."""
     factor = observer.constants.inputs.lift_factor
     partial = factor * observer.ring[outermost & MASK].lift

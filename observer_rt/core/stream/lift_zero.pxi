@@ -172,14 +172,10 @@ cdef void _gather_noise(Observer* observer, int64_t position, double left) noexc
     resting, zero = &observer.memory.resting_lift, &observer.memory.lift_zero
     ring = observer.ring
     square = square_of_difference(
-        ring[(position - 4) & MASK].needle_lift,
-        ring[(position - 3) & MASK].needle_lift,
-        ring[(position - 2) & MASK].needle_lift,
-        ring[(position - 1) & MASK].needle_lift,
-        ring[position & MASK].needle_lift,
-        DIFFERENCE_GAIN * resting.lift_variance * resting.lift_count,
-        resting.lift_count,
-        1.0,
+        ring[(position - 4) & MASK].needle_lift, ring[(position - 3) & MASK].needle_lift,
+        ring[(position - 2) & MASK].needle_lift, ring[(position - 1) & MASK].needle_lift,
+        ring[position & MASK].needle_lift, DIFFERENCE_GAIN * resting.lift_variance * resting.lift_count,
+        resting.lift_count, 1.0
     )
     resting.lift_count += 1
     share = 1.0 / min(resting.lift_count, LIFT_MEMORY)

@@ -197,9 +197,7 @@ cdef void _follow_run(Observer* observer, int64_t position, int64_t number, doub
         return
     if channel.run == channel.needed:
         is_again = value == channel.held
-        channel.is_clipped = (
-            is_again and not channel.is_dropout and not (channel.went_above and channel.went_below)
-        )
+        channel.is_clipped = is_again and not channel.is_dropout and not (channel.went_above and channel.went_below)
         if not is_again:
             channel.went_above = channel.went_below = False
         channel.held = value
@@ -303,9 +301,7 @@ cdef void _mend_open_lift(Observer* observer, int64_t position) noexcept nogil:
         slope = (after - before) / (width + 1)
         noise = observer.channels[LIFT].noise
         close = STRAIGHT * noise
-        is_straight = (
-            abs(before - _lift(observer, first - 2) - slope) < close and abs(last - after - slope) < close
-        )
+        is_straight = abs(before - _lift(observer, first - 2) - slope) < close and abs(last - after - slope) < close
         is_leap = abs(_lift(observer, first) - before) > quickest and abs(after - _lift(observer, position - 2)) > quickest
         if (is_straight or is_leap) and _least_away(observer, first, width, before, slope) > AWAY * noise:
             for k in range(width):
@@ -316,9 +312,7 @@ cdef void _mend_open_lift(Observer* observer, int64_t position) noexcept nogil:
             return
 
 
-cdef double _least_away(
-    Observer* observer, int64_t first, int64_t width, double before, double slope
-) noexcept nogil:
+cdef double _least_away(Observer* observer, int64_t first, int64_t width, double before, double slope) noexcept nogil:
     """By how much at least so many lifts from `first` on are above a line, or below it."""
     least, most = INFINITY, -INFINITY
     for k in range(width):

@@ -42,24 +42,12 @@ cdef void gather(Observer* observer, int64_t position) noexcept nogil:
         count = differences.count
         undone = observer.constants.undoing.rail_fraction if observer.constants.rail_every <= 1.0 else 0.0
         differences.rail_squares += square_of_difference(
-            a.rail_pressure,
-            b.rail_pressure,
-            c.rail_pressure,
-            d.rail_pressure,
-            row.rail_pressure,
-            differences.rail_squares,
-            count,
-            smoothing(row.rail_share, undone),
+            a.rail_pressure, b.rail_pressure, c.rail_pressure, d.rail_pressure, row.rail_pressure,
+            differences.rail_squares, count, smoothing(row.rail_share, undone)
         )
         differences.line_squares += square_of_difference(
-            a.line_pressure,
-            b.line_pressure,
-            c.line_pressure,
-            d.line_pressure,
-            row.line_pressure,
-            differences.line_squares,
-            count,
-            1.0,
+            a.line_pressure, b.line_pressure, c.line_pressure, d.line_pressure, row.line_pressure,
+            differences.line_squares, count, 1.0
         )
         differences.count += 1
         if differences.count == 2 * NOISE_MEMORY:

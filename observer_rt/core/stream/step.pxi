@@ -137,11 +137,7 @@ cdef bint _process(Observer* observer, int64_t position) noexcept nogil:
     opens = not needle.is_open and opens_at(observer, position)
     if opens and stays_low(observer, position, LOWEST):
         opens = False
-    while (
-        not opens
-        and judgement.events_taken < memory.counts.events_closed
-        and judgement_due(observer, row.index)
-    ):
+    while not opens and judgement.events_taken < memory.counts.events_closed and judgement_due(observer, row.index):
         if judged(observer):
             continue
         if memory.mode.waits_for_verdicts:
@@ -278,19 +274,11 @@ cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
     under_way = &memory.event
     row = &observer.ring[position & MASK]
     facts = SampleFacts(
-        synchronisation.unsynchronised_by,
-        synchronisation.synchronised,
-        row.doubt,
-        memory.input_fault,
-        is_beyond_limit(observer),
-        monitor.falls >= INJECTIONS_UNSEEN,
-        judgement.events_judged - judgement.doubtful_events,
-        observer.constants.events_required,
-        is_flow_known(observer, position),
-        judgement.reason,
-        monitor.contradicted or judgement.halted_in > 0,
-        judgement.phi_version > 0,
-        observer.constants.needle.stop > 0.0 and not row.resting,
+        synchronisation.unsynchronised_by, synchronisation.synchronised, row.doubt, memory.input_fault,
+        is_beyond_limit(observer), monitor.falls >= INJECTIONS_UNSEEN,
+        judgement.events_judged - judgement.doubtful_events, observer.constants.events_required,
+        is_flow_known(observer, position), judgement.reason, monitor.contradicted or judgement.halted_in > 0,
+        judgement.phi_version > 0, observer.constants.needle.stop > 0.0 and not row.resting
     )
     row.reason = reason_of_sample(&facts)
     row.valid = row.reason == REASON_NONE

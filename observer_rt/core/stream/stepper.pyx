@@ -15,9 +15,7 @@ from observer_rt.core.model.records cimport (
 from observer_rt.core.model.needle cimport NEEDLE_JITTER, NEEDLE_NUMBERS
 from observer_rt.core.model.network cimport CURVES
 from observer_rt.core.model.valve cimport VALVE_NUMBERS, Stroke, valve_edge
-from observer_rt.core.stream.state cimport (
-    COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT
-)
+from observer_rt.core.stream.state cimport COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT
 from observer_rt.core.stream.stream cimport Stream
 
 cdef double REMEMBERED = 2e-3  # s before a sample, from which on the pair is run again at most
@@ -269,9 +267,7 @@ cdef void _move_pair(Stepping* s, int64_t position) noexcept nogil:
     else:
         memcpy(x_hat, _x_hat(s, position - 1), states * sizeof(double))
         _force(s, position, x_hat, &s.network, s.of_hat)
-        advance_over(
-            x_hat, &s.forced.interval, s.forced.knot, &s.forced.coefficients, &s.forced.network, NULL
-        )
+        advance_over(x_hat, &s.forced.interval, s.forced.knot, &s.forced.coefficients, &s.forced.network, NULL)
 
 
 cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Network* network) noexcept nogil:

@@ -185,14 +185,8 @@ cdef class Stream:
 
 
 def copy_window(
-    const Sample[::1] ring,
-    int64_t start,
-    int64_t late,
-    double[:, ::1] inputs,
-    double[::1] output,
-    unsigned char[::1] resting,
-    double[:, ::1] knots,
-    unsigned char[::1] masked,
+    const Sample[::1] ring, int64_t start, int64_t late, double[:, ::1] inputs, double[::1] output,
+    unsigned char[::1] resting, double[:, ::1] knots, unsigned char[::1] masked
 ) -> None:
     """As many samples as the arrays of a `Window` have, from a position on; late: samples y is recorded late."""
     cdef int64_t number

@@ -24,7 +24,7 @@ from observer_rt.identification.likelihood.measurement import lift_noise
 
 _SHOWN = 10  # stretches
 _UNITS = {role.value: of[1:] for role, of in SIGNALS.items()}
-_UNITS |= {"injection_rate": ("mm3/ms", MM3_PER_MS), "energizing": ("", 1.0)}
+_UNITS |= {"injection_rate": ("mm3/ms", MM3_PER_MS), "energizing": ("", 1.0), "chamber_pressure": ("MPa", MEGAPASCAL)}
 
 
 @ruled("recording")

@@ -9,16 +9,8 @@ import numpy as np
 
 from observer_rt.bus.alignment import LINE_SLOPE
 from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.mapping import bus_map
 from observer_rt.bus.mapping.bench_map import KnownMessage
-from observer_rt.bus.mapping.bus_map import (
-    BusMap,
-    layout_of,
-    message_of,
-    message_timing,
-    role_factor,
-    role_range,
-    role_resolution,
-)
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
@@ -43,8 +35,8 @@ from observer_rt.foundation.units import (
     ZERO_CELSIUS,
 )
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.parameters import at_temperature
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
+from observer_rt.model.surroundings import at_temperature
 
 if TYPE_CHECKING:
     from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowSignal
@@ -72,7 +64,7 @@ _LEVEL = {
 
 
 @ruled("mapping")
-def optional_findings(bus: BusMap) -> Iterator[Said]:
+def optional_findings(bus: bus_map.BusMap) -> Iterator[Said]:
     """Findings about every optional input of a bench."""
     for slow in bus.slow:
         for signal in slow.signals:
@@ -132,14 +124,14 @@ def _energizing(energizing: "EnergizingLayout") -> Iterator[Said]:
         yield graded("time", False, text)
 
 
-def mapping_findings(fitted: BenchInjector, bus: BusMap, messages: Sequence[KnownMessage]) -> list[Finding]:
+def mapping_findings(fitted: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]) -> list[Finding]:
     """All findings about the mapping of an injector; messages: the messages of all databases."""
     findings = [_mapping(fitted, bus, role) for role in ROLES] + optional_findings(bus)
     return findings + _protection(fitted, bus) + _sample_periods(fitted, bus, messages)
 
 
 @ruled("protection")
-def _protection(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
+def _protection(fitted: BenchInjector, bus: bus_map.BusMap) -> Iterator[Said]:
     """Lists the inputs with and without end-to-end protection."""
     limits = fitted.config.e2e
     protected = [layout for layout in bus.received if layout.e2e_profile is not None]
@@ -152,19 +144,19 @@ def _protection(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
         yield f"not protected: {', '.join(bare)}; a damaged frame cannot be distinguished from a good one"
 
 
-def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
+def _mapping(fitted: BenchInjector, bus: bus_map.BusMap, role: Role) -> Finding:
     if role is Role.NEEDLE_LIFT and not fitted.has_lift:
         return graded("mapping", True, WITHOUT_LIFT)
-    number = message_of(bus, role)
+    number = bus_map.message_of(bus, role)
     layout, message = bus.input_layouts[number], bus.inputs.messages[number]
     is_lift = role is Role.NEEDLE_LIFT
     needed = fitted.parameters.seat.max_lift if is_lift else HIGHEST_PRESSURE
     unit, factor = ("um", MICROMETRE) if is_lift else ("MPa", MEGAPASCAL)
-    limits = role_range(bus, role)
-    resolution = role_resolution(bus, role, needed)
+    limits = bus_map.role_range(bus, role)
+    resolution = bus_map.role_resolution(bus, role, needed)
     noise: float = getattr(configured_noise(fitted), role.value)
     units = LENGTH_UNITS if is_lift else PRESSURE_UNITS
-    code = role_factor(bus, role)
+    code = bus_map.role_factor(bus, role)
     coded = next((name for name, known in units.items() if known == code), f"units of {code:g} {next(iter(units))}")
     samples, frames = int(message["samples"]), int(message["kind_count"])
     division = "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
@@ -182,12 +174,12 @@ def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
 
 
 @ruled("sampling")
-def _sample_periods(fitted: BenchInjector, bus: BusMap, messages: Sequence[KnownMessage]) -> Iterator[Said]:
+def _sample_periods(fitted: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]) -> Iterator[Said]:
     rate = fitted.config.sampling.rate_hz
     yield f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns"
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
-        expected = 1e9 * float(message_timing(bus, number)["interval"])
+        expected = 1e9 * float(bus_map.message_timing(bus, number)["interval"])
         periods = _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
         if _is_of_the_user(layout, messages) and _is_another(layout.sample_period_ns, expected):
             _, problem, remedy = next(periods)
@@ -231,10 +223,10 @@ def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) 
 
 
 @ruled("time")
-def time_findings(bus: BusMap) -> Iterator[Said]:
+def time_findings(bus: bus_map.BusMap) -> Iterator[Said]:
     """One finding for each input message, warnings where something of its time cannot be seen."""
     for stream, timing in enumerate(bus.inputs.timing):
-        name = bus.name_of(layout_of(bus, stream))
+        name = bus.name_of(bus_map.layout_of(bus, stream))
         yield f"{name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
         if timing["numbering"] == Numbering.STAMPS:
             seen = "lost frames are seen, and results valid, only while its jitter stays below a quarter of its cycle"

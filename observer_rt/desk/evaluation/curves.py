@@ -75,9 +75,8 @@ def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:
 def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficients, has_rate: bool) -> RateCurves:
     """Curves of an injection, as far as its samples are remembered; has_rate: measured."""
     trace = trace_of(samples.trace.copy())
-    measured, modelled = (
-        c.pressure_scale * each + c.chamber_pressure for each in (trace.line_pressure, trace.x[:, 0])
-    )
+    chamber = report.surroundings.chamber_pressure or c.chamber_pressure
+    measured, modelled = (c.pressure_scale * each + chamber for each in (trace.line_pressure, trace.x[:, 0]))
     return RateCurves(
         f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
         trace.time - samples.start,

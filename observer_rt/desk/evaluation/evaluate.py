@@ -140,9 +140,9 @@ def evaluate(
     """
     sources = [HeldSignals(each) if isinstance(each, Recording) else each for each in recordings]
     evaluations = [Evaluation(source, curves_of, traces is None) for source in sources]
-    bench, fuel_temperature, commanded = bench_for_all(bench, sources), None, None
-    if not any(isinstance(source, LoggedSignals) for source in sources):
-        fuel_temperature = bench.injector.parameters.fluid.reference_temperature  # a recording knows none
+    bench, commanded = bench_for_all(bench, sources), None
+    are_recordings = not any(isinstance(source, LoggedSignals) for source in sources)
+    if are_recordings:
         commanded = all("energizing" in source.optional for source in sources)
     bus, news = map_bus(bench), list[News]()
     with ExitStack() as stack:
@@ -156,7 +156,7 @@ def evaluate(
             learning=learning,
             listeners=[news.append],
             learner_of=learner_of,
-            fuel_temperature=fuel_temperature,
+            assumes_filed=are_recordings,  # for recordings know no surroundings
             writes_summaries=traces is None,
             commanded=commanded,
         )
@@ -183,4 +183,4 @@ def bench_for_all(bench: Bench, sources: Sequence[SignalStream]) -> Bench:
                 f"{sources[0].sample_rate:g} Hz; or their samples differ in what they mean",
                 "recordings of one history must be sampled alike",
             )
-    return benches[0]
+    return max(benches, key=lambda each: each.injector.config.signals.chamber_pressure is None)

@@ -147,10 +147,18 @@ class LoggedSignals(SignalStream):
                     watch.note(on, frame)
                 stamps.note(frame, core.processed > 0)  # before that, the core may still learn the clocks
             if core.processed > seen:
-                yield core.rows(seen, core.processed)
+                yield self._rows_since(seen, core)
                 seen = core.processed
         core.finish()
-        yield core.rows(seen, core.processed)
+        yield self._rows_since(seen, core)
+
+    def _rows_since(self, seen: int, core: Core) -> NDArray[np.void]:
+        """Samples from a position on, whose pressures count from that in the chamber of the injector file."""
+        rows = core.rows(seen, core.processed)
+        if rise := core.coefficients.chamber_pressure - self._coefficients.chamber_pressure:
+            for name in ("rail_pressure", "line_pressure"):
+                rows[name] += rise / self._coefficients.pressure_scale
+        return rows
 
     def _together(self, core: Core, watch: LogWatch | None) -> Iterator[list[BusFrame]]:
         """Frames to be handled at once: single ones until there are samples, then all up to the watch's next look."""

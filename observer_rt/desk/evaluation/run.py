@@ -20,12 +20,15 @@ from observer_rt.engine.service.injector import Follower
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.stream.state import Constants, Observer
 from observer_rt.files.replay.recording_frames import Device
-from observer_rt.files.signals.stream import SignalStream
+from observer_rt.files.signals.recording import Chunk
+from observer_rt.files.signals.stream import SignalStream, cut
 from observer_rt.model.effective import Clock
+from observer_rt.model.surroundings import Surroundings
 
 if TYPE_CHECKING:
     from observer_rt.desk.evaluation.evaluate import Evaluation
 
+PIECE = 5e-3  # s of a recording, in which the pressure in the chamber is one
 Progress = Callable[[int], None]  # samples done
 
 
@@ -68,6 +71,7 @@ class ObserverRun:
         self._core, self._device, self._news = core, Device(bus), news
         self._progress, self._keeps_frames = progress, keeps_frames
         self._nominal = NominalModel(core.compiled.observer.constants)
+        self._filed = core.compiled.observer.constants.coefficients.chamber_pressure
         self._samples = HistorySamples()
         self._seen = 0  # samples of the core
         self._commands, self._begun, self._is_energized = 0, 0, False
@@ -99,7 +103,20 @@ class ObserverRun:
             self._samples.give(chunk.first, chunk.time, chunk.injection_rate)
             if chunk.energizing is not None:
                 self._energize(begun + chunk.first, chunk.energizing > 0.5)
-            self._observe(self._device.blocks(chunk))
+            self._observe_surrounded(chunk)
+
+    def _observe_surrounded(self, chunk: Chunk) -> None:
+        """Observe a chunk; in pieces, with the first pressure of each, where that in the chamber is recorded."""
+        pressure, piece = chunk.chamber_pressure, chunk.samples
+        if pressure is not None:
+            piece = self._device.block * max(1, round(PIECE * chunk.sample_rate / self._device.block))
+        elif self._core.compiled.observer.constants.surroundings.chamber_pressure is not None:
+            pressure = np.full(1, self._filed)
+        for first in range(0, chunk.samples, piece):
+            values = np.empty(0) if pressure is None else pressure[first : first + piece]
+            if (values := values[~np.isnan(values)]).size:
+                self._core.optional.take(Surroundings(chamber_pressure=float(values[0])))
+            self._observe(self._device.blocks(cut(chunk, first, min(first + piece, chunk.samples))))
 
     def _energize(self, first_index: int, level: NDArray[np.bool_]) -> None:
         """Tell the observer the commands in samples (n,) of a level, which no frame carries."""

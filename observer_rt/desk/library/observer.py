@@ -72,8 +72,7 @@ class SampleObserver(KnowledgeHolder):
         bus = map_bus(bench)
         before = None if state is None else path_of("state", state)
         restored = begun_with("state", before, injector.parameters, lambda _: None)
-        fuel = injector.parameters.fluid.reference_temperature
-        self._core = Core(bench.injector, bus, restored, listeners=[self._hear], fuel_temperature=fuel)
+        self._core = Core(bench.injector, bus, restored, listeners=[self._hear], assumes_filed=True)
         self._device = Device(bus)
         self._device.begin(sample_rate_Hz)
         self._held: Chunk | None = None

@@ -133,24 +133,16 @@ class Outcome:
     posterior: tuple[tuple[str, float], ...] = ()
 
 
-@dataclass(frozen=True)
-class Fuel:
-    """Fuel at a temperature [K] (None: as in the injector file), and the observer's constants with it."""
-
-    temperature: float | None
-    constants: Constants
-
-
 @dataclass(frozen=True, eq=False)
 class EventRecord:
     """An event, `stream.state.EVENT`, that was judged.
 
     objections: what speaks against it; outcome: what was learned from it, None when nothing was; knowledge: what the
-    observer carries now; fuel: during the event.
+    observer carries now; constants: of the observer during the event.
     """
 
     event: np.void
     objections: tuple[Objection, ...]
     outcome: Outcome | None
     knowledge: Knowledge
-    fuel: Fuel
+    constants: Constants

@@ -12,26 +12,22 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.config.signals import in_units
 from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, ShownIndicator
+from observer_rt.engine.learning import interval
 from observer_rt.engine.learning.constants import OFTEN
 from observer_rt.engine.learning.indicators import Indicators, indicators_of
-from observer_rt.engine.learning.interval import (
-    VolumeBudget,
-    corrected_rate,
-    rate_sigma,
-    stroke_in,
-    volume_budget,
-    volume_in,
-)
 from observer_rt.engine.learning.knowledge import EventRecord
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import InjectionFacts, contested, reason_of_injection
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, Z_95, ZERO_CELSIUS
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, Z_95
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effective import Coefficients
+from observer_rt.model.surroundings import Surroundings
 
 NOTEWORTHY, SURELY = 0.01, 3.0  # remainder that is put into words: share of the flow, standard deviations of the mass
+SURROUNDINGS = tuple(in_units(Surroundings(*[0.0] * len(Surroundings._fields))))  # names of values
 _NUMBERS = ("number", "event", "start_position", "end_position", "start_index", "end_index", "phi_version")
 
 T = TypeVar("T")
@@ -68,7 +64,7 @@ class InjectionReport:
     window, `corrected_rate` (n,) [m3/s]. Else they are of the live rate, as `live_mass` [kg] and `peak_rate` [m3/s]
     always are, nan when some sample had no rate. `predicted_mass` [kg]: that of x^, which what was learned before
     its event says of it; `rate_sigma` (n,) [m3/s]: standard deviation of `corrected_rate`; `rail_pressure` [Pa] at
-    the opening; `density` [kg/m3] and `fuel_temperature` [K] of the fuel, the latter None where it is not measured;
+    the opening; `density` [kg/m3] of the fuel; `surroundings` as measured;
     `commanded`: None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which
     the flow was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty
     where nothing was learned from it. calibration: of the level; budget: of the volume's uncertainty, where its
@@ -96,13 +92,13 @@ class InjectionReport:
     phi_version: int
     indicators: Indicators
     density: float
-    fuel_temperature: float | None
+    surroundings: Surroundings
     commanded: CommandedOpening | None
     further: tuple[Reason, ...] = ()
     known_rails: tuple[float, float] = (-math.inf, math.inf)
     posterior: Sequence[tuple[str, float]] = ()
     calibration: StatedAccuracy = EXACT
-    budget: VolumeBudget | None = None
+    budget: interval.VolumeBudget | None = None
     recurs: bool = False
     stroke: NeedleStroke | None = None
 
@@ -183,7 +179,7 @@ def report_of(
         return float(injection[name]) * c.pressure_scale + c.chamber_pressure
 
     event, outcome = judged.event, judged.outcome
-    constants = judged.fuel.constants
+    constants = judged.constants
     c = constants.coefficients
     middle = injection["middle_x"], injection["middle_u"]
     theta = judged.knowledge.in_force if outcome is None else outcome.estimate
@@ -197,9 +193,9 @@ def report_of(
     if belongs and outcome is not None and outcome.resimulated is not None:
         again, first = outcome.resimulated, int(event["start_position"])
         window = slice(int(injection["start_position"]) - first, int(injection["end_position"]) - first + 1)
-        volume, budget = volume_in(again, window), volume_budget(again, window)
-        corrected, sigma = corrected_rate(again, window), rate_sigma(again, window)
-        stroke = stroke_in(again, window)
+        volume, budget = interval.volume_in(again, window), interval.volume_budget(again, window)
+        corrected, sigma = interval.corrected_rate(again, window), interval.rate_sigma(again, window)
+        stroke = interval.stroke_in(again, window)
     passed = not judged.objections
     reason = reason_of_injection(
         InjectionFacts(
@@ -230,7 +226,7 @@ def report_of(
         state=state,
         indicators=indicators,
         density=c.density,
-        fuel_temperature=judged.fuel.temperature,
+        surroundings=constants.surroundings,
         commanded=commanded,
         further=reasons[1:],
         posterior=outcome.posterior if belongs and outcome is not None else (),
@@ -315,8 +311,8 @@ def _indicator(shown: ShownIndicator) -> IndicatorFields:
 
     def ci95(report: InjectionReport, c: Coefficients) -> list[float] | None:
         estimate = report.indicators.get(shown.effect)
-        interval = None if estimate is None else estimate.ci95
-        return interval and [bound * shown.factor(c) for bound in interval]
+        bounds = None if estimate is None else estimate.ci95
+        return bounds and [bound * shown.factor(c) for bound in bounds]
 
     outputs, heading = Output.JOURNAL | Output.PARQUET, f"{name.partition('_')[0]}\nflow"
     single = Field(f"{name}{suffix}", float, value, heading, "+.1%", outputs)
@@ -328,13 +324,17 @@ WEAR = tuple(_indicator(shown) for _, shown in SCALARS.shown() if shown.effect i
 _INDEX = Output.JSON | Output.JOURNAL  # a recording tells time instead
 
 
-def _mass_part(name: str, part: Callable[[VolumeBudget], float]) -> Field[InjectionReport]:
+def _mass_part(name: str, part: Callable[[interval.VolumeBudget], float]) -> Field[InjectionReport]:
     """Half of the mass's 95 % interval by a part of its budget alone."""
 
     def half(report: InjectionReport, _: Coefficients) -> float:
         return math.nan if report.budget is None else Z_95 * part(report.budget) * report.density / MILLIGRAM
 
     return Field(f"mass_{name}_mg", float, half, outputs=Output.JSON | Output.PARQUET)
+
+
+def _surrounding(name: str) -> Field[InjectionReport]:
+    return Field(name, float, lambda r, _: in_units(r.surroundings).get(name))
 
 
 # fmt: off
@@ -365,7 +365,7 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
     Field("state", str, lambda r, _: r.state.name),
     Field("posterior", str, lambda r, _: r.posterior_text),
     Field("phi_version", int, lambda r, _: r.phi_version),
-    Field("fuel_temperature_degC", float, lambda r, _: r.fuel_temperature and r.fuel_temperature - ZERO_CELSIUS),
+    *map(_surrounding, SURROUNDINGS),
     *_COMMAND,
     *chain.from_iterable((each.value, each.ci95) for each in INDICATORS),
 )
@@ -397,8 +397,8 @@ def injection_record(report: InjectionReport, c: Coefficients, has_energizing: b
     c: of the nominal model; has_energizing: whether its command is reported, None without one.
     """
     record = {each.name: each.of(report, c) for each in FIELDS if Output.JSON in each.outputs}
-    if report.fuel_temperature is None:
-        del record["fuel_temperature_degC"]
+    for name in {*SURROUNDINGS} - in_units(report.surroundings).keys():
+        del record[name]
     record["indicators"] = {
         each.name: {"value": each.value.of(report, c), "ci95": each.ci95.of(report, c), "unit": each.unit}
         for each in INDICATORS

@@ -23,22 +23,15 @@ from observer_rt.engine.learning.knowledge import EventRecord, Knowledge, no_kno
 from observer_rt.engine.observer import make_observer, samples_at
 from observer_rt.engine.reports.injection_report import report_of
 from observer_rt.engine.reports.news import Listener, Notice, fan_out
-from observer_rt.engine.service import messages
-from observer_rt.engine.service.injector import (
-    LearnerFactory,
-    bench_constants,
-    configured_noise,
-    healthy_injector,
-    make_learner,
-    slow_noise_of,
-)
+from observer_rt.engine.service import injector, messages
 from observer_rt.engine.service.judging import InlineExecutor, Judging
 from observer_rt.engine.service.optional_inputs import OptionalInputs
 from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
 from observer_rt.engine.stream.state import Reason, State
-from observer_rt.engine.stream.validity import Surroundings, state_of_service
+from observer_rt.engine.stream.validity import Condition, state_of_service
 from observer_rt.engine.words import Topic, is_good
 from observer_rt.model.effective import Coefficients
+from observer_rt.model.surroundings import filed
 
 if TYPE_CHECKING:
     from observer_rt.engine.estimation.signal_noise import SlowNoise
@@ -86,8 +79,8 @@ class Core:
         executor: Executor | None = None,
         learning: bool | None = None,
         listeners: Sequence[Listener] = (),
-        learner_of: LearnerFactory = make_learner,
-        fuel_temperature: float | None = None,
+        learner_of: injector.LearnerFactory = injector.make_learner,
+        assumes_filed: bool = False,
         writes_summaries: bool = True,
         commanded: bool | None = None,
     ) -> None:
@@ -95,30 +88,31 @@ class Core:
 
         executor: where learning runs (None: at once, in lockstep); learning: None: as the bench file states.
         listeners: called with every report and notice. learner_of: makes the learner; what it raises is raised,
-        `UserError` where the training does not fit injector or sample rate. fuel_temperature [K]: on a bench that
-        measures it, what to take until it is measured; None: nothing is valid. writes_summaries: among the frames
+        `UserError` where the training does not fit injector or sample rate. assumes_filed: whether surroundings are
+        as in the injector file until they are measured, else nothing is valid. writes_summaries: among the frames
         to send. commanded: whether a pilot valve goes by commands; None: where the bus tells their samples.
         """
         config = fitted.config
         is_restored = knowledge is not None
-        constants = bench_constants(fitted, is_restored)
+        constants = injector.bench_constants(fitted, is_restored)
+        if assumes_filed:
+            constants = constants._replace(surroundings=filed(fitted.parameters, config.signals.surroundings))
         if bus.tells_commands if commanded is None else commanded:
             constants = constants.by_commands()
-        noise = configured_noise(fitted)
+        noise = injector.configured_noise(fitted)
         start = knowledge or no_knowledge(noise, constants.coefficients.pressure_scale)
         learner = learner_of(fitted, constants, start)
         self._bus = bus
         self._max_lift = fitted.parameters.seat.max_lift
-        healthy = healthy_injector(fitted)
+        healthy = injector.healthy_injector(fitted)
         may_learn = healthy.adequate and (config.learning.enabled if learning is None else learning)
-        assumed = fuel_temperature if config.signals.fuel_temperature else None
         observer = make_observer(constants, start, learner, healthy)
         self.compiled = messages.CompiledPipeline(
             messages.Pipeline(
                 bus.inputs,
                 messages.make_receiver(),
                 messages.make_supervised(bus.inputs.messages, config.e2e),
-                messages.make_input_memory(bus.inputs, may_learn, assumed),
+                messages.make_input_memory(bus.inputs, may_learn, constants.surroundings),
                 make_timekeeping(
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
                 ),
@@ -142,7 +136,7 @@ class Core:
         )
         self._writes_summaries = writes_summaries
         self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
-        """Energizing, fuel temperature and learning enable as received."""
+        """Energizing, surroundings and learning enable as received."""
         self.second_sender = SecondSender(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
         """Whether another node sends the same results."""
         self._results = messages.ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
@@ -257,11 +251,11 @@ class Core:
         if self.processed > 0:
             newest = State(int(self._newest_row["state"])), Reason(int(self._newest_row["reason"]))
         sampled = self.protection[: len(self._bus.input_layouts)]
-        surroundings = Surroundings(
+        condition = Condition(
             is_unprotected=E2EState.INVALID in sampled,
             is_stale=newest is not None and is_stale(self.compiled.pipeline.alignment),
         )
-        return state_of_service(newest, surroundings)
+        return state_of_service(newest, condition)
 
     @property
     def is_valid(self) -> bool:
@@ -295,7 +289,7 @@ class Core:
         white = self.standstill.noise
         if white is None:
             return {}
-        return slow_noise_of(self.compiled.observer, self.rows(0, self.processed), white)
+        return injector.slow_noise_of(self.compiled.observer, self.rows(0, self.processed), white)
 
     @property
     def timing(self) -> tuple[MessageTiming, ...]:
@@ -349,7 +343,7 @@ class Core:
 
     def _follow(self) -> None:
         """Hand over closed events, report judged ones."""
-        for judged in self._judging.follow(self.optional.learning, self.optional.fuel_temperature):
+        for judged in self._judging.follow(self.optional.learning):
             self._report(judged)
 
     def _report(self, judged: EventRecord) -> None:

@@ -4,6 +4,7 @@ import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.injector import Meaning
-from observer_rt.config.signals import Role, effects_after_alignment
+from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_alignment
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import Terms
 from observer_rt.core.stream.stream import OFFSET_FOLLOWS
@@ -29,8 +30,9 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
 from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.effective import NO_CLOCK, Clock, Coefficients
 from observer_rt.model.effects import effective_model
-from observer_rt.model.parameters import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, InjectorParameters, at_temperature
+from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate, refuse_unstable_cells
+from observer_rt.model.surroundings import Surroundings, in_surroundings
 from observer_rt.model.terms.term import Variable
 
 if TYPE_CHECKING:
@@ -60,36 +62,24 @@ def configured_noise(fitted: BenchInjector) -> NoiseLevels:
 
 
 def bench_constants(
-    fitted: BenchInjector, restored: bool = False, fuel_temperature: float | None = None
+    fitted: BenchInjector, restored: bool = False, surroundings: Surroundings | None = None
 ) -> Constants:
-    """Constants of the observer for an injector, with fuel at a temperature [K] or, None, as in its file.
+    """Constants of the observer for an injector in surroundings; None: in those of its file, before any is measured.
 
     Raises `UserError` when its sample rate is too low to integrate, or its file does not say how the fuel changes
     with a temperature that the bench measures.
     """
-    constants = _constants(fitted, injector_at(fitted, fuel_temperature), restored)
-    _require_integrable(fitted, fitted.parameters, constants)
-    if fitted.config.signals.fuel_temperature is not None and fuel_temperature is None:
-        injector_at(fitted, HIGHEST_TEMPERATURE)
-        stiffest = injector_at(fitted, LOWEST_TEMPERATURE)
-        _require_integrable(fitted, stiffest, _constants(fitted, stiffest, restored))
-    return constants
+    if surroundings is None and (roles := fitted.config.signals.surroundings):
+        for extremes in product(*(OPTIONAL_SIGNALS[role].possible for role in roles)):
+            _constants(fitted, Surroundings(**dict(zip(roles, extremes, strict=True))), restored)
+    return _constants(fitted, surroundings or Surroundings(), restored)
 
 
-def injector_at(fitted: BenchInjector, fuel_temperature: float | None) -> InjectorParameters:
-    """The injector with fuel at a temperature [K]; None: as in its file.
-
-    Raises `UserError` when the file does not say how the fuel changes.
-    """
-    if fuel_temperature is None:
-        return fitted.parameters
+def _constants(fitted: BenchInjector, surroundings: Surroundings, restored: bool) -> Constants:
     try:
-        return at_temperature(fitted.parameters, fuel_temperature)
+        injector = in_surroundings(fitted.parameters, surroundings)
     except UserError as error:
         raise UserError(f"{fitted.parameters_path}: {error.location}", error.problem, error.remedy) from None
-
-
-def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bool) -> Constants:
     learning = fitted.config.learning
     durations = Durations(
         learning.event_gap_ms * MILLISECOND,
@@ -103,7 +93,9 @@ def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bo
     calibration = calibration_of(fitted)
     every = rail_every(fitted)
     constants = constants_for(injector, rate, durations, events_required, every, means, stated, calibration)
-    return constants if fitted.has_lift else constants._replace(needle=effective_model(injector).injector.needle_law)
+    _require_integrable(fitted, injector, constants)
+    needle = None if fitted.has_lift else effective_model(injector).injector.needle_law
+    return constants._replace(needle=needle, surroundings=surroundings)
 
 
 def calibration_of(fitted: BenchInjector) -> StatedAccuracy:

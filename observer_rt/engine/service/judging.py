@@ -12,13 +12,13 @@ from observer_rt.core.stream.stream import INJECTIONS, PENDING_EVENTS
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.adequacy import Examination, Examiner, Innovations, Objection
 from observer_rt.engine.learning.healthy import Healthy
-from observer_rt.engine.learning.knowledge import Adoption, EventRecord, Fuel, Knowledge, Outcome
+from observer_rt.engine.learning.knowledge import Adoption, EventRecord, Knowledge, Outcome
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.mailbox import has_room, post_examined, post_learned
 from observer_rt.engine.observer import event_innovations, event_standstill, event_window
 from observer_rt.engine.service.messages import CompiledPipeline
 from observer_rt.engine.stream.standstill import Standstill, resting_lift_of
-from observer_rt.engine.stream.state import Reason, VerdictKind
+from observer_rt.engine.stream.state import Constants, Reason, VerdictKind
 
 
 @dataclass(eq=False)
@@ -31,7 +31,7 @@ class _ClosedEvent:
     """
 
     number: int
-    fuel: Fuel
+    constants: Constants
     window: Window | None
     standstill: Standstill | None
     innovations: Innovations
@@ -127,7 +127,7 @@ class Judging:
         """Whether no closed event waits to be judged."""
         return not self._waiting
 
-    def follow(self, learning: bool, fuel_temperature: float | None) -> Iterator[EventRecord]:
+    def follow(self, learning: bool) -> Iterator[EventRecord]:
         """Follows the stream since the last call: events that were judged, after handing over those that closed.
 
         learning: whether they are learned from.
@@ -136,7 +136,7 @@ class Judging:
         closed = int(self._events_closed[0])
         while self._taken < taken or self._submitted < closed:
             if self._submitted < closed and self._event(self._submitted)["judged_before"] <= self._taken:
-                self._submit(learning, fuel_temperature)
+                self._submit(learning)
             else:
                 yield self._judged()
 
@@ -178,13 +178,13 @@ class Judging:
         is_due = event["closed_index"] > event["due_index"]
         return bool(closed.learning is not None and is_due and self._submitted == closed.number + 1)
 
-    def _submit(self, learning: bool, fuel_temperature: float | None) -> None:
+    def _submit(self, learning: bool) -> None:
         """Take over the next closed event."""
         observer, number = self._compiled.observer, self._submitted
         window = event_window(observer, number)
         closed = _ClosedEvent(
             number,
-            Fuel(fuel_temperature, observer.constants),
+            observer.constants,
             window,
             event_standstill(observer, number) if learning else None,
             event_innovations(observer, number),
@@ -208,7 +208,7 @@ class Judging:
         assert closed.standstill is not None
         self._learned_from = closed
         closed.learning = self._executor.submit(
-            self._learner.learn, closed.window, closed.standstill, closed.knowledge.in_force, closed.fuel.constants
+            self._learner.learn, closed.window, closed.standstill, closed.knowledge.in_force, closed.constants
         )
         closed.learning.add_done_callback(lambda _: self.on_learned())
 
@@ -241,7 +241,7 @@ class Judging:
     def _post_examined(self, closed: _ClosedEvent) -> None:
         examiner = self._examiner
         closed.examined = examiner.examine(
-            closed.window, closed.innovations, closed.knowledge.in_force, closed.fuel.constants
+            closed.window, closed.innovations, closed.knowledge.in_force, closed.constants
         )
         closed.earlier, self._late = self._late, None
         closed.objections = closed.examined.objections or (closed.earlier.forward if closed.earlier else ())
@@ -280,7 +280,7 @@ class Judging:
             self.late += 1
             if closed is not self._learned_from and closed.is_learned:
                 self._late = closed.learning.result()
-        return EventRecord(event, objections, outcome, self.knowledge, closed.fuel)
+        return EventRecord(event, objections, outcome, self.knowledge, closed.constants)
 
     def _put_into_force(self, outcome: Outcome, event: np.void) -> None:
         """Puts knowledge into force from the judgement of an event, `stream.state.EVENT`, on."""

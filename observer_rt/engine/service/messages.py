@@ -16,12 +16,14 @@ from observer_rt.bus.mapping.input_tables import Inputs
 from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, OutputMessage, OutputPage, RateMessage
 from observer_rt.bus.mapping.output_signals import StatusValues, rows_of
 from observer_rt.config.injector import E2EConfig
+from observer_rt.config.signals import OPTIONAL_SIGNALS, OptionalRole
 from observer_rt.core.frames import frames as core
 from observer_rt.engine.estimation.scalars import OFFSET
 from observer_rt.engine.observer import INDICES, with_constants
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Constants, Observer
 from observer_rt.foundation.units import MM3_PER_MS, Z_95
+from observer_rt.model.surroundings import Surroundings
 
 
 def make_receiver() -> NDArray[np.void]:
@@ -51,14 +53,16 @@ class InputMemory(NamedTuple):
     values: NDArray[np.float64]  # (READINGS, most signals of an input) SI
 
 
-def make_input_memory(inputs: Inputs, may_learn: bool, fuel_temperature: float | None) -> InputMemory:
-    """Memory of no inputs yet; fuel_temperature [K]: until it is measured, None: nothing is valid."""
+def make_input_memory(inputs: Inputs, may_learn: bool, assumed: Surroundings) -> InputMemory:
+    """Memory of no inputs yet; assumed: until they are measured. Nothing is valid without those that are inputs."""
     memory, newest = np.zeros(1, core.OPTIONAL), np.zeros(len(inputs.optional), core.OPTIONAL_VALUE)
     memory["newest"] = -1
     memory["may_learn"] = memory["learning"] = may_learn
     memory["measured"] = math.nan
-    memory["fuel_temperature"] = math.nan if fuel_temperature is None else fuel_temperature
-    memory["is_assumed"] = fuel_temperature is not None
+    memory["is_input"][0][[row for row in inputs.optional["surrounding"] if row >= 0]] = True
+    memory["in_force"] = np.array(assumed, np.float64)  # nan of None
+    memory["is_assumed"] = ~np.isnan(memory["in_force"])
+    memory["steps"] = [OPTIONAL_SIGNALS[OptionalRole(name)].step for name in Surroundings._fields]
     memory["since_change"] = math.inf
     newest["follows"] = True
     return InputMemory(

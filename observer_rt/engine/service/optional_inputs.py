@@ -16,6 +16,7 @@ from observer_rt.engine.reports.news import Listener, MeasuredMass
 from observer_rt.engine.service.injector import bench_constants
 from observer_rt.engine.service.messages import CompiledPipeline
 from observer_rt.engine.stream.state import Reason
+from observer_rt.model.surroundings import Surroundings
 
 if TYPE_CHECKING:
     from observer_rt.engine.service.energizing import EnergizingFigures, EnergizingWatch
@@ -25,7 +26,7 @@ class OptionalInputs:
     """Attends to the optional inputs of a bench, which compiled code takes; without any it changes nothing.
 
     A learning enable of 0 holds learning up. A measured mass is compared with the estimate, and never learned from.
-    Energizing is compared with the openings. The fuel's temperature makes the model that of fuel so warm.
+    Energizing is compared with the openings. Surroundings change the model.
     """
 
     def __init__(
@@ -79,12 +80,20 @@ class OptionalInputs:
         return bool(self._memory["is_due"])
 
     def change_model(self) -> None:
-        """Make the model that of fuel as warm as it is measured."""
-        temperature = float(self._memory["measured"])
-        self._compiled.change_constants(bench_constants(self._fitted, self._is_restored, temperature))
-        self._compiled.observer.memory["input_fault"] = Reason.NONE
-        self._memory["fuel_temperature"], self._memory["since_change"] = temperature, 0.0
-        self._memory["is_due"] = False
+        """Make the model that of the surroundings as measured; those that are not known stay."""
+        memory, is_known = self._memory, ~np.isnan(self._memory["measured"])
+        wanted = np.where(is_known, memory["measured"], memory["in_force"])
+        surroundings = Surroundings(*(None if math.isnan(value) else value for value in wanted.tolist()))
+        self._compiled.change_constants(bench_constants(self._fitted, self._is_restored, surroundings))
+        is_missing = np.any(memory["is_input"] > (is_known | memory["is_assumed"]))
+        self._compiled.observer.memory["input_fault"] = Reason.INPUT_STALE if is_missing else Reason.NONE
+        memory["in_force"], memory["since_change"], memory["is_due"] = wanted, 0.0, False
+
+    def take(self, surroundings: Surroundings) -> None:
+        """Take what no frame carries; it counts until the next."""
+        for number, value in enumerate(surroundings):
+            if value is not None:
+                self._memory["measured"][number], self._memory["is_input"][number] = value, True
 
     def opening_of(self, injection: np.void) -> CommandedOpening | None:
         """Command of an injection (`stream.state.INJECTION`) that is about to be reported; None: not known."""
@@ -98,12 +107,6 @@ class OptionalInputs:
     def learning(self) -> bool:
         """Whether an event that closes now is to be learned from, by the bench and by its learning enable."""
         return bool(self._memory["learning"])
-
-    @property
-    def fuel_temperature(self) -> float | None:
-        """Fuel temperature in force [K]; None where it is not measured."""
-        temperature = float(self._memory["fuel_temperature"])
-        return None if math.isnan(temperature) else temperature
 
     @property
     def energizing(self) -> "EnergizingFigures | None":

@@ -25,6 +25,7 @@ from observer_rt.core.stream.stream import State as State
 from observer_rt.core.stream.stream import VerdictKind as VerdictKind
 from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.effective import Coefficients
+from observer_rt.model.surroundings import Surroundings
 
 RAIL, LIFT, LINE = core.RAIL, core.LIFT, core.LINE  # numbers of the channels
 
@@ -93,6 +94,7 @@ class Constants(NamedTuple):
     program: NDArray[np.float64]  # of the terms in force
     calibration: StatedAccuracy  # of level and pressure sensors
     needle: NeedleLaw | None = None  # that answers the commands, where its lift is not recorded
+    surroundings: Surroundings = Surroundings()  # as measured
 
     def by_commands(self) -> "Constants":
         """The same where a pilot valve goes by the injector's commands: `observer.energize`."""

@@ -69,7 +69,7 @@ def reason_of_injection(facts: InjectionFacts) -> Reason:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class Condition:
     """Condition of links and inputs as the service knows it."""
 
     has_frames: bool = True  # any came since the start
@@ -78,15 +78,15 @@ class Surroundings:
     is_stale: bool = False  # one of the inputs is missing while others arrive
 
 
-def state_of_service(newest: tuple[State, Reason] | None, surroundings: Surroundings) -> tuple[State, Reason]:
+def state_of_service(newest: tuple[State, Reason] | None, condition: Condition) -> tuple[State, Reason]:
     """State and reason of the service; newest: those of the samples, None before the first."""
-    if not surroundings.has_frames:
+    if not condition.has_frames:
         return State.WAITING_FOR_DATA, Reason.STARTING
-    if surroundings.is_cut_off:
+    if condition.is_cut_off:
         return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
-    if surroundings.is_unprotected:
+    if condition.is_unprotected:
         return State.DEGRADED, Reason.INPUT_PROTECTION
-    if surroundings.is_stale:
+    if condition.is_stale:
         return State.DEGRADED, Reason.INPUT_STALE
     return newest or (State.STARTING, Reason.STARTING)
 

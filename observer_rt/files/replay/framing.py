@@ -47,8 +47,12 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
             f"is sampled at {rate:g} Hz, the observer takes {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz",
             "check the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s"),
         )
-    if not recording.has_lift:
-        bench = bench.with_sections(signals=bench.injector.config.signals.model_copy(update={"needle_lift": None}))
+    replaced = () if recording.has_lift else ("needle_lift",)
+    if "chamber_pressure" in recording.recorded:  # no frame carries that of a recording
+        replaced = (*replaced, "chamber_pressure")
+    if replaced:
+        signals = bench.injector.config.signals.model_copy(update=dict.fromkeys(replaced))
+        bench = bench.with_sections(signals=signals)
     sampling = bench.injector.config.sampling
     if recording.meaning not in (None, sampling.meaning):
         sampling = sampling.model_copy(update={"meaning": recording.meaning})

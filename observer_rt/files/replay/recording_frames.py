@@ -7,15 +7,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock
 from observer_rt.bus.mapping.bus_map import BusMap, message_timing
-from observer_rt.files.replay.framing import (
-    FramedRecording,
-    Framer,
-    Span,
-    TimedFrame,
-    all_samples,
-    block_samples,
-    windows_of,
-)
+from observer_rt.files.replay import framing
 from observer_rt.files.signals.doubts import refuse_without_lift
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, cut, followed
@@ -26,33 +18,37 @@ NANOSECONDS = 1e9  # in a second
 PAUSE = 1.0  # s, between two recordings, and between two stretches of one
 
 
-def recording_frames(stream: SignalStream, bus: BusMap, windowed: bool) -> Iterator[TimedFrame]:
+def recording_frames(stream: SignalStream, bus: BusMap, windowed: bool) -> Iterator[framing.TimedFrame]:
     """Frames that a measuring device would send, on a time that begins at 0; read from the file as they are sent.
 
     windowed: only round injections, for which the recording is read beforehand. Raises `UserError` without any.
     """
     refuse_without_lift(stream, "replay a recording with a lift: frames of samples carry no commands")
-    block = block_samples(bus)
-    spans = [Span(0, stream.grid_samples)]
+    block = framing.block_samples(bus)
+    spans = [framing.Span(0, stream.grid_samples)]
     if windowed:
-        spans = _of_whole_frames(windows_of(stream.on_one_grid()), block, stream.grid_samples)
+        spans = _of_whole_frames(framing.windows_of(stream.on_one_grid()), block, stream.grid_samples)
     if not spans:
         raise UserError("--windowed", f"no injection in {stream.path or 'the recording'}", "send it continuous")
     piece = block * max(1, ENCODED_AT_ONCE // block)
-    cut_up = (Span(start, min(start + piece, one.end)) for one in spans for start in range(one.start, one.end, piece))
+    cut_up = (
+        framing.Span(start, min(start + piece, one.end))
+        for one in spans
+        for start in range(one.start, one.end, piece)
+    )
     return _frames_of(stream, bus, cut_up)
 
 
-def _frames_of(stream: SignalStream, bus: BusMap, spans: Iterable[Span]) -> Iterator[TimedFrame]:
-    framer, rate = Framer(bus), stream.sample_rate
+def _frames_of(stream: SignalStream, bus: BusMap, spans: Iterable[framing.Span]) -> Iterator[framing.TimedFrame]:
+    framer, rate = framing.Framer(bus), stream.sample_rate
     interval = 1.0 / rate
     for piece in pieces(stream.on_one_grid(), spans):
         framer.skip(piece.first - framer.next_index)
-        for frame in framer.frames(piece, all_samples(piece)):
+        for frame in framer.frames(piece, framing.all_samples(piece)):
             yield frame._replace(time=(piece.first + round(frame.time * rate)) * interval)
 
 
-def pieces(chunks: Iterable[Chunk], spans: Iterable[Span]) -> Iterator[Chunk]:
+def pieces(chunks: Iterable[Chunk], spans: Iterable[framing.Span]) -> Iterator[Chunk]:
     """The samples of spans, which rise and do not overlap, from the chunks of one stretch; the rest is passed over.
 
     Raises `RunError` where the chunks end before the spans do.
@@ -72,12 +68,12 @@ def pieces(chunks: Iterable[Chunk], spans: Iterable[Span]) -> Iterator[Chunk]:
         yield cut(held, span.start - held.first, span.end - held.first)
 
 
-def _of_whole_frames(spans: Sequence[Span], block: int, samples: int) -> list[Span]:
+def _of_whole_frames(spans: Sequence[framing.Span], block: int, samples: int) -> list[framing.Span]:
     """The spans lengthened to whole frames, those that then touch joined: every index is sent once."""
-    result: list[Span] = []
+    result: list[framing.Span] = []
     for span in spans:
         start = result.pop().start if result and span.start <= result[-1].end else span.start
-        result.append(Span(start, min(samples, start + -(-(span.end - start) // block) * block)))
+        result.append(framing.Span(start, min(samples, start + -(-(span.end - start) // block) * block)))
     return result
 
 
@@ -85,8 +81,8 @@ class Device:
     """Sends stretches of recordings one after another; between two of them the sample index jumps."""
 
     def __init__(self, bus: BusMap) -> None:
-        self._framer = Framer(bus)
-        self.block = block_samples(bus)
+        self._framer = framing.Framer(bus)
+        self.block = framing.block_samples(bus)
         """Number of samples that fill frames of every message."""
         self._layouts = bus.input_layouts
         # of the input messages
@@ -132,8 +128,8 @@ class Device:
         for framed, stamps in self._stamped(chunk):
             yield FrameBlock(self._keys[framed.numbers], stamps, framed.starts, framed.data)
 
-    def _stamped(self, chunk: Chunk) -> Iterator[tuple[FramedRecording, NDArray[np.int64]]]:
+    def _stamped(self, chunk: Chunk) -> Iterator[tuple[framing.FramedRecording, NDArray[np.int64]]]:
         interval = 1.0 / chunk.sample_rate
-        for framed in self._framer.framed(chunk, all_samples(chunk)):
+        for framed in self._framer.framed(chunk, framing.all_samples(chunk)):
             since = np.rint((chunk.first + framed.due) * interval * NANOSECONDS).astype(np.int64)
             yield framed, self._start + since + self._delays[framed.numbers]

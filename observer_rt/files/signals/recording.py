@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from observer_rt.config.injector import Meaning
 from observer_rt.core.plant.plant import show_slowly
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.model.surroundings import CHAMBER_PRESSURES
 
 STEP_TOLERANCE = 0.2
 """Largest deviation of one step from the median step, as a share of it: stamps are often printed with few
@@ -35,7 +37,7 @@ EQUIDISTANT = (
     "of a bench file, which bridges and splits; of rounded stamps state rate_hz there, without [recording.time]"
 )
 
-OPTIONAL = ("injection_rate", "energizing")  # which a recording may have or not
+OPTIONAL = ("injection_rate", "energizing", "chamber_pressure")  # which a recording may have or not
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", *OPTIONAL)
 
 
@@ -165,6 +167,8 @@ class Recording:
     """Time constants [s] of the meter of the injection rate; None: not known, taken for none."""
     energizing: NDArray[np.float64] | None = field(default=None, kw_only=True)
     """More than 0.5 while the injector is energized; None where that was not recorded."""
+    chamber_pressure: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    """Absolute [Pa], a change between two injections; None where it is as in the injector file."""
     notes: tuple[str, ...] = field(default=(), kw_only=True)
     """Notes on what its reader left out or found odd."""
 
@@ -184,7 +188,7 @@ class Recording:
         uneven = grid.take(self.time) or grid.end()
         if uneven is not None:
             raise UserError(f"{name}, sample {uneven.row}", uneven.problem, EQUIDISTANT)
-        refuse_infinite(self.signals, lambda row: f"{name}, sample {row}")
+        refuse_impossible(self.signals, lambda row: f"{name}, sample {row}")
 
     @property
     def signals(self) -> dict[str, NDArray[np.float64]]:
@@ -256,16 +260,18 @@ def shown_slowly(values: NDArray[np.float64], interval: float, *lags: float) -> 
     return values
 
 
-def refuse_infinite(signals: Arrays, place_of_row: Callable[[int], str]) -> None:
-    """Raise `UserError` for the first infinite value of signals (n,).
+def refuse_impossible(signals: Arrays, place_of_row: Callable[[int], str]) -> None:
+    """Raise `UserError` for the first value of signals (n,) [SI] that is infinite, or no pressure of a chamber.
 
     `place_of_row` turns a zero-based row into a location that a user can find, such as a line of a file.
     """
     for signal, values in signals.items():
-        infinite = np.flatnonzero(np.isinf(values))
-        if infinite.size:
-            raise UserError(
-                place_of_row(int(infinite[0])),
-                f"{signal} is infinite, or larger than any measurement",
-                "write NaN, or leave the cell empty, where a value is not available",
-            )
+        odd, problem = np.isinf(values), "is infinite, or larger than any measurement"
+        if signal == "chamber_pressure":
+            lowest, highest = CHAMBER_PRESSURES
+            odd = (values < lowest) | (values > highest)
+            limits = f"{lowest / MEGAPASCAL:g} to {highest / MEGAPASCAL:g} MPa"
+            problem = f"is {values[odd.argmax()] / MEGAPASCAL:.4g} MPa, and no chamber's, {limits}; what is its unit?"
+        if odd.any():
+            remedy = "write NaN, or leave the cell empty, where a value is not available"
+            raise UserError(place_of_row(int(odd.argmax())), f"{signal} {problem}", remedy)

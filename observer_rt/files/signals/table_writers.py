@@ -178,8 +178,9 @@ NEEDLE_LIFT = WrittenColumn("needle_lift_mm", "needle_lift", "mm", factor=MILLIM
 LINE_PRESSURE = WrittenColumn("line_pressure_MPa", "line_pressure", "MPa", factor=MEGAPASCAL)
 INJECTION_RATE = WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", factor=MM3_PER_MS)
 ENERGIZING = WrittenColumn("energizing", "energizing", "-")
+CHAMBER = WrittenColumn("chamber_pressure_MPa", "chamber_pressure", "MPa", factor=MEGAPASCAL)
 
-PRINTED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE, INJECTION_RATE, ENERGIZING)
+PRINTED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE, INJECTION_RATE, ENERGIZING, CHAMBER)
 SI = (  # every double comes back as it was
     TIME,
     WrittenColumn("rail_pressure_Pa", "rail_pressure", "Pa"),
@@ -187,6 +188,7 @@ SI = (  # every double comes back as it was
     WrittenColumn("line_pressure_Pa", "line_pressure", "Pa"),
     WrittenColumn("injection_rate_m3_per_s", "injection_rate", "m3/s"),
     ENERGIZING,
+    WrittenColumn("chamber_pressure_Pa", "chamber_pressure", "Pa"),
 )
 _LAYOUTS = {".csv": PRINTED, ".mf4": SI, ".parquet": SI}
 

@@ -56,6 +56,8 @@ def read_measured(
             refuse_without_lift(source, _NEEDS_LIFT if lift_of is None else _ALIKE)
         refuse_dead(source.path, source.survey, source.names)
         refuse_perforated(source.path, source.survey)
+        if "chamber_pressure" in source.optional:
+            say(console, f"warning: {source.path}: its chamber_pressure is passed over, for that of the model")
         for doubt in doubts(source.survey, baseline, source.names):
             say(console, doubt.as_text(source.path))
     if is_answered and lift_of is not None:

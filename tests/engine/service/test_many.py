@@ -88,7 +88,7 @@ class ManyAtOnce(Core):
 
 def facts(result: Result) -> tuple[object, ...]:
     """All that a core made of frames."""
-    fuel = [report.fuel_temperature for report in result.reports]
+    fuel = [report.surroundings for report in result.reports]
     events = result.core.knowledge.state.events
     return result.frames, result.core.counters, events, fuel, result.commands, result.notes.missing
 

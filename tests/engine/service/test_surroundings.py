@@ -1,42 +1,54 @@
-"""The optional input `fuel_temperature`: the model follows it while it counts, and nothing is valid without it."""
+"""The optional inputs `fuel_temperature` and `chamber_pressure`: the model follows them, nothing is valid without."""
 
 import math
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cantools
 import numpy as np
 import pytest
 
-from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.config.bench import Bench, load_bench, load_injector
+from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import GRACE
 from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.findings import Level
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
+from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Reason, State
+from observer_rt.files.formats import open_recording
 from observer_rt.files.replay.framing import Span, TimedFrame
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.table_writers import recording_writer
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.surroundings import Surroundings, in_surroundings
+from observer_rt.model.wave_line import with_cells
 from tests.benches import SAMPLE_RATE, sample_bench
 from tests.daemon.end_to_end import DATABASE
 from tests.desk.evaluation.documents import recording_json
-from tests.device import Device, Result, core_of, encoded, hand, inserted, recoded, run, simulated
+from tests.device import Device, core_of, encoded, hand, inserted, recoded, run, simulated
 
 NOMINAL = load_injector()
 REFERENCE, HOT = 40.0, 85.0  # degC
 BLOCK = 9  # samples in a frame
+FILED, OTHER = 2.0, 6.0  # MPa in the chamber
+RAISED = 1115  # frame in the middle of the second injection
 INJECTIONS = 4
 SENSOR = """VERSION ""
 BU_: Bed
 BO_ 803 Sensor: 8 Bed
  SG_ Fuel : 0|16@1+ (0.1,-100) [-100|400] "degC" Bed
+ SG_ Chamber : 16|16@1+ (0.01,-1) [-1|600] "bar" Bed
 VAL_ 803 Fuel 65535 "SNA" ;
 """
-SENSOR_DATABASE = cantools.database.load_string(SENSOR, "dbc")
+SENSOR_MESSAGE = cantools.database.load_string(SENSOR, "dbc").get_message_by_name("Sensor")
 
 Fuel = Callable[..., float | None]
 
@@ -56,11 +68,10 @@ def fuel_at(celsius: float, injections: int = INJECTIONS) -> Simulation:
     return simulate(injector, schedule, SAMPLE_RATE, (sized("orifice_area", v_H=0.2),), SimulatedNoise(), seed=3)
 
 
-def true_mass(simulated: Simulation, result: Result, number: int, celsius: float) -> float:
-    """Of an injection (0, 1, ..) [kg], over the window the observer has for it."""
-    report = result.reports[number]
-    rate = simulated.truth.injection_rate[report.start_index : report.end_index + 1]
-    return float(np.trapezoid(rate)) / SAMPLE_RATE * 830.0 * (1.0 - 7e-4 * (celsius - REFERENCE))
+def true_mass(rate: np.ndarray, report: InjectionReport, celsius: float = REFERENCE) -> float:
+    """Of an injection [kg], over the window the observer has for it."""
+    volume = float(np.trapezoid(rate[report.start_index : report.end_index + 1])) / SAMPLE_RATE
+    return volume * 830.0 * (1.0 - 7e-4 * (celsius - REFERENCE))
 
 
 def bench(folder: Path, timeout: str = "") -> Path:
@@ -78,8 +89,7 @@ def block_bench(folder: Path) -> Path:
 
 def sensor(celsius: float | None) -> TimedFrame:
     """A frame of the sensor; None: not available."""
-    message = SENSOR_DATABASE.get_message_by_name("Sensor")
-    return encoded(message, b"\xff\xff" + bytes(6) if celsius is None else {"Fuel": celsius})
+    return encoded(SENSOR_MESSAGE, b"\xff\xff" + bytes(6) if celsius is None else {"Fuel": celsius, "Chamber": 0})
 
 
 def with_block_temperature(frames: Sequence[TimedFrame], kelvin: float) -> list[TimedFrame]:
@@ -101,7 +111,7 @@ def test_masses_of_hot_fuel_are_valid_with_its_temperature_only(tmp_path: Path) 
     with_temperature = run(bench(tmp_path), [sensor(HOT), *frames])
     untold = run(sample_bench(tmp_path / "untold"), frames)
     for number in range(2, INJECTIONS):
-        true = true_mass(hot, with_temperature, number, HOT)
+        true = true_mass(hot.truth.injection_rate, with_temperature.reports[number], HOT)
         assert with_temperature.reports[number].valid
         assert with_temperature.reports[number].mass == pytest.approx(true, rel=4e-3)
         assert not untold.reports[number].valid
@@ -113,7 +123,7 @@ def test_a_block_may_carry_it_in_kelvins(tmp_path: Path) -> None:
     by_block = run(block_bench(tmp_path), with_block_temperature(frames_at(HOT), HOT + 273.15))
     (tmp_path / "other").mkdir()
     by_sensor = run(bench(tmp_path / "other"), [sensor(HOT), *frames_at(HOT)])
-    assert by_block.reports[-1].fuel_temperature == pytest.approx(HOT + 273.15, abs=0.01)
+    assert by_block.reports[-1].surroundings.fuel_temperature == pytest.approx(HOT + 273.15, abs=0.01)
     assert by_block.reports[-1].mass == pytest.approx(by_sensor.reports[-1].mass, rel=1e-3)
 
 
@@ -152,7 +162,7 @@ def test_it_takes_effect_between_events(tmp_path: Path) -> None:
     usual = run(bench(tmp_path), [sensor(REFERENCE), *frames])
     middle = (usual.reports[2].start_index + usual.reports[2].end_index) // 2 // BLOCK
     result = run(bench(tmp_path), inserted(frames, [(0, sensor(REFERENCE)), (middle, sensor(HOT))]))
-    kelvins = [round(report.fuel_temperature or 0.0, 2) for report in result.reports]
+    kelvins = [round(report.surroundings.fuel_temperature or 0.0, 2) for report in result.reports]
     assert kelvins == [313.15, 313.15, 313.15, 358.15]
     assert [r.mass for r in result.reports[:3]] == [r.mass for r in usual.reports[:3]]
     assert result.reports[3].density == pytest.approx(830.0 * (1.0 - 7e-4 * 45.0))
@@ -174,8 +184,7 @@ def test_fuel_that_warms_up_makes_no_wear(tmp_path: Path) -> None:
     assert all(report.valid for report in result.reports)
     rate = np.concatenate(rates)
     for celsius, report in zip(ramp, result.reports, strict=True):
-        volume = float(np.trapezoid(rate[report.start_index : report.end_index + 1])) / SAMPLE_RATE
-        true = volume * 830.0 * (1.0 - 7e-4 * (celsius - REFERENCE))
+        true = true_mass(rate, report, float(celsius))
         assert report.mass == pytest.approx(true, rel=5e-3 if report.number > 1 else 1e-2)
 
 
@@ -208,7 +217,7 @@ def made(folder: Path, timeout: float) -> Fuel:
         device.index = round(time * SAMPLE_RATE)
         samples = device.send(simulated(), Span(0, BLOCK))
         hand(core, [*samples, *(optional_frames or samples)])  # a frame that is repeated brings nothing but a look
-        kelvin = float(core.compiled.pipeline.input_memory.memory["measured"][0])
+        kelvin = float(core.compiled.pipeline.input_memory.memory["measured"][0, 0])
         return None if math.isnan(kelvin) else round(kelvin - 273.15, 1)
 
     return at
@@ -242,3 +251,102 @@ def test_a_new_beginning_of_time_takes_nothing_from_it(tmp_path: Path) -> None:
     at = made(tmp_path, 0.5)
     assert at(100.0, sensor(30.0)) == at(100.3) == at(0.0) == at(0.19) == 30.0
     assert at(0.21) is None
+
+
+def of_line(megapascals: float, model: str) -> InjectorParameters:
+    injector = with_cells(NOMINAL.model_copy(update={"line": NOMINAL.line.model_copy(update={"model": model})}))
+    return in_surroundings(injector, Surroundings(chamber_pressure=1e6 * megapascals))
+
+
+@cache
+def into(megapascals: float, model: str = "lump", injections: int = INJECTIONS) -> Simulation:
+    """Injections at 60 MPa into a chamber, every 50 ms."""
+    schedule, injector = make_schedule([60e6], injections, 0.05, [1.1e-3]), of_line(megapascals, model)
+    return simulate(injector, schedule, SAMPLE_RATE, (), SimulatedNoise())
+
+
+def chamber_bench(folder: Path, timeout: str = "", model: str = "lump") -> Bench:
+    """The pressure by a message of its own, the injector file says 2 MPa."""
+    path = bench(folder, timeout)
+    path.write_text(path.read_text().replace("fuel_temperature]", "chamber_pressure]").replace('"Fuel"', '"Chamber"'))
+    return load_bench(path).with_parameters(of_line(FILED, model)).exact
+
+
+def chamber(megapascals: float) -> TimedFrame:
+    return encoded(SENSOR_MESSAGE, {"Fuel": 0, "Chamber": 10.0 * megapascals})
+
+
+def with_pressure(recording: Recording, megapascals: float) -> Recording:
+    return recording.with_arrays({"chamber_pressure": np.full(recording.samples, 1e6 * megapascals)})
+
+
+def test_the_mass_of_an_injection_into_another_pressure_is_right_with_it_only(tmp_path: Path) -> None:
+    """6 MPa where the file says 2: at 60 MPa that is 3.6 % of what the model expects."""
+    recording, rate = into(OTHER).recording, into(OTHER).truth.injection_rate
+    history = [with_pressure(recording, OTHER), into(FILED).recording]  # as the file says where nothing is recorded
+    with_it, as_filed = evaluate(chamber_bench(tmp_path), history).evaluations
+    (without,) = evaluate(chamber_bench(tmp_path), [recording]).evaluations
+    pressures = [report.surroundings.chamber_pressure for report in (*with_it.reports, *as_filed.reports)]
+    assert pressures == pytest.approx([1e6 * OTHER] * INJECTIONS + [1e6 * FILED] * INJECTIONS)
+    assert all(report.valid for report in (*with_it.reports, *as_filed.reports))
+    for report in with_it.reports:
+        assert report.mass == pytest.approx(true_mass(rate, report), abs=report.mass_bound)
+    true = true_mass(rate, with_it.reports[0])
+    assert with_it.reports[0].predicted_mass == pytest.approx(true, rel=5e-3)
+    assert without.reports[0].predicted_mass == pytest.approx(1.036 * true, rel=5e-3)
+    assert abs(with_it.reports[-1].indicators["orifice_area"].value) < 0.01
+    assert without.reports[-1].indicators["orifice_area"].value < -0.02
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mf4", ".parquet"])
+def test_every_format_of_recordings_has_it(tmp_path: Path, suffix: str) -> None:
+    recorded = with_pressure(into(FILED).recording, OTHER)
+    with recording_writer(tmp_path / f"r{suffix}", recorded.recorded) as write:
+        write(recorded)
+    read = open_recording(tmp_path / f"r{suffix}", None).collected()
+    assert np.array_equal(read.signals["chamber_pressure"], recorded.signals["chamber_pressure"])
+
+
+@pytest.mark.parametrize("impossible", [0.0, 60.0, np.inf])
+def test_a_recording_with_an_impossible_one_is_refused(impossible: float) -> None:
+    with pytest.raises(UserError, match=r"sample 0: chamber_pressure .*0\.01 to 40 MPa"):
+        with_pressure(into(FILED).recording, impossible)
+
+
+@pytest.mark.parametrize("model", ["lump", "wave"])
+def test_the_pressure_takes_effect_between_events(tmp_path: Path, model: str) -> None:
+    """From 2 to 6 MPa within the second injection, by frames as by a recording: the line goes on as it is."""
+    parts = [into(pressure, model, 2) for pressure in (FILED, OTHER)]
+    signals: dict[str, Any] = {role: np.concatenate([p.recording.signals[role] for p in parts]) for role in Role}
+    rate = np.concatenate([part.truth.injection_rate for part in parts])
+    raised = np.where(np.arange(rate.size) < RAISED * BLOCK, 1e6 * FILED, 1e6 * OTHER)
+    recording = Recording(np.arange(rate.size) / SAMPLE_RATE, **signals, chamber_pressure=raised)
+    of_bench = chamber_bench(tmp_path, model=model)
+    frames = inserted(Device(of_bench).send(recording), [(0, chamber(FILED)), (RAISED, chamber(OTHER))])
+    by_bus, (evaluated,) = run(of_bench, frames), evaluate(of_bench, [recording]).evaluations
+    for reports in (by_bus.reports, evaluated.reports):
+        for report, pressure in zip(reports, (FILED, FILED, OTHER, OTHER), strict=True):
+            assert report.surroundings.chamber_pressure == pytest.approx(1e6 * pressure)
+            assert report.valid
+            assert report.rail_pressure == pytest.approx(60e6, abs=0.5e6)
+            assert report.predicted_mass == pytest.approx(true_mass(rate, report), rel=1e-2)
+    rows, shut = by_bus.core.rows(0, by_bus.core.processed), 10_300
+    assert np.abs(rows["innovation"][shut : shut + 2000]).max() < 0.01  # p_0, of which the change is .04
+    assert 100e6 * rows["rail_pressure"] + 6e6 == pytest.approx(recording.rail_pressure[: len(rows)], abs=0.1e6)
+
+
+def test_nor_is_anything_valid_without_the_pressure(tmp_path: Path) -> None:
+    """It counts for 20 ms, and comes until the third injection; the model then keeps it."""
+    frames = Device(chamber_bench(tmp_path)).send(into(OTHER).recording)
+    often = [(number, chamber(OTHER)) for number in range(0, round(0.26 * SAMPLE_RATE / BLOCK), 50)]
+    result = run(chamber_bench(tmp_path, "timeout_ms = 20\n"), inserted(frames, often))
+    assert [report.valid for report in result.reports] == [True, True, True, False]
+    assert result.reports[-1].reason is Reason.INPUT_STALE
+    assert result.reports[-1].surroundings.chamber_pressure == pytest.approx(1e6 * OTHER)
+    assert result.core.state == (State.DEGRADED, Reason.INPUT_STALE)
+    assert not any(report.valid for report in run(chamber_bench(tmp_path), [chamber(-0.1), *frames]).reports)
+
+
+def test_check_tells_signal_and_range_of_the_pressure(tmp_path: Path) -> None:
+    text = "chamber_pressure: Sensor 0x323, Chamber, -0.1 to 60 MPa, the model's p_C"
+    assert any(text in finding.text for finding in checkup(chamber_bench(tmp_path)))

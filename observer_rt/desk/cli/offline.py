@@ -107,7 +107,7 @@ def simulate(options: SimulateOptions) -> None:
 
 def evaluate(options: EvaluateOptions) -> None:
     """Run recordings through the observer, as the daemon would and as fast as the machine allows."""
-    from observer_rt.desk.evaluation.command import evaluate_files
+    from observer_rt.desk.evaluation.histories import evaluate_files
 
     stated = load_bench(options.bench, options.model, off_bus=True).of(options.injector)
     evaluate_files(stated, options, messages)

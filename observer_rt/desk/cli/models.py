@@ -4,7 +4,6 @@ import json
 import sys
 import time
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -48,8 +47,8 @@ class FitOptions(ModelOptions):
 
 def fit(options: FitOptions) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
-    from observer_rt.config.signals import effects_on_one_raster
-    from observer_rt.desk.evaluation.logged import open_source, without_truths
+    from observer_rt.desk.discover_inputs import measured_files
+    from observer_rt.desk.evaluation.logged import without_truths
     from observer_rt.desk.library.fit import fitted_model
     from observer_rt.engine.service.injector import calibration_of
     from observer_rt.identification.fit.calibrate import write_fitted
@@ -57,7 +56,6 @@ def fit(options: FitOptions) -> None:
     from observer_rt.identification.fit.masses import read_masses
     from observer_rt.identification.fit.report import draw_fit, print_fit
     from observer_rt.identification.likelihood import reading
-    from observer_rt.identification.likelihood.commands import with_commanded_lift
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
     from observer_rt.model.effects import effective_model
 
@@ -70,15 +68,11 @@ def fit(options: FitOptions) -> None:
         if path is not None:
             check_output(name, path, options.force, suffixes=suffixes)
     paths = reading.without_copies(without_truths(options.recordings, messages), messages)
-    density = effective_model(start).coefficients.density
-    from_channels = options.from_channel
-    read = partial(open_source, bench=decoder, from_channels=from_channels, console=messages, density=density)
     most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: a mass is the mean of all injections
-    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    lift_of = partial(with_commanded_lift, start)
-    recordings = reading.read_measured(paths, read, messages, most, stated, lift_of=lift_of)
+    recordings = measured_files(paths, start, decoder, options.from_channel, messages, most)
     reading.refuse_rates_missing([one.recording for one in recordings])
     refuse_clipped(recordings)
+    density = effective_model(start).coefficients.density
     weighed = {} if options.mass is None else read_masses(options.mass, recordings, density)
     for line in (*map(reading.coverage, recordings), *(f"warning: {one}" for one in warnings(recordings))):
         say(messages, line)

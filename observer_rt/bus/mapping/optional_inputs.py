@@ -15,26 +15,10 @@ import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
+from observer_rt.bus.database import lookup
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
 from observer_rt.bus.database.codec import compile_conditions, conditions_of, signal_table
-from observer_rt.bus.database.lookup import (
-    USUAL_INDEX,
-    MessageLayout,
-    find_signal,
-    from_unit,
-    signal_names,
-    stated_unit,
-    unknown_unit,
-)
-from observer_rt.bus.mapping.input_tables import (
-    ENERGIZING,
-    OPTIONAL_ROLES,
-    Inputs,
-    InputTables,
-    OptionalInput,
-    require_carried,
-    sample_groups,
-)
+from observer_rt.bus.mapping import input_tables
 from observer_rt.bus.mapping.output_messages import protected_layout
 from observer_rt.bus.mapping.timing import index_signal, time_on_bus
 from observer_rt.config.bench import BenchInjector
@@ -58,7 +42,7 @@ SHORTEST_TIMEOUT = 1.0  # s, unless the bench file asks for less
 
 
 @dataclass(frozen=True, eq=False)
-class SlowSignal(OptionalInput):
+class SlowSignal(input_tables.OptionalInput):
     """The signal of an optional role."""
 
     role: OptionalRole
@@ -85,10 +69,10 @@ class SlowSignal(OptionalInput):
 
 
 @dataclass(frozen=True, eq=False)
-class EnergizingLayout(OptionalInput):
+class EnergizingLayout(input_tables.OptionalInput):
     """Layout of the energizing on the bus, compiled: one signal, or the samples of a level."""
 
-    layout: MessageLayout
+    layout: lookup.MessageLayout
     index: str | None
     """The signal with the index of the frame's first sample; None: placed by its stamp."""
     is_level: bool
@@ -132,18 +116,18 @@ class EnergizingSignal(NamedTuple):
 class SlowMessage:
     """A message with optional inputs."""
 
-    layout: MessageLayout
+    layout: lookup.MessageLayout
     signals: tuple[SlowSignal, ...]
     energizing: EnergizingLayout | None
 
     @property
-    def inputs(self) -> tuple[OptionalInput, ...]:
+    def inputs(self) -> tuple[input_tables.OptionalInput, ...]:
         """Inputs of the message: the optional ones, and the energizing."""
         return self.signals if self.energizing is None else (*self.signals, self.energizing)
 
 
 def map_optional(
-    fitted: BenchInjector, databases: BenchDatabases, tables: InputTables, timing: NDArray[np.void]
+    fitted: BenchInjector, databases: BenchDatabases, tables: input_tables.InputTables, timing: NDArray[np.void]
 ) -> tuple[SlowMessage, ...]:
     """Add the optional inputs to the tables: the messages that carry them; timing: of all streams.
 
@@ -178,17 +162,21 @@ def map_optional(
 
 
 def _slow_signal(
-    fitted: BenchInjector, message: Message, layout: MessageLayout, role: OptionalRole, config: SlowSignalConfig
+    fitted: BenchInjector,
+    message: Message,
+    layout: lookup.MessageLayout,
+    role: OptionalRole,
+    config: SlowSignalConfig,
 ) -> SlowSignal:
     location = fitted.location(f"signals.{role}")
     with named(location):
-        find_signal(message, config.signal)
+        lookup.find_signal(message, config.signal)
     carried, own_unit = OPTIONAL_SIGNALS[role], getattr(config, "unit", None)
-    unit, factor, timeout = stated_unit(message, config.signal, own_unit), 1.0, math.inf
+    unit, factor, timeout = lookup.stated_unit(message, config.signal, own_unit), 1.0, math.inf
     if carried.origins is not None and unit not in carried.origins:
-        raise unknown_unit(location, message, unit, own_unit, carried.origins)
+        raise lookup.unknown_unit(location, message, unit, own_unit, carried.origins)
     if carried.units is not None:
-        factor = from_unit(location, message, config.signal, own_unit, carried.units)
+        factor = lookup.from_unit(location, message, config.signal, own_unit, carried.units)
     origin = carried.to_si(unit)[1]
     with named(location):
         selection = compile_conditions(message, conditions_of(message, config.signal))
@@ -199,7 +187,7 @@ def _slow_signal(
     if carried.expires:
         timeout = slow_timeout(getattr(config, "timeout_ms", None), layout.cycle_time_ns)
     row = np.zeros((), OPTIONAL_INPUT)
-    row["role"], row["timeout"] = OPTIONAL_ROLES.index(role), timeout
+    row["role"], row["timeout"] = input_tables.OPTIONAL_ROLES.index(role), timeout
     row["factor"], row["origin"] = factor, origin
     return SlowSignal((config.signal,), table, selection, row, default, role)
 
@@ -216,7 +204,7 @@ def _energizing(
     config: EnergizingConfig,
     link: LinkConfig,
     message: Message,
-    layout: MessageLayout,
+    layout: lookup.MessageLayout,
     grid: np.void,
 ) -> EnergizingLayout:
     """Compile the mapping; link: its bus; grid: `timing.TIMING` of the line pressure's message."""
@@ -224,16 +212,16 @@ def _energizing(
     roles = map(fitted.config.signals.of, Role)
     companions = [mapping for mapping in roles if mapping.message == message.name]  # roles that it carries too
     with named(location):
-        names = signal_names(message, config.names)
-        groups = sample_groups(message, names)
+        names = lookup.signal_names(message, config.names)
+        groups = input_tables.sample_groups(message, names)
     index = _index(fitted, config, message, companions, grid)
     if index is not None:
         with named(location):
-            require_carried(message, index, groups)
+            input_tables.require_carried(message, index, groups)
     if len(groups) > 1:
         problem = f"comes in {len(groups)} kinds of frame of {message.name} that take turns"
         raise UserError(location, problem, "name samples that one frame carries")
-    unit = stated_unit(message, names[0], config.unit)
+    unit = lookup.stated_unit(message, names[0], config.unit)
     factor = None if unit in NO_UNITS else factor_of(unit, TIME_UNITS)
     if factor is None and unit not in NO_UNITS:
         raise UserError(
@@ -244,7 +232,7 @@ def _energizing(
     if factor is not None and len(names) > 1:
         problem = f"names {len(names)} durations a frame of {message.name}"
         raise UserError(location, problem, "name one; only levels may come as several samples")
-    expected = len(signal_names(message, companions[0].names)) if companions else len(names)
+    expected = len(lookup.signal_names(message, companions[0].names)) if companions else len(names)
     if len(names) not in (1, expected):
         problem = f"names {len(names)} levels a frame, {message.name} has {expected} samples of other signals"
         raise UserError(location, problem, "name as many, or one")
@@ -252,7 +240,7 @@ def _energizing(
     if companions or len(names) > 1:
         cycle = expected / fitted.config.sampling.rate_hz
     row = np.zeros((), OPTIONAL_INPUT)
-    row["role"], row["is_placed"], row["factor"] = ENERGIZING, index is not None, factor or 1.0
+    row["role"], row["is_placed"], row["factor"] = input_tables.ENERGIZING, index is not None, factor or 1.0
     return EnergizingLayout(
         names=names,
         table=signal_table(message, names if index is None else (index, *names), index),
@@ -281,7 +269,7 @@ def _index(
     on_grid = on_grid and all(other.rate_hz in (None, fitted.config.sampling.rate_hz) for other in companions)
     name = config.index
     if name is None and on_grid:
-        usual = USUAL_INDEX if any(signal.name == USUAL_INDEX for signal in message.signals) else None
+        usual = lookup.USUAL_INDEX if any(signal.name == lookup.USUAL_INDEX for signal in message.signals) else None
         name = next((other.index for other in companions if other.index is not None), usual)
     if not name:
         return None
@@ -293,7 +281,7 @@ def _index(
     return name
 
 
-def say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
+def say_nothing(inputs: input_tables.Inputs, slow: Sequence[SlowMessage]) -> None:
     """Fill frames made of recordings with the defaults of the optional inputs: a recording has no energizing."""
     for message in slow:
         layout = message.layout

@@ -9,16 +9,9 @@ import numpy as np
 
 from observer_rt.bus.alignment import LINE_SLOPE
 from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.mapping import bus_map
+from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.bench_map import KnownMessage
-from observer_rt.bus.mapping.bus_map import (
-    BusMap,
-    layout_of,
-    message_of,
-    message_timing,
-    role_factor,
-    role_range,
-    role_resolution,
-)
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
@@ -155,16 +148,16 @@ def _protection(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
 def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
     if role is Role.NEEDLE_LIFT and not fitted.has_lift:
         return graded("mapping", True, WITHOUT_LIFT)
-    number = message_of(bus, role)
+    number = bus_map.message_of(bus, role)
     layout, message = bus.input_layouts[number], bus.inputs.messages[number]
     is_lift = role is Role.NEEDLE_LIFT
     needed = fitted.parameters.seat.max_lift if is_lift else HIGHEST_PRESSURE
     unit, factor = ("um", MICROMETRE) if is_lift else ("MPa", MEGAPASCAL)
-    limits = role_range(bus, role)
-    resolution = role_resolution(bus, role, needed)
+    limits = bus_map.role_range(bus, role)
+    resolution = bus_map.role_resolution(bus, role, needed)
     noise: float = getattr(configured_noise(fitted), role.value)
     units = LENGTH_UNITS if is_lift else PRESSURE_UNITS
-    code = role_factor(bus, role)
+    code = bus_map.role_factor(bus, role)
     coded = next((name for name, known in units.items() if known == code), f"units of {code:g} {next(iter(units))}")
     samples, frames = int(message["samples"]), int(message["kind_count"])
     division = "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
@@ -187,7 +180,7 @@ def _sample_periods(fitted: BenchInjector, bus: BusMap, messages: Sequence[Known
     yield f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns"
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
-        expected = 1e9 * float(message_timing(bus, number)["interval"])
+        expected = 1e9 * float(bus_map.message_timing(bus, number)["interval"])
         periods = _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
         if _is_of_the_user(layout, messages) and _is_another(layout.sample_period_ns, expected):
             _, problem, remedy = next(periods)
@@ -234,7 +227,7 @@ def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) 
 def time_findings(bus: BusMap) -> Iterator[Said]:
     """One finding for each input message, warnings where something of its time cannot be seen."""
     for stream, timing in enumerate(bus.inputs.timing):
-        name = bus.name_of(layout_of(bus, stream))
+        name = bus.name_of(bus_map.layout_of(bus, stream))
         yield f"{name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
         if timing["numbering"] == Numbering.STAMPS:
             seen = "lost frames are seen, and results valid, only while its jitter stays below a quarter of its cycle"

@@ -9,31 +9,24 @@ from observer_rt.config.injector import ColumnConfig
 from observer_rt.files.signals.recording import EQUIDISTANT, OPTIONAL, Chunk, TimeGrid, UnevenTime, refuse_infinite
 from observer_rt.files.signals.stream import SignalStream, Stretch
 from observer_rt.files.signals.table import TIME, Table, TablePart, Values
+from observer_rt.foundation import units
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import (
-    CUBIC_MILLIMETRE,
-    LENGTH_UNITS,
-    MM3_PER_MS,
-    PRESSURE_UNITS,
-    TIME_UNITS,
-    spelled,
-)
 
 MASS_RATE_UNITS = {"mg/ms": 1e-3, "g/s": 1e-3, "kg/s": 1.0}
 RATE_UNITS = {
     "m3/s": 1.0,
-    "mm3/ms": MM3_PER_MS,
-    "mm3/s": CUBIC_MILLIMETRE,
+    "mm3/ms": units.MM3_PER_MS,
+    "mm3/s": units.CUBIC_MILLIMETRE,
     "m³/s": 1.0,
-    "mm³/ms": MM3_PER_MS,
-    "mm³/s": CUBIC_MILLIMETRE,
+    "mm³/ms": units.MM3_PER_MS,
+    "mm³/s": units.CUBIC_MILLIMETRE,
     **MASS_RATE_UNITS,  # over the fuel's density
 }
 UNITS = {
-    TIME: TIME_UNITS,
-    "rail_pressure": PRESSURE_UNITS,
-    "needle_lift": LENGTH_UNITS,
-    "line_pressure": PRESSURE_UNITS,
+    TIME: units.TIME_UNITS,
+    "rail_pressure": units.PRESSURE_UNITS,
+    "needle_lift": units.LENGTH_UNITS,
+    "line_pressure": units.PRESSURE_UNITS,
     "injection_rate": RATE_UNITS,
 }
 STEPS_PER_UNIT = 1e9  # of decimal text: a value on this grid becomes the double nearest to it in SI, too
@@ -104,7 +97,7 @@ class TableSignals(SignalStream):
         unit, said = stated if column.unit is None else (column.unit, self._table.mapped_by)
         if name not in UNITS:  # a level
             return unit, said
-        spelling = spelled(unit, UNITS[name])
+        spelling = units.spelled(unit, UNITS[name])
         if not spelling:
             raise UserError(
                 f"{self.path}, {self._table.label(name)}",

@@ -10,8 +10,8 @@ import numpy as np
 from observer_rt.bus.alignment import LINE_SLOPE
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping import bus_map
-from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.bench_map import KnownMessage
+from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector

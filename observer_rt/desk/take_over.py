@@ -33,8 +33,7 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.evidence import KeptEvent
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import replacing, to_disk, write_text
+from observer_rt.foundation.files import file_errors, replacing, to_disk, write_text
 from observer_rt.identification.likelihood.kept_events import read_folder
 from observer_rt.model.parameters import EffectInForce, InjectorParameters, UnitName
 from observer_rt.model.terms.in_force import TermInForce

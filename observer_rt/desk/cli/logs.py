@@ -13,10 +13,9 @@ from observer_rt.config.bench_file import of_links, refuse_shared_channels
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import RECORDED, Recording
 from observer_rt.foundation import options as shared
-from observer_rt.foundation.console import results, say, stop_on_signals
+from observer_rt.foundation.console import progress_bar, results, say, stop_on_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.options import Argument, Injector, Option
-from observer_rt.foundation.progress import progress_bar
 
 if TYPE_CHECKING:
     from observer_rt.files.recorder import RecordStatistics

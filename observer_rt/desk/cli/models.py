@@ -13,11 +13,10 @@ from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import Recordings
 from observer_rt.foundation import options as shared
-from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
+from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, UserError, require
 from observer_rt.foundation.options import Argument, Injector, Option
 from observer_rt.foundation.outputs import check_output, make_folder
-from observer_rt.foundation.progress import progress_bar
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,12 +8,11 @@ from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.cli.command import messages
 from observer_rt.desk.recording_options import SIGNALS, EvaluateOptions
 from observer_rt.foundation import options as shared
-from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
+from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import REPRODUCED
+from observer_rt.foundation.files import write_text
 from observer_rt.foundation.options import Option
-from observer_rt.foundation.outputs import check_output, make_folder, write_text
-from observer_rt.foundation.progress import progress_bar
+from observer_rt.foundation.outputs import REPRODUCED, check_output, make_folder
 from observer_rt.foundation.units import MICROMETRE, MICROSECOND, MILLISECOND
 
 MAX_SAMPLES = 20_000_000  # of a simulation, that a machine of 4 GiB can hold with their truth

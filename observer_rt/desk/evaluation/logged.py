@@ -23,9 +23,8 @@ from observer_rt.files.channels import InputFrames, chosen_channels
 from observer_rt.files.formats import is_log, open_recording
 from observer_rt.files.signals.recording import BESIDE, Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
-from observer_rt.foundation.console import say
+from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.progress import progress_bar
 
 RATE_TOLERANCE = 0.02  # relative deviation of the sample rate by stamps from that of the bench file
 FEWEST_FOR_RATE = 100  # frames

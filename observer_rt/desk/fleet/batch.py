@@ -16,10 +16,9 @@ from observer_rt.config.bench import Bench
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.desk.fleet.dataset import Dataset
 from observer_rt.desk.fleet.job import FailedFile, Task, evaluated
-from observer_rt.foundation.console import results, say
+from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, RunError
 from observer_rt.foundation.files import file_hash
-from observer_rt.foundation.progress import progress_bar
 
 CONNECT_TIMEOUT = 10.0  # s
 _SETTINGS = {

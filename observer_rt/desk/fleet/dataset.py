@@ -16,8 +16,7 @@ import pyarrow.parquet as pq
 
 from observer_rt.desk.fleet.job import SCHEMA
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import replacing, write_text
+from observer_rt.foundation.files import file_errors, replacing, write_text
 
 INJECTIONS, _SETTINGS = "injections", "batch.json"
 

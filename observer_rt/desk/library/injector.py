@@ -23,10 +23,9 @@ from observer_rt.desk.library.recordings import Recordings, digests, path_of, so
 from observer_rt.desk.library.results import EvaluationResult
 from observer_rt.engine.service.injector import calibration_of
 from observer_rt.files.signals.stream import SignalStream
-from observer_rt.foundation.console import say
-from observer_rt.foundation.files import INJECTOR_FILE
-from observer_rt.foundation.outputs import IN_A_CALL, check_output, write_text
-from observer_rt.foundation.progress import progress_bar
+from observer_rt.foundation.console import progress_bar, say
+from observer_rt.foundation.files import write_text
+from observer_rt.foundation.outputs import IN_A_CALL, INJECTOR_FILE, check_output
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer, refuse_incomparable
 from observer_rt.identification.fit.calibrate import write_fitted
 from observer_rt.identification.fit.cross_validation import refuse_clipped

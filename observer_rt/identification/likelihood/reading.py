@@ -11,10 +11,9 @@ from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.signals.doubts import doubts, refuse_dead, refuse_perforated, refuse_without_lift
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals, Sampled, SignalStream
-from observer_rt.foundation.console import say
+from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, file_hash
-from observer_rt.foundation.progress import progress_bar
 from observer_rt.identification.likelihood.commands import commands_of, with_commanded_lift
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES, measured
 from observer_rt.identification.likelihood.measurement import Measurement

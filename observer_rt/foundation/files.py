@@ -1,4 +1,4 @@
-"""Files read and written: failures, hashes, encodings, and replacement in one step.
+"""Files read and written: hashes, encodings, and replacement in one step.
 
 A file is written beside its place and renamed, so whenever the program ends, the old or the new file is whole.
 """
@@ -12,20 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from observer_rt.foundation.errors import RunError, UserError
-
-
-@contextmanager
-def file_errors(path: Path) -> Iterator[None]:
-    """Turn the operating system's errors on a file the user named into `UserError` and `RunError`."""
-    try:
-        yield
-    except FileNotFoundError:
-        raise UserError(str(path), "no such file or folder", "check the path") from None
-    except (PermissionError, IsADirectoryError, NotADirectoryError) as error:
-        raise UserError(str(path), f"cannot be opened: {error.strerror}", "check path and rights") from None
-    except OSError as error:
-        raise RunError(f"{path}: {error.strerror or error}") from error
+from observer_rt.foundation.errors import RunError, UserError, file_errors
 
 
 def is_at(path: Path, file: os.stat_result) -> bool:

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from observer_rt.foundation.console import FIGURE_SUFFIXES, check_suffix
-from observer_rt.foundation.errors import UserError, require
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.errors import UserError, file_errors, require
 
 _LOOKED_AT = 4096  # bytes of a file, from its beginning
 IN_A_CALL = "give force=True"

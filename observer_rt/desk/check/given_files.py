@@ -17,8 +17,7 @@ from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.signals.doubts import doubts
 from observer_rt.files.signals.naming import BY_HEADINGS
 from observer_rt.files.signals.stream import SignalStream
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.identification.likelihood.measurement import lift_noise
 

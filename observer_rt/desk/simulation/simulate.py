@@ -18,8 +18,8 @@ from observer_rt.desk.simulation.plant import Progress, Truth, run_plant
 from observer_rt.desk.simulation.schedule import Schedule, strokes
 from observer_rt.files.signals import table_writers
 from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording, shown_slowly
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors, replacing
+from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.files import replacing
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.effect import EffectParameter, SizedEffect
 from observer_rt.model.effective import EffectiveModel

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.foundation import outputs
-from observer_rt.foundation.errors import UserError, require
-from observer_rt.foundation.files import file_errors, write_text
+from observer_rt.foundation.errors import UserError, file_errors, require
+from observer_rt.foundation.files import write_text
 from observer_rt.identification.discovery.amend import AMENDED, stable_cells, write_amended
 from observer_rt.identification.discovery.discover import DiscoveryTask
 from observer_rt.identification.discovery.findings import FINDINGS, Findings, ModelSource

@@ -12,8 +12,8 @@ from observer_rt.files.signals.doubts import doubts, refuse_dead, refuse_perfora
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals, Sampled, SignalStream
 from observer_rt.foundation.console import progress_bar, say
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors, file_hash
+from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.files import file_hash
 from observer_rt.identification.likelihood.commands import commands_of, with_commanded_lift
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES, measured
 from observer_rt.identification.likelihood.measurement import Measurement

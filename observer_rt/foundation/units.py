@@ -1,10 +1,10 @@
-"""Factors between SI (inside) and the units of screens, plots, buses and CSV files; numbers as people write them.
+"""Factors between SI (inside) and units of screens, plots, buses, CSV files; numbers and lists as people write them.
 
 `value_si = value_shown * FACTOR`.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 MEGAPASCAL = 1e6  # Pa
 MILLIMETRE = 1e-3  # m
@@ -101,3 +101,9 @@ def shown(value: float, step: float) -> str:
         return f"{round(value, decimals):.{max(decimals, 0)}f}"
     digits = 1 + max(0, int(f"{abs(value) or step:.0e}".split("e")[1]) + decimals)
     return f"{value:.{digits}g}"
+
+
+def first_of(words: Sequence[str], most: int = 5, between: str = ", ") -> str:
+    """The first of many words, and how many more there are."""
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return between.join(words[:most]) + more

@@ -14,6 +14,7 @@ from observer_rt.files.signals.stream import HeldSignals, Sampled, SignalStream
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.files import file_hash
+from observer_rt.foundation.units import first_of
 from observer_rt.identification.likelihood.commands import commands_of, with_commanded_lift
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES, measured
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -22,7 +23,6 @@ from observer_rt.model.parameters import InjectorParameters
 
 _RATE_TOLERANCE = 1e-6  # relative
 _ALIKE = "give recordings that have a lift, or only such without one"
-_SHOWN = 5  # of the injections left out for one reason
 
 
 def read_measured(
@@ -137,8 +137,7 @@ def coverage(measurement: Measurement) -> str:
         lines.append(f"  {chosen}")
     for lack in sorted({event.lack for event in left_out}):
         times = [f"{event.time:.4f} s" for event in left_out if event.lack is lack]
-        more = f" and {len(times) - _SHOWN} more" if len(times) > _SHOWN else ""
-        lines.append(f"  left out, {lack}: at {', '.join(times[:_SHOWN])}{more}")
+        lines.append(f"  left out, {lack}: at {first_of(times)}")
     return "\n".join(lines)
 
 

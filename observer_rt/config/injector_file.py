@@ -11,9 +11,8 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, InlineTable
 
 from observer_rt.config.bench import load_injector
-from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.files import file_errors, file_hash
-from observer_rt.foundation.outputs import replacing
+from observer_rt.foundation.errors import RunError, UserError, file_errors
+from observer_rt.foundation.files import file_hash, replacing
 from observer_rt.model.parameters import EffectInForce
 from observer_rt.model.terms.in_force import TermInForce
 

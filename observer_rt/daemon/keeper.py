@@ -16,8 +16,8 @@ from observer_rt.daemon.state_file import save_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
-from observer_rt.foundation.files import JOURNAL, LEARNED_STATE, is_at
-from observer_rt.foundation.outputs import check_folder, check_own_file
+from observer_rt.foundation.files import is_at
+from observer_rt.foundation.outputs import JOURNAL, LEARNED_STATE, check_folder, check_own_file
 
 if TYPE_CHECKING:
     from observer_rt.daemon.journal import JournalWriter

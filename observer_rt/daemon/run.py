@@ -26,10 +26,9 @@ from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.injector import bench_constants, doubt_about_fit
 from observer_rt.engine.words import Topic
 from observer_rt.foundation.console import StopRequest, stop_on_signals
-from observer_rt.foundation.errors import ObserverError, UserError
-from observer_rt.foundation.files import SERVICE_LOG, file_errors
+from observer_rt.foundation.errors import ObserverError, UserError, file_errors
 from observer_rt.foundation.options import RunOptions
-from observer_rt.foundation.outputs import check_own_file
+from observer_rt.foundation.outputs import SERVICE_LOG, check_own_file
 from observer_rt.foundation.units import MICROSECOND
 
 if TYPE_CHECKING:

@@ -106,10 +106,6 @@ class ShownInjection:
     references: Mapping[str, float | None] = field(default_factory=dict)
     curves: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
-    def curve(self, name: str) -> NDArray[np.float32]:
-        """A curve; empty: it has none of this name."""
-        return self.curves.get(name, np.empty(0, np.float32))
-
     @property
     def text(self) -> dict[str, Any]:
         """All but the curves themselves, for JSON."""

@@ -24,8 +24,8 @@ from observer_rt.engine.learning.knowledge import Knowledge, LearningState, no_s
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.stream.standstill import RestingLift
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.files import LEARNED_STATE, refuse_other_kind
-from observer_rt.foundation.outputs import replacing
+from observer_rt.foundation.files import replacing
+from observer_rt.foundation.outputs import LEARNED_STATE, refuse_other_kind
 from observer_rt.foundation.records import Count, NotAsExpectedError, kept_names, plain, restored
 from observer_rt.model.parameters import InjectorParameters
 

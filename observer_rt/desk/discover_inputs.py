@@ -1,4 +1,4 @@
-"""Tasks of `discover`: recordings from files or evidence that a daemon kept, and the model to compare them with."""
+"""What `fit` and `discover` work on: recordings from files, or evidence that a daemon kept, and the model."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -12,10 +12,27 @@ from observer_rt.daemon.state_file import model_hash
 from observer_rt.desk.evaluation.logged import open_source, without_truths
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.discover import DiscoveryTask
-from observer_rt.identification.likelihood.commands import with_commanded_lift
+from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import hashes, read_measured, without_copies
 from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import InjectorParameters
+
+
+def measured_files(
+    paths: Sequence[Path],
+    injector: InjectorParameters,
+    decoder: Bench | None,
+    from_channels: Sequence[str],
+    console: Console,
+    most: int = MOST_SAMPLES,
+) -> tuple[Measurement, ...]:
+    """Recordings of an injector, as `read_measured`. decoder: what says how to read logs and foreign layouts."""
+    density = effective_model(injector).coefficients.density
+    read = partial(open_source, bench=decoder, from_channels=from_channels, console=console, density=density)
+    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
+    return read_measured(paths, read, injector, console, most, stated)
 
 
 def task_of_recordings(
@@ -32,15 +49,8 @@ def task_of_recordings(
     """
     start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
     injector = load_injector(start)
-    density = effective_model(injector).coefficients.density
     paths = without_copies(without_truths(recordings, console), console)
-    references = without_copies(healthy, console)
-    read = partial(open_source, bench=decoder, from_channels=from_channel, console=console, density=density)
-    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    lift_of = partial(with_commanded_lift, injector)
-    measured = read_measured(
-        [*paths, *references], read, console, stated=stated, baseline=injector.baseline, lift_of=lift_of
-    )
+    measured = measured_files([*paths, *without_copies(healthy, console)], injector, decoder, from_channel, console)
     return start, DiscoveryTask(injector, measured[: len(paths)], measured[len(paths) :], hashes(paths))
 
 

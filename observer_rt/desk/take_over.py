@@ -32,9 +32,8 @@ from observer_rt.daemon.state_file import learned_beside, model_hash, save_knowl
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.evidence import KeptEvent
 from observer_rt.files.signals.stream import HeldSignals
-from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import replacing, to_disk, write_text
+from observer_rt.foundation.errors import RunError, UserError, file_errors
+from observer_rt.foundation.files import replacing, to_disk, write_text
 from observer_rt.identification.likelihood.kept_events import read_folder
 from observer_rt.model.parameters import EffectInForce, InjectorParameters, UnitName
 from observer_rt.model.terms.in_force import TermInForce

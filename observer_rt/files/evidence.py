@@ -27,7 +27,7 @@ from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.table_writers import SI, ParquetWriter
 from observer_rt.foundation.errors import ObserverError, UserError
-from observer_rt.foundation.outputs import replacing
+from observer_rt.foundation.files import replacing
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
 
 SUFFIX = ".parquet"

@@ -27,9 +27,8 @@ from observer_rt.files.signals.table import SignalFormat
 from observer_rt.files.signals.table_signals import EvenSignals, TableSignals
 from observer_rt.files.signals.table_writers import PRINTED, SI, WrittenColumn, recording_writer
 from observer_rt.foundation.console import check_suffix
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import replacing
+from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.files import replacing
 from observer_rt.foundation.units import MILLISECOND
 
 Format = LogFormat | SignalFormat

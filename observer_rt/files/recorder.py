@@ -13,9 +13,9 @@ from observer_rt.bus.links.link import LONGEST_WAIT, BusFrame, Frame, Link, Link
 from observer_rt.bus.links.opening import RECONNECT_PERIOD
 from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame, LogWriter
 from observer_rt.files.formats import LOGS_WRITTEN, open_writer
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import begin_stream, check_output
+from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.files import begin_stream
+from observer_rt.foundation.outputs import check_output
 
 FLUSH_PERIOD = 1_000_000_000  # ns: no more than this is lost with the power
 REPORT_PERIOD = 250_000_000  # ns

@@ -6,7 +6,9 @@ import re
 import signal
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
+from time import monotonic
 from typing import Literal
 
 from rich.console import Console
@@ -16,6 +18,7 @@ from rich.text import Text
 from observer_rt.foundation.errors import UserError
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+SILENCE = 30.0  # s between lines of progress where no bar is seen
 
 
 def visible(text: str) -> str:
@@ -59,6 +62,27 @@ def check_suffix(location: str, path: Path, suffixes: Collection[str]) -> None:
     suffix = path.suffix.lower()
     if suffix not in suffixes:
         raise UserError(location, f"unknown kind of file '{suffix}'", f"known suffixes: {', '.join(suffixes)}")
+
+
+@contextlib.contextmanager
+def progress_bar(console: Console, text: str, total: float | None) -> Iterator[Callable[[float], None]]:
+    """A bar that takes the progress so far, out of `total` (None: unknown); it disappears at the end."""
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    is_seen = console.is_terminal or (console.is_jupyter and find_spec("ipywidgets") is not None)
+    with Progress(*columns, console=console, transient=True, disable=not is_seen) as progress:
+        task = progress.add_task(text, total=total)
+        said = monotonic()
+
+        def update(done: float) -> None:
+            nonlocal said
+            progress.update(task, completed=done)
+            if not is_seen and monotonic() - said > SILENCE:
+                said = monotonic()
+                say(console, text if total is None else f"{text}: {done / total:.0%}")
+
+        yield update
 
 
 class SignalledEvent(threading.Event):

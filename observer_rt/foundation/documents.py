@@ -17,8 +17,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.errors import UserError, file_errors
 
 Number = Annotated[
     float | None,

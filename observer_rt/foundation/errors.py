@@ -1,8 +1,10 @@
 """Kinds of failure a user can meet, their exit codes; what a misspelt name meant; which extra brings a library."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from difflib import SequenceMatcher
 from importlib.util import find_spec
+from pathlib import Path
 
 REMEDY = "\n  remedy: "  # between a problem and what to do
 CUTOFF = 0.6  # likeness below which two names have nothing to do with each other
@@ -47,6 +49,19 @@ class UserError(ObserverError):
         self.problem = problem
         self.remedy = remedy
         super().__init__(f"{location}: {problem}" + (f"{REMEDY}{remedy}" if remedy else ""))
+
+
+@contextmanager
+def file_errors(path: Path) -> Iterator[None]:
+    """Turn the operating system's errors on a file the user named into `UserError` and `RunError`."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise UserError(str(path), "no such file or folder", "check the path") from None
+    except (PermissionError, IsADirectoryError, NotADirectoryError) as error:
+        raise UserError(str(path), f"cannot be opened: {error.strerror}", "check path and rights") from None
+    except OSError as error:
+        raise RunError(f"{path}: {error.strerror or error}") from error
 
 
 def nearest(name: str, names: Iterable[str]) -> str | None:

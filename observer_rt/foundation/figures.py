@@ -8,8 +8,8 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import replacing
+from observer_rt.foundation.errors import file_errors
+from observer_rt.foundation.files import replacing
 
 MEASURED, GIVEN, FOUND = "#1b1f24", "#c0392b", "#1f77b4"
 """Colours of what was measured, of the model as given, and of the one that was found."""

@@ -1,7 +1,7 @@
-"""Options of commands, said once: the annotated fields of a frozen data class for each command.
+"""Options of commands, said once: the annotated parameters of the function of each command.
 
-A field `save_state` is `--save-state` on the command line; the command is given the whole object. Those that several
-commands share stand here, and those of `observer-rt run`, which the daemon is given.
+A parameter `save_state` is `--save-state` on the command line. Those that several commands share stand here, and
+those of `observer-rt run`, which the daemon is given as one object.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from typing import Annotated
 
 @dataclass(frozen=True)
 class Option:
-    """Declares a field as an option. metavar: what its value is called, by default after its type.
+    """Declares a parameter as an option. metavar: what its value is called, by default after its type.
 
     A default that `purpose` says in words, as `(default: ...`, is not shown again.
     """
@@ -24,7 +24,7 @@ class Option:
 
 @dataclass(frozen=True)
 class Argument:
-    """Declares a field as given without an option."""
+    """Declares a parameter as given without an option."""
 
     purpose: str
     metavar: str

@@ -1,24 +1,83 @@
 """Outputs: one rule for every file and folder that a command writes.
 
-A file that is there is replaced with --force only, and only if it holds the kind of content that is written. It is
-written beside its place and renamed, so whenever the program ends, the old or the new file is whole. A folder is
-filled, never emptied.
+A file that is there is replaced with --force only, and only if it holds the kind of content that is written. A folder
+is filled, never emptied.
 """
 
 import os
-import secrets
-import shutil
+import re
 import tempfile
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Collection
 from pathlib import Path
+from typing import NamedTuple
 
 from observer_rt.foundation.console import FIGURE_SUFFIXES, check_suffix
-from observer_rt.foundation.errors import RunError, UserError, require
-from observer_rt.foundation.files import FileKind, file_errors, refuse_other_kind
+from observer_rt.foundation.errors import UserError, file_errors, require
 
+_LOOKED_AT = 4096  # bytes of a file, from its beginning
 IN_A_CALL = "give force=True"
 """How a user of the library asks for what --force is on the command line."""
+
+
+class FileKind(NamedTuple):
+    """A kind of file: its name with an article, and how a file of it begins."""
+
+    name: str
+    beginning: re.Pattern[bytes]
+
+
+def _kind(name: str, beginning: bytes) -> FileKind:
+    return FileKind(name, re.compile(beginning, re.MULTILINE))
+
+
+LEARNED_STATE = _kind(
+    "a learned state",
+    rb'\A\s*\{\s*"version":\s*\d|"package_version":\s*"[^"]*",\s*"model_sha256":'
+    rb'|\A\s*\{\s*("v?e?r?s?i?o?n?"?:?\s*)?\Z',  # cut off at once
+)
+JOURNAL = _kind("a journal of injections", rb"\ASQLite format 3\0")
+SERVICE_LOG = _kind("a log of `observer-rt run`", rb"^\d{4}-\d\d-\d\dT[\d:.]+[+-]\d\d:\d\d [A-Z]+ [a-z]+: ")
+INJECTOR_FILE = _kind("an injector file", rb"^\[(fluid|line|seat|nozzle|chamber)\]")
+BENCH_FILE = _kind("a bench file", rb"^\[{1,2}(dbc|link|links|signals|outputs|recording|injectors)[].]")
+TABLE = _kind("a table of samples", rb"\A(\xef\xbb\xbf)?time_s,")
+FINDINGS = _kind("the findings of `discover`", rb'\A\{\s*"schema":\s*\d')
+REPRODUCED = _kind("a table of `reproduce`", rb"\Av_H,x3_mse_")
+_BY_SUFFIX = {
+    ".csv": TABLE,
+    ".parquet": _kind("a Parquet file", rb"\APAR1"),
+    ".mf4": _kind("an MDF file", rb"\A(MDF     |UnFinMF )"),
+    ".log": _kind("a log of candump", rb"^\s*\(\d+\.\d+\) "),
+    ".blf": _kind("a log of Vector, binary", rb"\ALOGG"),
+    ".asc": _kind("a log of Vector, text", rb"\Adate "),
+    ".trc": _kind("a log of PEAK", rb"\A;\$FILEVERSION"),
+    ".toml": INJECTOR_FILE,
+    ".html": _kind("a page", rb"\A\s*<!(DOCTYPE|doctype) html"),
+    ".png": _kind("a PNG figure", rb"\A\x89PNG"),
+    ".svg": _kind("an SVG figure", rb"\A\s*<(\?xml|svg)"),
+    ".pdf": _kind("a PDF figure", rb"\A%PDF"),
+}
+_KNOWN = (LEARNED_STATE, JOURNAL, SERVICE_LOG, BENCH_FILE, FINDINGS, *_BY_SUFFIX.values())
+
+
+def refuse_other_kind(option: str, path: Path, wanted: FileKind | None = None) -> None:
+    """Raise `UserError` naming the option where a file is there that we would not have written.
+
+    wanted: by default what its suffix stands for; an unknown suffix, of an installed format, may hold anything.
+    A file of nothing, or of zeros as a crash leaves it, is in nobody's way.
+    """
+    wanted = wanted or _BY_SUFFIX.get(path.suffix.lower())
+    if wanted is None or not path.is_file():
+        return
+    with file_errors(path), path.open("rb") as file:
+        content = file.read(_LOOKED_AT)
+    if not content.strip(b"\0") or wanted.beginning.search(content):
+        return
+    actual = next((kind.name for kind in _KNOWN if kind.beginning.search(content)), "something else")
+    raise UserError(
+        f"{option} {path}",
+        f"holds {actual}, not {wanted.name}, and stays as it is",
+        "name another file, or move this one away",
+    )
 
 
 def check_output(
@@ -82,53 +141,3 @@ def make_folder(option: str, folder: Path) -> None:
     with file_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     check_folder(option, folder)
-
-
-@contextmanager
-def replacing(target: Path) -> Iterator[Path]:
-    """A new file beside the target, which takes its place once it is complete and on the disk, and else is gone.
-
-    A link stays a link. Raises OSError, and `UserError` for a device or a pipe, which must not be replaced.
-    """
-    final = Path(os.path.realpath(target))
-    if final.exists() and not final.is_file():
-        raise UserError(str(target), "is no file", "name a file")
-    part = final.with_name(f".{final.stem}.{secrets.token_hex(4)}.part{target.suffix}")
-    try:
-        yield part
-        with suppress(FileNotFoundError):
-            shutil.copymode(final, part)
-        to_disk(part)
-        part.replace(final)
-    except UserError as error:
-        raise UserError(error.location.replace(str(part), str(target)), error.problem, error.remedy) from None
-    except RunError as error:
-        raise RunError(str(error).replace(str(part), str(target))) from error
-    finally:
-        part.unlink(missing_ok=True)
-    with suppress(OSError):  # not every file system lets one do so
-        to_disk(final.parent)
-
-
-def write_text(target: Path, text: str) -> None:
-    """Write a whole file. Raises `UserError`, `RunError`; what was there is then unchanged."""
-    with file_errors(target), replacing(target) as part:
-        part.write_text(text, encoding="utf-8")
-
-
-def begin_stream(path: Path, force: bool) -> None:
-    """Make the empty file of a stream that grows as long as it is recorded, which no rename can complete.
-
-    force: an earlier stream is given up for it. Raises `RunError` for a file that came meanwhile.
-    """
-    with file_errors(path):
-        path.open("w" if force else "x").close()
-
-
-def to_disk(path: Path) -> None:
-    """Wait until a file, or the names in a folder, have reached the disk. Raises OSError."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -1,10 +1,10 @@
-"""Factors between SI (inside) and the units of screens, plots, buses and CSV files, and to 95 % intervals.
+"""Factors between SI (inside) and units of screens, plots, buses, CSV files; numbers and lists as people write them.
 
 `value_si = value_shown * FACTOR`.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 MEGAPASCAL = 1e6  # Pa
 MILLIMETRE = 1e-3  # m
@@ -58,6 +58,9 @@ _SPELLINGS = {  # in small letters, of units above
     "kg_per_s": "kg/s",
 }
 
+_SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
+"""Units as people write them, by those of files."""
+
 
 def spelled(unit: str, units: Mapping[str, float]) -> str:
     """A unit as `units` have it, whatever its case and spelling; empty if it is not among them."""
@@ -77,3 +80,30 @@ def factor_of(text: str, units: Mapping[str, float]) -> float | None:
         return None
     unit = spelled(name, units)
     return count * units[unit] if math.isfinite(count) and count != 0.0 and unit else None
+
+
+def sign(unit: str) -> str:
+    """A unit as people write it."""
+    return _SIGNS.get(unit, unit)
+
+
+def significant(uncertainty: float) -> float:
+    """The unit of the second digit of an uncertainty: what a value is rounded to."""
+    return 10.0 ** (int(f"{uncertainty:.0e}".split("e")[1]) - 1) if uncertainty > 0.0 else 0.0
+
+
+def shown(value: float, step: float) -> str:
+    """A value rounded to a step of 10^n; as short as it may be."""
+    if not step > 0.0:
+        return f"{value:.6g}"
+    decimals = -int(f"{step:.0e}".split("e")[1])
+    if -3 <= decimals <= 6:
+        return f"{round(value, decimals):.{max(decimals, 0)}f}"
+    digits = 1 + max(0, int(f"{abs(value) or step:.0e}".split("e")[1]) + decimals)
+    return f"{value:.{digits}g}"
+
+
+def first_of(words: Sequence[str], most: int = 5, between: str = ", ") -> str:
+    """The first of many words, and how many more there are."""
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return between.join(words[:most]) + more

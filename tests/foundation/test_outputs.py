@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.outputs import check_output, replacing, write_text
+from observer_rt.foundation.files import replacing, write_text
+from observer_rt.foundation.outputs import check_output
 
 
 def test_rights_and_links_stay(tmp_path: Path) -> None:

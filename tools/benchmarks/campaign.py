@@ -26,8 +26,8 @@ from scipy.special import bdtr, bdtrc
 
 import observer_rt
 from observer_rt.__main__ import LIBRARY_THREADS
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import RunError
-from observer_rt.foundation.progress import progress_bar
 from tests.plants import plant
 
 Row = dict[str, Any]

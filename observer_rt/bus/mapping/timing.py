@@ -17,15 +17,7 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.injector import Meaning
 from observer_rt.config.signals import Role, undone_in_alignment
-from observer_rt.core.frames.frames import (
-    MAX_INTERPOLATED,
-    SLOTS,
-    TIMING,
-    UNPROTECTED,
-    Joining,
-    Numbering,
-    values_of_counter,
-)
+from observer_rt.core.frames import frames
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
@@ -59,7 +51,7 @@ def map_timing(
 
     Raises `UserError` naming bench file and key.
     """
-    rows = np.zeros(len(messages), TIMING)
+    rows = np.zeros(len(messages), frames.TIMING)
     leading = next(n for n, (_, roles) in enumerate(messages) if Role.LINE_PRESSURE in roles)
     for row, (message, roles), link, size in zip(rows, messages, links, samples, strict=True):
         _map_message(fitted, message, roles, link, size, row)
@@ -72,13 +64,13 @@ def map_timing(
         )
     for number, (row, (message, roles)) in enumerate(zip(rows, messages, strict=True)):
         same_base = _agreed(fitted, message, roles, "time_base") == grid.time_base
-        both_indexed = row["numbering"] == rows[leading]["numbering"] == Numbering.INDEX
+        both_indexed = row["numbering"] == rows[leading]["numbering"] == frames.Numbering.INDEX
         if number == leading or (same_base and both_indexed and row["steps"] == 1):
-            row["joining"] = Joining.INDEX
+            row["joining"] = frames.Joining.INDEX
         elif same_base and both_indexed:
-            row["joining"] = Joining.RATIO
+            row["joining"] = frames.Joining.RATIO
         else:
-            row["joining"] = Joining.NEAREST if same_base and row["steps"] == 1 else Joining.CLOCK
+            row["joining"] = frames.Joining.NEAREST if same_base and row["steps"] == 1 else frames.Joining.CLOCK
     return rows
 
 
@@ -102,8 +94,8 @@ def grid_relations(
         )
         late = max(delays, default=0.0) * config.sampling.rate_hz
         early = (0.5 * spacing if is_mean else 0.0) + late
-        reach = MAX_INTERPOLATED + 1.0
-        if row["joining"] in (Joining.INDEX, Joining.NEAREST):
+        reach = frames.MAX_INTERPOLATED + 1.0
+        if row["joining"] in (frames.Joining.INDEX, frames.Joining.NEAREST):
             others = int(bits) & ~(1 << ROLES.index(Role.LINE_PRESSURE))
             follows = early != 0.0 and others != 0
             result.append(GridRelation(others, spacing, reach, False, early, True) if follows else None)
@@ -176,13 +168,16 @@ def _map_message(
 ) -> None:
     layout = MessageLayout.of(message)
     signal = number_signal(fitted, message, roles)
-    numbering, modulus = Numbering.STAMPS, 1
+    numbering, modulus = frames.Numbering.STAMPS, 1
     if signal is not None and signal.length == INDEX_BITS:
-        numbering = Numbering.INDEX
+        numbering = frames.Numbering.INDEX
     elif signal is not None:
-        numbering, modulus = Numbering.COUNTER, 1 << signal.length
+        numbering, modulus = frames.Numbering.COUNTER, 1 << signal.length
     elif layout.e2e_data_id is not None:
-        numbering, modulus = Numbering.E2E_COUNTER, values_of_counter(layout.e2e_profile or UNPROTECTED)
+        numbering, modulus = (
+            frames.Numbering.E2E_COUNTER,
+            frames.values_of_counter(layout.e2e_profile or frames.UNPROTECTED),
+        )
     row["numbering"], row["modulus"] = numbering, modulus
     row["steps"] = steps = _steps(fitted, message, roles)
     row["interval"] = steps / fitted.config.sampling.rate_hz
@@ -237,7 +232,7 @@ def _set_hold(fitted: BenchInjector, message: Message, roles: Sequence[Role], sa
             raise UserError(location, problem, "leave it out, or state its rate_hz")
         return
     hold = HELD_CYCLES * cycle if stated is None else stated * MILLISECOND
-    longest = SLOTS // 2 / fitted.config.sampling.rate_hz
+    longest = frames.SLOTS // 2 / fitted.config.sampling.rate_hz
     if not cycle <= hold:
         raise UserError(
             location,

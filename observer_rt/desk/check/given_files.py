@@ -17,12 +17,10 @@ from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.signals.doubts import doubts
 from observer_rt.files.signals.naming import BY_HEADINGS
 from observer_rt.files.signals.stream import SignalStream
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
+from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS, first_of
 from observer_rt.identification.likelihood.measurement import lift_noise
 
-_SHOWN = 10  # stretches
 _UNITS = {role.value: of[1:] for role, of in SIGNALS.items()}
 _UNITS |= {"injection_rate": ("mm3/ms", MM3_PER_MS), "energizing": ("", 1.0), "chamber_pressure": ("MPa", MEGAPASCAL)}
 
@@ -39,8 +37,7 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
         f"{stretch.start:.6g} to {stretch.start + (stretch.samples - 1) / stream.sample_rate:.6g} s"
         for stretch in stream.stretches
     ]
-    more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
-    yield f"{stream.samples} samples at {stream.sample_rate:g} Hz: {', '.join(parts[:_SHOWN])}{more}"
+    yield f"{stream.samples} samples at {stream.sample_rate:g} Hz: {first_of(parts, 10)}"
     for note in stream.notes:
         if BY_HEADINGS not in note and note not in stream.details:  # which say it
             yield False, note, ""

@@ -1,9 +1,8 @@
 """Commands share this: the declaration of their options for typer, and the console of their messages."""
 
 from collections.abc import Callable
-from dataclasses import MISSING, fields, is_dataclass
 from functools import wraps
-from inspect import Parameter, Signature
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
@@ -17,25 +16,19 @@ from observer_rt.foundation.options import Argument
 messages = Console(stderr=True)
 
 
-def with_options(work: Callable[[Any], None]) -> Callable[..., None]:
-    """A command of typer that gives `work` its one argument, a data class whose fields are the options."""
-    kind = get_type_hints(work)["options"]
-    hints = get_type_hints(kind, include_extras=True)
-    inherited = {field.name for base in kind.__bases__ if is_dataclass(base) for field in fields(base)}
+def with_options(work: Callable[..., None]) -> Callable[..., None]:
+    """A command of typer whose options are the parameters of `work`, or the fields of its one argument `options`."""
+    record = get_type_hints(work).get("options")
     parameters = [
-        Parameter(
-            field.name,
-            Parameter.KEYWORD_ONLY,
-            default=Parameter.empty if field.default is MISSING else field.default,
-            annotation=_annotation(field.name, hints[field.name]),
-        )
-        for field in sorted(fields(kind), key=lambda field: field.name in inherited)
+        one.replace(kind=Parameter.KEYWORD_ONLY, annotation=_annotation(one.name, one.annotation))
+        for one in signature(record or work).parameters.values()
     ]
 
     @wraps(work)
     def command(**values: Any) -> None:
         stated = {name: value for name, value in values.items() if value is not None}
-        work(kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in stated.items()}))
+        options = {name: tuple(value) if isinstance(value, list) else value for name, value in stated.items()}
+        work(record(**options)) if record else work(**options)
 
     command.__dict__["__signature__"] = Signature(parameters)
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -43,7 +36,7 @@ def with_options(work: Callable[[Any], None]) -> Callable[..., None]:
 
 
 def _annotation(name: str, hint: Any) -> Any:
-    """The declaration of a field for typer."""
+    """The declaration of an option for typer."""
     kind, said = get_args(hint)
     if get_origin(kind) is tuple:
         kind = list[get_args(kind)[0]] | None  # type: ignore[misc]

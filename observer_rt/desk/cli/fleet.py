@@ -1,8 +1,7 @@
 """Commands over many recordings: `batch` and `trend`."""
 
-import json
-from dataclasses import dataclass
 from functools import partial
+from json import dumps
 from pathlib import Path
 from typing import Annotated
 
@@ -14,88 +13,74 @@ from observer_rt.foundation.options import Argument, Injector, Option
 from observer_rt.foundation.outputs import check_output, make_folder
 
 
-@dataclass(frozen=True)
-class BatchOptions:
-    """Options of the command."""
-
+def batch(
     sources: Annotated[
         tuple[str, ...], Argument("Files, folders (all below them) or patterns such as 'run_*/**/*.mf4'.", "SOURCE")
-    ]
+    ],
     out: Annotated[
         Path, Option("Folder for the tables (Parquet); recordings that are in them are not evaluated again.", "DIR")
-    ]
-    bench: shared.BenchFile = EXAMPLE_BENCH
-    model: shared.Model = None
-    injector: Injector = None
+    ],
+    bench: shared.BenchFile = EXAMPLE_BENCH,
+    model: shared.Model = None,
+    injector: Injector = None,
     injector_from: Annotated[
         str | None,
         Option("Regular expression whose first group finds an injector's name in a file's path.", "PATTERN"),
-    ] = None
+    ] = None,
     scheduler: Annotated[
         str | None, Option("Address of a Dask scheduler (default: workers on this computer).", "ADDRESS")
-    ] = None
-    workers: Annotated[int | None, Option("Processes on this computer (default: one per CPU).", minimum=1)] = None
-    state: shared.State = None
-    no_learning: Annotated[bool, Option("Judge injections without learning from them.")] = False
-    json: shared.Json = False
-
-
-def batch(options: BatchOptions) -> None:
+    ] = None,
+    workers: Annotated[int | None, Option("Processes on this computer (default: one per CPU).", minimum=1)] = None,
+    state: shared.State = None,
+    no_learning: Annotated[bool, Option("Judge injections without learning from them.")] = False,
+    json: shared.Json = False,
+) -> None:
     """Evaluate thousands of recordings in parallel: a table with one row per injection, resumed where it stopped."""
     from observer_rt.desk.evaluation.histories import begun_with
-    from observer_rt.desk.fleet.batch import connected, evaluate_all, settings_of, tell
-    from observer_rt.desk.fleet.dataset import Dataset
+    from observer_rt.desk.fleet.batch import Dataset, connected, evaluate_all, settings_of, tell
     from observer_rt.desk.fleet.job import Task
     from observer_rt.desk.fleet.recordings import INJECTOR_FROM, PathPattern, recordings_in
     from observer_rt.foundation.console import stop_on_signals
 
-    model, pattern = options.model and options.model.absolute(), options.injector_from
-    benches = load_bench(options.bench.absolute(), model, off_bus=True)
-    chosen = benches.of(options.injector)
-    names = None if pattern is None else PathPattern.read(INJECTOR_FROM, pattern)
-    paths = recordings_in(options.sources)
-    make_folder("--out", options.out)
-    learning = not options.no_learning
-    knowledge = begun_with("--state", options.state, chosen.injector.parameters, partial(say, messages))
-    dataset = Dataset(options.out, settings_of(chosen, options.state, learning, pattern))
+    chosen = load_bench(bench.absolute(), model and model.absolute(), off_bus=True).of(injector)
+    names = None if injector_from is None else PathPattern.read(INJECTOR_FROM, injector_from)
+    paths = recordings_in(sources)
+    make_folder("--out", out)
+    learning = not no_learning
+    knowledge = begun_with("--state", state, chosen.injector.parameters, partial(say, messages))
+    dataset = Dataset(out, settings_of(chosen, state, learning, injector_from))
     task = Task(chosen, Path.cwd(), knowledge, learning, names)
-    with stop_on_signals() as stop, connected(options.scheduler, options.workers) as client:
+    with stop_on_signals() as stop, connected(scheduler, workers) as client:
         counts = evaluate_all(client, stop, task, paths, dataset, messages)
-    tell(dataset, counts, options.json, messages)
+    tell(dataset, counts, json, messages)
 
 
-@dataclass(frozen=True)
-class TrendOptions:
-    """Options of the command."""
-
-    results_of: Annotated[Path, Argument("Folder that `batch` filled.", "DIR")]
+def trend(
+    results_of: Annotated[Path, Argument("Folder that `batch` filled.", "DIR")],
     limit: Annotated[
         tuple[str, ...],
         Option("Change of flow whose date is asked, such as nozzle=30% or seat=-20%; repeatable.", "QUANTITY=SIZE"),
-    ] = ()
+    ] = (),
     time_from: Annotated[
         str | None,
         Option("Regular expression whose first group finds date and time of a recording in its path.", "PATTERN"),
-    ] = None
-    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): courses of the most worn injectors.")] = None
-    force: shared.Force = False
-    json: shared.Json = False
-
-
-def trend(options: TrendOptions) -> None:
+    ] = None,
+    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): courses of the most worn injectors.")] = None,
+    force: shared.Force = False,
+    json: shared.Json = False,
+) -> None:
     """Show the wear of every injector over dates, the most worn first, and when it reaches limits."""
-    from observer_rt.desk.fleet.dataset import read_injections
+    from observer_rt.desk.fleet.batch import read_injections
     from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern
     from observer_rt.desk.fleet.trend import NEEDED, Limit, as_json, table_of, trends
 
-    plot, pattern = options.plot, options.time_from
     if plot is not None:
-        check_output("--plot", plot, options.force, suffixes=FIGURE_SUFFIXES)
-    limits = [Limit.read(text) for text in options.limit]
-    dates = None if pattern is None else PathPattern.read(TIME_FROM, pattern)
-    made = trends(read_injections(options.results_of, NEEDED), dates)
-    if options.json:
-        print(json.dumps(as_json(made, limits), indent=2))
+        check_output("--plot", plot, force, suffixes=FIGURE_SUFFIXES)
+    limits = [Limit.read(text) for text in limit]
+    dates = None if time_from is None else PathPattern.read(TIME_FROM, time_from)
+    made = trends(read_injections(results_of, NEEDED), dates)
+    if json:
+        print(dumps(as_json(made, limits), indent=2))
     else:
         results().print(table_of(made, limits))
     if plot is not None:

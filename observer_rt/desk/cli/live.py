@@ -1,8 +1,8 @@
 """Commands of the live observer: `demo`, `run`, `check`, `monitor` and `take-over`."""
 
-import json
 from dataclasses import dataclass
 from functools import partial
+from json import dumps
 from pathlib import Path
 from typing import Annotated
 
@@ -114,96 +114,78 @@ def run(options: RunOptions) -> None:
     serve(read, options, messages)
 
 
-@dataclass(frozen=True)
-class CheckOptions:
-    """Options of the command."""
-
-    bench: shared.BenchFile = EXAMPLE_BENCH
-    model: shared.Model = None
-    state: Annotated[Path | None, Option("Learned state to check: can it be used?")] = None
-    log: Annotated[Path | None, Option("CAN log to check: losses, jitter, noise.")] = None
-    from_channel: shared.FromChannel = ()
-    recording: Annotated[Path | None, Option("Recording to check: columns, units, rate, gaps, ranges.")] = None
-    injector: Injector = None
-    json: shared.Json = False
-
-
-def check(options: CheckOptions) -> None:
+def check(
+    bench: shared.BenchFile = EXAMPLE_BENCH,
+    model: shared.Model = None,
+    state: Annotated[Path | None, Option("Learned state to check: can it be used?")] = None,
+    log: Annotated[Path | None, Option("CAN log to check: losses, jitter, noise.")] = None,
+    from_channel: shared.FromChannel = (),
+    recording: Annotated[Path | None, Option("Recording to check: columns, units, rate, gaps, ranges.")] = None,
+    injector: Injector = None,
+    json: shared.Json = False,
+) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.desk.check import findings as module
     from observer_rt.desk.check import given_files
     from observer_rt.desk.check.bench_rules import checkup, of_each
 
-    is_alone = options.bench == EXAMPLE_BENCH and options.model is None and options.state is None
-    is_layout = options.recording is not None and (is_alone or is_off_bus(read_toml(options.bench)))
-    chosen = load_bench(options.bench, options.model, off_bus=is_layout).of(options.injector)
-    findings = [] if is_layout else checkup(chosen, options.state)
-    if (log := options.log) is not None:
-        findings += of_each(chosen, lambda alone: given_files.log_findings(alone, log, options.from_channel))
-    if options.recording is not None:
-        findings += given_files.recording_findings(chosen, options.recording)
-    if options.json:
-        print(json.dumps(module.as_json_document(findings), indent=2))
+    is_alone = bench == EXAMPLE_BENCH and model is None and state is None
+    is_layout = recording is not None and (is_alone or is_off_bus(read_toml(bench)))
+    chosen = load_bench(bench, model, off_bus=is_layout).of(injector)
+    findings = [] if is_layout else checkup(chosen, state)
+    if log is not None:
+        findings += of_each(chosen, lambda alone: given_files.log_findings(alone, log, from_channel))
+    if recording is not None:
+        findings += given_files.recording_findings(chosen, recording)
+    if json:
+        print(dumps(module.as_json_document(findings), indent=2))
     else:
         results().print(module.as_table(findings))
     if any(finding.level is module.Level.ERROR for finding in findings):
         raise typer.Exit(1)
 
 
-@dataclass(frozen=True)
-class MonitorOptions:
-    """Options of the command."""
-
-    bench: shared.BenchFile = EXAMPLE_BENCH
-    injector: Injector = None
-    port: Annotated[int, Option("Port of the page; 0 = any free one.", minimum=0, maximum=65535)] = 5006
+def monitor(
+    bench: shared.BenchFile = EXAMPLE_BENCH,
+    injector: Injector = None,
+    port: Annotated[int, Option("Port of the page; 0 = any free one.", minimum=0, maximum=65535)] = 5006,
     address: Annotated[
         str, Option("Address to serve the page at. The default can be reached from this computer only.")
-    ] = "127.0.0.1"
-    out: Annotated[Path, Option("Folder that `Save` writes injections into.", "DIR")] = Path("injections")
-
-
-def monitor(options: MonitorOptions) -> None:
+    ] = "127.0.0.1",
+    out: Annotated[Path, Option("Folder that `Save` writes injections into.", "DIR")] = Path("injections"),
+) -> None:
     """Serve a live page of the daemons of a bench: last injections, masses, wear, states and what to do."""
     from observer_rt.desk.live_page.server import serve_page
 
-    chosen = load_bench(options.bench).of(options.injector)
-    serve_page(chosen, options.address, options.port, options.out, messages)
+    chosen = load_bench(bench).of(injector)
+    serve_page(chosen, address, port, out, messages)
 
 
-@dataclass(frozen=True)
-class TakeOverOptions:
-    """Options of the command."""
-
-    amended: Annotated[Path | None, Argument("Amended injector file that `discover` wrote.", "AMENDED")] = None
-    bench: Annotated[Path | None, Option("Bench file that is to name it.")] = None
-    undo: Annotated[bool, Option("Instead: have the bench file name what it named before the last step.")] = False
+def take_over(
+    amended: Annotated[Path | None, Argument("Amended injector file that `discover` wrote.", "AMENDED")] = None,
+    bench: Annotated[Path | None, Option("Bench file that is to name it.")] = None,
+    undo: Annotated[bool, Option("Instead: have the bench file name what it named before the last step.")] = False,
     accept_changes: Annotated[
         bool, Option("Take it over although it also changes parameters that the file in force states otherwise.")
-    ] = False
-    injector: Injector = None
-
-
-def take_over(options: TakeOverOptions) -> None:
+    ] = False,
+    injector: Injector = None,
+) -> None:
     """Have a bench use an amended model, or undo that; the daemon that serves it reads it between two injections."""
     from observer_rt.desk import take_over as taking
 
-    if options.bench is None:
+    if bench is None:
         raise UserError("--bench", "is missing", "name the bench file that the daemon serves")
-    if (options.amended is None) != options.undo:
+    if (amended is None) != undo:
         raise UserError(
-            "AMENDED",
-            "is missing" if options.amended is None else "and --undo exclude each other",
-            "give one of them",
+            "AMENDED", "is missing" if amended is None else "and --undo exclude each other", "give one of them"
         )
-    bench, injector = options.bench, options.injector or ""
     done = (
-        taking.undo(bench, injector)
-        if options.amended is None
-        else taking.take_over(bench, injector, options.amended, options.accept_changes)
+        taking.undo(bench, injector or "")
+        if amended is None
+        else taking.take_over(bench, injector or "", amended, accept_changes)
     )
     before, words = done.step.before or "the nominal injector", done.step.as_text
-    say(results(), f"{bench}: " + (f"{done.step.after} -> {before}" if options.undo else f"{before} -> {words}"))
+    say(results(), f"{bench}: " + (f"{done.step.after} -> {before}" if undo else f"{before} -> {words}"))
     for change in done.changes:
         say(results(), f"  {change}")
     if done.answer is not None:

@@ -1,10 +1,10 @@
 """Commands between files and buses: `replay`, `record` and `convert`."""
 
-import json
 import math
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
+from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,10 +13,9 @@ from observer_rt.config.bench_file import of_links, refuse_shared_channels
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import RECORDED, Recording
 from observer_rt.foundation import options as shared
-from observer_rt.foundation.console import results, say, stop_on_signals
+from observer_rt.foundation.console import progress_bar, results, say, stop_on_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.options import Argument, Injector, Option
-from observer_rt.foundation.progress import progress_bar
 
 if TYPE_CHECKING:
     from observer_rt.files.recorder import RecordStatistics
@@ -36,41 +35,34 @@ Interface = Annotated[
 ]
 
 
-@dataclass(frozen=True)
-class ReplayOptions:
-    """Options of the command."""
-
-    recording: Recording
-    bench: shared.BenchFile = EXAMPLE_BENCH
-    channel: Channel = ()
-    interface: Interface = ()
-    speed: Annotated[float, Option("1 = real time; 0 = as fast as the bus takes.", minimum=0.0)] = 1.0
-    windowed: Annotated[bool, Option("Send only about 6 ms around each injection.")] = False
-    from_channel: shared.FromChannel = ()
-    force: Annotated[bool, Option("Send even if another node sends the same identifiers.")] = False
-    injector: Injector = None
-    json: shared.Json = False
-
-
-def replay(options: ReplayOptions) -> None:
+def replay(
+    recording: Recording,
+    bench: shared.BenchFile = EXAMPLE_BENCH,
+    channel: Channel = (),
+    interface: Interface = (),
+    speed: Annotated[float, Option("1 = real time; 0 = as fast as the bus takes.", minimum=0.0)] = 1.0,
+    windowed: Annotated[bool, Option("Send only about 6 ms around each injection.")] = False,
+    from_channel: shared.FromChannel = (),
+    force: Annotated[bool, Option("Send even if another node sends the same identifiers.")] = False,
+    injector: Injector = None,
+    json: shared.Json = False,
+) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
     from observer_rt.bus.links.opening import open_link
     from observer_rt.files.formats import is_log
     from observer_rt.files.replay import player
 
-    recording = options.recording
-    bench = load_bench(options.bench).of(options.injector)
-    chosen = _with_links(bench, options)
+    chosen = _with_links(load_bench(bench).of(injector), interface, channel)
     if is_log(recording):
-        if options.windowed:
+        if windowed:
             raise UserError("--windowed", "a log is sent as it was recorded", "leave out --windowed")
-        source = player.log_source(chosen, recording, options.from_channel, messages)
+        source = player.log_source(chosen, recording, from_channel, messages)
     else:
-        if options.from_channel:
+        if from_channel:
             raise UserError("--from-channel", f"{recording} is no CAN log: it has no channels", "leave it out")
-        source = player.recording_source(chosen, recording, options.windowed, messages)
+        source = player.recording_source(chosen, recording, windowed, messages)
     with stop_on_signals() as stopped, ExitStack() as stack:
-        if not options.force:
+        if not force:
             player.refuse_traffic(source.buses, source.sent, stopped)
         links = {
             number: stack.enter_context(open_link(config.interface, config.channel, config.fd, []))
@@ -78,33 +70,28 @@ def replay(options: ReplayOptions) -> None:
         }
         progress = stack.enter_context(progress_bar(messages, f"replaying {recording.name}", source.duration))
         first = min(links.items())[1]
-        speed, tell = options.speed or math.inf, partial(say, messages)
-        statistics = player.play(source.frames, first, speed, progress, stopped, links, tell)
-    print(json.dumps(statistics.as_json(), indent=2) if options.json else statistics.as_text())
+        tell = partial(say, messages)
+        statistics = player.play(source.frames, first, speed or math.inf, progress, stopped, links, tell)
+    print(dumps(statistics.as_json(), indent=2) if json else statistics.as_text())
 
 
-@dataclass(frozen=True)
-class RecordOptions:
-    """Options of the command."""
-
-    out: Annotated[Path, Option(f"Log to write ({RECORDED}).")]
-    bench: shared.BenchFile = EXAMPLE_BENCH
-    channel: Channel = ()
-    interface: Interface = ()
-    duration: Annotated[float | None, Option("Stop after this time [s].", minimum=0.0)] = None
-    frames: Annotated[int | None, Option("Stop after this number of frames.", minimum=1)] = None
-    force: shared.Force = False
-    json: shared.Json = False
-
-
-def record(options: RecordOptions) -> None:
+def record(
+    out: Annotated[Path, Option(f"Log to write ({RECORDED}).")],
+    bench: shared.BenchFile = EXAMPLE_BENCH,
+    channel: Channel = (),
+    interface: Interface = (),
+    duration: Annotated[float | None, Option("Stop after this time [s].", minimum=0.0)] = None,
+    frames: Annotated[int | None, Option("Stop after this number of frames.", minimum=1)] = None,
+    force: shared.Force = False,
+    json: shared.Json = False,
+) -> None:
     """Write every frame of the bench's buses into a log until stopped; lost frames are noted in it."""
     from observer_rt.bus.links.opening import open_link
     from observer_rt.files.recorder import RecordLimits, check_recording_path
     from observer_rt.files.recorder import record as record_links
 
-    buses = _with_links(load_bench(options.bench), options).config.buses
-    check_recording_path(options.out, options.force)
+    buses = _with_links(load_bench(bench), interface, channel).config.buses
+    check_recording_path(out, force)
     channels = [bus.config.channel for bus in buses]
     names = [bus.name if channels.count(bus.config.channel) > 1 and bus.name else bus.config.channel for bus in buses]
     with stop_on_signals() as stop, ExitStack() as stack, messages.status("waiting for frames") as status:
@@ -113,41 +100,34 @@ def record(options: RecordOptions) -> None:
             for name, link in zip(names, (bus.config for bus in buses), strict=True)
         }
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
-        limits = RecordLimits(options.duration, options.frames)
+        limits = RecordLimits(duration, frames)
 
         def report(so_far: "RecordStatistics") -> None:
             status.update(f"{so_far.frames} frames, {so_far.lost} lost")
 
-        statistics = record_links(links, options.out, limits, stop, report, options.force)
-    print(json.dumps(statistics.as_json(), indent=2) if options.json else statistics.as_text())
+        statistics = record_links(links, out, limits, stop, report, force)
+    print(dumps(statistics.as_json(), indent=2) if json else statistics.as_text())
 
 
-@dataclass(frozen=True)
-class ConvertOptions:
-    """Options of the command."""
-
-    recording: Recording
-    target: Annotated[Path, Argument("File to write, in the format of its suffix.", "OUT")]
-    bench: shared.Decoder = None
-    from_channel: shared.FromChannel = ()
-    injector: Injector = None
-    force: shared.Force = False
-
-
-def convert(options: ConvertOptions) -> None:
+def convert(
+    recording: Recording,
+    target: Annotated[Path, Argument("File to write, in the format of its suffix.", "OUT")],
+    bench: shared.Decoder = None,
+    from_channel: shared.FromChannel = (),
+    injector: Injector = None,
+    force: shared.Force = False,
+) -> None:
     """Convert recordings and CAN logs to other formats; with a bench file, logs to recordings."""
     from observer_rt.desk.evaluation.convert import convert as convert_file
 
-    chosen = decoder_of(options.bench, options.injector)
-    recording, target, channels = options.recording, options.target, options.from_channel
-    say(results(), convert_file(recording, target, chosen, channels, options.force, messages))
+    say(results(), convert_file(recording, target, decoder_of(bench, injector), from_channel, force, messages))
 
 
-def _with_links(bench: Bench, options: ReplayOptions | RecordOptions) -> Bench:
+def _with_links(bench: Bench, interface: Interface, channel: Channel) -> Bench:
     """The bench with the interfaces and channels of the command line."""
     config = bench.config
     changes: dict[int, dict[str, str]] = {}
-    for key, texts in (("interface", options.interface), ("channel", options.channel)):
+    for key, texts in (("interface", interface), ("channel", channel)):
         for bus, value in of_links(f"--{key}", texts, config.buses, "can1").items():
             changes.setdefault(bus, {})[key] = value
     link = config.link.model_copy(update=changes.get(0, {}))

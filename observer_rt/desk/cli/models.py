@@ -1,10 +1,9 @@
 """Commands that find out what a model should be: `fit`, `discover` and `effects`."""
 
-import json
 import sys
 import time
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
+from json import dumps
 from pathlib import Path
 from typing import Annotated
 
@@ -14,42 +13,30 @@ from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import Recordings
 from observer_rt.foundation import options as shared
-from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
+from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, UserError, require
 from observer_rt.foundation.options import Argument, Injector, Option
 from observer_rt.foundation.outputs import check_output, make_folder
-from observer_rt.foundation.progress import progress_bar
 
 
-@dataclass(frozen=True, kw_only=True)
-class ModelOptions:
-    """Options of `fit` and `discover`, after their own."""
-
-    bench: shared.Decoder = None
-    from_channel: shared.FromChannel = ()
-    injector: Injector = None
-    json: shared.Json = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class FitOptions(ModelOptions):
-    """Options of the command."""
-
-    recordings: Recordings
-    model: Annotated[Path, Option("Injector file to start from: geometry right, the rest within a factor of two.")]
-    output: Annotated[Path, Option("Fitted injector file to write.")]
+def fit(
+    recordings: Recordings,
+    model: Annotated[Path, Option("Injector file to start from: geometry right, the rest within a factor of two.")],
+    output: Annotated[Path, Option("Fitted injector file to write.")],
     mass: Annotated[
         Path | None,
         Option("Measured mean masses (CSV: recording,mass_mg|rate_file[,sigma_mg]), which fix the absolute level."),
-    ] = None
-    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase.")] = None
-    force: shared.Force = False
-
-
-def fit(options: FitOptions) -> None:
+    ] = None,
+    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase.")] = None,
+    force: shared.Force = False,
+    bench: shared.Decoder = None,
+    from_channel: shared.FromChannel = (),
+    injector: Injector = None,
+    json: shared.Json = False,
+) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
-    from observer_rt.config.signals import effects_on_one_raster
-    from observer_rt.desk.evaluation.logged import open_source, without_truths
+    from observer_rt.desk.discover_inputs import measured_files
+    from observer_rt.desk.evaluation.logged import without_truths
     from observer_rt.desk.library.fit import fitted_model
     from observer_rt.engine.service.injector import calibration_of
     from observer_rt.identification.fit.calibrate import write_fitted
@@ -57,77 +44,70 @@ def fit(options: FitOptions) -> None:
     from observer_rt.identification.fit.masses import read_masses
     from observer_rt.identification.fit.report import draw_fit, print_fit
     from observer_rt.identification.likelihood import reading
-    from observer_rt.identification.likelihood.commands import with_commanded_lift
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
     from observer_rt.model.effects import effective_model
 
-    model, output, plot = options.model, options.output, options.plot
-    decoder = decoder_of(options.bench, options.injector, model)
+    decoder = decoder_of(bench, injector, model)
     start, source = load_injector(model), InjectorFile.read(model)
     if output.resolve() == model.resolve():
         raise UserError(f"--output {output}", "is the model that is fitted", "name another file, to compare the two")
     for name, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
         if path is not None:
-            check_output(name, path, options.force, suffixes=suffixes)
-    paths = reading.without_copies(without_truths(options.recordings, messages), messages)
+            check_output(name, path, force, suffixes=suffixes)
+    paths = reading.without_copies(without_truths(recordings, messages), messages)
+    most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: a mass is the mean of all injections
+    measured = measured_files(paths, start, decoder, from_channel, messages, most)
+    reading.refuse_rates_missing([one.recording for one in measured])
+    refuse_clipped(measured)
     density = effective_model(start).coefficients.density
-    from_channels = options.from_channel
-    read = partial(open_source, bench=decoder, from_channels=from_channels, console=messages, density=density)
-    most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: a mass is the mean of all injections
-    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    lift_of = partial(with_commanded_lift, start)
-    recordings = reading.read_measured(paths, read, messages, most, stated, lift_of=lift_of)
-    reading.refuse_rates_missing([one.recording for one in recordings])
-    refuse_clipped(recordings)
-    weighed = {} if options.mass is None else read_masses(options.mass, recordings, density)
-    for line in (*map(reading.coverage, recordings), *(f"warning: {one}" for one in warnings(recordings))):
+    weighed = {} if mass is None else read_masses(mass, measured, density)
+    for line in (*map(reading.coverage, measured), *(f"warning: {one}" for one in warnings(measured))):
         say(messages, line)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
             sensors = calibration_of((decoder or load_bench(model=model)).injector)
-            fitted = fitted_model(start, recordings, weighed, reading.hashes(paths), progress, sensors)
+            fitted = fitted_model(start, measured, weighed, reading.hashes(paths), progress, sensors)
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
     write_fitted(output, source, fitted.done, fitted.baseline)
     if plot is not None:
         draw_fit(plot, fitted.done)
-    if options.json:
-        print(json.dumps(fitted.document.as_json(), indent=2))
+    if json:
+        print(dumps(fitted.document.as_json(), indent=2))
     else:
         print_fit(fitted.document, results())
     say(messages, f"{output}: written" + ("" if plot is None else f"; {plot}: figure"))
 
 
-@dataclass(frozen=True, kw_only=True)
-class DiscoverOptions(ModelOptions):
-    """Options of the command."""
-
-    out: Annotated[Path, Option("Folder for findings, amended model and report.", "DIR")]
-    recordings: Recordings = ()
+def discover(
+    out: Annotated[Path, Option("Folder for findings, amended model and report.", "DIR")],
+    recordings: Recordings = (),
     from_evidence: Annotated[
         Path | None,
         Option("Instead of recordings: folder of events that `run` kept, [evidence] in the bench file.", "DIR"),
-    ] = None
+    ] = None,
     model: Annotated[
         Path | None,
         Option("Injector file (default: the bench file's, that of the evidence, else the nominal injector)."),
-    ] = None
+    ] = None,
     healthy: Annotated[
         tuple[Path, ...], Option("Recording of a healthy injector to judge the model by; repeatable.", "RECORDING")
-    ] = ()
+    ] = (),
     choose: Annotated[
         str,
         Option(
             "Effect for the amended model, where several explain the recordings equally well; ID+ID for two.", "ID"
         ),
-    ] = ""
+    ] = "",
     accept_term: Annotated[
         int | None, Option("Number of the proposed law that the amended model is to have.", "N", 0)
-    ] = None
-    force: shared.Force = False
-
-
-def discover(options: DiscoverOptions) -> None:
+    ] = None,
+    force: shared.Force = False,
+    bench: shared.Decoder = None,
+    from_channel: shared.FromChannel = (),
+    injector: Injector = None,
+    json: shared.Json = False,
+) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.desk.discover_inputs import task_of_evidence, task_of_recordings
     from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
@@ -139,24 +119,21 @@ def discover(options: DiscoverOptions) -> None:
 
     require("jinja2", "matplotlib")
     begin = time.monotonic()
-    if (options.from_evidence is None) == (not options.recordings):
+    if (from_evidence is None) == (not recordings):
         raise UserError(
             "RECORDING",
-            "is missing" if options.from_evidence is None else "and --from-evidence are two sources",
+            "is missing" if from_evidence is None else "and --from-evidence are two sources",
             "give recordings, or the folder of evidence that the daemon keeps by --from-evidence",
         )
-    recordings, healthy, out = options.recordings, options.healthy, options.out
-    decoder = decoder_of(options.bench, options.injector, options.model)
-    chosen = effects_named("--choose", options.choose)
-    if options.from_evidence is not None:
-        model, task = task_of_evidence(options.from_evidence, options.model, decoder, messages)
+    decoder = decoder_of(bench, injector, model)
+    chosen = effects_named("--choose", choose)
+    if from_evidence is not None:
+        model, task = task_of_evidence(from_evidence, model, decoder, messages)
     else:
-        model, task = task_of_recordings(recordings, healthy, options.model, decoder, options.from_channel, messages)
-    folder.check_answer_folder(out, model, options.force)
+        model, task = task_of_recordings(recordings, healthy, model, decoder, from_channel, messages)
+    folder.check_answer_folder(out, model, force)
     amendable = InjectorFile.read(model)
-    task = replace(
-        task, chosen=chosen, accepted=options.accept_term or 0, observed=observer_remainder, learned=learned_laws
-    )
+    task = replace(task, chosen=chosen, accepted=accept_term or 0, observed=observer_remainder, learned=learned_laws)
     discovery.refuse_incomparable(task, str(model))
     make_folder("--out", out)
     for measurement in (*task.measured, *task.healthy):
@@ -170,7 +147,7 @@ def discover(options: DiscoverOptions) -> None:
     document = folder.write_findings(out, task, findings, amendable)
     if findings.not_accepted:
         say(messages, f"warning: {findings.not_accepted}")
-    if options.json:
+    if json:
         print(document)
     else:
         say(results(), as_text(findings))
@@ -178,21 +155,16 @@ def discover(options: DiscoverOptions) -> None:
         say(messages, f"{out}: {', '.join([folder.REPORT, FINDINGS, *more])}")
 
 
-@dataclass(frozen=True)
-class EffectsOptions:
-    """Options of the command."""
-
-    ids: Annotated[tuple[str, ...], Argument("Effects to describe in detail (default: all).", "ID")] = ()
-    json: shared.Json = False
-
-
-def effects(options: EffectsOptions) -> None:
+def effects(
+    ids: Annotated[tuple[str, ...], Argument("Effects to describe in detail (default: all).", "ID")] = (),
+    json: shared.Json = False,
+) -> None:
     """List the effects a model can have: unit, bounds, meaning, what each may be mistaken for."""
     from observer_rt.identification.discovery import vocabulary
     from observer_rt.model.effects import VOCABULARY
 
-    chosen = [effect_named("ID", name) for name in options.ids or VOCABULARY]
-    if options.json:
-        print(json.dumps(vocabulary.as_json(chosen), indent=2))
+    chosen = [effect_named("ID", name) for name in ids or VOCABULARY]
+    if json:
+        print(dumps(vocabulary.as_json(chosen), indent=2))
     else:
-        results().print(vocabulary.as_table(chosen, in_detail=bool(options.ids)), highlight=False)
+        results().print(vocabulary.as_table(chosen, in_detail=bool(ids)), highlight=False)

@@ -1,6 +1,5 @@
 """Commands that need no bus: `simulate`, `evaluate` and `reproduce`."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -8,32 +7,28 @@ from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.cli.command import messages
 from observer_rt.desk.recording_options import SIGNALS, EvaluateOptions
 from observer_rt.foundation import options as shared
-from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
+from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import REPRODUCED
+from observer_rt.foundation.files import write_text
 from observer_rt.foundation.options import Option
-from observer_rt.foundation.outputs import check_output, make_folder, write_text
-from observer_rt.foundation.progress import progress_bar
+from observer_rt.foundation.outputs import REPRODUCED, check_output, make_folder
 from observer_rt.foundation.units import MICROMETRE, MICROSECOND, MILLISECOND
 
 MAX_SAMPLES = 20_000_000  # of a simulation, that a machine of 4 GiB can hold with their truth
 
 
-@dataclass(frozen=True)
-class SimulateOptions:
-    """Options of the command."""
-
-    output: Annotated[Path, Option(f"Recording to write ({SIGNALS}).")]
+def simulate(
+    output: Annotated[Path, Option(f"Recording to write ({SIGNALS}).")],
     rail_pressure: Annotated[str, Option("Rail pressures [MPa], separated by commas; events take them in turn.")] = (
         "100"
-    )
+    ),
     energizing_time: Annotated[
         str, Option("Energizing times [ms], separated by commas; events take them in turn.")
-    ] = "1.9"
-    injections: Annotated[int, Option("Number of events.", minimum=1)] = 10
-    period: Annotated[float, Option("Time from event to event [ms].", minimum=1.0)] = 60.0
-    sample_rate: Annotated[float, Option("Samples a second [Hz].", minimum=1.0)] = 100e3
-    shots: Annotated[str | None, Option("Shots of every event as duration@offset [ms], e.g. 0.3@-1.5,1.0@0.")] = None
+    ] = "1.9",
+    injections: Annotated[int, Option("Number of events.", minimum=1)] = 10,
+    period: Annotated[float, Option("Time from event to event [ms].", minimum=1.0)] = 60.0,
+    sample_rate: Annotated[float, Option("Samples a second [Hz].", minimum=1.0)] = 100e3,
+    shots: Annotated[str | None, Option("Shots of every event as duration@offset [ms], e.g. 0.3@-1.5,1.0@0.")] = None,
     effect: Annotated[
         tuple[str, ...],
         Option(
@@ -41,99 +36,89 @@ class SimulateOptions:
             "in the unit that `observer-rt effects` lists; repeatable.",
             "EFFECT",
         ),
-    ] = ()
-    noise: Annotated[str, Option("on: noise and 16-bit quantisation; off: none.", "on|off")] = "on"
-    measured_rate: Annotated[bool, Option("Add a measured injection rate with its errors.")] = False
-    energizing: Annotated[bool, Option("Add a column that is 1 while the injector is energized.")] = False
+    ] = (),
+    noise: Annotated[str, Option("on: noise and 16-bit quantisation; off: none.", "on|off")] = "on",
+    measured_rate: Annotated[bool, Option("Add a measured injection rate with its errors.")] = False,
+    energizing: Annotated[bool, Option("Add a column that is 1 while the injector is energized.")] = False,
     no_lift: Annotated[bool, Option("Leave out the needle lift, as most benches must: energizing stands for it.")] = (
         False
-    )
+    ),
     jitter: Annotated[
         float, Option("By which the needle answers energizing later or earlier, one sigma [us].", minimum=0.0)
-    ] = 0.0
-    bounce: Annotated[float, Option("Lift of the needle after it landed [um].", minimum=0.0, maximum=200.0)] = 0.0
-    seed: Annotated[int, Option("Seed of the noise.", minimum=0)] = 0
-    model: Annotated[Path, Option("Injector file (default: the nominal injector).")] = NOMINAL_INJECTOR
-    force: shared.Force = False
-
-
-def simulate(options: SimulateOptions) -> None:
+    ] = 0.0,
+    bounce: Annotated[float, Option("Lift of the needle after it landed [um].", minimum=0.0, maximum=200.0)] = 0.0,
+    seed: Annotated[int, Option("Seed of the noise.", minimum=0)] = 0,
+    model: Annotated[Path, Option("Injector file (default: the nominal injector).")] = NOMINAL_INJECTOR,
+    force: shared.Force = False,
+) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.desk.simulation import schedule as times
     from observer_rt.desk.simulation import simulate as simulation
     from observer_rt.files.formats import SIGNALS_WRITTEN, write_recording
 
-    if options.noise not in ("on", "off"):
-        raise UserError("--noise", f"is {options.noise!r}", "give on or off")
-    output, rate, injections = options.output, options.sample_rate, options.injections
+    if noise not in ("on", "off"):
+        raise UserError("--noise", f"is {noise!r}", "give on or off")
     truth = simulation.truth_path(output)
-    check_output("--output", output, options.force, suffixes=SIGNALS_WRITTEN)
-    check_output("--output", truth, options.force)
-    spacing = options.period * MILLISECOND
-    samples = injections * spacing * rate
+    check_output("--output", output, force, suffixes=SIGNALS_WRITTEN)
+    check_output("--output", truth, force)
+    spacing = period * MILLISECOND
+    samples = injections * spacing * sample_rate
     if samples > MAX_SAMPLES:
         raise UserError(
             "--injections",
-            f"{injections} events every {options.period:g} ms at {rate:g} Hz are {samples:.3g} samples "
+            f"{injections} events every {period:g} ms at {sample_rate:g} Hz are {samples:.3g} samples "
             f"(at most {MAX_SAMPLES:.3g})",
             "write several recordings; `evaluate --chain` takes them as one history",
         )
     schedule = times.make_schedule(
-        times.parse_rail_pressures(options.rail_pressure),
+        times.parse_rail_pressures(rail_pressure),
         injections,
         spacing,
-        times.parse_energizing_times(options.energizing_time),
-        times.parse_shots(options.shots) if options.shots else (),
+        times.parse_energizing_times(energizing_time),
+        times.parse_shots(shots) if shots else (),
     )
-    parameters = load_injector(options.model)
-    deviations = simulation.parse_effects(options.effect)
-    noise, bounce = simulation.SimulatedNoise() if options.noise == "on" else None, options.bounce * MICROMETRE
+    parameters = load_injector(model)
+    deviations = simulation.parse_effects(effect)
+    added = simulation.SimulatedNoise() if noise == "on" else None
     with progress_bar(messages, "simulating", 1.0) as progress:
         made = simulation.simulate(
-            parameters, schedule, rate, deviations, noise, options.measured_rate, options.seed, progress, bounce
+            parameters, schedule, sample_rate, deviations, added, measured_rate, seed, progress, bounce * MICROMETRE
         )
     recording = made.recording
-    if options.energizing or options.no_lift:
-        level = times.energized(schedule, recording.time, options.jitter * MICROSECOND, options.seed)
+    if energizing or no_lift:
+        level = times.energized(schedule, recording.time, jitter * MICROSECOND, seed)
         recording = recording.with_arrays({"energizing": level})
-    if options.no_lift:
+    if no_lift:
         recording = recording.without_lift()
     write_recording(output, recording)
     simulation.write_truth(truth, made.truth)
     effects = "; ".join((*parameters.in_force, *map(simulation.sizes_of, deviations))) or "no effect"
-    count = f"{made.recording.samples} samples at {rate:g} Hz, {injections} events"
+    count = f"{made.recording.samples} samples at {sample_rate:g} Hz, {injections} events"
     say(messages, f"{output}: {count}, {effects}; truth in {truth.name}")
 
 
 def evaluate(options: EvaluateOptions) -> None:
     """Run recordings through the observer, as the daemon would and as fast as the machine allows."""
-    from observer_rt.desk.evaluation.command import evaluate_files
+    from observer_rt.desk.evaluation.histories import evaluate_files
 
     stated = load_bench(options.bench, options.model, off_bus=True).of(options.injector)
     evaluate_files(stated, options, messages)
 
 
-@dataclass(frozen=True)
-class ReproduceOptions:
-    """Options of the command."""
-
-    out: Annotated[Path, Option("Folder for figures and table.", "DIR")]
-    force: shared.Force = False
-
-
-def reproduce(options: ReproduceOptions) -> None:
+def reproduce(
+    out: Annotated[Path, Option("Folder for figures and table.", "DIR")], force: shared.Force = False
+) -> None:
     """Reproduce the paper's Figs. 3-5, its scheme and ours side by side, with a table."""
     from observer_rt.desk.paper.figures import draw_figure_3, draw_figure_4, draw_figure_5
     from observer_rt.desk.paper.study import NOZZLE_WEAR, run_study
     from observer_rt.desk.paper.table import csv_table, screen_table
 
-    out = options.out
     make_folder("--out", out)
     figures = [out / f"figure_{number}.png" for number in (3, 4, 5)]
     table = out / "table.csv"
     for path in figures:
-        check_output("--out", path, options.force, suffixes=FIGURE_SUFFIXES)
-    check_output("--out", table, options.force, REPRODUCED)
+        check_output("--out", path, force, suffixes=FIGURE_SUFFIXES)
+    check_output("--out", table, force, REPRODUCED)
     with progress_bar(messages, "reproducing", 1.0) as progress:
         study = run_study(load_bench().exact, progress)
     draw_figure_3(figures[0], study)

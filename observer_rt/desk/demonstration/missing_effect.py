@@ -34,8 +34,8 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.figures import save_figure
+from observer_rt.foundation.files import write_text
 from observer_rt.foundation.options import RunOptions
-from observer_rt.foundation.outputs import write_text
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.amend import AMENDED
 from observer_rt.identification.discovery.findings import FINDINGS

@@ -15,11 +15,10 @@ from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.doubts import refuse_without_lift
 from observer_rt.files.signals.table_writers import recording_writer
-from observer_rt.foundation.console import say
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import check_output, replacing
-from observer_rt.foundation.progress import progress_bar
+from observer_rt.foundation.console import progress_bar, say
+from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.files import replacing
+from observer_rt.foundation.outputs import check_output
 
 FIRST_FRAMES = 1000  # the earliest is among them: drivers swap frames, channels have their own time
 FRAMES_PER_STEP = 5000  # of the progress bar

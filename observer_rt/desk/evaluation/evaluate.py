@@ -30,8 +30,7 @@ from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
 from observer_rt.files.signals.table_writers import TableWriter
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.model.effective import Coefficients
 
 

@@ -23,14 +23,13 @@ from observer_rt.files.channels import InputFrames, chosen_channels
 from observer_rt.files.formats import is_log, open_recording
 from observer_rt.files.signals.recording import BESIDE, Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
-from observer_rt.foundation.console import say
+from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.progress import progress_bar
+from observer_rt.foundation.units import first_of
 
 RATE_TOLERANCE = 0.02  # relative deviation of the sample rate by stamps from that of the bench file
 FEWEST_FOR_RATE = 100  # frames
 LARGEST_HOLE = 1 << 28  # samples between two that came
-_SHOWN = 5  # places where a log is split
 
 
 @dataclass(frozen=True)
@@ -225,9 +224,7 @@ def _too_few(
 def _restarts(path: Path, stretches: Sequence[LoggedStretch]) -> Iterator[str]:
     if len(stretches) > 1:
         places = [f"after sample {before.last_index}" for before in stretches[:-1]]
-        more = f" and {len(places) - _SHOWN} more" if len(places) > _SHOWN else ""
-        shown = ", ".join(places[:_SHOWN])
-        yield f"{path}: a device was restarted, its sample index begins anew: split {shown}{more}"
+        yield f"{path}: a device was restarted, its sample index begins anew: split {first_of(places)}"
 
 
 class _Stamps:

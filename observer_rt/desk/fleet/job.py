@@ -21,8 +21,7 @@ from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
 from observer_rt.files.formats import is_log
 from observer_rt.files.signals.doubts import refuse_dead
-from observer_rt.foundation.errors import ObserverError
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.errors import ObserverError, file_errors
 
 _KINDS = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string()}
 SCHEMA = pa.schema(

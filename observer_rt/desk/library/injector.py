@@ -23,18 +23,16 @@ from observer_rt.desk.library.recordings import Recordings, digests, path_of, so
 from observer_rt.desk.library.results import EvaluationResult
 from observer_rt.engine.service.injector import calibration_of
 from observer_rt.files.signals.stream import SignalStream
-from observer_rt.foundation.console import say
-from observer_rt.foundation.files import INJECTOR_FILE
-from observer_rt.foundation.outputs import IN_A_CALL, check_output, write_text
-from observer_rt.foundation.progress import progress_bar
+from observer_rt.foundation.console import progress_bar, say
+from observer_rt.foundation.files import write_text
+from observer_rt.foundation.outputs import IN_A_CALL, INJECTOR_FILE, check_output
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer, refuse_incomparable
 from observer_rt.identification.fit.calibrate import write_fitted
 from observer_rt.identification.fit.cross_validation import refuse_clipped
 from observer_rt.identification.fit.masses import read_masses
-from observer_rt.identification.likelihood.commands import with_commanded_lift
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.reading import LiftOf, coverage, read_measured, refuse_rates_missing
+from observer_rt.identification.likelihood.reading import coverage, read_measured, refuse_rates_missing
 from observer_rt.model.parameters import InjectorParameters
 
 Pathlike = str | PathLike[str]
@@ -130,7 +128,7 @@ class Injector:
             sources = sources_of(recordings, self.bench, notes.console)
             # Whole: a mass is the mean of all injections.
             most = MOST_SAMPLES if masses is None else sys.maxsize
-            measured = self._measured(sources, notes, most, partial(with_commanded_lift, self.parameters))
+            measured = self._measured(sources, notes, most)
             refuse_rates_missing([one.recording for one in measured])
             refuse_clipped(measured)
             density = self.bench.injector.coefficients.density
@@ -211,8 +209,7 @@ class Injector:
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
             references = [] if healthy is None else sources_of(healthy, self.bench, notes.console)
-            lift_of = partial(with_commanded_lift, self.parameters)
-            measured = self._measured([*sources, *references], notes, lift_of=lift_of)
+            measured = self._measured([*sources, *references], notes)
             task = DiscoveryTask(
                 self.parameters,
                 measured[: len(sources)],
@@ -235,18 +232,13 @@ class Injector:
         return replace(self, bench=bench, file=InjectorFile.read(path), calibration=None)
 
     def _measured(
-        self,
-        sources: Sequence[SignalStream],
-        notes: CallNotes,
-        most: int = MOST_SAMPLES,
-        lift_of: LiftOf | None = None,
+        self, sources: Sequence[SignalStream], notes: CallNotes, most: int = MOST_SAMPLES
     ) -> tuple[Measurement, ...]:
         """Looks for injections."""
         named = {source.path: source for source in sources if source.path is not None}
-        stated = effects_on_one_raster(self.bench.injector)
         paths = [source.path for source in sources if source.path is not None]
-        baseline = self.parameters.baseline
-        return read_measured(paths, named.__getitem__, notes.console, most, stated, baseline, lift_of)
+        stated = effects_on_one_raster(self.bench.injector)
+        return read_measured(paths, named.__getitem__, self.parameters, notes.console, most, stated)
 
     def __repr__(self) -> str:
         return "\n".join(self._lines)

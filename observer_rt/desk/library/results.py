@@ -20,8 +20,7 @@ from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
 from observer_rt.engine.stream.state import State
 from observer_rt.foundation.errors import require
-from observer_rt.foundation.files import LEARNED_STATE
-from observer_rt.foundation.outputs import IN_A_CALL, check_output
+from observer_rt.foundation.outputs import IN_A_CALL, LEARNED_STATE, check_output
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.model.parameters import InjectorParameters
 

@@ -7,15 +7,7 @@ import pandas as pd
 
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.library.notes import naming_parameters
-from observer_rt.desk.simulation.schedule import (
-    ENERGIZING_TIME_OPTION,
-    INJECTIONS_OPTION,
-    PERIOD_OPTION,
-    RAIL_PRESSURE_OPTION,
-    make_schedule,
-    parse_energizing_times,
-    parse_rail_pressures,
-)
+from observer_rt.desk.simulation import schedule as times
 from observer_rt.desk.simulation.simulate import OPTION as EFFECT_OPTION
 from observer_rt.desk.simulation.simulate import SAMPLE_RATE_OPTION, SimulatedNoise, parse_effects
 from observer_rt.desk.simulation.simulate import simulate as simulated
@@ -26,10 +18,10 @@ if TYPE_CHECKING:
     from observer_rt.desk.library.injector import Injector
 
 _PARAMETERS = {
-    RAIL_PRESSURE_OPTION: "rail_pressure_MPa",
-    ENERGIZING_TIME_OPTION: "energizing_ms",
-    INJECTIONS_OPTION: "injections",
-    PERIOD_OPTION: "period_ms",
+    times.RAIL_PRESSURE_OPTION: "rail_pressure_MPa",
+    times.ENERGIZING_TIME_OPTION: "energizing_ms",
+    times.INJECTIONS_OPTION: "injections",
+    times.PERIOD_OPTION: "period_ms",
     SAMPLE_RATE_OPTION: "sample_rate_Hz",
     EFFECT_OPTION: "effects",
 }
@@ -85,11 +77,11 @@ def simulate(
     """
     parameters = load_injector() if injector is None else injector.parameters
     with naming_parameters(_PARAMETERS):
-        schedule = make_schedule(
-            parse_rail_pressures(_as_text(rail_pressure_MPa)),
+        schedule = times.make_schedule(
+            times.parse_rail_pressures(_as_text(rail_pressure_MPa)),
             injections,
             period_ms * MILLISECOND,
-            parse_energizing_times(_as_text(energizing_ms)),
+            times.parse_energizing_times(_as_text(energizing_ms)),
         )
         sizes = parse_effects([text for one in (effects or {}).items() for text in _effect_texts(*one)])
         levels = SimulatedNoise() if noise else None

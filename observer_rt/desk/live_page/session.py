@@ -12,9 +12,8 @@ import numpy as np
 
 from observer_rt.daemon.snapshot import ShownInjection
 from observer_rt.desk.live_page.reading import Watching
-from observer_rt.foundation.errors import ObserverError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import replacing, write_text
+from observer_rt.foundation.errors import ObserverError, file_errors
+from observer_rt.foundation.files import replacing, write_text
 
 _AHEAD = 2  # messages: one is on its way while the last one is drawn
 _STATUS_EVERY = 0.4  # s

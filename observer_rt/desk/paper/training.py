@@ -11,15 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.desk.paper.scheme import (
-    WEIGHTS,
-    EventPass,
-    FaultCost,
-    PaperSetting,
-    design_vector,
-    free_network,
-    swept,
-)
+from observer_rt.desk.paper import scheme
 from observer_rt.engine.estimation.predictor import Window
 
 SUFFICIENT_DECREASE = 1e-4  # rho of (18)
@@ -98,21 +90,21 @@ def _armijo(
 
 
 def train(
-    window: Window, setting: PaperSetting, in_force: NDArray[np.float64], start: NDArray[np.float64]
+    window: Window, setting: scheme.PaperSetting, in_force: NDArray[np.float64], start: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Weights p (48,): one pass over the event with those in force, then 30 epochs from those to start with.
 
     z is taken along x^, the target L l e~ from x~; both stay fixed while J is minimised (10).
     """
-    seen = swept(window, setting, free_network(in_force, setting.gain))
-    cost = FaultCost(*training_data(window, seen, setting), setting.gain)
-    return minimise(cost, start, np.eye(WEIGHTS) / GAMMA, EPOCHS).theta
+    seen = scheme.swept(window, setting, scheme.free_network(in_force, setting.gain))
+    cost = scheme.FaultCost(*training_data(window, seen, setting), setting.gain)
+    return minimise(cost, start, np.eye(scheme.WEIGHTS) / GAMMA, EPOCHS).theta
 
 
 def training_data(
-    window: Window, seen: EventPass, setting: PaperSetting
+    window: Window, seen: scheme.EventPass, setting: scheme.PaperSetting
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Arguments z = [x^ u 1] (k, 6) and targets L l e~ (k, 3) [1/s] of the k samples driven by phi."""
     z = np.column_stack([seen.x, window.inputs[:, 0], np.maximum(window.inputs[:, 1], 0.0), np.ones(seen.error.size)])
-    target = setting.gain * np.outer(seen.error, design_vector(setting.coefficients))
+    target = setting.gain * np.outer(seen.error, scheme.design_vector(setting.coefficients))
     return z[seen.driven], target[seen.driven]

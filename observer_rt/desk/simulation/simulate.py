@@ -16,18 +16,10 @@ from numpy.typing import NDArray
 from observer_rt.config.effects import effect_named, parameter_named, value_in_bounds
 from observer_rt.desk.simulation.plant import Progress, Truth, run_plant
 from observer_rt.desk.simulation.schedule import Schedule, strokes
+from observer_rt.files.signals import table_writers
 from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording, shown_slowly
-from observer_rt.files.signals.table_writers import (
-    INJECTION_RATE,
-    LINE_PRESSURE,
-    NEEDLE_LIFT,
-    TIME,
-    WrittenColumn,
-    write_columns,
-)
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import replacing
+from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.files import replacing
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.effect import EffectParameter, SizedEffect
 from observer_rt.model.effective import EffectiveModel
@@ -37,8 +29,8 @@ from observer_rt.model.parameters import InjectorParameters
 HIGHEST_CODE = 0xFFFD  # above it the bus says "error" and "not available"
 MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
 MAX_SAMPLE_RATE = 1e6  # Hz
-SAC_PRESSURE = WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL)
-LINE_FLOW = WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS)
+SAC_PRESSURE = table_writers.WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL)
+LINE_FLOW = table_writers.WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS)
 OPTION = "--effect"
 SAMPLE_RATE_OPTION = "--sample-rate"
 
@@ -124,13 +116,13 @@ def truth_path(recording: Path) -> Path:
 def write_truth(path: Path, truth: Truth) -> None:
     """Write the truth as CSV, units in the header. Raises `UserError` or `RunError` for the file."""
     with file_errors(path), replacing(path) as part:
-        write_columns(
+        table_writers.write_columns(
             part,
             [
-                (TIME, truth.time),
-                (INJECTION_RATE, truth.injection_rate),
-                (NEEDLE_LIFT, truth.needle_lift),
-                (LINE_PRESSURE, truth.line_pressure),
+                (table_writers.TIME, truth.time),
+                (table_writers.INJECTION_RATE, truth.injection_rate),
+                (table_writers.NEEDLE_LIFT, truth.needle_lift),
+                (table_writers.LINE_PRESSURE, truth.line_pressure),
                 (SAC_PRESSURE, truth.sac_pressure),
                 (LINE_FLOW, truth.line_flow),
             ],

@@ -28,8 +28,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.errors import UserError, require
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.errors import UserError, file_errors, require
 
 READABLE = "give a complete MDF 4 measurement"
 CPU_SECONDS = 5  # for any file; damaged ones can lead a reader in circles

@@ -24,9 +24,8 @@ from observer_rt.files.formats import open_log, open_recording
 from observer_rt.files.replay.framing import TimedFrame, bench_for, clamped_in
 from observer_rt.files.replay.recording_frames import recording_frames
 from observer_rt.files.signals.stream import HeldSignals
-from observer_rt.foundation.console import say
+from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.progress import progress_bar
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
 HELD_SAMPLES = 1 << 20  # of a recording that is read before it is sent: reading meanwhile may delay a frame

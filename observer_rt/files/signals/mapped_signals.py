@@ -16,7 +16,7 @@ from observer_rt.files.signals.table import TIME, Table, TablePart, Values
 from observer_rt.files.signals.table_signals import TableSignals
 from observer_rt.files.signals.time_axis import AxisSurvey, RowRun, rate_of, refuse_wrong_clock
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MILLISECOND
+from observer_rt.foundation.units import MILLISECOND, first_of
 
 MOST_STRETCHES = 10_000
 LOWEST_RATE, HIGHEST_RATE = 1e3, 1e6  # Hz, as of the bench file
@@ -25,7 +25,6 @@ SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a fil
 SAME_RATE = 0.01  # relative, of a file and the grid
 MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
 FEWEST_FOR_RATE = 1000  # stamps, whose jitter is then no difference of rates
-_SHOWN = 5  # places where a file is split
 
 
 @dataclass
@@ -105,8 +104,7 @@ class MappedSignals(TableSignals):
             unit, said = self._unit(name, column)
             lines.append(f"{name} is '{column.column}' in {unit} ({said}){every}")
         if others:
-            more = f" and {len(others) - 40} more" if len(others) > 40 else ""
-            lines.append(f"not used: {', '.join(others[:40])}{more}")
+            lines.append(f"not used: {first_of(others, 40)}")
         return tuple(lines)
 
     def chunks(self) -> Iterator[Chunk]:
@@ -260,6 +258,4 @@ class MappedSignals(TableSignals):
             what = f"{after.begin - before.end:.4g} s are missing"
             splits.append(f"after {before.end:.6g} s {'the time begins anew' if after.is_restart else what}")
         if splits:
-            more = f" and {len(splits) - _SHOWN} more" if len(splits) > _SHOWN else ""
-            where = "; ".join(splits[:_SHOWN]) + more
-            yield f"{self.path}: split into {len(self._runs)} stretches: {where}"
+            yield f"{self.path}: split into {len(self._runs)} stretches: {first_of(splits, between='; ')}"

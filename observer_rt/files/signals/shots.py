@@ -10,8 +10,7 @@ from observer_rt.files.signals.csv_table import CsvTable
 from observer_rt.files.signals.naming import unit_of
 from observer_rt.files.signals.table import TIME
 from observer_rt.files.signals.table_signals import TableSignals
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.units import MILLISECOND, TIME_UNITS
 
 

@@ -6,16 +6,15 @@ from datetime import datetime
 from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.foundation import files
-from observer_rt.foundation.errors import UserError, require
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import check_own_file, write_text
+from observer_rt.foundation import outputs
+from observer_rt.foundation.errors import UserError, file_errors, require
+from observer_rt.foundation.files import write_text
 from observer_rt.identification.discovery.amend import AMENDED, stable_cells, write_amended
 from observer_rt.identification.discovery.discover import DiscoveryTask
 from observer_rt.identification.discovery.findings import FINDINGS, Findings, ModelSource
 
 REPORT = "report.html"
-_KINDS = {REPORT: None, FINDINGS: files.FINDINGS, AMENDED: None}
+_KINDS = {REPORT: None, FINDINGS: outputs.FINDINGS, AMENDED: None}
 
 
 def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
@@ -31,7 +30,7 @@ def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
         )
     existing = [name for name in _KINDS if (folder / name).exists()]
     for name in existing:
-        check_own_file("--out", folder / name, _KINDS[name])
+        outputs.check_own_file("--out", folder / name, _KINDS[name])
     if existing and not (force and FINDINGS in existing):
         more = ", or add --force to replace what is there" if FINDINGS in existing else ""
         raise UserError(f"--out {folder}", f"holds {', '.join(existing)} already", f"name another folder{more}")

@@ -5,9 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from observer_rt.core.model.model import Operation
-from observer_rt.foundation.units import MICROMETRE, MILLIMETRE
+from observer_rt.foundation.units import MICROMETRE, MILLIMETRE, shown, sign, significant
 from observer_rt.identification.discovery.law_reading import GATES, SINCE, StraightLaw, line_of, product_of, with_unit
-from observer_rt.identification.discovery.numbers import shown, sign, significant
 from observer_rt.model.terms.law import ONE, ZERO, Call, Lag, Law, LawTable, Number, Resonance
 from observer_rt.model.terms.term import Term, TermEquation, Variable
 

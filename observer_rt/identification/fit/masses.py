@@ -14,8 +14,7 @@ from observer_rt.files.signals.csv_table import CsvTable
 from observer_rt.files.signals.naming import chosen, entries
 from observer_rt.files.signals.table import TIME
 from observer_rt.files.signals.table_signals import MASS_RATE_UNITS, UNITS
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.likelihood.measurement import Measurement
 

@@ -12,25 +12,7 @@ import numpy as np
 from observer_rt.core.stream.stream import LOOK_BACK, dead_band
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, copied, cut, followed
-from observer_rt.identification.likelihood.measurement import (
-    APART,
-    COUNTED_LEAD,
-    LEAD,
-    MARGIN,
-    FoundInjections,
-    JudgedEvent,
-    LeftOut,
-    Measurement,
-    events_of,
-    joined,
-    measurement_of,
-    measurements,
-    missing_samples,
-    open_time,
-    openings_of,
-    rail_pressure_before,
-    refuse_slow,
-)
+from observer_rt.identification.likelihood import measurement
 from observer_rt.identification.likelihood.operating_points import operating_point
 from observer_rt.identification.likelihood.white_noise import noise_level
 
@@ -44,12 +26,12 @@ class _Excerpt:
     """An injection with the standstill after it; event: by the samples of the part."""
 
     part: Chunk
-    event: JudgedEvent
+    event: measurement.JudgedEvent
 
     @property
     def samples(self) -> int:
         """With those after it that are not available."""
-        return self.part.samples + round(APART * self.part.sample_rate)
+        return self.part.samples + round(measurement.APART * self.part.sample_rate)
 
 
 @dataclass
@@ -73,7 +55,7 @@ class _ChosenEvents:
     def take(self, excerpt: _Excerpt) -> None:
         """Choose it, or not; others may have to go."""
         part, event = excerpt.part, excerpt.event
-        key = operating_point(rail_pressure_before(event, part), open_time(event, part))
+        key = operating_point(measurement.rail_pressure_before(event, part), measurement.open_time(event, part))
         point = self._points.setdefault(key, _Point())
         if point.seen % point.stride == 0:
             point.kept.append(excerpt)
@@ -96,29 +78,29 @@ class _ChosenEvents:
 
 def measured(
     source: SignalStream, progress: Callable[[float], None] = lambda _: None, most: int = MOST_SAMPLES
-) -> Measurement:
+) -> measurement.Measurement:
     """A recording with its noise and events; of one that has more samples than `most` the stored excerpts.
 
     progress takes the number of samples read. Raises `UserError` as `measurements`.
     """
     if source.grid_samples <= most:
-        return measurements([source.collected()])[0]
-    refuse_slow(source)
+        return measurement.measurements([source.collected()])[0]
+    measurement.refuse_slow(source)
     chosen = _ChosenEvents(most)
     samples = missing = complete = 0
-    left_out: list[LeftOut] = []
+    left_out: list[measurement.LeftOut] = []
     for block in _blocks(source.on_one_grid()):
-        missing += int(np.count_nonzero(missing_samples(block)[samples - block.first :]))
+        missing += int(np.count_nonzero(measurement.missing_samples(block)[samples - block.first :]))
         samples = block.first + block.samples
-        openings = openings_of(block)
-        events, others = events_of(block, openings)
+        openings = measurement.openings_of(block)
+        events, others = measurement.events_of(block, openings)
         complete += len(events)
         left_out += others
-        starts = [opening.first - round(LEAD * block.sample_rate) for opening in openings]
+        starts = [opening.first - round(measurement.LEAD * block.sample_rate) for opening in openings]
         for event in events:
             chosen.take(_excerpt(block, event, starts))
         progress(samples)
-    injections = FoundInjections(samples, missing, complete, tuple(left_out))
+    injections = measurement.FoundInjections(samples, missing, complete, tuple(left_out))
     return _joined(source, chosen.excerpts(), injections)
 
 
@@ -145,25 +127,28 @@ def _ends(block: Chunk) -> tuple[int, int]:
         return block.samples, block.samples
     longest = int(np.argmax(edges[1::2] - edges[::2]))
     shut, opening = (half + int(edge) for edge in edges[2 * longest : 2 * longest + 2])
-    margin = round(MARGIN * rate) + 1
-    end = min(block.samples, opening - round(COUNTED_LEAD * rate) + margin)
-    begin = opening - LOOK_BACK - round(LEAD * rate) - margin
+    margin = round(measurement.MARGIN * rate) + 1
+    end = min(block.samples, opening - round(measurement.COUNTED_LEAD * rate) + margin)
+    begin = opening - LOOK_BACK - round(measurement.LEAD * rate) - margin
     return max(end, shut), min(max(begin, shut), max(end, shut))
 
 
-def _excerpt(block: Chunk, event: JudgedEvent, starts: Sequence[int]) -> _Excerpt:
+def _excerpt(block: Chunk, event: measurement.JudgedEvent, starts: Sequence[int]) -> _Excerpt:
     """An event of a block, up to the start of the next one; starts: of all of the block."""
-    margin = round(MARGIN * block.sample_rate) + 1
+    margin = round(measurement.MARGIN * block.sample_rate) + 1
     last = event.openings[-1].last
     following = min(
-        (start - margin for start in starts if start > last - round(LEAD * block.sample_rate)), default=block.samples
+        (start - margin for start in starts if start > last - round(measurement.LEAD * block.sample_rate)),
+        default=block.samples,
     )
     end = max(event.end + margin, min(following, last + round(STANDSTILL * block.sample_rate), block.samples))
     begin = event.start - margin
     return _Excerpt(copied(cut(block, begin, end)), event.moved(-begin))
 
 
-def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], injections: FoundInjections) -> Measurement:
+def _joined(
+    source: SignalStream, excerpts: Sequence[_Excerpt], injections: measurement.FoundInjections
+) -> measurement.Measurement:
     """One recording of excerpts, nothing being available between them."""
     events, begin = [], 0
     for excerpt in excerpts:
@@ -172,6 +157,6 @@ def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], injections: Foun
     names = ("rail_pressure", "needle_lift", "line_pressure", *source.optional)
     parts = [excerpt.part.signals for excerpt in excerpts] or [dict.fromkeys(names, np.zeros(0))]
     of = {"path": source.path, "meaning": source.meaning, "meter": source.meter, "notes": source.notes}
-    recording = joined(parts, source.sample_rate, **of)
+    recording = measurement.joined(parts, source.sample_rate, **of)
     openings = [opening for event in events for opening in event.openings]
-    return measurement_of(recording, openings, tuple(events), injections)
+    return measurement.measurement_of(recording, openings, tuple(events), injections)

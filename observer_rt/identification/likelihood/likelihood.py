@@ -17,25 +17,12 @@ from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics,
 from observer_rt.engine.stream.state import noise_gain
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
+from observer_rt.identification.likelihood import windows
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time, smoothing_of
 from observer_rt.identification.likelihood.commands import likelier_delays, without_jitter
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
-from observer_rt.identification.likelihood.windows import (
-    LateShots,
-    Rows,
-    TrueInputs,
-    as_by_meter,
-    batch_of,
-    expected_of,
-    followed,
-    latest,
-    phases,
-    rate_as_recorded,
-    setting_of,
-    starts_of,
-)
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
@@ -78,11 +65,11 @@ class RecordingLikelihood:
     ) -> None:
         """healthy: mean innovation of the healthy injector, which is taken out."""
         self.measurement = measurement
-        self._expected = None if healthy is None else expected_of(healthy, measurement)
+        self._expected = None if healthy is None else windows.expected_of(healthy, measurement)
         nominal = measurement.as_recorded(nominal)
         self._highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
-        self._rows = Rows(measurement)
-        self._latest = latest(measurement)
+        self._rows = windows.Rows(measurement)
+        self._latest = windows.latest(measurement)
         rate = measurement.recording.sample_rate
         needed = substeps_needed(nominal.injector, rate, nominal.departures)
         self._substeps = max(needed, min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS))
@@ -92,13 +79,13 @@ class RecordingLikelihood:
         self._nominal_key = _input_key(nominal)
         self._nominal_inputs = self._inputs(nominal)
         c = measurement.coefficients_of(nominal)
-        self._batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, nominal.sensor.offset, c)
+        self._batch = windows.batch_of(measurement, self._rows, self._nominal_inputs, 0, nominal.sensor.offset, c)
         self._begins, self._normalised_by = (nominal.sensor.offset, c), (c.chamber_pressure, c.pressure_scale)
         self._late = [np.zeros_like(commands) for commands in self._batch.commands]
         self._jitter = LEAST_JITTER
         for _ in range(JITTER_ROUNDS if self._late else 0):
             self._see_jitter(nominal)
-        every = phases(measurement, self._batch)
+        every = windows.phases(measurement, self._batch)
         self.phases = every[self._rows.counted]
         """(n,): of the counted innovations."""
         self.rate_phases = np.zeros(0, np.int8)
@@ -160,13 +147,13 @@ class RecordingLikelihood:
             z /= np.sqrt(variance)
             log_sigma += 0.5 * float(np.mean(np.log(variance)))
         masses = model.coefficients.density * self._rows.volumes(rate)
-        shown = as_by_meter(self.measurement, rate)
+        shown = windows.as_by_meter(self.measurement, rate)
         rate_z, rate_log_sigma = self._judged_rate(shown[self._rows.rate_rows + late], model.inputs.lift_lag)
         volume_z = self._judged_volumes(self._rows.volumes(shown))
         answered = float(np.mean(np.square(delays))) if self._late else 0.0
         return JudgedModel(z, log_sigma, rate_z, volume_z, rate_log_sigma, masses, answered)
 
-    def late_shots(self, model: EffectiveModel) -> LateShots:
+    def late_shots(self, model: EffectiveModel) -> windows.LateShots:
         """Delays [s] of the shots of every event beyond those of a model's needle, as they are likeliest."""
         schedule = self._schedule(model)
         likely = self._delayed(self._likely(self._run(model, schedule), model, schedule)[0])
@@ -181,7 +168,7 @@ class RecordingLikelihood:
     ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
         """Likely delays of each event's shots, and by what one standard deviation moves innovations (n, columns)."""
         delays = [np.zeros(self._by_shots.shape[1]) for _ in self._late]
-        shots: LateShots = self._late
+        shots: windows.LateShots = self._late
         moved = self._by_shots * (self._jitter / schedule.innovation_sigma)
         for number in range(JITTER_ROUNDS):
             here, _ = run(shots)
@@ -192,7 +179,7 @@ class RecordingLikelihood:
             shots = self._delayed(delays)
         return delays, moved
 
-    def _by_delays(self, run: Run, here: NDArray[np.float64], shots: LateShots) -> NDArray[np.float64]:
+    def _by_delays(self, run: Run, here: NDArray[np.float64], shots: windows.LateShots) -> NDArray[np.float64]:
         """Derivatives of counted innovations (n, columns) by the delays [s] of a shot of every event."""
         moved = [run(later)[0] - here for later in _later(shots)]
         return np.asarray(np.column_stack(moved)[self._rows.counted] / JITTER_STEP)
@@ -206,7 +193,7 @@ class RecordingLikelihood:
             z -= self._expected / (schedule.innovation_sigma * model.coefficients.pressure_scale)
         return np.asarray(z)
 
-    def _delayed(self, delays: Sequence[NDArray[np.float64]]) -> LateShots:
+    def _delayed(self, delays: Sequence[NDArray[np.float64]]) -> windows.LateShots:
         """Delays of the shots with so much more of each event's (columns,), in standard deviations."""
         moves = [self._jitter * np.clip(of, -MOST_JITTER, MOST_JITTER) for of in delays]
         return [late + move[: late.size].reshape(-1, 2) for late, move in zip(self._late, moves, strict=True)]
@@ -227,24 +214,24 @@ class RecordingLikelihood:
     def _predicted(
         self,
         model: EffectiveModel,
-        inputs: TrueInputs,
+        inputs: windows.TrueInputs,
         late: int,
         schedule: GainSchedule,
         substeps: int,
-        shots: LateShots = (),
+        shots: windows.LateShots = (),
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
         c, offset = self.measurement.coefficients_of(model), model.sensor.offset
         is_nominal = inputs is self._nominal_inputs and (c.chamber_pressure, c.pressure_scale) == self._normalised_by
         if late or not is_nominal:
-            batch = batch_of(self.measurement, self._rows, inputs, late, offset, c)
+            batch = windows.batch_of(self.measurement, self._rows, inputs, late, offset, c)
         elif (offset, c) == self._begins:  # of nearly all models: those that differ by a law
             batch = self._batch
         else:
-            batch = self._batch._replace(starts=starts_of(self.measurement, offset, c))
-        setting = setting_of(self.measurement, model, late, substeps, schedule.gains[-1])
-        innovation, rate = followed(batch, setting, model.injector.needle_law, late=shots or self._late)
-        return innovation, rate_as_recorded(self.measurement, rate)
+            batch = self._batch._replace(starts=windows.starts_of(self.measurement, offset, c))
+        setting = windows.setting_of(self.measurement, model, late, substeps, schedule.gains[-1])
+        innovation, rate = windows.followed(batch, setting, model.injector.needle_law, late=shots or self._late)
+        return innovation, windows.rate_as_recorded(self.measurement, rate)
 
     def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
         """Normalised innovations (n,), where counted, of the nominal model with a lag [s] of the lift undone.
@@ -253,7 +240,7 @@ class RecordingLikelihood:
         """
         model, schedule = self._nominal.with_terms("inputs", lift_lag=lag), self._schedule(self._nominal)
         c = measurement.coefficients_of(model)
-        inputs = TrueInputs(measurement, model.inputs, c, self._rail(model.inputs), model.injector.needle_law)
+        inputs = windows.TrueInputs(measurement, model.inputs, c, self._rail(model.inputs), model.injector.needle_law)
         innovation, _ = self._predicted(model, inputs, 0, schedule, self._substeps_of(model))
         return np.asarray(innovation[self._rows.counted] / schedule.innovation_sigma)
 
@@ -278,15 +265,17 @@ class RecordingLikelihood:
             self._gains[key] = schedule
         return schedule
 
-    def _inputs_of(self, model: EffectiveModel) -> TrueInputs:
+    def _inputs_of(self, model: EffectiveModel) -> windows.TrueInputs:
         """True inputs under the model's terms; only the nominal ones are cached."""
         if _input_key(model) == self._nominal_key:
             return self._nominal_inputs
         return self._inputs(model)
 
-    def _inputs(self, model: EffectiveModel) -> TrueInputs:
+    def _inputs(self, model: EffectiveModel) -> windows.TrueInputs:
         c = self.measurement.coefficients_of(model)
-        return TrueInputs(self.measurement, model.inputs, c, self._rail(model.inputs), model.injector.needle_law)
+        return windows.TrueInputs(
+            self.measurement, model.inputs, c, self._rail(model.inputs), model.injector.needle_law
+        )
 
     def _rail(self, terms: InputTerms) -> NDArray[np.float64]:
         """Rail pressure on time; only that of the nominal delay is cached."""
@@ -303,11 +292,11 @@ class RecordingLikelihood:
         substeps = self._substeps_of(nominal)
         _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule, substeps)
         _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule, substeps)
-        moved = as_by_meter(self.measurement, other - rate)
+        moved = windows.as_by_meter(self.measurement, other - rate)
         for shots in _later(self._late):
             _, other = self._predicted(nominal, self._nominal_inputs, late, schedule, substeps, shots)
-            moved = np.hypot(moved, self._jitter / JITTER_STEP * as_by_meter(self.measurement, other - rate))
-        moved = np.hypot(moved, METER_ERROR * (rate - as_by_meter(self.measurement, rate)))
+            moved = np.hypot(moved, self._jitter / JITTER_STEP * windows.as_by_meter(self.measurement, other - rate))
+        moved = np.hypot(moved, METER_ERROR * (rate - windows.as_by_meter(self.measurement, rate)))
         return np.asarray(moved[self._rows.rate_rows + late], np.float64)
 
     def _rate_sigma_at(self, lift_lag: float) -> NDArray[np.float64]:
@@ -384,7 +373,7 @@ class JointLikelihood:
         return None if judged is None else residuals_of(judged)
 
 
-def _later(shots: LateShots) -> list[LateShots]:
+def _later(shots: windows.LateShots) -> list[windows.LateShots]:
     """Delays of the shots, one of a shot of every event later by a step: its opening, then its closing."""
     columns = range(max((late.size for late in shots), default=0))
     return [

@@ -11,58 +11,54 @@ from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.signals.doubts import doubts, refuse_dead, refuse_perforated, refuse_without_lift
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals, Sampled, SignalStream
-from observer_rt.foundation.console import say
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors, file_hash
-from observer_rt.foundation.progress import progress_bar
-from observer_rt.identification.likelihood.commands import commands_of
+from observer_rt.foundation.console import progress_bar, say
+from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.files import file_hash
+from observer_rt.foundation.units import first_of
+from observer_rt.identification.likelihood.commands import commands_of, with_commanded_lift
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES, measured
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.model.baseline import Baseline
 from observer_rt.model.effect import SizedEffect
+from observer_rt.model.parameters import InjectorParameters
 
 _RATE_TOLERANCE = 1e-6  # relative
-LiftOf = Callable[[Sequence[Recording]], Sequence[Recording]]
-_NEEDS_LIFT = "give recordings with a lift: of those without `fit` and `evaluate` make something"
 _ALIKE = "give recordings that have a lift, or only such without one"
-_SHOWN = 5  # of the injections left out for one reason
 
 
 def read_measured(
     paths: Sequence[Path],
     read: Callable[[Path], SignalStream],
+    injector: InjectorParameters,
     console: Console,
     most: int = MOST_SAMPLES,
     stated: tuple[SizedEffect, ...] = (),
-    baseline: Baseline | None = None,
-    lift_of: LiftOf | None = None,
 ) -> tuple[Measurement, ...]:
     """Recordings, read and looked through.
 
-    read: looks through a file the user named, and refuses a file that is no recording; most: samples stored of a
-    recording; stated: delays and lags of its channels; baseline: of the model, where it was fitted; lift_of: gives
-    recordings the lift that none of them has, None: they must have one. Raises `UserError` for recordings that cannot
-    serve, or not together.
+    read: looks through a file the user named, and refuses a file that is no recording; injector: whose needle answers
+    the commands where none of them has a lift; most: samples stored of a recording; stated: delays and lags of its
+    channels. Raises `UserError` for recordings that cannot serve, or not together.
     """
     for number, path in enumerate(paths):
         if path.resolve() in {other.resolve() for other in paths[:number]}:
             raise UserError(str(path), "is given twice", "give every recording once")
     sources = [read(path) for path in paths]
     refuse_sample_rates(sources)
-    is_answered = lift_of is not None and not any(source.has_lift for source in sources)
+    is_answered = not any(source.has_lift for source in sources)
     for source in sources:
         refuse_implausible(source.path, source.survey, source.names)
         if not is_answered:
-            refuse_without_lift(source, _NEEDS_LIFT if lift_of is None else _ALIKE)
+            refuse_without_lift(source, _ALIKE)
         refuse_dead(source.path, source.survey, source.names)
         refuse_perforated(source.path, source.survey)
         if "chamber_pressure" in source.optional:
             say(console, f"warning: {source.path}: its chamber_pressure is passed over, for that of the model")
-        for doubt in doubts(source.survey, baseline, source.names):
+        for doubt in doubts(source.survey, injector.baseline, source.names):
             say(console, doubt.as_text(source.path))
-    if is_answered and lift_of is not None:
+    if is_answered:
         say(console, "the needle lift was not recorded: it follows from energizing and the pressures")
-        sources = [HeldSignals(one) for one in lift_of([source.collected(most) for source in sources])]
+        recordings = with_commanded_lift(injector, [source.collected(most) for source in sources])
+        sources = [HeldSignals(one) for one in recordings]
     results = []
     for path, source in zip(paths, sources, strict=True):
         with progress_bar(console, f"finding injections in {path.name}", source.grid_samples) as progress:
@@ -143,8 +139,7 @@ def coverage(measurement: Measurement) -> str:
         lines.append(f"  {chosen}")
     for lack in sorted({event.lack for event in left_out}):
         times = [f"{event.time:.4f} s" for event in left_out if event.lack is lack]
-        more = f" and {len(times) - _SHOWN} more" if len(times) > _SHOWN else ""
-        lines.append(f"  left out, {lack}: at {', '.join(times[:_SHOWN])}{more}")
+        lines.append(f"  left out, {lack}: at {first_of(times)}")
     return "\n".join(lines)
 
 

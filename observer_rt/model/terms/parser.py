@@ -10,21 +10,7 @@ from itertools import accumulate, pairwise
 
 from observer_rt.core.model.model import Operation
 from observer_rt.foundation.errors import UserError, did_you_mean
-from observer_rt.model.terms.law import (
-    FUNCTIONS,
-    LAGGED,
-    PAIRS,
-    RINGING,
-    TABLE,
-    Call,
-    Coefficient,
-    Lag,
-    Law,
-    LawTable,
-    Number,
-    Quantity,
-    Resonance,
-)
+from observer_rt.model.terms import law
 from observer_rt.model.terms.term import UNIT_NAMES, VARIABLES, unit_named
 
 LONGEST = 300  # characters
@@ -40,12 +26,12 @@ _OPERATIONS: dict[type[ast.AST], Operation] = {
     ast.Gt: Operation.GREATER,
     ast.Lt: Operation.LESS,
 }
-_FUNCTIONS = (*FUNCTIONS, LAGGED, RINGING, TABLE)
-_ARGUMENTS = {LAGGED: 2, RINGING: 3} | {one.name.lower(): 2 for one in PAIRS}
+_FUNCTIONS = (*law.FUNCTIONS, law.LAGGED, law.RINGING, law.TABLE)
+_ARGUMENTS = {law.LAGGED: 2, law.RINGING: 3} | {one.name.lower(): 2 for one in law.PAIRS}
 _REMEDY = "correct the law: numbers, variables and functions, joined by + - * / ^ > <"
 
 
-def parse(text: str) -> Law:
+def parse(text: str) -> law.Law:
     """The law a text states. Raises `UserError` naming the part at fault, and what was expected."""
     if len(text) > LONGEST:
         raise UserError("law", f"is longer than {LONGEST} characters", "make it shorter")
@@ -70,15 +56,15 @@ def _text(node: ast.expr) -> str:
     return ast.unparse(node).replace(" ** ", "^")
 
 
-def _law(node: ast.expr) -> Law:
+def _law(node: ast.expr) -> law.Law:
     """The law of an expression. Raises `UserError` for any other."""
     if (number := _literal(node)) is not None:
         return number
     match node:
         case ast.Name(name) if name == COEFFICIENT:
-            return Coefficient()
+            return law.Coefficient()
         case ast.Name(name) if name in VARIABLES:
-            return Quantity(VARIABLES[name])
+            return law.Quantity(VARIABLES[name])
         case ast.Call(ast.Name(name), [_, *_] as arguments, []) if name in _FUNCTIONS:
             return _call(node, name, arguments)
         case ast.Name(name) | ast.Call(ast.Name(name)):
@@ -86,67 +72,67 @@ def _law(node: ast.expr) -> Law:
             names = f"variables: {', '.join(VARIABLES)}; functions: {', '.join(_FUNCTIONS)}; c: the coefficient"
             raise _refused(node, f"unknown name '{name}'", meant + names)
         case ast.UnaryOp(ast.USub(), operand):
-            return Call(Operation.NEGATE, (_law(operand),))
+            return law.Call(Operation.NEGATE, (_law(operand),))
         case ast.BinOp(base, ast.Pow(), power):
             exponent = _number(power, "an exponent")
             if exponent.unit:
                 raise _refused(power, "an exponent has no unit")
-            return Call(Operation.POWER, (_law(base), exponent))
+            return law.Call(Operation.POWER, (_law(base), exponent))
         case ast.BinOp(left, operator, right) | ast.Compare(left, [operator], [right]):
             if (operation := _OPERATIONS.get(type(operator))) is not None:
-                return Call(operation, (_law(left), _law(right)))
+                return law.Call(operation, (_law(left), _law(right)))
     raise _refused(node, "is in no law")
 
 
-def _literal(node: ast.expr) -> Number | None:
+def _literal(node: ast.expr) -> law.Number | None:
     """A number with its unit and its sign, where the node is one."""
     match node:
         case ast.UnaryOp(ast.USub(), (ast.Constant() | ast.Subscript()) as number) if (
             number.col_offset == node.col_offset + 1  # else it stands in parentheses
         ):
             value = _literal(number)
-            return None if value is None else Number(-value.value, value.unit)
+            return None if value is None else law.Number(-value.value, value.unit)
         case ast.Subscript(ast.Constant() as number, unit) if (value := _literal(number)) is not None:
             name = _text(unit).replace(" ", "")
             if unit_named(name) is None:
                 units = f"units: {', '.join(UNIT_NAMES)}, multiplied by *, divided by /, raised by ^"
                 raise _refused(node, f"unknown unit '{name}'", did_you_mean(name, UNIT_NAMES) + units)
-            return Number(value.value, name)
+            return law.Number(value.value, name)
         case ast.Constant(int() | float() as stated) if not isinstance(stated, bool):
             if abs(stated) > LARGEST:
                 raise _refused(node, "is too large", "give a smaller number")
-            return Number(float(stated))
+            return law.Number(float(stated))
     return None
 
 
-def _number(node: ast.expr, what: str) -> Number:
+def _number(node: ast.expr, what: str) -> law.Number:
     if (number := _literal(node)) is None:
         raise _refused(node, f"is not {what}", "give a number")
     return number
 
 
-def _call(node: ast.expr, name: str, arguments: Sequence[ast.expr]) -> Law:
+def _call(node: ast.expr, name: str, arguments: Sequence[ast.expr]) -> law.Law:
     needed = _ARGUMENTS.get(name, 1)
-    if name != TABLE and len(arguments) != needed:
+    if name != law.TABLE and len(arguments) != needed:
         raise _refused(node, f"has {len(arguments)} arguments", f"give {name}() {needed}")
     first, further = _law(arguments[0]), arguments[1:]
-    if name == LAGGED:
-        return Lag(first, _positive(further[0], "the time of a lag", "ms"))
-    if name == RINGING:
+    if name == law.LAGGED:
+        return law.Lag(first, _positive(further[0], "the time of a lag", "ms"))
+    if name == law.RINGING:
         frequency = _positive(further[0], "the frequency of a resonance", "kHz")
         damping = _positive(further[1], "the damping of a resonance", "-")
         if damping >= 1.0:
             raise _refused(further[1], "nothing rings", "give a damping below 1")
-        return Resonance(first, frequency, damping)
-    if name != TABLE:
-        return Call(FUNCTIONS[name], (first, *map(_law, further)))
+        return law.Resonance(first, frequency, damping)
+    if name != law.TABLE:
+        return law.Call(law.FUNCTIONS[name], (first, *map(_law, further)))
     numbers = [_number(one, "a point or a value of a table") for one in further]
     points, values = tuple(numbers[::2]), tuple(numbers[1::2])
     if len(values) < 2 or len(points) != len(values):
         raise _refused(node, "is too short", "give a point and a value of it, two times or more")
     if any(number.reckoned >= other.reckoned for number, other in pairwise(points)):
         raise _refused(node, "its points do not rise", "put them in order")
-    return LawTable(first, points, values)
+    return law.LawTable(first, points, values)
 
 
 def _positive(node: ast.expr, what: str, unit: str) -> float:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from observer_rt.config.bench import load_injector
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
 from observer_rt.files.tables import signals_of
 from observer_rt.identification.likelihood.measurement import measurements
@@ -26,7 +27,7 @@ SECTION = {
 
 def said(source: SignalStream) -> str:
     output = io.StringIO()
-    read_measured([Path("a.csv")], lambda _: source, Console(file=output, width=200))
+    read_measured([Path("a.csv")], lambda _: source, load_injector(), Console(file=output, width=200))
     return output.getvalue()
 
 

@@ -9,11 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from observer_rt.foundation.figures import FOUND, GIVEN, MEASURED, svg_figure
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS, sign
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.gaps import LINE_PRESSURE, Gap
 from observer_rt.identification.discovery.injections import Overlay
-from observer_rt.identification.discovery.numbers import sign
 
 _FEWEST_PLACES = 3  # bars for which a figure always has room
 _CROWDED = 9  # operating points: from so many on, labels are small

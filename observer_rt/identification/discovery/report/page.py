@@ -12,10 +12,10 @@ from observer_rt import __version__
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.files.learned_picture import learned_figure
 from observer_rt.foundation import units
+from observer_rt.foundation.units import shown, sign, significant
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.gaps import Disagreement
 from observer_rt.identification.discovery.injections import MassChange
-from observer_rt.identification.discovery.numbers import shown, sign, significant
 from observer_rt.identification.discovery.report import figures, text
 from observer_rt.identification.discovery.search import proposal
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT

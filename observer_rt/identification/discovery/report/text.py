@@ -3,10 +3,9 @@
 import math
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, sign
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.law_words import law_text
-from observer_rt.identification.discovery.numbers import sign
 from observer_rt.identification.discovery.search.candidates import size_words
 from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.results import Discovery, SmallestVisible, Verdict

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.numbers import shown, sign, significant
+from observer_rt.foundation.units import shown, sign, significant
 from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Minimum, Problem, Range, fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood
 from observer_rt.identification.likelihood.open_loop import NO_CONSEQUENCE, Consequence

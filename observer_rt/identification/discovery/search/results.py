@@ -178,9 +178,8 @@ class Discovery:
     same, but for `unknown` what explains most, which is not enough; effects: those of the named; rivals: combinations
     that explain the recordings as well; ranking: leaders, best first, with the nominal model; samples: independent
     innovations all this rests on; before, after: cells of the nominal model and of the best; confidence: that the
-    verdict is right; explained: share of the disagreement: of what -2 log L has above that of an adequate model;
-    smallest_visible: of every effect that has a size; accepted: number of the proposal that the amended model has, 0
-    for none.
+    verdict is right; smallest_visible: of every effect that has a size; accepted: number of the proposal that the
+    amended model has, 0 for none.
     """
 
     verdict: Verdict
@@ -194,7 +193,6 @@ class Discovery:
     detection: Detection
     unexplained: Annotated[LargestMisfit | None, key("unknown")]
     decide_by: tuple[Decisive, ...]
-    explained: Inside[float]
     samples: Inside[float]
     before: Inside[tuple[Cell, ...]]
     after: Inside[tuple[Cell, ...]]

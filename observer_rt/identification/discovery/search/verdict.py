@@ -257,7 +257,6 @@ class _Verdict:
             ranking=self._ranking(),
             samples=float(sum(each.phases.size + each.rate_phases.size for each in recordings)),
             detection=Detection(gain, outcome.threshold),
-            explained=explained,
             confidence=confidence,
             confidence_method=METHOD,
             unexplained=self._unexplained(best) if is_open else None,

@@ -143,6 +143,7 @@ def model_hash(parameters: InjectorParameters) -> str:
     for key in SERVO_KEYS:  # a file without is the model that it was before there were any
         if content["line"][key] is None:
             del content["line"][key]
+    content["needle"] = parameters.needle.model_dump(mode="json", exclude_defaults=True)  # likewise without a bounce
     if parameters.effects:
         content["effects"] = [
             [effect.id, {name: [size.value, size.unit] for name, size in effect.parameters.items()}]

@@ -17,6 +17,7 @@ from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorPara
 from observer_rt.model.terms.term import Term, Variable
 
 LAG_UNIT = 1e-4  # s, in which the lag is counted, so that all parameters are of order one
+LIFT_UNIT = 1e-5  # m, in which a bounce is
 NO_PROGRAM = np.empty((0, 2))
 
 

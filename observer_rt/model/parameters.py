@@ -131,6 +131,8 @@ class Needle(Section):
     opening_speed: Annotated[Positive, UnitName("m/s")]  # at 100 MPa, ~ rail pressure ^ 0.4
     closing_delay: Annotated[NonNegative, UnitName("s")]
     closing_speed: Annotated[Positive, UnitName("m/s")]  # at 100 MPa, ~ rail pressure ^ 0.3
+    landing_bounce: Annotated[NonNegative, UnitName("m")] = 0.0  # to which it lifts once more ..
+    bounce_length: Annotated[Positive, UnitName("s")] = 0.09e-3  # .. from landing on
 
 
 class EffectValue(Section):

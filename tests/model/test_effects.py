@@ -40,6 +40,7 @@ NAMED = {
     "channel_skew": ("d",),
     **dict.fromkeys(("opening_delay", "closing_delay"), ("d",)),
     **dict.fromkeys(("opening_speed", "closing_speed"), ("r",)),
+    "needle_bounce": ("b", "l"),
 }
 effects = pytest.mark.parametrize("effect", VOCABULARY.values(), ids=VOCABULARY)
 

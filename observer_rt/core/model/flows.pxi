@@ -51,8 +51,8 @@ cdef inline double seat_change(double drop, double u_2, const Network* network, 
 
 
 cdef inline bint is_at_rest(const double* x, Inputs u) noexcept nogil:
-    """Needle shut and sac at chamber pressure: no flow, so phi vanishes whatever the network says."""
-    return u.area <= 0.0 and x[SAC] == 0.0
+    """Needle shut, no bounce asked for, sac at chamber pressure: no flow, so phi vanishes whatever the network says."""
+    return u.area <= 0.0 and x[SAC] == 0.0 and u.by_needle[OF_BOUNCE] == 0.0
 
 
 cdef inline void model_flows(const double* x, Inputs u, const Coefficients* c, double* q_h, double* q_s) noexcept nogil:

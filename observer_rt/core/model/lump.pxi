@@ -292,7 +292,7 @@ cdef inline void between_needles(const Inputs* start, const Inputs* end, double 
 cdef inline int64_t _steps_in(const double* x, const Interval* interval, const Coefficients* c) noexcept nogil:
     """RK4 steps an interval needs: `substeps` for the sac, far fewer while only the line moves."""
     cdef double fastest
-    if is_at_rest(x, interval.start) and interval.end.area <= 0.0:
+    if is_at_rest(x, interval.start) and is_at_rest(x, interval.end):
         fastest = sqrt(c.line.lump.a1 * c.line.lump.a3)  # of inertia against compliance [rad/s]
         return min(interval.substeps, <int64_t> ceil(interval.length * fastest / LINE_STEP))
     return interval.substeps

@@ -1,9 +1,11 @@
-# A needle that answers a command: when it leaves its seat, how it rises to its stop or turns before, when it is back.
+# A needle that answers a command: when it leaves its seat, rises to its stop or turns before, is back, and bounces.
 
-from libc.math cimport exp, pow
+from libc.math cimport cos, exp, pi, pow, sin
 
 cdef enum:
-    NEEDLE_NUMBERS = 4  # that are learned: delay of the opening, ln of its speed, the same of the closing
+    NEEDLE_NUMBERS = 6  # that are learned: delay of the opening, ln of its speed, the same of the closing, and ..
+    OF_BOUNCE = 4  # .. the height of a bounce, and its length
+    OF_LENGTH = 5
 
 cdef extern from *:
     """
@@ -11,11 +13,13 @@ cdef extern from *:
     #define OPENING_EXPONENT 0.4
     #define CLOSING_EXPONENT 0.3
     #define NEEDLE_JITTER 30e-6
+    #define SHORTEST_BOUNCE 20e-6
     """
     const double CORNER_ROUNDING  # s, window over whose mean the corners of a stroke are rounded
     const double OPENING_EXPONENT  # of the speeds with the rail pressure
     const double CLOSING_EXPONENT
     const double NEEDLE_JITTER  # s, standard deviation of a shot's delays from the learned ones
+    const double SHORTEST_BOUNCE  # s
 
 
 cdef struct NeedleLaw:
@@ -23,6 +27,8 @@ cdef struct NeedleLaw:
     double opening_speed  # m/s at 100 MPa
     double closing_delay  # s, from its end
     double closing_speed
+    double landing_bounce  # m, to which it lifts once more, by half a sine ..
+    double bounce_length  # s, .. of this length
     double stop  # m
 
 
@@ -34,6 +40,8 @@ cdef struct NeedleStroke:
     double closed  # it is back on its seat
     double opening_speed  # m/s
     double closing_speed
+    double bounce  # m
+    double landed  # s: it has bounced
 
 
 cdef inline bint answers(
@@ -41,7 +49,7 @@ cdef inline bint answers(
 ) noexcept nogil:
     """Whether a needle lifts for a command [s], and its stroke; pressure: of the rail, over 100 MPa.
 
-    learned (NEEDLE_NUMBERS,): in s and natural logarithms.
+    learned (NEEDLE_NUMBERS,): in s, natural logarithms, m and s.
     """
     s.opening = start + needle.opening_delay + learned[0]
     s.closing = start + length + needle.closing_delay + learned[2]
@@ -49,6 +57,8 @@ cdef inline bint answers(
     s.closing_speed = needle.closing_speed * pow(pressure, CLOSING_EXPONENT) * exp(learned[3])
     s.top = min(s.closing, s.opening + needle.stop / s.opening_speed)
     s.closed = s.closing + s.opening_speed * (s.top - s.opening) / s.closing_speed
+    s.bounce = max(needle.landing_bounce + learned[OF_BOUNCE], 0.0)
+    s.landed = s.closed + max(needle.bounce_length + learned[OF_LENGTH], SHORTEST_BOUNCE)
     return s.closing > s.opening
 
 
@@ -64,14 +74,32 @@ cdef inline double _mean_step(double time, double window) noexcept nogil:
     return min(max(time / window + 0.5, 0.0), 1.0)
 
 
+cdef inline double _mean_bounce(
+    double time, double window, const NeedleStroke* s, double* by_time, double* by_length
+) noexcept nogil:
+    """Mean of a stroke's bounce over a window [s], its height 1, and its derivatives."""
+    cdef double length = s.landed - s.closed, turn = pi / length, landed = time - s.closed
+    cdef double first = turn * min(max(landed - 0.5 * window, 0.0), length)
+    cdef double last = turn * min(max(landed + 0.5 * window, 0.0), length)
+    by_time[0] = (sin(last) - sin(first)) / window
+    by_length[0] = (cos(first) - cos(last) + first * sin(first) - last * sin(last)) / (pi * window)
+    return (cos(first) - cos(last)) / (turn * window)
+
+
+cdef inline double lands(const NeedleStroke* s) noexcept nogil:
+    """Time [s] from which on it stays on its seat."""
+    return s.landed if s.bounce > 0.0 else s.closed
+
+
 cdef inline double rounded_lift(double time, double window, const NeedleStroke* s) noexcept nogil:
     """Lift [m] at a time [s], its corners rounded over a window [s]; exactly 0 outside the stroke."""
-    cdef double rise, fall
-    if time <= s.opening - 0.5 * window or time >= s.closed + 0.5 * window:
+    cdef double rise, fall, lift, by_time, by_length
+    if time <= s.opening - 0.5 * window or time >= lands(s) + 0.5 * window:
         return 0.0
     rise = _mean_ramp(time - s.opening, window) - _mean_ramp(time - s.top, window)
     fall = _mean_ramp(time - s.closing, window) - _mean_ramp(time - s.closed, window)
-    return max(s.opening_speed * rise - s.closing_speed * fall, 0.0)
+    lift = max(s.opening_speed * rise - s.closing_speed * fall, 0.0)
+    return lift + s.bounce * _mean_bounce(time, window, s, &by_time, &by_length) if s.bounce > 0.0 else lift
 
 
 cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, double* by_number) noexcept nogil:
@@ -80,7 +108,10 @@ cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, 
     cdef double fall = _mean_ramp(time - s.closing, window) - _mean_ramp(time - s.closed, window)
     cdef double begins = _mean_step(time - s.opening, window), turns = _mean_step(time - s.top, window)
     cdef double falls = _mean_step(time - s.closing, window), ends = _mean_step(time - s.closed, window)
-    cdef double up = s.opening_speed, down = s.closing_speed, peak = up * (s.top - s.opening)
+    cdef double up = s.opening_speed, down = s.closing_speed, peak = up * (s.top - s.opening), later, longer
+    by_number[OF_BOUNCE] = _mean_bounce(time, window, s, &later, &longer)
+    by_number[OF_LENGTH] = s.bounce * longer
+    ends += later * s.bounce / down  # what lands later bounces later
     by_number[3] = ends * peak - down * fall
     if s.top < s.closing:  # it gets to its stop
         by_number[0] = -up * (begins - turns)

@@ -6,7 +6,7 @@ from observer_rt.core.model.hydraulics cimport Seat, normalised_area, normalised
 from observer_rt.core.model.needle cimport *
 from observer_rt.core.records import tuple_of
 
-cdef double[8] _blank  # room for either struct
+cdef double[10] _blank  # room for either struct
 globals().update(
     CORNER_ROUNDING=CORNER_ROUNDING,
     NEEDLE_JITTER=NEEDLE_JITTER,
@@ -38,13 +38,13 @@ def commanded_areas(
     """Normalised seat areas (n,) at samples, by commands (k, 2) as of `Window`, and their slopes (n, NEEDLE_NUMBERS).
 
     pressures (k,): of the rail at each command, over 100 MPa; learned (NEEDLE_NUMBERS,); areas, slopes: 0 at first;
-    shots (n,): numbers of the commands that open the needle.
+    shots (n,): numbers of the commands that open the needle. A needle that does not bounce has slopes by a bounce.
     """
     cdef NeedleLaw of_needle = needle._asdict()
     cdef Seat of_seat = seat._asdict()
     cdef NeedleStroke s
     cdef double[NEEDLE_NUMBERS] by_number
-    cdef double window = max(CORNER_ROUNDING, 2.0 * interval), time, lift, steep, start, end
+    cdef double window = max(CORNER_ROUNDING, 2.0 * interval), time, lift, area, steep, start, end
     cdef int64_t command, k, number, n = areas.shape[0]
     if learned.shape[0] != NEEDLE_NUMBERS or shots.shape[0] < n or slopes.shape[0] < n or slopes.shape[1] != NEEDLE_NUMBERS:
         raise ValueError("arrays of a needle do not fit each other")
@@ -55,13 +55,14 @@ def commanded_areas(
                 continue
             for k in range(max(<int64_t> ((s.opening - window) / interval), 0), n):
                 time = k * interval
-                if time >= s.closed + 0.5 * window:
+                if time >= s.landed + 0.5 * window:
                     break
                 lift = rounded_lift(time, window, &s)
-                if lift <= 0.0:
-                    continue
-                areas[k], shots[k] = normalised_area(lift, &of_seat), command
-                steep = normalised_area_slope(lift, &of_seat)
                 lift_slopes(time, window, &s, by_number)
+                area = normalised_area(lift, &of_seat)
+                if area < areas[k] or lift <= 0.0 and by_number[OF_BOUNCE] <= 0.0:
+                    continue
+                areas[k], shots[k] = area, command
+                steep = normalised_area_slope(lift, &of_seat)
                 for number in range(<int64_t> NEEDLE_NUMBERS):
                     slopes[k, number] = steep * by_number[number]

@@ -7,7 +7,7 @@ from observer_rt.core.model.hydraulics cimport normalised_area
 from observer_rt.core.model.model cimport (
     Model, Terms, Weights, above_100_mpa, fine_step, rate_after, shown_under_terms, under_terms
 )
-from observer_rt.core.model.needle cimport CORNER_ROUNDING, NeedleStroke, rounded_lift
+from observer_rt.core.model.needle cimport CORNER_ROUNDING, NeedleStroke, lands, rounded_lift
 from observer_rt.core.model.records cimport SAC, Coefficients, Forced, Inputs, Interval, Knot, inputs_of
 from observer_rt.core.model.sensor cimport lagged
 from observer_rt.core.model.valve cimport (
@@ -22,20 +22,20 @@ cdef inline NeedleStroke _stroke(const double[:, ::1] strokes, int64_t number) n
     """Row `number` of the table; past its end the needle stays shut: a stroke that never begins."""
     cdef NeedleStroke s
     if number >= strokes.shape[0]:
-        s.opening = s.top = s.closing = s.closed = INFINITY
-        s.opening_speed = s.closing_speed = 0.0
+        s.opening = s.top = s.closing = s.closed = s.landed = INFINITY
+        s.opening_speed = s.closing_speed = s.bounce = 0.0
         return s
     s.opening, s.top, s.closing = strokes[number, 0], strokes[number, 1], strokes[number, 2]
     s.closed, s.opening_speed, s.closing_speed = strokes[number, 3], strokes[number, 4], strokes[number, 5]
+    s.bounce, s.landed = strokes[number, 6], strokes[number, 7]
     return s
 
 
 cdef inline double _lift(double time, const NeedleStroke* s, double bounce) noexcept nogil:
     """Lift [m] at a time [s] in or after a stroke, after which the needle bounces by a lift [m]."""
     cdef double landed = (time - s.closed - 0.5 * CORNER_ROUNDING) / BOUNCE_LENGTH
-    if 0.0 < landed < 1.0:
-        return 4.0 * bounce * landed * (1.0 - landed)
-    return rounded_lift(time, CORNER_ROUNDING, s)
+    cdef double lift = rounded_lift(time, CORNER_ROUNDING, s)
+    return lift + 4.0 * bounce * landed * (1.0 - landed) if 0.0 < landed < 1.0 else lift
 
 
 cdef inline Inputs _inputs(double rail, double lift, const Coefficients* c) noexcept nogil:
@@ -72,7 +72,7 @@ def run_injector(
     """Record samples first..last-1 and step the state x (n,) on to `last`; number: of the stroke under way or next.
 
     indicated: what the sensor shows; due: the first sample of the line pressure not recorded yet. time [s], rail,
-    lift [m], rate [m3/s], recorded (k,); states (k, 3); strokes (m, 6); bounce [m].
+    lift [m], rate [m3/s], recorded (k,); states (k, 3); strokes (m, 8); bounce [m].
     """
     cdef NeedleStroke s = _stroke(strokes, number), following = _stroke(strokes, number + 1)
     cdef Forced forced
@@ -85,7 +85,7 @@ def run_injector(
     c = &model.coefficients
     f = &terms.forcing
     fits = rail.shape[0] == lift.shape[0] == rate.shape[0] == recorded.shape[0] == states.shape[0] == samples
-    if not fits or strokes.shape[1] != 6 or x.shape[0] != c.states or not 0 <= first <= last <= samples:
+    if not fits or strokes.shape[1] != 8 or x.shape[0] != c.states or not 0 <= first <= last <= samples:
         raise ValueError("arrays of a simulation do not fit each other")
     forced.coefficients, forced.network = model.coefficients, weights.network
     with nogil:
@@ -110,7 +110,7 @@ def run_injector(
             step = (time[n + 1] - time[n]) / steps
             for i in range(steps):
                 start = time[n] + i * step
-                if start > min(s.closed + CORNER_ROUNDING / 2.0 + lasting, following.opening - CORNER_ROUNDING / 2.0):
+                if start > min(lands(&s) + CORNER_ROUNDING / 2.0 + lasting, following.opening - CORNER_ROUNDING / 2.0):
                     number += 1
                     s, following = following, _stroke(strokes, number + 1)
                 rail_middle = rail[n] + (i + 0.5) / steps * (rail[n + 1] - rail[n])

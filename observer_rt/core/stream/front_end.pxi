@@ -37,7 +37,7 @@ cdef double commanded_lift(Observer* observer, int64_t position) noexcept nogil:
         lifts = answers(0.0, commands.lengths[number % COMMANDS] * interval, pressure, &c.needle, in_force.needle, &s)
         if lifts:
             lift = max(lift, rounded_lift(since * interval, window, &s))
-        if number == commands.answered and since * interval > s.closed + window:
+        if number == commands.answered and since * interval > lands(&s) + window:
             commands.answered += 1
     return lift
 

@@ -117,13 +117,15 @@ class Window(NamedTuple):
 
 
 def needle_with(needle: NeedleLaw, learned: NDArray[np.float64]) -> NeedleLaw:
-    """A needle as was learned of it (NEEDLE_NUMBERS,): delays in s, speeds as natural logarithms."""
-    opens, rises, closes, falls = learned.tolist()
+    """A needle as was learned of it (NEEDLE_NUMBERS,): delays in s, logarithms of speeds, bounce in m and s."""
+    opens, rises, closes, falls, bounces, lasts = learned.tolist()
     return needle._replace(
         opening_delay=needle.opening_delay + opens,
         opening_speed=needle.opening_speed * math.exp(rises),
         closing_delay=needle.closing_delay + closes,
         closing_speed=needle.closing_speed * math.exp(falls),
+        landing_bounce=needle.landing_bounce + bounces,
+        bounce_length=needle.bounce_length + lasts,
     )
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from observer_rt.core.model.model import SENSOR_NUMBERS
 from observer_rt.core.model.needle import NEEDLE_NUMBERS
 from observer_rt.engine.estimation.gating import Gate
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MM3_PER_MS
-from observer_rt.model.effective import LAG_UNIT, Coefficients
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MM3_PER_MS
+from observer_rt.model.effective import LAG_UNIT, LIFT_UNIT, Coefficients
 from observer_rt.model.hydraulics import AT, Valve
 from observer_rt.model.line import stiffened
 from observer_rt.model.network import (
@@ -71,6 +71,8 @@ class Parameter(IntEnum):
     OPENING_SPEED = 19 + HIDDEN  # natural logarithm of it over that of the file
     CLOSING_DELAY = 20 + HIDDEN
     CLOSING_SPEED = 21 + HIDDEN
+    LANDING_BOUNCE = 22 + HIDDEN  # beyond that of the file, in units of LIFT_UNIT
+    BOUNCE_LENGTH = 23 + HIDDEN
 
 
 class Element(Enum):
@@ -88,10 +90,12 @@ class ScalarUnit(Enum):
     AS_IT_IS = "-"
     PRESSURE = "Pa"  # theta counts in p_0
     TIME = "s"  # theta counts in `LAG_UNIT`
+    LENGTH = "m"  # .. in `LIFT_UNIT`
 
     def unit(self, pressure_scale: float) -> float:
         """Size of theta = 1; pressure_scale p_0 [Pa]."""
-        return {ScalarUnit.AS_IT_IS: 1.0, ScalarUnit.PRESSURE: pressure_scale, ScalarUnit.TIME: LAG_UNIT}[self]
+        units = (ScalarUnit.PRESSURE, pressure_scale), (ScalarUnit.TIME, LAG_UNIT), (ScalarUnit.LENGTH, LIFT_UNIT)
+        return dict(units).get(self, 1.0)
 
 
 @dataclass(frozen=True)
@@ -323,6 +327,12 @@ SCALARS = Scalars((
            shown=_later("needle_closes_later", "needle closes later by")),
     Scalar("closing_speed", Parameter.CLOSING_SPEED, prior=0.17, drift=2e-3, longest_step=0.2, bounds=(-1.0, 1.0),
            element=Element.NEEDLE, shown=ShownIndicator("needle_closes_faster", label="needle closes faster, ln v")),
+    Scalar("landing_bounce", Parameter.LANDING_BOUNCE, prior=15e-6, drift=0.2e-6, longest_step=20e-6,
+           bounds=(0.0, 80e-6), counted=ScalarUnit.LENGTH, gated_from=0.0, element=Element.NEEDLE,
+           shown=ShownIndicator("needle_bounces", lambda _: LIFT_UNIT, label="needle bounces by", unit=("m", 1.0),
+                                screen_unit=("um", MICROMETRE))),
+    Scalar("bounce_length", Parameter.BOUNCE_LENGTH, prior=25e-6, drift=0.5e-6, longest_step=20e-6,
+           bounds=(-60e-6, 80e-6), counted=ScalarUnit.TIME, element=Element.NEEDLE),
 ))
 # fmt: on
 

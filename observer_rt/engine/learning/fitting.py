@@ -101,7 +101,7 @@ class EventFitter:
             best, active = best_subset(joint, covariance, self.limits.gate, active)
             target = self._within_reach(here.theta, best)
             value = self.cost.value(target)
-            as_expected = abs(value - here.expected(target)) < AGREEMENT
+            as_expected = abs(value - here.expected(target)) < AGREEMENT and self._has_delays_of(here)
             if as_expected and total(target, value) <= here_total + ROUNDING:
                 here = here.moved(target, value)
                 break
@@ -116,6 +116,11 @@ class EventFitter:
                 break
         cost = self.cost
         return EventFit(active, here, cost.innovations, cost.unfiltered, cost.slopes, cost.delays)
+
+    def _has_delays_of(self, here: Linearisation) -> bool:
+        """Whether the shots' delays are of this linearisation; another fit may have followed the event since."""
+        delays = self.cost.delays
+        return delays is None or np.array_equal(delays.theta, here.theta)
 
     def _within_reach(self, here: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """The target, or the point towards it up to which the slopes hold; within bounds."""

@@ -147,6 +147,8 @@ def stroke_in(event: Resimulation, window: slice) -> NeedleStroke | None:
     start, end = event.interval * window.start, event.interval * window.stop
     for stroke in event.strokes:
         if start < 0.5 * (stroke.opening + stroke.closed) < end:
-            times = {name: getattr(stroke, name) - start for name in ("opening", "top", "closing", "closed")}
+            times = {
+                name: getattr(stroke, name) - start for name in ("opening", "top", "closing", "closed", "landed")
+            }
             return stroke._replace(**times)
     return None

@@ -50,7 +50,8 @@ def commanded_lift(injector: InjectorParameters, recording: Recording, commands:
         if answer is None:
             continue
         stroke = NeedleStroke(**answer)
-        first, last = (stroke.opening - CORNER_ROUNDING) * rate, (stroke.closed + CORNER_ROUNDING) * rate
+        first = (stroke.opening - CORNER_ROUNDING) * rate
+        last = (stroke.landed + CORNER_ROUNDING) * rate
         for sample in range(max(int(first), 0), min(int(last), lift.size)):
             lift[sample] = lift_of_stroke(sample / rate, stroke)
     return replace(recording, needle_lift=lift)

@@ -4,15 +4,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-from observer_rt.foundation.units import MICROSECOND
+from observer_rt.foundation.units import MICROMETRE, MICROSECOND
 from observer_rt.model.effect import LIFT_RECORDED, Component, Effect, Likeness, Relation, parameter, scaled
 from observer_rt.model.effective import EffectiveModel
 
 
-def _later(name: str, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+def _more(name: str, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
     needle = model.injector.needle
     needle = needle.model_copy(update={name: getattr(needle, name) + values[0]})
     return replace(model, injector=model.injector.model_copy(update={"needle": needle}))
+
+
+def _bouncing(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+    return _more("bounce_length", _more("landing_bounce", model, values), values[1:])
 
 
 BESIDE = dict.fromkeys(("seat_area", "opening_speed"), ("opening_delay",)) | {
@@ -27,7 +31,7 @@ OPENING_DELAY = Effect(
     id="opening_delay",
     component=Component.NEEDLE,
     parameters=_DELAY,
-    apply=partial(_later, "opening_delay"),
+    apply=partial(_more, "opening_delay"),
     sentence="The needle leaves its seat later (or earlier) after the start of energizing than the file says, by d.",
     signature="The line pressure begins to fall later, and the injection is shorter, by the same time always.",
     relations=(
@@ -50,7 +54,7 @@ CLOSING_DELAY = Effect(
     id="closing_delay",
     component=Component.NEEDLE,
     parameters=_DELAY,
-    apply=partial(_later, "closing_delay"),
+    apply=partial(_more, "closing_delay"),
     sentence="The needle begins to fall later (or earlier) after the end of energizing than the file says, by d.",
     signature="The injection ends later by the same time always, and is larger by as much.",
     relations=(Relation(("orifice_area", "seat_area"), Likeness.ALIKE, LIFT_RECORDED),),
@@ -67,4 +71,17 @@ CLOSING_SPEED = Effect(
         Relation(("seat_area",), Likeness.ALIKE, LIFT_RECORDED),
         Relation(("closing_delay",), Likeness.NEAR, LIFT_RECORDED),
     ),
+)
+
+NEEDLE_BOUNCE = Effect(
+    id="needle_bounce",
+    component=Component.NEEDLE,
+    parameters=(
+        parameter("b", 0.0, 80.0, 4.0, (0.0, 20.0), "um", MICROMETRE),
+        parameter("l", -60.0, 80.0, 0.0, unit="us", si=MICROSECOND),
+    ),
+    apply=_bouncing,
+    sentence="The needle lifts once more, by b, when it has landed on its seat, for l longer than the file says.",
+    signature="A little more is injected just after the needle has closed; the line pressure falls once more.",
+    relations=(Relation(("closing_delay", "closing_speed"), Likeness.NEAR, LIFT_RECORDED),),
 )

@@ -26,12 +26,25 @@ def test_it_is_evaluated_and_what_needs_the_lift_says_so(tmp_path: Path, command
     assert f"{path}, needle_lift: was not recorded" in outcome.err.replace("\n", "")
 
 
+POINTS = "--rail-pressure", "60,100,140", "--energizing-time", "0.6,1.9", "--injections", 12
+
+
+@pytest.mark.slow
+def test_a_needle_that_bounces_is_named(tmp_path: Path, command: Command) -> None:
+    """By a parabola of 60 us, which is no half sine from the landing on."""
+    path, answer = tmp_path / "bounce.csv", tmp_path / "found"
+    command.done("simulate", *POINTS, "--no-lift", "--jitter", 8, "--bounce", 25, "--output", path)
+    command.done("discover", path, "--out", answer)
+    (effect,) = load_injector(answer / "amended.toml").effects
+    assert effect.id == "needle_bounce"
+    assert 15.0 < effect.parameters["b"].value < 25.0
+
+
 @pytest.mark.slow
 def test_a_needle_that_answers_late_is_named_and_enters_the_model(tmp_path: Path, command: Command) -> None:
     path, answer = tmp_path / "late.csv", tmp_path / "found"
-    points = "--rail-pressure", "60,100,140", "--energizing-time", "0.6,1.9", "--injections", 12
     late = "--no-lift", "--jitter", 8, "--effect", "closing_delay:d=60"
-    command.done("simulate", *points, *late, "--output", path)
+    command.done("simulate", *POINTS, *late, "--output", path)
     command.done("discover", path, "--out", answer)
     (effect,) = load_injector(answer / "amended.toml").effects
     low, high = effect.parameters["d"].ci95 or (0.0, 0.0)

@@ -51,6 +51,7 @@ NEEDLE = {  # sizes, and by how much later the half lift is passed, up and down;
     "opening_speed": ({"r": 0.5}, -62.5e-6, 0.0),
     "closing_delay": ({"d": -50e-6}, 0.0, -50e-6),
     "closing_speed": ({"r": 0.5}, 0.0, -55.6e-6),
+    "needle_bounce": ({"b": 20e-6}, 0.0, 0.0),
 }
 
 
@@ -169,6 +170,16 @@ def test_the_needle_passes_half_its_lift_later(name: str) -> None:
     _, *later = NEEDLE[name]
     usual, moved = (np.flatnonzero(np.diff(simulated(one, 100e6).truth.needle_lift > 0.15e-3)) for one in ("", name))
     assert (moved - usual) * 1e-5 == pytest.approx(later, abs=1e-5)
+
+
+def test_a_needle_bounces_by_half_a_sine_from_its_landing_on() -> None:
+    truth, usual = (simulated(name, 100e6).truth for name in ("needle_bounce", ""))
+    landed = 0.15 + OPEN_FOR + NOMINAL.needle.closing_delay + NOMINAL.seat.max_lift / NOMINAL.needle.closing_speed
+    means = landed + np.linspace(-15e-6, 15e-6, 3001)  # over which corners are rounded
+    at = np.clip((truth.time[:, None] - means) / NOMINAL.needle.bounce_length, 0.0, 1.0)
+    np.testing.assert_allclose(
+        truth.needle_lift - usual.needle_lift, 20e-6 * np.sin(math.pi * at).mean(axis=1), atol=5e-9
+    )
 
 
 @pytest.mark.parametrize(("name", "rail"), [*((name, 140e6) for name in SIZES), ("orifice_cavitation", 60e6)])

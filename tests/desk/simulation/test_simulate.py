@@ -60,7 +60,9 @@ def test_check_masses_of_the_nominal_injector(open_time: float, rail_pressure: f
     """The figures beside the nominal parameters, for a needle that opens and closes in 0.25 ms each."""
     ramp, start = 0.25e-3, 1e-3
     speed = NOMINAL.seat.max_lift / ramp
-    needle = NeedleStroke(start, start + ramp, start + open_time - ramp, start + open_time, speed, speed)
+    needle = NeedleStroke(
+        start, start + ramp, start + open_time - ramp, start + open_time, speed, speed, 0.0, start + open_time
+    )
     time = np.arange(600) / 100e3
     truth = run_plant(effective_model(NOMINAL), [needle], time, np.full(600, rail_pressure))
     assert mass(truth) == pytest.approx(expected, rel=0.03)

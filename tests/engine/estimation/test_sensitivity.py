@@ -77,18 +77,34 @@ def test_slopes_with_effects_in_force(affected: Case) -> None:
     assert_slopes(affected, simulated_event(affected, worn_theta(seed=7), event_inputs(), seed=3), worn_theta())
 
 
-@pytest.mark.parametrize("commands", [[(80.0, 190.0)], [(80.0, 120.0), (230.0, 245.0)]], ids=["stop", "ballistic"])
-@pytest.mark.parametrize("line", ["lump", "wave"])
-def test_slopes_of_a_needle_that_answers_commands(case: Case, line: str, commands: list[tuple[float, float]]) -> None:
-    """Its area is computed with theta: all slopes are exact, those by its delays and speeds, too."""
-    injector, theta = load_injector(), worn_theta()
+def commanded(case: Case, line: str, commands: list[tuple[float, float]]) -> tuple[Case, Window]:
+    injector = load_injector()
     window = simulated_event(case, worn_theta(seed=7), event_inputs(rail=0.7), seed=3)
     if line == "wave":
         case = make_case(with_line(injector, model="wave"))
         window = window._replace(start=start_at_rest(case.c, 0.7))
-    theta[NEEDLE] = 0.2, 0.1, -0.3, -0.1
-    window = window._replace(needle=injector.needle_law, commands=np.array(commands))
+    return case, window._replace(needle=injector.needle_law, commands=np.array(commands))
+
+
+@pytest.mark.parametrize("commands", [[(80.0, 190.0)], [(80.0, 120.0), (230.0, 245.0)]], ids=["stop", "ballistic"])
+@pytest.mark.parametrize("line", ["lump", "wave"])
+def test_slopes_of_a_needle_that_answers_commands(case: Case, line: str, commands: list[tuple[float, float]]) -> None:
+    """Its area is computed with theta: all slopes are exact, those by its delays and speeds, too."""
+    case, window = commanded(case, line, commands)
+    theta = worn_theta()
+    theta[NEEDLE] = 0.2, 0.1, -0.3, -0.1, 1.2, 0.1
     assert_slopes(case, window, theta, share=5e-4)  # a drained sac is empty from one sample to the next
+
+
+@pytest.mark.parametrize("line", ["lump", "wave"])
+def test_a_needle_that_does_not_bounce_shows_what_a_bounce_would_do(case: Case, line: str) -> None:
+    case, window = commanded(case, line, [(80.0, 190.0)])
+    theta, bounce = worn_theta(), np.eye(PARAMETERS)[Parameter.LANDING_BOUNCE]
+    theta[Parameter.BACK_PRESSURE : Parameter.BACK_PRESSURE + 2] = 0.0  # it rises at once with the smallest bounce
+    here, slopes = with_slopes(case, window, theta)
+    moved = (innovations_at(case, window, theta + 1e-3 * bounce) - here) / 1e-3
+    assert np.linalg.norm(moved) > 1e-3
+    assert np.linalg.norm(moved - slopes @ bounce) < 0.1 * np.linalg.norm(moved)
 
 
 def test_slopes_with_a_lift_sampled_between(case: Case) -> None:

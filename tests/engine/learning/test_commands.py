@@ -13,6 +13,7 @@ from observer_rt.desk.simulation.schedule import Shot as Command
 from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.estimation.scalars import VALVE_LAW
+from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.model.effective import LAG_UNIT
 from observer_rt.model.effects import sized
@@ -27,6 +28,7 @@ from tests.plants.laws import Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Needle, record
 from tests.plants.windows import true_masses, windows_of
+from tools.benchmarks.faults.bench import bouncing
 
 
 def learned(
@@ -78,19 +80,39 @@ def test_a_command_goes_by_the_sample_at_which_it_comes() -> None:
 def test_without_the_lift_masses_are_right_from_the_first_injection_on(
     faults: Faults, opens_later: float, closes_later: float, needle: Needle
 ) -> None:
-    law = load_injector().needle_law
     events = in_turn(9, lambda _: faults, (60e6, 100e6, 140e6), (0.6e-3, 1.9e-3, 1.0e-3))
-    outcome = record(bench := Bench(Injector(), needle, events, seed=3))
-    before = law.opening_delay + opens_later, law.closing_delay + closes_later
-    recording = commanded(bench, outcome, *before, jitter=10e-6).without_lift()
-    reports = evaluate(bench_at(bench.sample_rate), [recording]).evaluations[0].reports
-    run_of_events = ObservedRun(reports, true_masses(outcome, bench))
+    run_of_events = without_lift(Bench(Injector(), needle, events, seed=3), opens_later, closes_later)
     assert all(run_of_events.valid)
     assert np.abs(run_of_events.errors).max() < 0.015
     assert np.median(np.abs(run_of_events.errors)) < 0.004
     assert np.mean(run_of_events.inside) >= 0.85
-    delays = [reports[-1].indicators[name].value * LAG_UNIT for name in ("needle_opens_later", "needle_closes_later")]
+    indicators = run_of_events.reports[-1].indicators
+    delays = [indicators[name].value * LAG_UNIT for name in ("needle_opens_later", "needle_closes_later")]
     assert delays == pytest.approx([opens_later, closes_later], abs=30e-6)
+    assert indicators["needle_bounces"] == Estimate(0.0, 0.0)  # it does not pay
+
+
+def without_lift(bench: Bench, opens_later: float, closes_later: float) -> ObservedRun:
+    """Masses by event: a needle that bounces opens twice."""
+    law, outcome = load_injector().needle_law, record(bench)
+    before = law.opening_delay + opens_later, law.closing_delay + closes_later
+    recording = commanded(bench, outcome, *before, jitter=10e-6).without_lift()
+    reports = evaluate(bench_at(bench.sample_rate), [recording]).evaluations[0].reports
+    masses = np.bincount(outcome.event_of, true_masses(outcome, bench))
+    return ObservedRun(reports, masses.astype(np.float64))
+
+
+@pytest.mark.parametrize("faults", [Faults(), Faults(line_friction=2.0)], ids=["healthy", "friction"])
+def test_a_needle_that_bounces_is_learned_by_its_commands(faults: Faults) -> None:
+    """A hop of 25 um, 40 to 100 us after the landing, which is no half sine."""
+    events = in_turn(9, lambda _: faults, (60e6, 100e6, 140e6), (0.6e-3, 1.9e-3, 1.0e-3))
+    bench = bouncing(Bench(Injector(), Needle(0.9, 0.8), events, seed=3), 25.0, np.random.default_rng(0))
+    run_of_events = without_lift(bench, 60e-6, -120e-6)
+    assert all(run_of_events.valid)
+    assert np.abs(run_of_events.errors).max() < 0.015
+    low, high = run_of_events.reports[-1].indicators["needle_bounces"].ci95 or (0.0, 0.0)
+    assert 0.5 < low < high < 2.5
+    assert high - low < 0.6
 
 
 @pytest.mark.parametrize("has_lift", [True, False])

@@ -22,6 +22,7 @@ from observer_rt.model.effects import VOCABULARY, effective_model
 from tests.observed_plants import commanded
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, record
+from tools.benchmarks.faults.bench import bouncing
 
 NOMINAL = load_injector()
 US = 1e-6
@@ -38,6 +39,7 @@ class HiddenCase:
     shuts: float = 270 * US
     needle: Needle = NEEDLE
     faults: Faults = NEW
+    bounce: float = 0.0  # um
 
 
 CASES = {
@@ -45,6 +47,7 @@ CASES = {
     "closing_delay": HiddenCase(-60 * US, shuts=210 * US),
     "opening_speed": HiddenCase(0.2, needle=Needle(0.96, 0.90)),
     "closing_speed": HiddenCase(-0.2, needle=Needle(0.80, 0.72)),
+    "needle_bounce": HiddenCase(10 * US, bounce=25.0),
     "orifice_area": HiddenCase(-0.15, faults=Faults(orifice_area=-0.15)),
 }
 
@@ -56,6 +59,7 @@ def fitter(hidden: HiddenCase, jitter: float = 8 * US) -> Fitter:
         shots = np.random.default_rng(number).uniform(0.0, 10 * US, 2)
         events = tuple(Event(pressure, (Shot(shot, duration),), hidden.faults) for shot in shots)
         bench = Bench(Injector(), hidden.needle, events, seed=number)
+        bench = bouncing(bench, hidden.bounce, np.random.default_rng(0)) if hidden.bounce else bench
         made.append(commanded(bench, record(bench), hidden.opens, hidden.shuts, jitter).without_lift())
     lifted = measurements(with_commanded_lift(NOMINAL, made))
     answered = [replace(one, commands=commands_of(one.recording)) for one in lifted]

@@ -148,18 +148,3 @@ def test_intervals_hold_the_true_mass_or_not() -> None:
         assert facts["covered"] is holds
         assert facts["held"] == ([] if holds is None else [holds] * (EVENTS - FROM))
     assert score().facts()["rate_coverage"] == pytest.approx(0.95)
-
-
-def test_the_third_event_of_wear_and_the_third_after_a_change_are_in_time() -> None:
-    jumped = replace(make_case("jump_nozzle", 1, 0), change_event=7)
-    assert score(factors(event_2=2.0)).facts()["in_time"]
-    assert not score(factors(event_3=1.011)).facts()["in_time"]
-    assert score(factors(event_8=1.5, event_9=1.5, event_10=1.5), case=jumped).facts()["in_time"]
-    assert not score(factors(event_11=1.5), case=jumped).facts()["in_time"]
-    assert score(case=make_case("healthy", 1, 0)).facts()["in_time"] is None
-
-
-def test_masses_nearer_to_the_nominal_model_or_beyond_their_interval_are_counted() -> None:
-    for share, nearer, outside in ((0.01, 0, 0), (0.03, 0, EVENTS), (-0.15, EVENTS - FROM, EVENTS)):
-        facts = score(1.0 + share).facts()
-        assert (facts["nearer_to_nominal"], facts["outside_own_interval"]) == (nearer, outside)

@@ -11,19 +11,8 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.core.frames.frames import SUPERVISION, judge_frame
 from tests.observed_plants import bench_at
 from tools.benchmarks.speed import native
-from tools.benchmarks.speed.observers import observer
-from tools.benchmarks.speed.pace import Pacer, Passage
-from tools.benchmarks.speed.traffic import (
-    DATA_ID,
-    RATE_ID,
-    RATES,
-    RAW_FRAME,
-    SAMPLE_RATE,
-    SAMPLES,
-    Ids,
-    Traffic,
-    index_of,
-)
+from tools.benchmarks.speed.pace import Passage
+from tools.benchmarks.speed.traffic import DATA_ID, RATE_ID, RATES, RAW_FRAME, SAMPLE_RATE, SAMPLES, Traffic, index_of
 
 WRONG = (4, 5)  # E2E_CRC_ERROR, E2E_LENGTH_ERROR
 
@@ -49,23 +38,6 @@ def test_sender_goes_on_with_index_counter_and_crc(folder: Path, traffic: Traffi
         assert payload[2] == (first + number) % 256
         assert index_of(payload.tobytes()) == (first + number) * SAMPLES
         assert payload[8:].tobytes() == loop["data"][(first + number) % traffic.frames][8:].tobytes()
-
-
-def test_echo_answers_when_the_observer_would(folder: Path, traffic: Traffic) -> None:
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with ours, theirs:
-        ids = Ids(1)
-        numbers = (ids.input, ids.rate, traffic.ahead)
-        words = [str(native.program("echo", folder)), f"fd:{theirs.fileno()}", *map(str, numbers)]
-        with observer(words, [theirs.fileno()]):
-            pacer = Pacer(folder, traffic, f"fd:{ours.fileno()}", ids, [ours.fileno()])
-            passages = [pacer.send(400, 100e-6), pacer.send(400, 100e-6)]
-    for passage in passages:
-        assert passage.lost(traffic) == passage.repeated == 0
-        latencies = passage.latencies(traffic, open_only=False)
-        assert latencies.size >= 400 * SAMPLES // RATES - 1
-        assert np.min(latencies) > 0.0
-        assert np.median(latencies) < 10.0  # as it is sent, even on a machine with much else to do
 
 
 def test_latency_counts_from_the_frame_that_was_needed(traffic: Traffic) -> None:

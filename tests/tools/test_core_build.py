@@ -100,18 +100,6 @@ def test_importing_builds_what_was_edited_and_nothing_else(package: Path) -> Non
 
 
 @pytest.mark.slow
-def test_an_edit_is_built_where_the_meson_of_the_first_build_is_gone(package: Path) -> None:
-    """As that of the environment in which pip has built."""
-    meson = shutil.which("meson", path=str(Path(sys.executable).parent))
-    assert meson is not None
-    for name in ("build.ninja", "asked-for"):
-        file = package / "build" / "core" / name
-        assert meson in file.read_text()
-        file.write_text(file.read_text().replace(meson, "/nowhere/meson"))
-    assert edited(package) == twice(package, 1.0)
-
-
-@pytest.mark.slow
 def test_where_nothing_builds_an_edit_the_command_that_does_is_named(package: Path) -> None:
     """As after an update of a checkout that was installed without what developers need."""
     edited(package)
@@ -134,27 +122,6 @@ def test_what_does_not_compile_without_warning_is_said_with_its_line(package: Pa
     module.write_text(LAW)
     assert "trial.pyx:" in said
     assert "Traceback" not in said
-
-
-@pytest.mark.slow
-def test_without_headers_the_command_that_brings_them_is_named(package: Path) -> None:
-    edited(package)
-    program = (
-        "import sys, sysconfig; sys.path.insert(0, 'tools/lib'); import build_core\n"
-        "build_core.sysconfig.get_path = lambda name: '/nowhere'\n"
-        "build_core.build_in_place()"
-    )
-    assert "sudo apt-get install python3-dev" in failing(package, "-c", program)
-
-
-@pytest.mark.slow
-def test_a_module_whose_source_is_gone_goes(package: Path) -> None:
-    (package / "observer_rt" / "core" / "other.pyx").write_text("value = 1\n")
-    (package / "observer_rt" / "core" / "trial.pyx").unlink()
-    program = "import observer_rt.core.other as o; print(o.value); import observer_rt.core.trial"
-    said = failing(package, "-c", program)
-    assert said.startswith("1\n")
-    assert "ModuleNotFoundError" in said
 
 
 @pytest.mark.slow

@@ -333,20 +333,3 @@ def test_the_pressure_takes_effect_between_events(tmp_path: Path, model: str) ->
     rows, shut = by_bus.core.rows(0, by_bus.core.processed), 10_300
     assert np.abs(rows["innovation"][shut : shut + 2000]).max() < 0.01  # p_0, of which the change is .04
     assert 100e6 * rows["rail_pressure"] + 6e6 == pytest.approx(recording.rail_pressure[: len(rows)], abs=0.1e6)
-
-
-def test_nor_is_anything_valid_without_the_pressure(tmp_path: Path) -> None:
-    """It counts for 20 ms, and comes until the third injection; the model then keeps it."""
-    frames = Device(chamber_bench(tmp_path)).send(into(OTHER).recording)
-    often = [(number, chamber(OTHER)) for number in range(0, round(0.26 * SAMPLE_RATE / BLOCK), 50)]
-    result = run(chamber_bench(tmp_path, "timeout_ms = 20\n"), inserted(frames, often))
-    assert [report.valid for report in result.reports] == [True, True, True, False]
-    assert result.reports[-1].reason is Reason.INPUT_STALE
-    assert result.reports[-1].surroundings.chamber_pressure == pytest.approx(1e6 * OTHER)
-    assert result.core.state == (State.DEGRADED, Reason.INPUT_STALE)
-    assert not any(report.valid for report in run(chamber_bench(tmp_path), [chamber(-0.1), *frames]).reports)
-
-
-def test_check_tells_signal_and_range_of_the_pressure(tmp_path: Path) -> None:
-    text = "chamber_pressure: Sensor 0x323, Chamber, -0.1 to 60 MPa, the model's p_C"
-    assert any(text in finding.text for finding in checkup(chamber_bench(tmp_path)))

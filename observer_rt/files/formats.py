@@ -142,7 +142,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
     if stream.meaning is Meaning.MEAN and isinstance(stream, MappedSignals) and stream.is_resampled:
         raise UserError(
             str(path),
-            f"its samples, which are means, are not on a grid of {stream.rate:g} Hz, and cannot be resampled",
+            f"its samples, which are means, are not on a grid of {stream.sample_rate:g} Hz, and cannot be resampled",
             'set sampling.rate_hz to the rate of the file, or say meaning = "instant" if that is what they are',
         )
     return stream

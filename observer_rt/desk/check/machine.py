@@ -3,7 +3,6 @@
 import os
 import socket
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
@@ -21,26 +20,15 @@ _INTERFACE_IS_UP = 1  # IFF_UP
 _VIRTUAL = "vcan"  # which the names of such interfaces begin with
 
 
-@dataclass(frozen=True)
-class Host:
-    """Rights and resources that the machine grants this process."""
-
-    rights: Rights
-    swap_in_use: bool
-    processors: int
-    loops: Processors
-
-
 def machine_findings(bench: Bench) -> list[Finding]:
     """Findings about the machine and the interfaces of a bench."""
     asked, swaps = bench.config.realtime, Path("/proc/swaps")
-    host = Host(
-        rights=rights(asked.priority),
+    findings = real_time_findings(
+        rights(asked.priority),
         swap_in_use=swaps.exists() and len(swaps.read_text().splitlines()) > 1,  # the first line is a heading
-        processors=len(os.sched_getaffinity(0)),
+        cores=len(os.sched_getaffinity(0)),
         loops=processors(asked.cpus, len(bench.injectors)),
     )
-    findings = real_time_findings(host)
     ours = [link for link in bench.config.buses if link.config.interface == "socketcan"]
     findings += socketcan_findings() if ours else []
     for link in bench.config.buses:
@@ -50,19 +38,19 @@ def machine_findings(bench: Bench) -> list[Finding]:
 
 
 @ruled("real time")
-def real_time_findings(host: Host) -> Iterator[Said]:
-    """Whether the loop can be expected to keep up."""
+def real_time_findings(granted: Rights, swap_in_use: bool, cores: int, loops: Processors) -> Iterator[Said]:
+    """Whether the loop can be expected to keep up, by what the machine grants this process."""
     here = "in this shell: sudo prlimit --pid $$"
-    may, priority = host.rights.may_hurry, host.rights.priority
+    may, priority = granted.may_hurry, granted.priority
     text = f"the loop gets real-time priority {priority}" if may else "no real-time priority allowed"
     yield may or not priority, text if priority else "no real-time priority asked for", f"{here} --rtprio=99"
-    may = host.rights.may_lock_memory
+    may = granted.may_lock_memory
     yield may, "memory is locked" if may else "memory may not be locked", f"{here} --memlock=unlimited"
-    text = "swap in use, which can stop the loop for long" if host.swap_in_use else "no swap"
-    yield not host.swap_in_use, text, "sudo swapoff --all"
+    text = "swap in use, which can stop the loop for long" if swap_in_use else "no swap"
+    yield not swap_in_use, text, "sudo swapoff --all"
     remedy = f"loop and learning want {PROCESSORS}: taskset --cpu-list 0-{PROCESSORS - 1} COMMAND, where there are"
-    yield host.processors >= PROCESSORS, f"{host.processors} processor(s)", remedy
-    yield not host.loops.trouble, host.loops.trouble or host.loops.as_text(), REMEDY
+    yield cores >= PROCESSORS, f"{cores} processor(s)", remedy
+    yield not loops.trouble, loops.trouble or loops.as_text(), REMEDY
 
 
 @ruled("interface")

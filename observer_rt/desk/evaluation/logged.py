@@ -74,7 +74,7 @@ class LoggedSignals(SignalStream):
         channels = chosen_channels(path, bench.config.buses, needed, from_channels)
         self.frames = InputFrames(path, self._bus, channels)
         """Frames as they are in the log."""
-        self.rate = bench.injector.config.sampling.rate_hz
+        self.sample_rate = bench.injector.config.sampling.rate_hz
         self.logged = self._look_through(path, progress)
         """The log, split where the sample index starts again."""
         self.stretches = tuple(Stretch(0.0, each.samples) for each in self.logged)
@@ -106,10 +106,10 @@ class LoggedSignals(SignalStream):
             progress(self.frames.share_read)
         outside = watch.outside()
         if rows_read < 2:
-            raise _too_few(path, core.counters, watch.absent(), outside, rows_read, stamps.span, self.rate)
+            raise _too_few(path, core.counters, watch.absent(), outside, rows_read, stamps.span, self.sample_rate)
         intervals = sum(stretch.samples - 1 for stretch in stretches)
         ranges = [f"{path}: {outside}\n  remedy: {OUTSIDE_REMEDY}"]
-        odd = ranges if outside else stamps.notes(path, self.rate, intervals)
+        odd = ranges if outside else stamps.notes(path, self.sample_rate, intervals)
         self.notes = (*self.frames.notes(), *watch.notes(path), *odd, *_restarts(path, stretches))
         self.counters, self.standstill, self.timing = core.counters, core.standstill, core.timing
         self.slow_noise = core.slow_noise
@@ -186,9 +186,9 @@ class LoggedSignals(SignalStream):
                 placed[position[here] - start] = values[here]  # noqa: B023
                 return placed
 
-            time = np.arange(start, stop) / self.rate
+            time = np.arange(start, stop) / self.sample_rate
             rail, line = (signal(self._pressure(rows, name)) for name in ("rail_pressure", "line_pressure"))
-            yield Chunk(time, rail, signal(lift), line, None, self.path, self.rate, number, start)
+            yield Chunk(time, rail, signal(lift), line, None, self.path, self.sample_rate, number, start)
 
     def _signals(self, rows: NDArray[np.void]) -> dict[Role, NDArray[np.float64]]:
         """Signals [SI] of the samples that came; the lift before its interpolation."""

@@ -89,7 +89,7 @@ class ObserverRun:
     def _observe_log(self, log: LoggedSignals, sink: "Evaluation") -> None:
         offset, sink.first_index = 0, log.logged[0].first_index
         for stretch in log.logged:
-            self._samples.begin(Run(sink, stretch.samples, log.rate, stretch.first_index, offset))
+            self._samples.begin(Run(sink, stretch.samples, log.sample_rate, stretch.first_index, offset))
             offset += stretch.samples
         self._observe(blocks_of(log.frames))
 

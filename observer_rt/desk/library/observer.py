@@ -121,7 +121,7 @@ class SampleObserver(KnowledgeHolder):
             return self._table([])
         time = (self._samples_fed + np.arange(signals[0].size)) / self._rate
         rail, lift, line = signals
-        chunk = Chunk(time, rail, lift, line, rate=self._rate, first=self._samples_fed)
+        chunk = Chunk(time, rail, lift, line, sample_rate=self._rate, first=self._samples_fed)
         self._samples_fed += chunk.samples
         joined = chunk if self._held is None else followed(self._held, chunk)
         full = joined.samples - joined.samples % self._device.block

@@ -20,7 +20,7 @@ from observer_rt.engine.learning.constants import OFTEN
 from observer_rt.engine.learning.indicators import Indicators, indicators_of
 from observer_rt.engine.learning.knowledge import EventRecord
 from observer_rt.engine.stream.state import Reason, State
-from observer_rt.engine.stream.validity import InjectionFacts, contested, reason_of_injection
+from observer_rt.engine.stream.validity import contested, reason_of_injection
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, Z_95
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effective import Coefficients
@@ -198,13 +198,11 @@ def report_of(
         stroke = interval.stroke_in(again, window)
     passed = not judged.objections
     reason = reason_of_injection(
-        InjectionFacts(
-            of_samples=Reason(int(injection["reason"])),
-            of_event=Reason.NONE if passed else judged.objections[0].reason,
-            of_inputs=Reason(int(event["fault"])),
-            was_outlier=passed and outcome is not None and outcome.outliers > 0,
-            is_learned=corrected is not None,
-        )
+        of_samples=Reason(int(injection["reason"])),
+        of_event=Reason.NONE if passed else judged.objections[0].reason,
+        of_inputs=Reason(int(event["fault"])),
+        was_outlier=passed and outcome is not None and outcome.outliers > 0,
+        is_learned=corrected is not None,
     )
     state = State(int(injection["state"]))
     reasons: tuple[Reason, ...] = (reason,)

@@ -40,31 +40,22 @@ _OF_LIVE_RATE = frozenset(
 A model or a time base that is wrong is not among them: an event that looks right by chance does not clear them."""
 
 
-@dataclass(frozen=True)
-class InjectionFacts:
-    """Facts about an injection once its event was judged.
+def reason_of_injection(
+    of_samples: Reason, of_event: Reason, of_inputs: Reason, was_outlier: bool, is_learned: bool = False
+) -> Reason:
+    """Why an injection is not valid. The judgement of its event may overrule what its samples said.
 
     of_samples: first reason of its samples; of_event: why its event did not pass the tests; of_inputs: why the
     samples of the event cannot be trusted; was_outlier: the samples that contradicted the model were outliers;
     is_learned: its event was learned from, so that its mass is that of its own pressures.
     """
-
-    of_samples: Reason
-    of_event: Reason
-    of_inputs: Reason
-    was_outlier: bool
-    is_learned: bool = False
-
-
-def reason_of_injection(facts: InjectionFacts) -> Reason:
-    """Why the injection is not valid. The judgement of its event may overrule what its samples said."""
-    reason = facts.of_samples
-    if facts.is_learned and reason in _OF_LIVE_RATE:
-        reason = facts.of_event
+    reason = of_samples
+    if is_learned and reason in _OF_LIVE_RATE:
+        reason = of_event
     elif reason in (Reason.NONE, Reason.CONTRADICTED):
-        reason = Reason.NONE if facts.was_outlier else facts.of_event or reason
-    if facts.of_inputs and reason in (Reason.NONE, Reason.NOT_JUDGED, *_NOT_KNOWN_YET):
-        reason = facts.of_inputs
+        reason = Reason.NONE if was_outlier else of_event or reason
+    if of_inputs and reason in (Reason.NONE, Reason.NOT_JUDGED, *_NOT_KNOWN_YET):
+        reason = of_inputs
     return reason
 
 

@@ -65,12 +65,12 @@ class MappedSignals(TableSignals):
     def __init__(self, table: Table, rate: float) -> None:
         """rate: that of the mapping goes before it; 0: that of the first stamps."""
         super().__init__(table)
-        self.rate = table.config.rate_hz or rate or self._own_rate()
+        self.sample_rate = table.config.rate_hz or rate or self._own_rate()
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
         self._main = min(range(len(self._axes)), key=lambda raster: self._axes[raster].period)
         stamps = next(self._parts(self._main)).time
         if stamps.size >= FEWEST_FOR_RATE and (own := rate_of(stamps)) is not None:
-            refuse_wrong_clock(self.path, own, self.rate, "the bench file")
+            refuse_wrong_clock(self.path, own, self.sample_rate, "the bench file")
         self._runs = self._usable_runs()
         self.stretches = tuple(Stretch(run.begin, self._samples(run)) for run in self._runs)
         self.notes = (*self.notes, *self._notes())
@@ -121,13 +121,13 @@ class MappedSignals(TableSignals):
                 for raster, axis in enumerate(self._axes):
                     last = run.last if raster == self._main else None
                     signals |= self._on_grid(rows[raster], axis, run.begin, last, grid)
-                yield self._chunk(run.begin + grid / self.rate, signals, number, first)
+                yield self._chunk(run.begin + grid / self.sample_rate, signals, number, first)
 
     def _on_grid(
         self, rows: _Rows, axis: AxisSurvey, begin: float, last: int | None, grid: Values
     ) -> dict[str, Values]:
         """The signals of an axis at places of a grid that begins at a time [s]; last: row of the main axis."""
-        until = begin + (grid[-1] + 1.0) / self.rate
+        until = begin + (grid[-1] + 1.0) / self.sample_rate
         while (
             (not rows.time.size or rows.time[-1] <= until)
             and (last is None or rows.first + rows.time.size <= last)
@@ -141,12 +141,12 @@ class MappedSignals(TableSignals):
         }
         passed = int(np.searchsorted(np.maximum.accumulate(position), grid[-1] - 1.0)) if count else 0
         longest = max(each.reach for each in self._axes)
-        kept = math.ceil(longest * self.rate) + 2  # rows that a bridge may begin with
+        kept = math.ceil(longest * self.sample_rate) + 2  # rows that a bridge may begin with
         rows.drop(max(0, min(passed - kept, count - 1)))
         return signals
 
     def _axis(self, raster: int) -> AxisSurvey:
-        axis = AxisSurvey(self.rate, self._table.config.bridge_ms * MILLISECOND)
+        axis = AxisSurvey(self.sample_rate, self._table.config.bridge_ms * MILLISECOND)
         name = ", ".join(self._table.rasters[raster])
         for part in self._looked_at(raster):
             axis.take(part.time)
@@ -196,10 +196,10 @@ class MappedSignals(TableSignals):
     def _usable_runs(self) -> list[RowRun]:
         axis = self._axes[self._main]
         rate = 1.0 / axis.period
-        if not self.rate / SLOWEST <= rate <= self.rate * FASTEST:
+        if not self.sample_rate / SLOWEST <= rate <= self.sample_rate * FASTEST:
             raise UserError(
                 str(self.path),
-                f"is sampled at {rate:.6g} Hz, to be put on {self.rate:g} Hz of sampling.rate_hz",
+                f"is sampled at {rate:.6g} Hz, to be put on {self.sample_rate:g} Hz of sampling.rate_hz",
                 "check column and unit of the time, and rate_hz",
             )
         if len(self._axes) > 1 and any(run.is_restart for each in self._axes for run in each.runs):
@@ -221,11 +221,11 @@ class MappedSignals(TableSignals):
     def is_resampled(self) -> bool:
         """Whether samples are not those of the file, but lie between them."""
         axis = self._axes[self._main]
-        return not axis.is_on_grid or abs(1.0 / axis.period / self.rate - 1.0) > SAME_RATE
+        return not axis.is_on_grid or abs(1.0 / axis.period / self.sample_rate - 1.0) > SAME_RATE
 
     def _samples(self, run: RowRun) -> int:
         """Number of samples of the grid within a run."""
-        span = (run.end - run.begin) * self.rate
+        span = (run.end - run.begin) * self.sample_rate
         is_on_grid = self._axes[self._main].is_on_grid
         return int(round(span) if is_on_grid else math.floor(span + 1e-6)) + 1
 
@@ -233,11 +233,11 @@ class MappedSignals(TableSignals):
         axis = self._axes[self._main]
         rate = 1.0 / axis.period
         if not self._table.brings_time and TIME not in self._mapped:
-            yield f"{self.path}: no column of the time: rows are placed by the rate stated, {self.rate:g} Hz"
-        if abs(rate / self.rate - 1.0) > SAME_RATE:
-            yield f"{self.path}: recorded at {rate:.6g} Hz, resampled to {self.rate:g} Hz of sampling.rate_hz"
+            yield f"{self.path}: no column of the time: rows are placed by the rate stated, {self.sample_rate:g} Hz"
+        if abs(rate / self.sample_rate - 1.0) > SAME_RATE:
+            yield f"{self.path}: recorded at {rate:.6g} Hz, resampled to {self.sample_rate:g} Hz of sampling.rate_hz"
         elif not axis.is_on_grid:
-            yield f"{self.path}: its stamps are not on a grid of {self.rate:g} Hz: resampled by straight lines"
+            yield f"{self.path}: its stamps are not on a grid of {self.sample_rate:g} Hz: resampled by straight lines"
         elif axis.off_grid > 1e-3:
             yield f"{self.path}: stamps up to {axis.off_grid:.2g} samples off the grid are taken for it"
         for other in self._axes:

@@ -235,20 +235,15 @@ class Recording:
 class Chunk(Recording):
     """Consecutive samples of a recording whose grid was checked as a whole; a single sample is allowed.
 
-    rate: sample rate [Hz]; stretch: number of the stretch without a gap; first: number of the first sample in it.
+    sample_rate [Hz]; stretch: number of the stretch without a gap; first: number of the first sample in it.
     """
 
-    rate: float = 0.0
+    sample_rate: float = 0.0
     stretch: int = 0
     first: int = 0
 
     def __post_init__(self) -> None:
         """Check nothing: the reader of a recording in parts has checked its grid."""
-
-    @property
-    def sample_rate(self) -> float:
-        """Sample rate of the recording [Hz]."""
-        return self.rate
 
 
 def shown_slowly(values: NDArray[np.float64], interval: float, *lags: float) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ def take_shots(path: Path, stream: TableSignals) -> None:
     Raises `UserError` for a recording that a table cannot tell of, for headings without names or units, and for a row
     that is no shot of the recording after the one above it.
     """
-    bounds = np.ravel([(each.start, each.start + each.samples / stream.rate) for each in stream.stretches])
+    bounds = np.ravel([(each.start, each.start + each.samples / stream.sample_rate) for each in stream.stretches])
     if "energizing" in stream.optional or np.any(np.diff(bounds) < 0.0):
         problem = "is beside a recording that has a column 'energizing', or whose time begins anew"
         raise UserError(str(path), problem, "rename or delete this table or the column; or split the file there")
@@ -40,7 +40,7 @@ def take_shots(path: Path, stream: TableSignals) -> None:
     start, length = np.concatenate(parts, axis=1) * [[TIME_UNITS[timed[heading]]] for (heading,) in named]
     end = start + length
     before = np.concatenate((bounds[:1], end[:-1]))
-    is_shot = (start >= before) & (length * stream.rate >= 1.0) & (end <= bounds[-1])
+    is_shot = (start >= before) & (length * stream.sample_rate >= 1.0) & (end <= bounds[-1])
     for row in np.flatnonzero(~is_shot)[:1].tolist():
         problem = f"{start[row]:.6g} to {end[row]:.6g} s is no shot between {before[row]:.6g} and {bounds[-1]:.6g} s"
         remedy = "give start and length, of a sample at least, one after the other, by the time of the recording"

@@ -32,10 +32,12 @@ class SignalStream(ABC):
     """The signals of one file, looked through once, to be read in parts as often as wanted."""
 
     def __init__(self, path: Path | None) -> None:
-        self._path = path
+        self.path = path
+        """The file; None for signals in memory."""
         self.stretches: tuple[Stretch, ...] = ()
         """At least one; several where the file was split."""
-        self.rate = 0.0
+        self.sample_rate = 0.0
+        """Sample rate of every signal [Hz]."""
         self.optional: tuple[str, ...] = ()
         """Signals that it has, of those that a recording need not have."""
         self.has_lift = True
@@ -56,19 +58,9 @@ class SignalStream(ABC):
         """Details of how the file was read, for who looks at it."""
 
     @property
-    def path(self) -> Path | None:
-        """The file; None for signals in memory."""
-        return self._path
-
-    @property
     def recorded(self) -> tuple[str, ...]:
         """Names of the signals that were recorded."""
         return ("rail_pressure", *(("needle_lift",) if self.has_lift else ()), "line_pressure", *self.optional)
-
-    @property
-    def sample_rate(self) -> float:
-        """Sample rate of every signal [Hz]."""
-        return self.rate
 
     @property
     def samples(self) -> int:
@@ -106,21 +98,21 @@ class SignalStream(ABC):
 
     def _grid(self, first: int, end: int) -> NDArray[np.float64]:
         """Times [s] of samples [first, end) of the one grid."""
-        return self.stretches[0].start + np.arange(first, end) / self.rate
+        return self.stretches[0].start + np.arange(first, end) / self.sample_rate
 
     def _places(self) -> list[int]:
         """Places of the first samples of the stretches on one grid."""
         places = [0]
         for before, after in zip(self.stretches, self.stretches[1:], strict=False):
-            end = before.start + before.samples / self.rate
-            hole = round((after.start - end) * self.rate)
+            end = before.start + before.samples / self.sample_rate
+            hole = round((after.start - end) * self.sample_rate)
             if hole > LONGEST_HOLE:
                 raise UserError(
-                    str(self._path),
+                    str(self.path),
                     f"nothing was recorded from {end:.6g} s to {after.start:.6g} s",
                     "split the file there",
                 )
-            places.append(places[-1] + before.samples + (hole if hole > 0 else round(self.rate)))
+            places.append(places[-1] + before.samples + (hole if hole > 0 else round(self.sample_rate)))
         return places
 
 
@@ -146,7 +138,7 @@ class HeldSignals(SignalStream):
     def __init__(self, recording: Recording) -> None:
         super().__init__(recording.path)
         self._recording = recording
-        self.rate = recording.sample_rate
+        self.sample_rate = recording.sample_rate
         self.stretches = (Stretch(float(recording.time[0]), recording.samples),)
         self.optional = tuple(name for name in OPTIONAL if name in recording.signals)
         self.meaning, self.meter, self.has_lift = recording.meaning, recording.meter, recording.has_lift
@@ -156,7 +148,7 @@ class HeldSignals(SignalStream):
 
     def chunks(self) -> Iterator[Chunk]:
         """Views of the recording."""
-        chunk = Chunk(**self._recording.arrays, path=self._path, rate=self.rate)  # type: ignore[arg-type]
+        chunk = Chunk(**self._recording.arrays, path=self.path, sample_rate=self.sample_rate)  # type: ignore[arg-type]
         for first in range(0, chunk.samples, SAMPLES_AT_ONCE):
             yield cut(chunk, first, first + SAMPLES_AT_ONCE)
 

@@ -76,9 +76,9 @@ class TableSignals(SignalStream):
         if not self.has_lift:
             signals = {"needle_lift": np.full(time.size, np.nan), **signals}
         if self.edges.size:  # each goes to the nearest sample
-            edges_before = np.searchsorted(self.edges, time + 0.5 / self.rate, side="right")
+            edges_before = np.searchsorted(self.edges, time + 0.5 / self.sample_rate, side="right")
             signals = {**signals, "energizing": edges_before % np.float64(2.0)}
-        of = {"path": self.path, "rate": self.rate, "stretch": stretch, "first": first}
+        of = {"path": self.path, "sample_rate": self.sample_rate, "stretch": stretch, "first": first}
         return Chunk(time, **signals, **of)  # type: ignore[arg-type]
 
     def refuse_unknown_needle(self) -> None:
@@ -137,7 +137,7 @@ class EvenSignals(TableSignals):
             self._look_at(part, row, 0)
         self._refuse_short(grid.samples)
         self._refuse(grid.end())
-        self.rate = grid.sample_rate
+        self.sample_rate = grid.sample_rate
         self.stretches = (Stretch(start, grid.samples),)
 
     def chunks(self) -> Iterator[Chunk]:

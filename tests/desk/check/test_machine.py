@@ -4,7 +4,6 @@ import errno
 import socket
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,25 +77,24 @@ def test_a_real_virtual_interface(vcan: str) -> None:
     assert {finding.level for finding in findings} == {Level.OK}
 
 
-GOOD_HOST = machine.Host(
-    Rights(may_hurry=True, may_lock_memory=True, priority=50), swap_in_use=False, processors=4, loops=Processors()
-)
+GRANTED = Rights(may_hurry=True, may_lock_memory=True, priority=50)
+GOOD: dict[str, Any] = {"granted": GRANTED, "swap_in_use": False, "cores": 4, "loops": Processors()}
 
 
 @pytest.mark.parametrize(
     ("changes", "remedy"),
     [
         ({}, None),
-        ({"rights": Rights(may_hurry=False, may_lock_memory=True, priority=50)}, "--rtprio=99"),
-        ({"rights": Rights(may_hurry=True, may_lock_memory=False, priority=50)}, "--memlock=unlimited"),
-        ({"rights": Rights(may_hurry=False, may_lock_memory=True, priority=0)}, None),
+        ({"granted": Rights(may_hurry=False, may_lock_memory=True, priority=50)}, "--rtprio=99"),
+        ({"granted": Rights(may_hurry=True, may_lock_memory=False, priority=50)}, "--memlock=unlimited"),
+        ({"granted": Rights(may_hurry=False, may_lock_memory=True, priority=0)}, None),
         ({"swap_in_use": True}, "sudo swapoff"),
-        ({"processors": 1}, "taskset"),
+        ({"cores": 1}, "taskset"),
         ({"loops": Processors(refused=(9,))}, "cpuset"),
     ],
 )
 def test_a_machine_that_may_keep_up_or_not(changes: dict[str, Any], remedy: str | None) -> None:
-    findings = machine.real_time_findings(replace(GOOD_HOST, **changes))
+    findings = machine.real_time_findings(**(GOOD | changes))
     assert len(findings) == 5
     assert_odd(findings, *([remedy] if remedy else []))
 

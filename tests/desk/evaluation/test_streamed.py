@@ -43,7 +43,7 @@ class Cut(SignalStream):
     def __init__(self, recording: Recording, bounds: list[int], at_once: int) -> None:
         super().__init__(recording.path)
         self._recording, self._bounds, self._at_once = recording, bounds, at_once
-        self.rate = recording.sample_rate
+        self.sample_rate = recording.sample_rate
         self.optional = tuple(name for name in OPTIONAL if name in recording.signals)
         pairs = list(pairwise(bounds))
         self.stretches = tuple(Stretch(float(recording.time[a]), b - a) for a, b in pairs)
@@ -51,7 +51,7 @@ class Cut(SignalStream):
     def chunks(self) -> Iterator[Chunk]:
         r = self._recording
         all_of_it = Chunk(
-            r.time, r.rail_pressure, r.needle_lift, r.line_pressure, r.injection_rate, r.path, self.rate
+            r.time, r.rail_pressure, r.needle_lift, r.line_pressure, r.injection_rate, r.path, self.sample_rate
         )
         for number, (begin, end) in enumerate(pairwise(self._bounds)):
             for first in range(begin, end, self._at_once):

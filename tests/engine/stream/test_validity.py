@@ -1,18 +1,14 @@
 """Validity: the first fact in the order of docs/validity.md decides; a fact still unknown degrades nothing."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.core.stream.stream import reason_and_state
 from observer_rt.engine.stream.state import Doubt, Reason, State
-from observer_rt.engine.stream.validity import (
-    Condition,
-    InjectionFacts,
-    contested,
-    reason_of_injection,
-    state_of_service,
-)
+from observer_rt.engine.stream.validity import Condition, contested, reason_of_injection, state_of_service
 
 WELL = {
     "unsynchronised_by": 0,
@@ -78,28 +74,25 @@ NONE = Reason.NONE
 @pytest.mark.parametrize(
     ("facts", "reason"),
     [
-        (InjectionFacts(NONE, NONE, NONE, False), NONE),
-        (InjectionFacts(NONE, Reason.MODEL_INADEQUATE, NONE, False, True), Reason.MODEL_INADEQUATE),
-        (InjectionFacts(Reason.CONTRADICTED, Reason.SUDDEN_CHANGE, NONE, False), Reason.SUDDEN_CHANGE),
-        (InjectionFacts(Reason.CONTRADICTED, NONE, NONE, True), NONE),
-        (InjectionFacts(Reason.CONTRADICTED, NONE, NONE, False), Reason.CONTRADICTED),
-        (InjectionFacts(Reason.CONTRADICTED, NONE, NONE, False, True), NONE),
-        (InjectionFacts(Reason.TOO_FEW_EVENTS, NONE, NONE, False), Reason.TOO_FEW_EVENTS),
-        (InjectionFacts(Reason.TOO_FEW_EVENTS, NONE, NONE, False, True), NONE),
-        (
-            InjectionFacts(Reason.OUTSIDE_LEARNED_RANGE, Reason.LIFT_SENSOR_LAG, NONE, False, True),
-            Reason.LIFT_SENSOR_LAG,
-        ),
-        (InjectionFacts(Reason.LIFT_SENSOR_LAG, NONE, NONE, False, True), NONE),
-        (InjectionFacts(Reason.SAMPLES_LOST, Reason.NOT_LEARNED, NONE, False), Reason.SAMPLES_LOST),
-        (InjectionFacts(Reason.INPUT_FROZEN, NONE, NONE, False, True), Reason.INPUT_FROZEN),
-        (InjectionFacts(NONE, Reason.NOT_JUDGED, Reason.INPUT_FROZEN, False), Reason.INPUT_FROZEN),
-        (InjectionFacts(NONE, NONE, Reason.INPUT_FROZEN, False, True), Reason.INPUT_FROZEN),
-        (InjectionFacts(Reason.TOO_FEW_EVENTS, NONE, Reason.INPUT_CLIPPED, False), Reason.INPUT_CLIPPED),
+        ((NONE, NONE, NONE, False), NONE),
+        ((NONE, Reason.MODEL_INADEQUATE, NONE, False, True), Reason.MODEL_INADEQUATE),
+        ((Reason.CONTRADICTED, Reason.SUDDEN_CHANGE, NONE, False), Reason.SUDDEN_CHANGE),
+        ((Reason.CONTRADICTED, NONE, NONE, True), NONE),
+        ((Reason.CONTRADICTED, NONE, NONE, False), Reason.CONTRADICTED),
+        ((Reason.CONTRADICTED, NONE, NONE, False, True), NONE),
+        ((Reason.TOO_FEW_EVENTS, NONE, NONE, False), Reason.TOO_FEW_EVENTS),
+        ((Reason.TOO_FEW_EVENTS, NONE, NONE, False, True), NONE),
+        ((Reason.OUTSIDE_LEARNED_RANGE, Reason.LIFT_SENSOR_LAG, NONE, False, True), Reason.LIFT_SENSOR_LAG),
+        ((Reason.LIFT_SENSOR_LAG, NONE, NONE, False, True), NONE),
+        ((Reason.SAMPLES_LOST, Reason.NOT_LEARNED, NONE, False), Reason.SAMPLES_LOST),
+        ((Reason.INPUT_FROZEN, NONE, NONE, False, True), Reason.INPUT_FROZEN),
+        ((NONE, Reason.NOT_JUDGED, Reason.INPUT_FROZEN, False), Reason.INPUT_FROZEN),
+        ((NONE, NONE, Reason.INPUT_FROZEN, False, True), Reason.INPUT_FROZEN),
+        ((Reason.TOO_FEW_EVENTS, NONE, Reason.INPUT_CLIPPED, False), Reason.INPUT_CLIPPED),
     ],
 )
-def test_the_verdict_may_know_better_than_the_samples(facts: InjectionFacts, reason: Reason) -> None:
-    assert reason_of_injection(facts) is reason
+def test_the_verdict_may_know_better_than_the_samples(facts: tuple[Any, ...], reason: Reason) -> None:
+    assert reason_of_injection(*facts) is reason
 
 
 def test_links_go_before_inputs_and_inputs_before_samples() -> None:

@@ -16,12 +16,12 @@ class RepeatedRecording(SignalStream):
     def __init__(self, recording: Recording, *times: int) -> None:
         super().__init__(Path("repeated.csv"))
         self._recording, self._times = recording, times
-        self.rate = recording.sample_rate
+        self.sample_rate = recording.sample_rate
         self.optional = tuple(name for name in OPTIONAL if name in recording.signals)
         start, stretches = 0.0, []
         for number in times:
             stretches.append(Stretch(start, number * recording.samples))
-            start += stretches[-1].samples / self.rate + 1.0
+            start += stretches[-1].samples / self.sample_rate + 1.0
         self.stretches = tuple(stretches)
 
     def chunks(self) -> Iterator[Chunk]:
@@ -30,9 +30,9 @@ class RepeatedRecording(SignalStream):
         for number, (times, stretch) in enumerate(zip(self._times, self.stretches, strict=True)):
             for again in range(times):
                 first = again * recording.samples
-                time = stretch.start + (first + np.arange(recording.samples)) / self.rate
+                time = stretch.start + (first + np.arange(recording.samples)) / self.sample_rate
                 signals = recording.rail_pressure, recording.needle_lift, recording.line_pressure
-                complete = Chunk(time, *signals, recording.injection_rate, self.path, self.rate, number)
+                complete = Chunk(time, *signals, recording.injection_rate, self.path, self.sample_rate, number)
                 for position in range(0, recording.samples, SAMPLES_AT_ONCE):
                     part = cut(complete, position, min(recording.samples, position + SAMPLES_AT_ONCE))
                     yield replace(part, first=first + position)

@@ -111,7 +111,7 @@ def some_report(number: int = 1, **changes: Any) -> InjectionReport:
         "phi_version": number,
         "indicators": {shown.effect: Estimate(0.3, 0.01) for _, shown in SCALARS.shown()},
         "density": 830.0,
-        "surroundings": Surroundings(313.15),
+        "surroundings": Surroundings(313.15, 5e6),
         "commanded": CommandedOpening(number, 320e-6, 1.1e-3),
         "budget": VolumeBudget(*(share * 0.5e-6 / 830.0 / 1.96 for share in (0.6, 0.8, 0.0, 0.0, 0.0))),
     }

@@ -79,7 +79,7 @@ def learned_curves(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedCurve,
             inputs,
             change,
             Z_95 * np.sqrt(((slopes @ covariance) * slopes).sum(1)),
-            probabilities[curve],
+            float(probabilities[curve]),
         )
         for curve, flow, variable, inputs, change, slopes in _changes(theta, learned.learned_at, c)
     )

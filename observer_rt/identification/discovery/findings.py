@@ -41,7 +41,7 @@ LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a 
 _COUNTED = {Variable.INJECTION_NUMBER, Variable.TIME}
 RECORD_MORE = "record at least three rail pressures and two durations"
 GapEntry = dict[str, dict[str, Number | bool] | None]
-LearnedEntry = dict[str, str | list[float]]
+LearnedEntry = dict[str, str | float | list[float]]
 """`LearnedCurve.columns`."""
 
 

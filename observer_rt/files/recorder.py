@@ -24,14 +24,6 @@ _FULL_WAIT = 1e-3  # s
 RECEIVE_TIMEOUT = 0.1  # s, after which the loop looks at its clock and its stop signal
 
 
-@dataclass(frozen=True)
-class RecordLimits:
-    """Limits at which recording ends, duration [s]; None: never."""
-
-    duration: float | None = None
-    frames: int | None = None
-
-
 @dataclass
 class RecordStatistics:
     """Statistics of what was recorded so far: frames, frames lost before they reached the recorder, time [s], files.
@@ -77,14 +69,16 @@ def check_recording_path(path: Path, force: bool) -> None:
 def record(
     links: Mapping[str, Link],
     path: Path,
-    limits: RecordLimits,
     stop: threading.Event,
     report: Callable[[RecordStatistics], None] = lambda _: None,
     force: bool = False,
+    duration: float | None = None,
+    frames: int | None = None,
 ) -> RecordStatistics:
     """Write every frame of the links until `stop` is set or a limit reached; a file begins with its first frame.
 
-    `links`: by their names in the log. `force`: a log that is there is replaced.
+    `links`: by their names in the log. `force`: a log that is there is replaced. Limits are a duration [s] and a
+    number of frames; None: never.
 
     An interface that goes away is waited for. `report` is called some times a second.
 
@@ -123,8 +117,8 @@ def record(
                 if now >= next_report:
                     report(statistics)
                     next_report = now + REPORT_PERIOD
-                if (limits.duration is not None and statistics.duration >= limits.duration) or (
-                    limits.frames is not None and statistics.frames >= limits.frames
+                if (duration is not None and statistics.duration >= duration) or (
+                    frames is not None and statistics.frames >= frames
                 ):
                     break
         finally:

@@ -5,12 +5,13 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.files.formats import LOGS_WRITTEN, open_log
-from observer_rt.files.recorder import RecordLimits, RecordStatistics, check_recording_path, record
+from observer_rt.files.recorder import RecordStatistics, check_recording_path, record
 from observer_rt.foundation.errors import RunError, UserError
 from tests.files.canlog.log_cases import START
 from tests.links import FakeLink
@@ -52,14 +53,14 @@ class Source(FakeLink):
         raise AssertionError("a recorder sends nothing")
 
 
-def run(path: Path, source: Source, stop: threading.Event, limits: RecordLimits) -> RecordStatistics:
-    return record({"can0": source}, path, limits, stop)
+def run(path: Path, source: Source, stop: threading.Event, **limits: Any) -> RecordStatistics:
+    return record({"can0": source}, path, stop, **limits)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_every_frame_is_in_the_file_and_where_some_were_lost(tmp_path: Path, suffix: str) -> None:
     stop, path = threading.Event(), tmp_path / f"bus{suffix}"
-    statistics = run(path, Source(300, stop, {150: 3, 220: 9}), stop, RecordLimits())
+    statistics = run(path, Source(300, stop, {150: 3, 220: 9}), stop)
     log = open_log(path)
     entries = [(entry.frame, log.lost_frames) for entry in log]
     assert [lost for _, lost in entries] == [0] * 150 + [3] * 70 + [12] * 80
@@ -75,10 +76,10 @@ def test_every_frame_is_in_the_file_and_where_some_were_lost(tmp_path: Path, suf
 
 def test_limits_end_it(tmp_path: Path) -> None:
     stop = threading.Event()
-    by_count = run(tmp_path / "a.log", Source(10**6, stop), stop, RecordLimits(frames=123))
+    by_count = run(tmp_path / "a.log", Source(10**6, stop), stop, frames=123)
     assert by_count.frames == len(list(open_log(tmp_path / "a.log"))) == 123
     begun = time.monotonic()
-    run(tmp_path / "b.log", Source(10**9, stop), stop, RecordLimits(duration=0.2))
+    run(tmp_path / "b.log", Source(10**9, stop), stop, duration=0.2)
     assert time.monotonic() - begun < 5.0
     assert not stop.is_set()
 
@@ -102,7 +103,7 @@ def test_after_a_second_frames_are_on_the_disk(tmp_path: Path, suffix: str, monk
             time.sleep(0.01)
 
     source.during = look
-    run(path, source, stop, RecordLimits())
+    run(path, source, stop)
     assert seen == [20, 39]
 
 
@@ -117,7 +118,7 @@ def test_a_failure_leaves_what_was_recorded(tmp_path: Path, failure: Exception) 
 
     source.during = fail
     with pytest.raises(RunError):
-        run(path, source, stop, RecordLimits())
+        run(path, source, stop)
     assert len(list(open_log(path))) == 50
 
 
@@ -140,7 +141,7 @@ def test_an_interface_that_goes_away_is_waited_for(tmp_path: Path) -> None:
                 raise LinkDownError("can0 is still down")
             self.delivered = 51
 
-    statistics = run(path, UnpluggedSource(100, stop), stop, RecordLimits())
+    statistics = run(path, UnpluggedSource(100, stop), stop)
     assert (statistics.frames, statistics.outages) == (99, 1)
     assert "interface away 1 times" in statistics.as_text()
     stamps = [entry.frame.stamp_ns for entry in open_log(path)]
@@ -149,7 +150,7 @@ def test_an_interface_that_goes_away_is_waited_for(tmp_path: Path) -> None:
 
 def test_without_a_frame_there_is_no_file(tmp_path: Path) -> None:
     stop = threading.Event()
-    statistics = run(tmp_path / "bus.blf", Source(0, stop), stop, RecordLimits())
+    statistics = run(tmp_path / "bus.blf", Source(0, stop), stop)
     assert not list(tmp_path.iterdir())
     assert "no file, for no frame came in" in statistics.as_text()
 
@@ -169,5 +170,5 @@ def test_a_log_that_came_meanwhile_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "bus.log").write_text("mine")
     stop = threading.Event()
     with pytest.raises(RunError, match=r"bus\.log: File exists"):
-        run(tmp_path / "bus.log", Source(20, stop), stop, RecordLimits())
+        run(tmp_path / "bus.log", Source(20, stop), stop)
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("bus.log", "mine")]

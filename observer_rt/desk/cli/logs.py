@@ -87,7 +87,7 @@ def record(
 ) -> None:
     """Write every frame of the bench's buses into a log until stopped; lost frames are noted in it."""
     from observer_rt.bus.links.opening import open_link
-    from observer_rt.files.recorder import RecordLimits, check_recording_path
+    from observer_rt.files.recorder import check_recording_path
     from observer_rt.files.recorder import record as record_links
 
     buses = _with_links(load_bench(bench), interface, channel).config.buses
@@ -100,12 +100,11 @@ def record(
             for name, link in zip(names, (bus.config for bus in buses), strict=True)
         }
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
-        limits = RecordLimits(duration, frames)
 
         def report(so_far: "RecordStatistics") -> None:
             status.update(f"{so_far.frames} frames, {so_far.lost} lost")
 
-        statistics = record_links(links, out, limits, stop, report, force)
+        statistics = record_links(links, out, stop, report, force, duration, frames)
     print(dumps(statistics.as_json(), indent=2) if json else statistics.as_text())
 
 

@@ -21,7 +21,7 @@ from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.proposal import Part
 from observer_rt.identification.discovery.search.proposals import variance_by_phase
 from observer_rt.identification.discovery.search.results import Cell, Verdict
-from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.identification.discovery.search.verdict import healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
@@ -103,10 +103,15 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     progress(begin)
     recordings = [one.without_answers for one in task.measured]
     learned = task.learned(task.parameters, recordings) if task.learned else ()
-    options = SearchOptions(
-        workers, lambda done: progress(begin + (_NAMED - begin) * done), baseline, task.chosen, furthest(learned)
+    discovery = name_effects(
+        nominal,
+        measured,
+        workers,
+        lambda done: progress(begin + (_NAMED - begin) * done),
+        baseline,
+        task.chosen,
+        furthest(learned),
     )
-    discovery = name_effects(nominal, measured, options)
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
     accepted_term = task.accepted if task.accepted <= len(discovery.proposals) else 0
     shown = replace(discovery, accepted=accepted_term).shown

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.injector_file import InjectorFile, tables_in_force
 from observer_rt.identification.discovery.amend import amended_effects, stable_cells, write_amended
-from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
+from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.baseline import HealthyRemainder, HealthyShape, PhaseFigures, Remainder
 from observer_rt.model.effects import effective_model, sized
@@ -112,7 +112,7 @@ def test_an_effect_found_on_top_of_one_in_force_becomes_one_total() -> None:
     before = NOMINAL.model_copy(update={"effects": (LEAK, WORN)})
     hidden = (sized("guide_leakage", c=1.5e-14), sized("orifice_area", v_H=0.3))
     measured = measurements(recordings(hidden))
-    discovery = name_effects(effective_model(before), measured, SearchOptions(workers=2))
+    discovery = name_effects(effective_model(before), measured, workers=2)
     assert [effect.id for effect in discovery.effects] == ["orifice_area"]
     kept, total = amended_effects(before, discovery, measured, {})
     assert kept == LEAK
@@ -120,7 +120,7 @@ def test_an_effect_found_on_top_of_one_in_force_becomes_one_total() -> None:
     low, high = total.parameters["v_H"].ci95
     assert low - 0.5 * (high - low) < 0.3 < high + 0.5 * (high - low)
     again = effective_model(NOMINAL.model_copy(update={"effects": (kept, total)}))
-    assert name_effects(again, measured, SearchOptions(workers=2)).effects == ()
+    assert name_effects(again, measured, workers=2).effects == ()
 
 
 def test_a_line_whose_waves_get_faster_states_fewer_cells(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.gaps import LINE_PRESSURE, MASS, RATE, Disagreement, disagreements, gaps_of
 from observer_rt.identification.discovery.search.results import Verdict
-from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
+from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import mass, simulated
@@ -50,7 +50,7 @@ def test_what_is_shown_was_not_fitted(worn: Worn) -> None:
 
 def test_one_operating_point_is_fitted_and_shown() -> None:
     measured = measurements(recordings(points=((100e6, 1.0e-3),)))
-    gaps = gaps_of(name_effects(MODEL, measured, SearchOptions(workers=2)).shown, measured, MODEL)
+    gaps = gaps_of(name_effects(MODEL, measured, workers=2).shown, measured, MODEL)
     assert gaps.held_out == gaps.fitted_on == (0,)
     assert gaps.by_name.keys() == {LINE_PRESSURE, MASS}
     pressure = gaps.by_name[LINE_PRESSURE]
@@ -75,7 +75,7 @@ def test_nothing_significant_is_left_with_the_amended_model(worn: Worn) -> None:
 
 def disagreed(measured: tuple[Measurement, ...]) -> tuple[Verdict, tuple[Disagreement, ...]]:
     """The verdict, and where the model as given and the measurement disagree."""
-    discovery = name_effects(MODEL, measured, SearchOptions(workers=2))
+    discovery = name_effects(MODEL, measured, workers=2)
     return discovery.verdict, disagreements(discovery, discovery.named, joint_likelihood(measured, MODEL), MODEL)
 
 

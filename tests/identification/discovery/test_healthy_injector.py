@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from observer_rt.engine.learning.healthy import KNOTS
+from observer_rt.engine.learning.healthy import KNOTS, NOT_FITTED, Healthy
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
-from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.identification.discovery.search.verdict import healthy_baseline, name_effects
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effect import SizedEffect
@@ -21,22 +21,21 @@ OWN = sized("orifice_area", v_H=0.02)
 """What the model lacks of the healthy injector."""
 
 
-def _discover(*effects: SizedEffect, options: SearchOptions | None = None) -> Discovery:
+def _discover(*effects: SizedEffect, healthy: Healthy = NOT_FITTED) -> Discovery:
     measured_recordings = measurements(recordings(effects, points=POINTS, seed=2))
-    return name_effects(MODEL, measured_recordings, options or SearchOptions(workers=2))
+    return name_effects(MODEL, measured_recordings, workers=2, baseline=healthy)
 
 
 @pytest.fixture(scope="module")
-def options() -> SearchOptions:
-    """A search that knows the healthy injector."""
-    baseline, _ = healthy_baseline(MODEL, measurements(recordings((OWN,), points=POINTS)), workers=2)
-    return SearchOptions(workers=2, baseline=baseline)
+def healthy() -> Healthy:
+    """Measured on recordings of the healthy injector."""
+    return healthy_baseline(MODEL, measurements(recordings((OWN,), points=POINTS)), workers=2)[0]
 
 
 @pytest.mark.slow
-def test_what_the_healthy_injector_has_is_not_named(options: SearchOptions) -> None:
+def test_what_the_healthy_injector_has_is_not_named(healthy: Healthy) -> None:
     assert [one.id for one in _discover(OWN).effects] == ["orifice_area"]  # it is there to be seen
-    result = _discover(OWN, options=options)
+    result = _discover(OWN, healthy=healthy)
     assert result.verdict is Verdict.NONE
     assert result.effects == ()
 
@@ -44,7 +43,7 @@ def test_what_the_healthy_injector_has_is_not_named(options: SearchOptions) -> N
 def test_what_is_new_is_named_by_its_difference() -> None:
     baseline, _ = healthy_baseline(MODEL, measurements(recordings((OWN,))), workers=2)
     worn = measurements(recordings((sized("orifice_area", v_H=0.10),), seed=2))
-    result = name_effects(MODEL, worn, SearchOptions(workers=2, baseline=baseline))
+    result = name_effects(MODEL, worn, workers=2, baseline=baseline)
     (named,) = result.effects
     assert named.id == "orifice_area"
     low, high = named.parameters["v_H"].ci95
@@ -52,9 +51,9 @@ def test_what_is_new_is_named_by_its_difference() -> None:
 
 
 @pytest.mark.slow
-def test_a_size_is_no_surer_than_a_fitted_model_is_exact(options: SearchOptions) -> None:
+def test_a_size_is_no_surer_than_a_fitted_model_is_exact(healthy: Healthy) -> None:
     hidden = sized("bulk_modulus", r=0.1)
-    (surely,), (named,) = _discover(hidden).effects, _discover(OWN, hidden, options=options).effects
+    (surely,), (named,) = _discover(hidden).effects, _discover(OWN, hidden, healthy=healthy).effects
     widths = []
     for size in (one.parameters["r"] for one in (surely, named)):
         low, high = size.ci95
@@ -63,13 +62,13 @@ def test_a_size_is_no_surer_than_a_fitted_model_is_exact(options: SearchOptions)
 
 
 @pytest.mark.slow
-def test_the_smallest_size_that_could_be_seen_is_seen(options: SearchOptions) -> None:
+def test_the_smallest_size_that_could_be_seen_is_seen(healthy: Healthy) -> None:
     """And half of it is not: at six standard deviations a size is named, at less than three it is not."""
-    smallest = {one.id: one.size for one in _discover(OWN, options=options).smallest_visible}
+    smallest = {one.id: one.size for one in _discover(OWN, healthy=healthy).smallest_visible}
     assert len(smallest) > 15
     twice, half = ((OWN, sized("guide_leakage", c=factor * smallest["guide_leakage"])) for factor in (2.0, 0.4))
-    assert [one.id for one in _discover(*twice, options=options).effects] == ["guide_leakage"]
-    assert _discover(*half, options=options).effects == ()
+    assert [one.id for one in _discover(*twice, healthy=healthy).effects] == ["guide_leakage"]
+    assert _discover(*half, healthy=healthy).effects == ()
 
 
 @pytest.mark.slow
@@ -78,7 +77,7 @@ def test_more_injections_show_smaller_effects() -> None:
     measured_recordings = measurements(
         [first for seed in range(3, 7) for first in recordings(points=POINTS, seed=seed)]
     )
-    many = name_effects(MODEL, measured_recordings, SearchOptions(workers=2))
+    many = name_effects(MODEL, measured_recordings, workers=2)
     for first, second in zip(few.smallest_visible, many.smallest_visible, strict=True):
         assert first.id == second.id
         assert second.size <= first.size
@@ -96,7 +95,7 @@ def test_what_shows_where_it_was_fitted_only_is_not_named() -> None:
     worn = recordings((sized("orifice_area", v_H=0.03),), points=POINTS)
     new = recordings(points=POINTS)
     mixed = [worn[0], new[1], new[2], worn[3]]  # like the squares of a chessboard
-    discovery = name_effects(MODEL, measurements(mixed), SearchOptions(workers=2))
+    discovery = name_effects(MODEL, measurements(mixed), workers=2)
     assert "orifice_area" not in [one.id for one in discovery.effects]
 
 
@@ -113,8 +112,6 @@ def test_gain_and_offset_of_the_sensor_at_the_fit_are_both_undone() -> None:
 
 def test_recordings_of_one_point_hold_nothing_out() -> None:
     discovery = name_effects(
-        MODEL,
-        measurements(recordings((sized("orifice_area", v_H=0.05),), points=POINTS[:1])),
-        SearchOptions(workers=2),
+        MODEL, measurements(recordings((sized("orifice_area", v_H=0.05),), points=POINTS[:1])), workers=2
     )
     assert "orifice_area" in [one.id for one in discovery.effects]

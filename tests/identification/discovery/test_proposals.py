@@ -20,7 +20,7 @@ from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.proposals import with_parts
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
-from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
+from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model
@@ -69,7 +69,7 @@ def test_an_accepted_proposal_explains_the_recordings(
     path = tmp_path / "amended.toml"
     write_amended(path, InjectorFile.read(NOMINAL_INJECTOR), accepted.in_force, None, accepted.terms)
     amended = load_injector(path)
-    again = name_effects(effective_model(amended), plugged.measured, SearchOptions(workers=2))
+    again = name_effects(effective_model(amended), plugged.measured, workers=2)
 
     assert effective_model(amended).terms[0].coefficient == pytest.approx(-0.2, abs=0.01)
     assert accepted.amended_model == "amended.toml"

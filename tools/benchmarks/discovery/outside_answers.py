@@ -14,7 +14,7 @@ from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.results import SearchOutcome
 from observer_rt.identification.discovery.search.search import Search
-from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
+from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import by_operating_point
@@ -81,7 +81,7 @@ def ask_outside(
     with patch.dict(effects._in_use), noted_search() as noted:
         for name in without:
             del effects._in_use[name]
-        findings = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
+        findings = name_effects(nominal, points, os.cpu_count() or 1, baseline=baseline)
     core_seconds = time.process_time() - begin
     outcome = noted[-1]
     winner = outcome.winner if outcome.adequate else outcome.nominal

@@ -1,7 +1,7 @@
 """Names the missing effect: from recordings to the verdict, and to measurements that would decide."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from operator import attrgetter
 
@@ -108,50 +108,44 @@ def _measurement(first: Effect, second: Effect, rate_measured: bool) -> str:
     return f"recordings at more {more}{with_rate}"
 
 
-@dataclass(frozen=True)
-class SearchOptions:
-    """Options of a search. workers: threads; baseline: of healthy recordings;
-    chosen: effects that are to lead where they are among those that explain the recordings as well as the best;
-    guess: curve whose law is refitted first.
-    """
-
-    workers: int = 1
-    progress: Progress | None = None
-    baseline: Healthy = NOT_FITTED
-    chosen: tuple[str, ...] = ()
-    guess: Guess = None
-
-
 def name_effects(
-    nominal: EffectiveModel, recordings: Sequence[Measurement], options: SearchOptions | None = None
+    nominal: EffectiveModel,
+    recordings: Sequence[Measurement],
+    workers: int = 1,
+    progress: Progress | None = None,
+    baseline: Healthy = NOT_FITTED,
+    chosen: Sequence[str] = (),
+    guess: Guess = None,
 ) -> Discovery:
     """The missing effects, fitted to all recordings.
+
+    workers: threads; baseline: of healthy recordings; chosen: effects that are to lead where they are among those
+    that explain the recordings as well as the best; guess: curve whose law is refitted first.
 
     Raises `RunError` when the nominal model has no finite solution on them, `UserError` when the chosen effects are
     no answer to them.
     """
-    options = options or SearchOptions()
-    likelihood = joint_likelihood(recordings, nominal, options.baseline.shape)
+    likelihood = joint_likelihood(recordings, nominal, baseline.shape)
     effects = representatives(not recordings[0].is_free)
     done = 0
 
     def count(_: Candidate) -> None:
         nonlocal done
         done += 1
-        if options.progress is not None:
-            options.progress(done / (done + len(effects)))  # how many there will be nobody knows
+        if progress is not None:
+            progress(done / (done + len(effects)))  # how many there will be nobody knows
 
     if likelihood.judge(nominal) is None:
         raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
-    fitter = Fitter(likelihood, nominal, options.workers, count, options.baseline.appears)
+    fitter = Fitter(likelihood, nominal, workers, count, baseline.appears)
     fitter.measure(effects)
-    search = Search(fitter, effects, options.baseline, options.guess)
+    search = Search(fitter, effects, baseline, guess)
     outcome = search.run()
-    if options.chosen:
-        outcome = _led_by(outcome, options.chosen)
-    result = _Verdict(fitter, outcome, options.baseline, search.held_out).discovery()
-    if options.progress is not None:
-        options.progress(1.0)
+    if chosen:
+        outcome = _led_by(outcome, chosen)
+    result = _Verdict(fitter, outcome, baseline, search.held_out).discovery()
+    if progress is not None:
+        progress(1.0)
     return result
 
 
@@ -184,7 +178,7 @@ def healthy_baseline(
     judged = likelihood.judge(nominal)
     if judged is None:
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
-    discovery = name_effects(nominal, recordings, SearchOptions(workers, progress, remembered))
+    discovery = name_effects(nominal, recordings, workers, progress, remembered)
     remainder = healthy_remainder(likelihood, nominal, representatives(not recordings[0].is_free), remembered)
     rate = pool_of(likelihood.recordings, judged).get(Signal.INJECTION_RATE)
     return healthy_for_naming(remainder, discovery.verdict is Verdict.NONE, rate), discovery

@@ -18,7 +18,7 @@ from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.discovery.search.search import Search, representatives
-from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.identification.discovery.search.verdict import healthy_baseline, name_effects
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model
@@ -169,8 +169,7 @@ def test_a_name_does_not_stand_for_a_step_beside_a_fitted_model() -> None:
     nominal = effective_model(NOMINAL)
     baseline, _ = healthy_baseline(nominal, measurements(recorded(with_laws())))
     assert baseline.appears  # so that something may be the model's own error
-    options = SearchOptions(baseline=baseline)
-    discovery = name_effects(nominal, measurements(recorded(with_laws(wax=0.034))), options)
+    discovery = name_effects(nominal, measurements(recorded(with_laws(wax=0.034))), baseline=baseline)
     assert discovery.verdict is Verdict.UNKNOWN
     (term,) = discovery.ranking[0].terms
     assert term.equation is TermEquation.STIFFNESS

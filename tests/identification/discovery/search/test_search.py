@@ -8,7 +8,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.library import RecordingSpan, library, span_of
 from observer_rt.identification.discovery.search.results import HIGHEST, Discovery, Verdict, probabilities
-from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
+from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.likelihood import JudgedModel, joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
@@ -25,7 +25,7 @@ POINTS = tuple((pressure, opened) for pressure in (60e6, 100e6, 140e6) for opene
 
 def _discovered(equation: TermEquation, law: str) -> Discovery:
     hidden = SizedEffect(effect_of(Term(equation, parse(law))), ())
-    return name_effects(MODEL, measurements(recordings((hidden,), points=POINTS)), SearchOptions(workers=2))
+    return name_effects(MODEL, measurements(recordings((hidden,), points=POINTS)), workers=2)
 
 
 def test_what_leaves_the_line_while_the_needle_is_open_is_one_law_and_no_two_names() -> None:

@@ -1,12 +1,13 @@
 """Verdicts on recordings of a simulated injector with effects hidden in it, and measurements that would decide."""
 
+from collections.abc import Callable
 from itertools import combinations
 
 import pytest
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
-from observer_rt.identification.discovery.search.verdict import SearchOptions, decide_between, decide_by, name_effects
+from observer_rt.identification.discovery.search.verdict import decide_between, decide_by, name_effects
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
@@ -30,11 +31,10 @@ def _discover(
     *effects: SizedEffect,
     measured_rate: bool = False,
     parameters: InjectorParameters = NOMINAL,
-    options: SearchOptions | None = None,
+    workers: int = 2,
+    progress: Callable[[float], None] | None = None,
 ) -> Discovery:
-    return name_effects(
-        MODEL, measurements(recordings(effects, measured_rate, parameters)), options or SearchOptions(workers=2)
-    )
+    return name_effects(MODEL, measurements(recordings(effects, measured_rate, parameters)), workers, progress)
 
 
 def _holds(discovery: Discovery, effect: SizedEffect) -> bool:
@@ -89,7 +89,7 @@ def test_a_single_effect_is_named(hidden: SizedEffect, measured_rate: bool) -> N
 def test_an_effect_too_small_to_matter_is_not_taken_for_another() -> None:
     points = ((60e6, 1.9e-3), (60e6, 0.6e-3), (140e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.2e-3))
     discovery = name_effects(
-        MODEL, measurements(recordings((sized("channel_skew", d=1.2e-6),), points=points)), SearchOptions(workers=2)
+        MODEL, measurements(recordings((sized("channel_skew", d=1.2e-6),), points=points)), workers=2
     )
     nominal = next(one for one in discovery.ranking if not one.ids)
     assert nominal.statistic > discovery.ranking[0].statistic + discovery.detection.threshold  # it shows
@@ -128,7 +128,7 @@ def test_a_pair_without_the_best_single_is_found() -> None:
     """A nozzle that passes less stands in for both, and explains the recordings well enough alone."""
     points = tuple((pressure, opened) for pressure in (60e6, 100e6, 140e6) for opened in (0.6e-3, 1.9e-3))
     hidden = sized("chamber_pressure_rise", dp=4e6, s=1.0), sized("orifice_cavitation", n_crit_excess=0.1)
-    discovery = name_effects(MODEL, measurements(recordings(hidden, points=points)), SearchOptions(workers=2))
+    discovery = name_effects(MODEL, measurements(recordings(hidden, points=points)), workers=2)
     singles = [one for one in discovery.ranking if len(one.ids) == 1 and not one.terms]
     assert singles[0].ids == ("orifice_area",)
     assert {effect.id for effect in discovery.effects} == {effect.effect.id for effect in hidden}
@@ -156,9 +156,7 @@ def test_held_out_recordings_rank_as_the_fitted_ones() -> None:
 
 def test_a_search_in_one_thread_ends_as_one_of_two_threads() -> None:
     hidden, shares = sized("entrained_air", g=1e-3), list[float]()
-    assert _discover(hidden, options=SearchOptions(workers=1)) == _discover(
-        hidden, options=SearchOptions(workers=2, progress=shares.append)
-    )
+    assert _discover(hidden, workers=1) == _discover(hidden, progress=shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 

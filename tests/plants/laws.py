@@ -117,7 +117,7 @@ TEN_PRODUCTS = {  # of two inputs of nozzle or seat
     "nozzle by drop and time": _law_of_two(BY_DROP, BY_TIME, nozzle=0.1),
     "nozzle by drop and lift": _law_of_two(BY_DROP, BY_LIFT, nozzle=-0.1),
     "nozzle by rail pressure and drop": _law_of_two(BY_RAIL, BY_DROP, nozzle=0.1),
-    "seat by lift and drop": _law_of_two(BY_LIFT, BY_DROP, seat=0.15),
+    "seat by time and rail pressure": _law_of_two(BY_TIME, BY_RAIL, seat=0.15),
     "seat by rail pressure and lift": _law_of_two(BY_RAIL, BY_LIFT, seat=0.15),
     "seat by time and lift": _law_of_two(BY_TIME, BY_LIFT, seat=-0.15),
 }

@@ -43,7 +43,7 @@ SURFACES: Mapping[TermEquation, tuple[tuple[Axis, Axis], ...]] = {
         (_OVER_NOZZLE, _SINCE),
         (_OVER_NOZZLE, _LIFT),
     ),
-    TermEquation.SEAT_FLOW: ((RAIL, _LIFT), (_SINCE, _LIFT), (_OVER_SEAT, _LIFT)),
+    TermEquation.SEAT_FLOW: ((RAIL, _LIFT), (RAIL, _SINCE), (_SINCE, _LIFT), (_OVER_SEAT, _LIFT)),
 }
 """Surfaces of an equation: over which two variables."""
 _SHAPES = (Shape.POWER, Shape.KINK, Shape.STEP, Shape.SATURATION)

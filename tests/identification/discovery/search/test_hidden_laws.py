@@ -131,9 +131,9 @@ def spelled(law: str) -> tuple[str, list[float]]:
     return re.sub(NUMBER, "_", law), [float(one) for one in re.findall(NUMBER, law)]
 
 
-@pytest.mark.parametrize(("rows", "shares"), [((0, 1), {"nozzle_product": 0.1}), ((2, 3), {"seat_product": 0.15})])
+@pytest.mark.parametrize(("rows", "shares"), [((0, 1), {"nozzle_product": 0.1}), ((0, 2), {"seat_product": 0.15})])
 def test_a_law_of_two_variables_is_a_product(rows: tuple[int, int], shares: dict[str, float]) -> None:
-    """Of tanh, both; at operating points that were recorded it is within a twentieth of the flow of the truth."""
+    """Of tanh, both; at the rail pressures that were recorded the nozzle's is within a hundredth of the truth."""
     first, second = rows
     (term,) = found_in(with_laws(**shares, first_factor=float(first), second_factor=float(second)))
     expected = TermEquation.NOZZLE_FLOW if "nozzle_product" in shares else TermEquation.SEAT_FLOW

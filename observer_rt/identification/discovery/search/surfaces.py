@@ -73,11 +73,12 @@ def _hats(equation: TermEquation, first: Axis, second: Axis) -> list[Effect]:
 
 
 def _factors(axis: Axis) -> list[_Factor]:
-    """All forms of an axis that are no constant, with the numbers that are tried."""
+    """All forms of an axis that are no constant, with the numbers that are tried, decays among them."""
     knots = np.array(axis.knots)
+    decays = [replace(form, law=form.law.removeprefix("1 - ")) for form in axis.forms if form.law.startswith("1 - ")]
     return [
         _Factor(form, numbers, form.values(numbers, knots))
-        for form in axis.forms
+        for form in (*axis.forms, *decays)
         if form.shape in _SHAPES and form.law != "1"
         for numbers in product(*form.numbers)
     ]

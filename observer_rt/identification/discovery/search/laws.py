@@ -166,10 +166,11 @@ class Laws:
         """Laws that a single effect may stand for.
 
         For a law: made to measure over its variable, in every other equation; of its form, where line pressure hardly
-        tells the equation from its own. For a name that explains all: of another form where it sits.
+        tells the equation from its own; a product that explains more by as much as odds are against a law. For a name
+        that explains all: of another form where it sits.
         """
         law, score = best.hypothesis.effects[0].apply, partial(self._fits.scores, self._nothing)
-        others = list[Effect]()
+        others, of_two = list[Effect](), list[Effect]()
         if not isinstance(law, TermLaw):
             over = self._unlike(best)
         else:
@@ -179,11 +180,13 @@ class Laws:
             if self._fits.nominal.injector.line.model == "lump":  # what is lost along it is lost at its inlet
                 alike = [other for other in alike if {law.equation, other} != _LOSSES]
             others = [term_effect(other, law.form, law.numbers) for other in alike]
+            of_two = products(score)
         made = [*(made_to_measure(free_curves(over, score), (), score) if over else ()), *others]
         half = 0.5 * (self._nothing.statistic - best.statistic)
         alone = [(Hypothesis((one,)), np.zeros(1)) for one in made]
         promising = [one for one in self._fits.laws(alone) if one.statistic < best.statistic + half]
-        return promising + self._freed(promising)
+        pairs = self._sharpened(self._fits.laws([(Hypothesis((one,)), np.zeros(1)) for one in of_two]))
+        return promising + self._freed(promising) + [one for one in pairs if one.price < best.price - UNNAMED]
 
     def _unlike(self, name: Candidate) -> list[tuple[TermEquation, Axis, str]]:
         """Curves where a name sits that beside it gain what a law costs; the form of a right name leaves nothing."""

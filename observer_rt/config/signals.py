@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -19,9 +19,6 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from observer_rt.model.parameters import InjectorParameters, Positive
 from observer_rt.model.surroundings import CHAMBER_PRESSURES, TEMPERATURES, Surroundings
-
-if TYPE_CHECKING:
-    from observer_rt.config.bench import BenchInjector
 
 MOST_APART_US = 60.0  # of filter delays of two channels, in recordings
 _KEYS = {"filter_delay_us", "lag_us"}
@@ -251,18 +248,17 @@ def effects_after_alignment(signals: SignalsConfig) -> tuple[SizedEffect, ...]:
     return _effects(signals, remaining, signals.line_pressure.filter_delay_us * MICROSECOND)
 
 
-def effects_on_one_raster(fitted: "BenchInjector") -> tuple[SizedEffect, ...]:
+def effects_on_one_raster(signals: SignalsConfig, location: Callable[[str], str]) -> tuple[SizedEffect, ...]:
     """Effects of delays and lags in recordings that are compared with models, on one raster: against the lift.
 
-    Raises `UserError` for a delay that the samples stored beside an injection do not bridge.
+    location: of a key in its file. Raises `UserError` for a delay that the samples beside an injection do not bridge.
     """
-    signals = fitted.config.signals
     lift = signals.of(Role.NEEDLE_LIFT).filter_delay_us
     for role in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE):
         apart = abs(signals.of(role).filter_delay_us - lift)
         if apart > MOST_APART_US:
             raise UserError(
-                fitted.location(f"signals.{role}.filter_delay_us"),
+                location(f"signals.{role}.filter_delay_us"),
                 f"differs by {apart:g} us from the lift's, {lift:g} us; `fit` and `discover` undo {MOST_APART_US:g}",
                 "shift the channel in the recording, and leave the key out for these commands",
             )

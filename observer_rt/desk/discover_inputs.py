@@ -31,7 +31,8 @@ def measured_files(
     """Recordings of an injector, as `read_measured`. decoder: what says how to read logs and foreign layouts."""
     density = effective_model(injector).coefficients.density
     read = partial(open_source, bench=decoder, from_channels=from_channels, console=console, density=density)
-    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
+    mounted = None if decoder is None else decoder.injector
+    stated = () if mounted is None else effects_on_one_raster(mounted.config.signals, mounted.location)
     return read_measured(paths, read, injector, console, most, stated)
 
 

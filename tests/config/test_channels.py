@@ -40,9 +40,13 @@ def sizes(effects: tuple[SizedEffect, ...]) -> dict[str, float]:
     return {each.effect.id: round(1e6 * each.values[0], 9) for each in effects}
 
 
+def on_one_raster(fitted: BenchInjector) -> tuple[SizedEffect, ...]:
+    return effects_on_one_raster(fitted.config.signals, fitted.location)
+
+
 def test_nothing_stated_changes_nothing(tmp_path: Path) -> None:
     fitted = stated(tmp_path)
-    assert effects_on_one_raster(fitted) == effects_after_alignment(fitted.config.signals) == ()
+    assert on_one_raster(fitted) == effects_after_alignment(fitted.config.signals) == ()
     assert undone_in_alignment(fitted.config.signals, Role.NEEDLE_LIFT) == 0.0
 
 
@@ -53,7 +57,7 @@ def test_alignment_moves_a_message_the_model_knows_the_rest(tmp_path: Path) -> N
         assert undone_in_alignment(signals, role) == pytest.approx(12e-6)
     lags = {"needle_lift_sensor_lag": 15.9, "line_pressure_sensor_lag": 3.0}
     assert sizes(effects_after_alignment(signals)) == {"rail_pressure_skew": 8.0, "channel_skew": 5.0, **lags}
-    assert sizes(effects_on_one_raster(fitted)) == {"rail_pressure_skew": 8.0, "channel_skew": -7.0, **lags}
+    assert sizes(on_one_raster(fitted)) == {"rail_pressure_skew": 8.0, "channel_skew": -7.0, **lags}
 
 
 def test_a_rail_pressure_of_its_own_message_is_moved_by_its_own_delay(tmp_path: Path) -> None:
@@ -67,7 +71,7 @@ def test_a_rail_pressure_of_its_own_message_is_moved_by_its_own_delay(tmp_path: 
 def test_too_far_apart_for_recordings(tmp_path: Path) -> None:
     fitted = stated(tmp_path, line_pressure="filter_delay_us = 90", needle_lift="filter_delay_us = 20")
     with pytest.raises(UserError) as refused:
-        effects_on_one_raster(fitted)
+        on_one_raster(fitted)
     assert refused.value.location.endswith(": signals.line_pressure.filter_delay_us")
     assert "70 us" in refused.value.problem
 

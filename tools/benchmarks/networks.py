@@ -143,8 +143,8 @@ def ratios(frame: pd.DataFrame) -> Row:
         row |= {
             f"{how}_{name}": summed_up(errors[OURS], of) / summed_up(errors[name], of) for how, of in HOWS.items()
         }
-    ours, without = (values_of(frame[frame["network"].eq(name)], "half_width_pct").mean() for name in (OURS, WITHOUT))
-    return row | {f"half_width_{WITHOUT}": ours / without}
+    widths = [values_of(frame[frame["network"].eq(name)], "half_width_pct").mean() for name in (OURS, WITHOUT)]
+    return row | {f"half_width_{WITHOUT}": widths[0] / widths[1]}
 
 
 @cli.app.command(epilog="Example: tools/bench networks --cases 2")

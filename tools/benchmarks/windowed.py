@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from observer_rt.config.bench import Bench
-from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.trace import UNKNOWN, trace_of
 from observer_rt.engine.stream.state import State
 from observer_rt.files.replay.framing import Span, windows_of

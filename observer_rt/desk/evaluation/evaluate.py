@@ -6,105 +6,25 @@ Memory does not depend on the number of samples, unless they are kept as a trace
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.run import ObserverRun, Progress
-from observer_rt.desk.evaluation.trace import SAMPLE, InjectionSamples, Trace, open_trace, trace_arrays, trace_of
+from observer_rt.desk.evaluation.trace import open_trace
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.learning.learned_curves import LearnedCurve, learned_curves
-from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.reports.news import MeasuredMass, News
+from observer_rt.engine.learning.learned_curves import learned_curves
+from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.injector import LearnerFactory, make_learner
-from observer_rt.engine.service.messages import Counters, OutputFrame
-from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
-from observer_rt.files.signals.table_writers import TableWriter
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.model.effective import Coefficients
-
-
-class Evaluation:
-    """One file evaluated: its injections; its samples pass by, or are kept as a trace."""
-
-    first_index: int
-    """The sample index its first sample was sent with."""
-    counters: Counters
-    standstill: Standstill
-    has_energizing: bool
-    """Whether the bench has this input, so that reports and counters include commands."""
-    learned: tuple[LearnedCurve, ...]
-    """Laws of nozzle and seat as they were known at its end."""
-
-    def __init__(self, source: SignalStream, curves_of: Coefficients | None = None, keeps_all: bool = False) -> None:
-        """curves_of: the nominal model, where curves are drawn; keeps_all: the trace, and curves of all injections,
-        not of the first, a middle and the last one only.
-        """
-        self.path = source.path
-        self.sample_rate = source.sample_rate
-        self.has_rate, self.has_lift = "injection_rate" in source.optional, source.has_lift
-        self.injections: list[InjectionResult] = []
-        self.curves: dict[int, RateCurves] = {}
-        """Curves of injections by their number, where any are drawn."""
-        self.source, self._meter = source, source.meter or ()
-        self.samples = source.samples
-        """Number of samples of the recording."""
-        self._curves_of, self._keeps_all = curves_of, keeps_all
-        self.writer: TableWriter | None = None
-        """Writes the trace, where it goes to a file."""
-        self._traces: list[Trace] | None = [] if keeps_all else None
-
-    def __getstate__(self) -> dict[str, Any]:
-        """A copy is a result: it holds no open file."""
-        return {**vars(self), "source": None, "writer": None}
-
-    @cached_property
-    def trace(self) -> Trace:
-        """Trace of all n samples, empty where it is not kept."""
-        return trace_of(np.concatenate([np.empty(0, SAMPLE), *(self._traces or [])]))
-
-    @property
-    def level(self) -> str:
-        """How well the level of its masses is known, in words; empty where nothing is unknown of it."""
-        return self.injections[-1].report.calibration.as_text() if self.injections else ""
-
-    @property
-    def reports(self) -> tuple[InjectionReport, ...]:
-        """Reports of all injections, without courses of rates."""
-        return tuple(injection.report for injection in self.injections)
-
-    def take_report(self, report: InjectionReport, samples: InjectionSamples) -> None:
-        """Take the report of an injection with its samples."""
-        kept = report.without_courses()
-        self.injections.append(injection_result(kept, samples, self.sample_rate, self.has_rate, self._meter))
-        if self._curves_of is not None:
-            self.curves[report.number] = rate_curves(report, samples, self._curves_of, self.has_rate)
-            if not self._keeps_all and report.number > 3:
-                self.curves.pop(report.number // 2, None)  # before the middle, whatever comes
-
-    def take_measured(self, measured: MeasuredMass) -> None:
-        """Take the measured mass of the injection reported last; a measured rate goes before it."""
-        if self.injections and not self.has_rate:
-            last = self.injections[-1]
-            if last.report.number == measured.report.number:
-                self.injections[-1] = replace(last, measured_mass=measured.mass)
-
-    def take_passed(self, passed: Trace) -> None:
-        """Append samples to the trace."""
-        if self.writer is not None:
-            self.writer.write(trace_arrays(passed))
-        if self._traces is not None:
-            self._traces.append(passed.copy())
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.curves import MassRow, RateCurves, numbers_shown
-from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.hypotheses import BEFORE
 from observer_rt.engine.learning.indicators import Estimate

@@ -13,7 +13,8 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.keeper import sole_writer
 from observer_rt.daemon.state_file import model_hash, restored_knowledge, save_knowledge
-from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, evaluate
+from observer_rt.desk.evaluation.evaluate import bench_for_all, evaluate
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs, open_source, without_truths
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
 from observer_rt.desk.evaluation.run import Progress

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.desk.evaluation.curves import SHOWN, InjectionResult, in_words, injection_json
-from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
 from observer_rt.engine.learning.learned_curves import furthest
 from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned

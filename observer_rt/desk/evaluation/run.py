@@ -1,7 +1,6 @@
 """Runs the observer and the model as given, with nothing learned, over the same samples of many recordings."""
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.links.link import FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.core.stream.stream import RING, Break
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.samples import HistorySamples, Run
 from observer_rt.desk.evaluation.trace import Signal
@@ -24,9 +24,6 @@ from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, cut
 from observer_rt.model.effective import Clock
 from observer_rt.model.surroundings import Surroundings
-
-if TYPE_CHECKING:
-    from observer_rt.desk.evaluation.evaluate import Evaluation
 
 PIECE = 5e-3  # s of a recording, in which the pressure in the chamber is one
 Progress = Callable[[int], None]  # samples done
@@ -76,7 +73,7 @@ class ObserverRun:
         self._seen = 0  # samples of the core
         self._commands, self._begun, self._is_energized = 0, 0, False
 
-    def observe(self, source: SignalStream, sink: "Evaluation") -> None:
+    def observe(self, source: SignalStream, sink: Evaluation) -> None:
         """Observe the frames of a log as they are, or a recording as those of a measuring device.
 
         Between stretches of a recording the sample index jumps.
@@ -86,14 +83,14 @@ class ObserverRun:
         else:
             self._observe_recording(source, sink)
 
-    def _observe_log(self, log: LoggedSignals, sink: "Evaluation") -> None:
+    def _observe_log(self, log: LoggedSignals, sink: Evaluation) -> None:
         offset, sink.first_index = 0, log.logged[0].first_index
         for stretch in log.logged:
             self._samples.begin(Run(sink, stretch.samples, log.sample_rate, stretch.first_index, offset))
             offset += stretch.samples
         self._observe(blocks_of(log.frames))
 
-    def _observe_recording(self, stream: SignalStream, sink: "Evaluation") -> None:
+    def _observe_recording(self, stream: SignalStream, sink: Evaluation) -> None:
         rate, begun = stream.sample_rate, 0
         for chunk in self._device.chunks(stream.chunks()):
             if chunk.first == 0:

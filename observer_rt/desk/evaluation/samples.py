@@ -4,19 +4,16 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import RING
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.trace import SAMPLE, InjectionSamples, Signal, Trace, trace_of, unknown
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Observer
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
-
-if TYPE_CHECKING:
-    from observer_rt.desk.evaluation.evaluate import Evaluation
 
 REMEMBERED = RING  # samples that the observer remembers, and an injection may need
 
@@ -30,7 +27,7 @@ class Run:
     history; position: of the first one that came, in the observer's stream; None: none has come yet.
     """
 
-    sink: "Evaluation"
+    sink: Evaluation
     samples: int
     rate: float
     first_index: int

@@ -237,7 +237,7 @@ class Injector:
         """Looks for injections."""
         named = {source.path: source for source in sources if source.path is not None}
         paths = [source.path for source in sources if source.path is not None]
-        stated = effects_on_one_raster(self.bench.injector)
+        stated = effects_on_one_raster(self.bench.injector.config.signals, self.bench.injector.location)
         return read_measured(paths, named.__getitem__, self.parameters, notes.console, most, stated)
 
     def __repr__(self) -> str:

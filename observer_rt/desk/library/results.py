@@ -12,7 +12,7 @@ import pandas as pd
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.desk.evaluation.curves import SHOWN
-from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.histories import write_state
 from observer_rt.desk.evaluation.trace import TRACE_COLUMNS, trace_arrays
 from observer_rt.engine.learning.interval import VolumeBudget

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.console import Console
 
-from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
 from observer_rt.model.effective import Coefficients
 

@@ -8,7 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench, load_injector
-from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import Shot, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate

@@ -12,7 +12,8 @@ import pytest
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.evaluation import samples
-from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.samples import HistorySamples
 from observer_rt.desk.evaluation.trace import Signal

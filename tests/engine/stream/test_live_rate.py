@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import advance_state, fault_with_rate
-from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.model.effective import Coefficients

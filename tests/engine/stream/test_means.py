@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench
 from observer_rt.config.injector import Meaning, SamplingConfig
-from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.files.signals.recording import Recording
 from observer_rt.model.effects import sized

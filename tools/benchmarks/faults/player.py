@@ -18,7 +18,7 @@ from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.state_file import load_knowledge, save_knowledge
-from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.stream.state import Reason

@@ -37,8 +37,7 @@ RAIL_PRESSURES, DURATIONS = (60e6, 100e6, 140e6, 80e6, 120e6), (1.4e-3, 0.9e-3, 
 EVENTS, WEAR_EVENTS = 24, 10
 PLANTS, PRESSURES = 14, 3  # that wear evenly, each at as many rail pressures of its own
 NARROW = 1e-4  # of their prior, that weights held at 0 may be
-NO_LAW = "no law"
-OURS, WITHOUT, PAPERS, FILTER = "ours", "without", "paper's", "filter"
+NO_LAW, OURS, WITHOUT, PAPERS, FILTER = "no law", "ours", "without", "paper's", "filter"
 HOWS: dict[str, How] = {"rms": lambda v: float(np.sqrt(np.mean(np.square(list(v))))), "p95": "p95", "largest": "max"}
 COLUMNS: dict[str, tuple[str, How]] = {
     "valid": ("valid_share", "mean"),

@@ -20,7 +20,7 @@ def test_delays_of_shots_are_those_of_a_fit_whatever_followed_the_event_before()
     cost.linearised(0.1 * worn_theta())  # the fit of another kind of event
     for _ in range(3):
         cost.value(theta)
-    known = prior_belief(theta, 1e-12 * np.eye(PARAMETERS))
-    fit = EventFitter(cost, frozenset(), theta_limits(case.c)).fit(start, known, 1)
+    prior = prior_belief(theta, 1e-12 * np.eye(PARAMETERS))
+    fit = EventFitter(cost, frozenset(), theta_limits(case.c)).fit(start, prior, 1)
     assert fit.delays is not None
     np.testing.assert_allclose(fit.delays.theta, fit.linearisation.theta, atol=1e-3)

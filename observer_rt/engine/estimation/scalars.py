@@ -328,7 +328,7 @@ SCALARS = Scalars((
     Scalar("closing_speed", Parameter.CLOSING_SPEED, prior=0.17, drift=2e-3, longest_step=0.2, bounds=(-1.0, 1.0),
            element=Element.NEEDLE, shown=ShownIndicator("needle_closes_faster", label="needle closes faster, ln v")),
     Scalar("landing_bounce", Parameter.LANDING_BOUNCE, prior=15e-6, drift=0.2e-6, longest_step=20e-6,
-           bounds=(0.0, 80e-6), counted=ScalarUnit.LENGTH, gated_from=0.0, element=Element.NEEDLE,
+           bounds=(-80e-6, 80e-6), counted=ScalarUnit.LENGTH, gated_from=0.0, element=Element.NEEDLE,
            shown=ShownIndicator("needle_bounces", lambda _: LIFT_UNIT, label="needle bounces by", unit=("m", 1.0),
                                 screen_unit=("um", MICROMETRE))),
     Scalar("bounce_length", Parameter.BOUNCE_LENGTH, prior=25e-6, drift=0.5e-6, longest_step=20e-6,

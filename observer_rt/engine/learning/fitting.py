@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.evidence import integrate_cost
 from observer_rt.core.learning.gating import inverse_of
+from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.engine.estimation.gating import Belief, Gate, best_subset
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation, ShotDelays
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta
 from observer_rt.engine.learning.constants import BEYOND, NEARLY_WHITE, NEARLY_WHITE_BLOCKS
 from observer_rt.engine.learning.healthy import Healthy
-from observer_rt.model.effective import Coefficients
+from observer_rt.model.effective import LIFT_UNIT, Coefficients
 
 FAR = 10.0  # times the limits, that a mean may be beyond them by linear slopes
 HALVINGS = 4  # of a step that does not lower the cost
@@ -49,11 +50,14 @@ class Limits:
             raise np.linalg.LinAlgError("the mean of a belief lies beyond all limits")
 
 
-def theta_limits(c: Coefficients) -> Limits:
-    """Limits of theta (m,) for a model; a pilot valve may lose all of its flow, but not more."""
+def theta_limits(c: Coefficients, needle: NeedleLaw | None = None) -> Limits:
+    """Limits of theta (m,); a pilot valve may lose all of its flow, a needle by commands its bounce, but not more."""
     lowest, highest = SCALARS.bounds(c.pressure_scale)
     lowest[Parameter.CONTROL_FLOW] = -c.line.servo / c.line.a1
-    gate = SCALARS.gate.replaced(Parameter.CONTROL_FLOW, float(lowest[Parameter.CONTROL_FLOW]))
+    lowest[Parameter.LANDING_BOUNCE] = 0.0 if needle is None else -needle.landing_bounce / LIFT_UNIT
+    gate = SCALARS.gate
+    for column in (Parameter.CONTROL_FLOW, Parameter.LANDING_BOUNCE):
+        gate = gate.replaced(column, float(lowest[column]))
     return Limits(lowest, highest, SCALARS.longest_step(c.pressure_scale), gate)
 
 

@@ -40,7 +40,6 @@ SURFACES: Mapping[TermEquation, tuple[tuple[Axis, Axis], ...]] = {
     TermEquation.SEAT_FLOW: ((RAIL, _LIFT), (RAIL, _SINCE), (_SINCE, _LIFT), (_OVER_SEAT, _LIFT)),
 }
 """Surfaces of an equation: over which two variables."""
-_SHAPES = (Shape.POWER, Shape.KINK, Shape.STEP, Shape.SATURATION)
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ def _factors(axis: Axis) -> list[_Factor]:
     return [
         _Factor(form, numbers, form.values(numbers, knots))
         for form in (*axis.forms, *decays)
-        if form.shape in _SHAPES and form.law != "1"
+        if form.shape not in (Shape.BUMP, Shape.RINGING) and form.law != "1"
         for numbers in product(*form.numbers)
     ]
 

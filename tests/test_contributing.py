@@ -174,11 +174,11 @@ REASON_EDITS = (
 REASON = """
 import json
 
-from observer_rt.engine.stream.validity import Condition, state_of_service
+from observer_rt.engine.stream.validity import ServiceCondition, state_of_service
 from observer_rt.engine.words import named
 from tools.lib.word_tables import DATABASES, PAGE, database_with_words, page_with_words
 
-_, reason = state_of_service(None, Condition(is_hot=True))
+_, reason = state_of_service(None, ServiceCondition(is_hot=True))
 print(json.dumps({
     "named": named(reason),
     "page": "| `FUEL_HOT` | the fuel is too hot | cool it |" in page_with_words(PAGE.read_text()),

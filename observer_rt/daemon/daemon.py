@@ -26,7 +26,7 @@ from observer_rt.engine.reports.news import Listener, Notice, fan_out
 from observer_rt.engine.service.core import Core, status_parts
 from observer_rt.engine.service.messages import FrameWriter, OutputFrame
 from observer_rt.engine.stream.state import Reason, State
-from observer_rt.engine.stream.validity import Condition, contested, state_of_service
+from observer_rt.engine.stream.validity import ServiceCondition, contested, state_of_service
 from observer_rt.engine.words import REASONS, Topic
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
@@ -194,7 +194,7 @@ class Daemon:
     def standing(self, now: int) -> tuple[State, tuple[Reason, ...]]:
         """State and all its reasons, the most severe first, at a monotonic time [ns]."""
         is_down = any(self.ports[bus].has_inputs for bus in self._down)
-        condition = Condition(
+        condition = ServiceCondition(
             has_frames=self._frames_seen > 0,
             is_cut_off=is_down or now - self._last_input > INPUT_TIMEOUT * 1e9,
             is_stale=bool(self.arrivals.stale(now)),

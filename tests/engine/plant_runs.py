@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 
 from observer_rt.config.bench import load_injector
-from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.estimation.scalars import SCALARS, Element
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import coefficients
@@ -16,7 +16,12 @@ from tests.plants.plant import Bench, Event, Needle, Shot
 
 EVENTS = 10
 HEALTHY = Faults()
-GATED = {row.shown.effect for row in SCALARS.rows if row.shown is not None and row.gated_from is not None}
+GATED = {
+    row.shown.effect
+    for row in SCALARS.rows
+    if row.shown is not None and row.gated_from is not None and row.element is not Element.NEEDLE
+}
+"""Effects with a gate, of a bench with a lift."""
 RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
 DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s, of the openings
 

@@ -28,7 +28,7 @@ from observer_rt.engine.service.judging import InlineExecutor, Judging
 from observer_rt.engine.service.optional_inputs import OptionalInputs
 from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
 from observer_rt.engine.stream.state import Reason, State
-from observer_rt.engine.stream.validity import Condition, state_of_service
+from observer_rt.engine.stream.validity import ServiceCondition, state_of_service
 from observer_rt.engine.words import Topic, is_good
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.surroundings import filed
@@ -251,7 +251,7 @@ class Core:
         if self.processed > 0:
             newest = State(int(self._newest_row["state"])), Reason(int(self._newest_row["reason"]))
         sampled = self.protection[: len(self._bus.input_layouts)]
-        condition = Condition(
+        condition = ServiceCondition(
             is_unprotected=E2EState.INVALID in sampled,
             is_stale=newest is not None and is_stale(self.compiled.pipeline.alignment),
         )

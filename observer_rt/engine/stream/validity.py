@@ -60,7 +60,7 @@ def reason_of_injection(
 
 
 @dataclass(frozen=True)
-class Condition:
+class ServiceCondition:
     """Condition of links and inputs as the service knows it."""
 
     has_frames: bool = True  # any came since the start
@@ -69,7 +69,7 @@ class Condition:
     is_stale: bool = False  # one of the inputs is missing while others arrive
 
 
-def state_of_service(newest: tuple[State, Reason] | None, condition: Condition) -> tuple[State, Reason]:
+def state_of_service(newest: tuple[State, Reason] | None, condition: ServiceCondition) -> tuple[State, Reason]:
     """State and reason of the service; newest: those of the samples, None before the first."""
     if not condition.has_frames:
         return State.WAITING_FOR_DATA, Reason.STARTING

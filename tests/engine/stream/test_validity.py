@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from observer_rt.core.stream.stream import reason_and_state
 from observer_rt.engine.stream.state import Doubt, Reason, State
-from observer_rt.engine.stream.validity import Condition, contested, reason_of_injection, state_of_service
+from observer_rt.engine.stream.validity import ServiceCondition, contested, reason_of_injection, state_of_service
 
 WELL = {
     "unsynchronised_by": 0,
@@ -97,12 +97,12 @@ def test_the_verdict_may_know_better_than_the_samples(facts: tuple[Any, ...], re
 
 def test_links_go_before_inputs_and_inputs_before_samples() -> None:
     newest = (State.ADAPTED, NONE)
-    assert state_of_service(newest, Condition()) == newest
-    assert state_of_service(None, Condition()) == (State.STARTING, Reason.STARTING)
-    assert state_of_service(newest, Condition(is_stale=True)) == (State.DEGRADED, Reason.INPUT_STALE)
-    cut_off = Condition(is_cut_off=True, is_stale=True)
+    assert state_of_service(newest, ServiceCondition()) == newest
+    assert state_of_service(None, ServiceCondition()) == (State.STARTING, Reason.STARTING)
+    assert state_of_service(newest, ServiceCondition(is_stale=True)) == (State.DEGRADED, Reason.INPUT_STALE)
+    cut_off = ServiceCondition(is_cut_off=True, is_stale=True)
     assert state_of_service(newest, cut_off) == (State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT)
-    silent = Condition(has_frames=False, is_cut_off=True)
+    silent = ServiceCondition(has_frames=False, is_cut_off=True)
     assert state_of_service(None, silent) == (State.WAITING_FOR_DATA, Reason.STARTING)
 
 

@@ -34,7 +34,7 @@ from tools.benchmarks.scoring import FROM, WRONG_MASS, estimate_of, score_evalua
 from tools.benchmarks.unscented import unscented_rate
 
 RAIL_PRESSURES, DURATIONS = (60e6, 100e6, 140e6, 80e6, 120e6), (1.4e-3, 0.9e-3, 1.9e-3)  # Pa, s
-EVENTS, WEAR_EVENTS = 24, 10
+EVENTS = 24
 PLANTS, PRESSURES = 14, 3  # that wear evenly, each at as many rail pressures of its own
 NARROW = 1e-4  # of their prior, that weights held at 0 may be
 NO_LAW, OURS, WITHOUT, PAPERS, FILTER = "no law", "ours", "without", "paper's", "filter"
@@ -98,14 +98,14 @@ ALL_LAWS: dict[str, tuple[Laws, Faults]] = NINE_LAWS | TEN_PRODUCTS
 
 def plant_of(law: str, seed: int) -> Bench:
     """A plant with a law; with none: worn evenly, with three rail pressures of its own."""
-    laws, faults, pressures, events = *ALL_LAWS.get(law, (NO_LAWS, Faults())), RAIL_PRESSURES, EVENTS
+    laws, faults, pressures = *ALL_LAWS.get(law, (NO_LAWS, Faults())), RAIL_PRESSURES
     if law == NO_LAW:
         random = np.random.default_rng(seed)
         nozzle, seat, is_seat_worn = *random.uniform(-0.3, 0.4, 2), random.random() < 0.5
-        faults, events = Faults(orifice_area=nozzle, seat_area=seat * is_seat_worn), WEAR_EVENTS
+        faults = Faults(orifice_area=nozzle, seat_area=seat * is_seat_worn)
         pressures = tuple(random.uniform(40e6, 160e6, PRESSURES).tolist())
-    durations = [DURATIONS[(k + k // len(pressures)) % len(DURATIONS)] for k in range(events)]
-    shots = [(pressures[k % len(pressures)], Shot(7e-6 * (k % 5), durations[k])) for k in range(events)]
+    durations = [DURATIONS[(k + k // len(pressures)) % len(DURATIONS)] for k in range(EVENTS)]
+    shots = [(pressures[k % len(pressures)], Shot(7e-6 * (k % 5), durations[k])) for k in range(EVENTS)]
     schedule = tuple(Event(pressure, (shot,), faults) for pressure, shot in shots)
     return Bench(Injector(), Needle(), schedule, seed=seed, laws=laws)
 

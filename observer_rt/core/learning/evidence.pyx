@@ -58,7 +58,7 @@ def weigh_scales(
     cdef int64_t w = weights.shape[0], k = noises.shape[0], groups = ends.shape[0], count = logs.shape[0], size = whole(w + 1)
     # a table a group: upper half of the weights' covariance, beside it their mean, in units of the sizes
     cdef double[:, :, ::1] tables = zeros((groups + 1, w + 1, size))
-    cdef double[:, ::1] rows = tables[0], likeliest
+    cdef double[:, ::1] rows = tables[0]
     cdef double[::1] densities = zeros(groups + 1)
     cdef int64_t i, j, group, first, leaves, best = 0
     moved = array(mean)
@@ -86,18 +86,17 @@ def weigh_scales(
                 best = i
     if not isfinite(logs[i]):
         raise LinAlgError("matrix is not positive definite")
-    likeliest = tables[0]
     for group in range(groups - 1, -1, -1):
         for j in range(ends[group - 1] if group > 0 else 0, ends[group]):
-            likeliest[j, j] += noises[best % k]
+            rows[j, j] += noises[best % k]
         best //= k
-    _eliminate(likeliest, 0, w, 0.0)
+    _eliminate(rows, 0, w, 0.0)
     for i in range(w - 1, -1, -1):
         for j in range(i + 1, w):
-            likeliest[i, w] -= likeliest[i, j] * likeliest[j, w]
-        likeliest[i, w] /= likeliest[i, i]
+            rows[i, w] -= rows[i, j] * rows[j, w]
+        rows[i, w] /= rows[i, i]
         for j in range(result.shape[0]):
-            result[j] -= likeliest[i, w] / sizes[i] * covariance[weights[i], j]
+            result[j] -= rows[i, w] / sizes[i] * covariance[weights[i], j]
     return moved
 
 

@@ -233,16 +233,21 @@ def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
     for form in axis.forms:
         tried = list(product(*form.numbers))
         values = np.array([form.values(numbers, knots) for numbers in tried])
-        weights = np.einsum("ij,jk,ik->i", values, part.information, values)
-        slopes = values @ part.gradient
-        sizes = np.divide(slopes, weights, out=np.zeros_like(slopes), where=weights > 0.0)
-        sizes = np.clip(sizes, -equation.bounds[1], equation.bounds[1])
-        gains = 2.0 * sizes * slopes - sizes**2 * weights
+        gains = gains_of(values, part, equation)
         best = int(np.argmax(gains))
         law = form.over(axis)
         if form.shape not in laws_by_shape or gains[best] > laws_by_shape[form.shape][0]:
             laws_by_shape[form.shape] = (float(gains[best]), term_effect(equation, curve.factor + law, tried[best]))
     return sorted(laws_by_shape.values(), key=lambda item: -item[0])[:MOST_OF_CURVE]
+
+
+def gains_of(values: Floats, scores: Scores, equation: TermEquation) -> Floats:
+    """What laws (k,) would gain by their values (k, m) where the hats that were scored are 1, sizes within bounds."""
+    weights = np.einsum("ij,jk,ik->i", values, scores.information, values)
+    slopes = values @ scores.gradient
+    sizes = np.divide(slopes, weights, out=np.zeros_like(slopes), where=weights > 0.0)
+    sizes = np.clip(sizes, -equation.bounds[1], equation.bounds[1])
+    return np.asarray(2.0 * sizes * slopes - sizes**2 * weights)
 
 
 def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Effect]]:

@@ -139,10 +139,8 @@ class Laws:
         fits = self._fitted_beside(about, made_to_measure(curves, self._waves(about), score))
         if about.ids or any(map(self._is_adequate, fits)):
             return fits
-        fits += self._fitted_beside(about, products(score))
-        if any(map(self._is_adequate, fits)):
-            return fits
-        return fits + self._fitted_beside(about, tables(curves, score))
+        fits += self._products_alone
+        return fits if any(map(self._is_adequate, fits)) else fits + self._fitted_beside(about, tables(curves, score))
 
     def _fitted_beside(self, about: Candidate, made: Sequence[Effect]) -> list[Candidate]:
         start = np.append(about.theta, 0.0)
@@ -162,6 +160,11 @@ class Laws:
         """Fits with a single law or table that is made for what the model as it is leaves."""
         return self._tailored(self._nothing, self._scores(self._nothing))
 
+    @cached_property
+    def _products_alone(self) -> list[Candidate]:
+        """Fits with a single law of two variables at once."""
+        return self._fitted_beside(self._nothing, products(partial(self._fits.scores, self._nothing)))
+
     def stand_ins(self, best: Candidate) -> list[Candidate]:
         """Laws that a single effect may stand for.
 
@@ -170,7 +173,7 @@ class Laws:
         that explains all: of another form where it sits.
         """
         law, score = best.hypothesis.effects[0].apply, partial(self._fits.scores, self._nothing)
-        others, of_two = list[Effect](), list[Effect]()
+        others, pairs = list[Effect](), list[Candidate]()
         if not isinstance(law, TermLaw):
             over = self._unlike(best)
         else:
@@ -180,13 +183,12 @@ class Laws:
             if self._fits.nominal.injector.line.model == "lump":  # what is lost along it is lost at its inlet
                 alike = [other for other in alike if {law.equation, other} != _LOSSES]
             others = [term_effect(other, law.form, law.numbers) for other in alike]
-            of_two = products(score)
+            pairs = [one for one in self._products_alone if one.price < best.price - UNNAMED]
         made = [*(made_to_measure(free_curves(over, score), (), score) if over else ()), *others]
         half = 0.5 * (self._nothing.statistic - best.statistic)
         alone = [(Hypothesis((one,)), np.zeros(1)) for one in made]
         promising = [one for one in self._fits.laws(alone) if one.statistic < best.statistic + half]
-        pairs = self._sharpened(self._fits.laws([(Hypothesis((one,)), np.zeros(1)) for one in of_two]))
-        return promising + self._freed(promising) + [one for one in pairs if one.price < best.price - UNNAMED]
+        return promising + self._freed(promising) + pairs
 
     def _unlike(self, name: Candidate) -> list[tuple[TermEquation, Axis, str]]:
         """Curves where a name sits that beside it gain what a law costs; the form of a right name leaves nothing."""

@@ -22,10 +22,8 @@ Floats = NDArray[np.float64]
 
 MOST_PRODUCTS = 4  # made at once, each over other variables
 RAIL = Axis("(rail_pressure - 100)/50", (-0.9, -0.45, 0.0, 0.45, 0.9), {"rail_pressure"})
-_SINCE, _LIFT = (
-    replace(curves.SINCE, knots=(0.1, 0.4, 0.7, 1.0, 1.5)),
-    replace(curves.LIFT, knots=(0.1, 0.3, 0.5, 0.75, 1.0)),
-)
+_SINCE = replace(curves.SINCE, knots=(0.1, 0.4, 0.7, 1.0, 1.5))
+_LIFT = replace(curves.LIFT, knots=(0.1, 0.3, 0.5, 0.75, 1.0))
 _OVER_NOZZLE = replace(curves.OVER_NOZZLE, knots=(0.1, 0.35, 0.6, 0.9, 1.2))
 _OVER_SEAT = replace(curves.OVER_SEAT, knots=(0.3, 1.0, 2.5, 6.0))
 SURFACES: Mapping[TermEquation, tuple[tuple[Axis, Axis], ...]] = {
@@ -82,11 +80,7 @@ def _nearest(equation: TermEquation, first: Axis, second: Axis, scores: Scores) 
     rows, columns = _factors(first), _factors(second)
     values = np.einsum("ik,jl->ijkl", [row.values for row in rows], [column.values for column in columns])
     values = values.reshape(len(rows) * len(columns), -1)[:, scores.numbers]
-    weights = np.einsum("ij,ij->i", values @ scores.information, values)
-    slopes = values @ scores.gradient
-    sizes = np.divide(slopes, weights, out=np.zeros_like(slopes), where=weights > 0.0)
-    sizes = np.clip(sizes, -equation.bounds[1], equation.bounds[1])
-    gains = 2.0 * sizes * slopes - sizes**2 * weights
+    gains = curves.gains_of(values, scores, equation)
     best = int(np.argmax(gains))
     row, column = rows[best // len(columns)], columns[best % len(columns)]
     own, further = len(row.numbers), len(column.numbers)

@@ -1,10 +1,11 @@
 """The network part of phi: N = W sigma(V z) + b, the relative changes of nozzle and seat flow.
 
 z = [p_S - p_C, A_S, time since the needle opened, p_R] for the nozzle, [A_S, p_L - p_S] for the seat. Every hidden
-neuron is the tanh of the distance of one input from a centre. Together they span how holes and seats are known to
-depart from their laws, and other smooth departures. The layer is fixed, so that phi is linear in the learned weights;
-a neuron that no event excited stays at its prior. The sum of the neurons over an input is a curve of cubic pieces, so
-that a stage of the integrator looks up one piece instead of computing the neurons.
+neuron is the tanh of the distance of one input, or of the mean of two, from a centre: a law of two inputs at once is
+a curve over their mean beside the curves over each. Together they span how holes and seats are known to depart from
+their laws, and other smooth departures. The layer is fixed, so that phi is linear in the learned weights; a neuron
+that no event excited stays at its prior. What the neurons along one direction add up to is a curve of cubic pieces,
+so that a stage of the integrator looks up one piece instead of computing the neurons.
 """
 
 from collections.abc import Sequence
@@ -13,14 +14,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import CURVES, MOST_NEURONS, NOZZLE_NUMBERS, PIECES, REACH
+from observer_rt.core.model.model import (
+    CURVES,
+    FIRST_OF_SEAT,
+    MOST_NEURONS,
+    NOZZLE_NUMBERS,
+    PIECES,
+    REACH,
+    inputs_along,
+)
 
+NEGLIGIBLE = 1e-6  # weight, up to which a curve along two inputs is none: what is left of one out of use
 OVERLAP = 0.7  # width of a neuron, in distances between their centres
 
 
 class Group(NamedTuple):
-    """Neurons over one input: how many, and their centres from the first to the last, in p_0, A_0 and s."""
+    """Neurons of a curve: its flow and inputs, their standard deviation before any event, how many, their centres.
 
+    The centres are from the first to the last: in p_0, A_0 and s, of two inputs as shares of their reach.
+    """
+
+    name: str
+    prior: float
     neurons: int
     first: float
     last: float
@@ -36,23 +51,31 @@ class Group(NamedTuple):
         return np.stack((value[:-1], slope[:-1], *bends), axis=1)
 
 
-# Of the nozzle over pressure drop, seat area, time, rail pressure; of the seat over area and pressure drop.
-GROUPS = (
-    Group(11, 0.1, 1.7),
-    Group(6, 0.1, 1.25),
-    Group(6, 0.1e-3, 1.8e-3),
-    Group(6, 0.5, 1.55),
-    Group(6, 0.1, 1.25),
-    Group(5, 0.03, 0.9),
+def _of_both(name: str) -> Group:
+    return Group(name, 0.02, 4, 0.15, 0.75)
+
+
+GROUPS = (  # in the order of the core's curves
+    Group("nozzle_drop", 0.03, 11, 0.1, 1.7),
+    Group("nozzle_area", 0.015, 6, 0.1, 1.25),
+    Group("nozzle_time", 0.015, 6, 0.1e-3, 1.8e-3),
+    Group("nozzle_rail", 0.015, 6, 0.5, 1.55),
+    *map(_of_both, ("nozzle_drop_time", "nozzle_drop_rail", "nozzle_rail_time")),
+    *map(_of_both, ("nozzle_area_drop", "nozzle_area_rail", "nozzle_area_time")),
+    Group("seat_area", 0.02, 6, 0.1, 1.25),
+    Group("seat_drop", 0.02, 5, 0.03, 0.9),
+    _of_both("seat_area_drop"),
 )
-OF_NOZZLE = sum(group.neurons for group in GROUPS[:4])
+_ALONG = np.array([inputs_along(curve) for curve in range(CURVES)])
+IS_PAIR = _ALONG[:, 0] != _ALONG[:, 1]  # (CURVES,), of two inputs
+OF_NOZZLE = sum(group.neurons for group in GROUPS[:FIRST_OF_SEAT])
 HIDDEN = sum(group.neurons for group in GROUPS)  # q
 NEURONS = np.array([group.neurons for group in GROUPS])
 BASIS = np.zeros((CURVES, PIECES, 4, MOST_NEURONS))
 for _curve, _group in enumerate(GROUPS):
-    BASIS[_curve, :, :, : _group.neurons] = _group.basis(REACH[_curve])
+    BASIS[_curve, :, :, : _group.neurons] = _group.basis(1.0 if IS_PAIR[_curve] else REACH[_ALONG[_curve, 0]])
 _USED = np.arange(MOST_NEURONS) < NEURONS[:, None]
-_PER_PIECE = PIECES / np.array(REACH)
+_PER_PIECE = 0.5 * PIECES / np.array(REACH)
 
 
 class Network(NamedTuple):
@@ -72,6 +95,7 @@ def network_with(weights: NDArray[np.float64]) -> Network:
     """The network with these weights (HIDDEN,) of its neurons, group by group, and nothing beside."""
     padded = np.zeros((CURVES, MOST_NEURONS, 1))
     padded[_USED, 0] = weights
+    padded[IS_PAIR & (np.abs(padded).max(axis=(1, 2)) < NEGLIGIBLE)] = 0.0
     curves = BASIS.reshape(CURVES, -1, MOST_NEURONS) @ padded
     return Network(curves.reshape(CURVES, PIECES, 4), np.zeros(2), np.zeros(NOZZLE_NUMBERS))
 
@@ -85,11 +109,8 @@ def activations(
     x: Sequence[float | NDArray[np.float64]] | NDArray[np.float64], u: Sequence[float | NDArray[np.float64]]
 ) -> NDArray[np.float64]:
     """Outputs (..., HIDDEN) of the neurons at states x (3, ...), inputs u = [p_R, A_S, time since the opening]."""
-    by_curve = x[2], u[1], u[2], u[0], u[1], x[0] - x[2]
-    inputs = np.empty((*np.broadcast(*by_curve).shape, CURVES))
-    for curve, values in enumerate(by_curve):
-        inputs[..., curve] = values
-    places = np.minimum(np.maximum(inputs * _PER_PIECE, 0.0), PIECES)
+    inputs = np.stack(np.broadcast_arrays(x[2], u[1], u[2], u[0], x[0] - x[2]), axis=-1) * _PER_PIECE
+    places = np.minimum(np.maximum(inputs[..., _ALONG].sum(axis=-1), 0.0), PIECES)
     pieces = np.minimum(places.astype(np.int64), PIECES - 1)
     cubics, t = BASIS[np.arange(CURVES), pieces], (places - pieces)[..., None]
     sigmas = cubics[..., 0, :] + t * (cubics[..., 1, :] + t * (cubics[..., 2, :] + t * cubics[..., 3, :]))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import BY_LINE, BY_NOZZLE, BY_SEAT, COLUMNS
+from observer_rt.core.model.model import BY_LINE, BY_NOZZLE, BY_SEAT, COLUMNS, FIRST_OF_SEAT
 from observer_rt.model.effective import Coefficients
 
 
@@ -58,7 +58,7 @@ class Tangent(NamedTuple):
 def tangent_of(c: Coefficients, theta: ByTheta, columns: int, is_commanded: bool = False) -> Tangent:
     """A tangent of 0, at least so many columns wide; is_commanded: the seat area is that of a needle's numbers."""
     n, m = c.states, -(-columns // COLUMNS) * COLUMNS
-    of_nozzle, of_seat = theta.neurons[:4].sum(), theta.neurons[4:].sum()
+    of_nozzle, of_seat = theta.neurons[:FIRST_OF_SEAT].sum(), theta.neurons[FIRST_OF_SEAT:].sum()
     nozzle = (theta.nozzle_bias, *theta.nozzle, *range(theta.nozzle_weight, theta.nozzle_weight + of_nozzle))
     seat = (theta.seat_bias, *range(theta.seat_weight, theta.seat_weight + of_seat))
     parts = np.zeros(m, np.uint8)

@@ -73,7 +73,7 @@ def away_from_kinks(x: State, u: tuple[float, float], c: Coefficients, learned: 
     bend = np.polyval([c.line.stiffness_bend, c.line.stiffness_slope, 0.95], x[0] - c.line.stiffness_pressure)
     assume(abs(bend) > 1e-4)
     assume(abs(x[1]) > 1e-4)
-    ends = zip((x[2], x[0] - x[2]), (REACH[0], REACH[5]), strict=True)  # of the network's curves
+    ends = zip((x[2], x[0] - x[2]), (REACH[0], REACH[4]), strict=True)  # of the network's curves
     assume(all(abs(value) > 1e-4 and abs(value - reach) > 1e-4 for value, reach in ends))
 
 

@@ -36,6 +36,7 @@ from tools.benchmarks.unscented import unscented_rate
 RAIL_PRESSURES, DURATIONS = (60e6, 100e6, 140e6, 80e6, 120e6), (1.4e-3, 0.9e-3, 1.9e-3)  # Pa, s
 EVENTS = 24
 PLANTS, PRESSURES = 14, 3  # that wear evenly, each at as many rail pressures of its own
+LEARNED, LEARNED_FROM = 2.0, 12  # standard deviations of a mass that its prediction may be off; injections before
 NARROW = 1e-4  # of their prior, that weights held at 0 may be
 NO_LAW, OURS, WITHOUT, PAPERS, FILTER = "no law", "ours", "without", "paper's", "filter"
 HOWS: dict[str, How] = {"rms": lambda v: float(np.sqrt(np.mean(np.square(list(v))))), "p95": "p95", "largest": "max"}
@@ -48,6 +49,8 @@ COLUMNS: dict[str, tuple[str, How]] = {
     "rms %": ("error_pct", HOWS["rms"]),
     "p95 %": ("error_pct", "p95"),
     "largest %": ("error_pct", "max"),
+    "predicted p95 %": ("predicted_pct", "p95"),
+    "learned": ("learned", "mean"),  # share of late injections with no remainder
     "ms an event": ("ms", "median"),  # of the processor, all of the observer
 }
 _OURS_ONE, _OURS_TWO = "network == 'ours' and inputs == 1", "network == 'ours' and inputs == 2"
@@ -56,6 +59,7 @@ BARS = (
     Bar("valid_share", "valid_share", "mean", least=0.83, of=_OURS_ONE, by="law"),
     Bar("inside_share", "held", "mean", least=0.93, of=_OURS_ONE),
     Bar("valid_share_two_inputs", "valid_share", "mean", least=0.85, of=_OURS_TWO, by="law"),
+    Bar("learned_share_two_inputs", "learned", "mean", least=0.85, of=_OURS_TWO),
     *(Bar(f"no_law_{how}_over_{WITHOUT}", f"{how}_{WITHOUT}", "mean", most=1.1) for how in (*HOWS, "half_width")),
     *(Bar(f"no_law_{how}_over_{FILTER}", f"{how}_{FILTER}", "mean", most=1.1) for how in HOWS),
 )
@@ -131,6 +135,11 @@ def score_law(law: str, network: str, seed: int) -> Row:
         errors = 100.0 * np.abs(np.array(made[0].masses) / true_masses(outcome, case.bench) - 1.0)[FROM:]
         return row | {"error_pct": errors.tolist(), "wrong_valid": int(np.sum(errors > WRONG_MASS))}
     facts = score_evaluation(case, outcome, bench, evaluation).facts()
+    reports = [injection.report for injection in evaluation.injections]
+    true = true_masses(outcome, case.bench)
+    predicted = 100.0 * np.abs(np.array([report.predicted_mass for report in reports]) / true - 1.0)[FROM:]
+    learned = [abs(report.remainder) <= LEARNED * report.relative_sigma for report in reports[LEARNED_FROM:]]
+    row |= {"predicted_pct": predicted.tolist(), "learned": float(np.mean(learned))}
     return facts | row | {"error_pct": np.abs(facts["observer_errors_pct"]).tolist()}
 
 

@@ -51,11 +51,11 @@ def weigh_scales(
 ) -> NDArray[np.float64]:
     """Add to logs (k^g,) how likely weights are to be 0 by a mean (m,) and a covariance (m, m), for all noises of groups.
 
-    ends (g,): of the groups of weights, of which the last changes its noise fastest; noises (k,). weights (w,):
-    columns of theta; sizes (w,): of their priors, in whose units noises are variances. Returns the mean (m,) once they
+    ends (g + 1,): of the weights that always have the first noise, then of the groups, of which the last changes its
+    noise fastest; noises (k,). weights (w,): columns of theta; sizes (w,): of their priors, in whose units noises are variances. Returns the mean (m,) once they
     were measured to be 0 with the likeliest noises. Raises numpy.linalg.LinAlgError when not positive definite.
     """
-    cdef int64_t w = weights.shape[0], k = noises.shape[0], groups = ends.shape[0], count = logs.shape[0], size = whole(w + 1)
+    cdef int64_t w = weights.shape[0], k = noises.shape[0], groups = ends.shape[0] - 1, count = logs.shape[0], size = whole(w + 1)
     # a table a group: upper half of the weights' covariance, beside it their mean, in units of the sizes
     cdef double[:, :, ::1] tables = zeros((groups + 1, w + 1, size))
     cdef double[:, ::1] rows = tables[0]
@@ -68,15 +68,16 @@ def weigh_scales(
             rows[i, j] = covariance[weights[i], weights[j]] / (sizes[i] * sizes[j])
         rows[i, w] = mean[weights[i]] / sizes[i]
     with nogil:
+        densities[0] = _eliminate(rows, 0, ends[0], noises[0])
         for i in range(count):
             leaves = count // k
             for group in range(groups):  # those before have the noise that they had
                 if i % leaves == 0:
-                    first = ends[group - 1] if group > 0 else 0
+                    first = ends[group]
                     for j in range(first, w):
                         memcpy(&tables[group + 1, j, first], &tables[group, j, first], (size - first) * sizeof(double))
                     densities[group + 1] = densities[group] + _eliminate(
-                        tables[group + 1], first, ends[group], noises[i // leaves % k]
+                        tables[group + 1], first, ends[group + 1], noises[i // leaves % k]
                     )
                 leaves //= k
             logs[i] += densities[groups]
@@ -87,10 +88,10 @@ def weigh_scales(
     if not isfinite(logs[i]):
         raise LinAlgError("matrix is not positive definite")
     for group in range(groups - 1, -1, -1):
-        for j in range(ends[group - 1] if group > 0 else 0, ends[group]):
+        for j in range(ends[group], ends[group + 1]):
             rows[j, j] += noises[best % k]
         best //= k
-    _eliminate(rows, 0, w, 0.0)
+    _eliminate(rows, ends[0], w, 0.0)
     for i in range(w - 1, -1, -1):
         for j in range(i + 1, w):
             rows[i, w] -= rows[i, j] * rows[j, w]

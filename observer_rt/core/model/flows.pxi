@@ -4,23 +4,41 @@ cdef double[NOZZLE_NUMBERS] NOTHING_LEARNED  # zeros
 cdef enum:
     NEXT = MOST_NEURONS // WIDTH  # from a coefficient of neurons to the next
 
-cdef double[CURVES] REACH = [2.0, 1.5, 3e-3, 2.0, 1.5, 1.2]  # of an input, from 0 on: in p_0, A_0, s; beyond it curves are level
-cdef double[CURVES] PER_PIECE = [PIECES / reach for reach in REACH]
+cdef double[INPUTS] REACH = [2.0, 1.5, 3e-3, 2.0, 1.2]  # of an input, from 0 on: in p_0, A_0, s; beyond it curves are level
+cdef double[INPUTS] PER_PIECE = [0.5 * PIECES / reach for reach in REACH]
+# Inputs of each curve: it goes by the mean of both, as shares of their reach.
+cdef int[CURVES][2] ALONG = [
+    [NOZZLE_DROP, NOZZLE_DROP], [NEEDLE_AREA, NEEDLE_AREA], [NEEDLE_TIME, NEEDLE_TIME], [RAIL_PRESSURE, RAIL_PRESSURE],
+    [NOZZLE_DROP, NEEDLE_TIME], [NOZZLE_DROP, RAIL_PRESSURE], [RAIL_PRESSURE, NEEDLE_TIME],
+    [NEEDLE_AREA, NOZZLE_DROP], [NEEDLE_AREA, RAIL_PRESSURE], [NEEDLE_AREA, NEEDLE_TIME],
+    [NEEDLE_AREA, NEEDLE_AREA], [SEAT_DROP, SEAT_DROP], [NEEDLE_AREA, SEAT_DROP],
+]
 
 
-cdef inline int64_t piece_at(int curve, double value, double* within) noexcept nogil:
-    """Number, among the pieces of all curves, of that at a value of the input; within: share of it passed (0..1)."""
-    cdef double place = min(max(value * PER_PIECE[curve], 0.0), <double> PIECES)
+cdef inline int64_t piece_at(int curve, const double* z, double* within) noexcept nogil:
+    """Number, among the pieces of all curves, of that at the inputs; within: share of it passed (0..1)."""
+    cdef int first = ALONG[curve][0], second = ALONG[curve][1]
+    cdef double place = min(max(z[first] * PER_PIECE[first] + z[second] * PER_PIECE[second], 0.0), <double> PIECES)
     cdef int64_t piece = min(<int64_t> place, <int64_t> PIECES - 1)
     within[0] = place - piece
     return PIECES * curve + piece
 
 
-cdef inline double curve_at(int curve, double value, const double* curves, double* slope) noexcept nogil:
-    """A curve at a value of its input, and its slope there."""
-    cdef double t
-    cdef const double* cubic = curves + 4 * piece_at(curve, value, &t)
-    slope[0] = (cubic[1] + t * (2.0 * cubic[2] + t * 3.0 * cubic[3])) * (PER_PIECE[curve] if 0.0 < value < REACH[curve] else 0.0)
+cdef inline double curve_at(int curve, const double* z, const double* curves, double* slopes) noexcept nogil:
+    """A curve at the inputs; adds its slopes by them. One that begins at 0 has no weights."""
+    cdef double t, slope
+    cdef int64_t piece
+    cdef const double* cubic
+    cdef int number, which
+    if curves[4 * PIECES * curve] == 0.0:
+        return 0.0
+    piece = piece_at(curve, z, &t)
+    cubic = curves + 4 * piece
+    if 0.0 < t + <double> (piece - PIECES * curve) < PIECES:  # beyond its ends it is level
+        slope = cubic[1] + t * (2.0 * cubic[2] + t * 3.0 * cubic[3])
+        for number in range(2):
+            which = ALONG[curve][number]
+            slopes[which] = slopes[which] + slope * PER_PIECE[which]
     return cubic[0] + t * (cubic[1] + t * (cubic[2] + t * cubic[3]))
 
 
@@ -28,26 +46,28 @@ cdef inline double nozzle_change(
     double x_3, Inputs u, const Network* network, double* by_sac, double* by_area
 ) noexcept nogil:
     """N_H, row 1 of W sigma(V z) + b (7), and its slopes."""
-    cdef double unused
-    by_sac[0] = by_area[0] = 0.0
-    if network.curves == NULL:
-        return network.bias[0]
-    return (
-        network.bias[0] + curve_at(NOZZLE_DROP, x_3, network.curves, by_sac)
-        + curve_at(NOZZLE_AREA, u.area, network.curves, by_area)
-        + curve_at(NOZZLE_TIME, u.since, network.curves, &unused) + curve_at(NOZZLE_RAIL, u.rail, network.curves, &unused)
-    )
+    cdef double[INPUTS] z = [x_3, u.area, u.since, u.rail, 0.0]
+    cdef double[INPUTS] slopes = [0.0, 0.0, 0.0, 0.0, 0.0]
+    cdef double change = network.bias[0]
+    cdef int curve
+    if network.curves != NULL:
+        for curve in range(<int> FIRST_OF_SEAT):
+            change = change + curve_at(curve, z, network.curves, slopes)
+    by_sac[0], by_area[0] = slopes[NOZZLE_DROP], slopes[NEEDLE_AREA]
+    return change
 
 
 cdef inline double seat_change(double drop, double u_2, const Network* network, double* by_drop, double* by_area) noexcept nogil:
     """N_S, row 2, at a pressure drop over the seat, and its slopes."""
-    by_drop[0] = by_area[0] = 0.0
-    if network.curves == NULL:
-        return network.bias[1]
-    return (
-        network.bias[1] + curve_at(SEAT_AREA, u_2, network.curves, by_area)
-        + curve_at(SEAT_DROP, drop, network.curves, by_drop)
-    )
+    cdef double[INPUTS] z = [0.0, u_2, 0.0, 0.0, drop]
+    cdef double[INPUTS] slopes = [0.0, 0.0, 0.0, 0.0, 0.0]
+    cdef double change = network.bias[1]
+    cdef int curve
+    if network.curves != NULL:
+        for curve in range(<int> FIRST_OF_SEAT, <int> CURVES):
+            change = change + curve_at(curve, z, network.curves, slopes)
+    by_drop[0], by_area[0] = slopes[SEAT_DROP], slopes[NEEDLE_AREA]
+    return change
 
 
 cdef inline bint is_at_rest(const double* x, Inputs u) noexcept nogil:
@@ -134,7 +154,7 @@ cdef void flow_numbers(
     const double* x, Inputs u, const FlowSlopes* flows, const Tangent* t, double* of_h, double* of_s
 ) noexcept nogil:
     """Partial derivatives of q_H and q_S by the learned numbers of phi, at fixed x: into two rows (m,) by theta."""
-    cdef double[CURVES] values
+    cdef double[INPUTS] z = [x[SAC], u.area, u.since, u.rail, x[0] - x[SAC]]
     cdef double within, change
     cdef double* column = of_h + t.theta.nozzle_weight
     cdef const double* cubic
@@ -144,15 +164,13 @@ cdef void flow_numbers(
     cdef int curve
     theta = &t.theta
     of_h[theta.nozzle_bias], of_s[theta.seat_bias] = flows.h_change, flows.s_change
-    values[NOZZLE_DROP], values[NOZZLE_AREA], values[NOZZLE_TIME] = x[SAC], u.area, u.since
-    values[NOZZLE_RAIL], values[SEAT_AREA], values[SEAT_DROP] = u.rail, u.area, x[0] - x[SAC]
     for curve in range(<int> CURVES):
-        change = flows.h_change if curve < SEAT_AREA else flows.s_change
-        if curve == SEAT_AREA:
+        change = flows.h_change if curve < FIRST_OF_SEAT else flows.s_change
+        if curve == FIRST_OF_SEAT:
             column = of_s + theta.seat_weight
         if t.neurons[curve] == 0:
             continue
-        cubic = t.basis + 4 * MOST_NEURONS * piece_at(curve, values[curve], &within)
+        cubic = t.basis + 4 * MOST_NEURONS * piece_at(curve, z, &within)
         of_neurons, result = <const Columns*> cubic, <Columns*> column
         for part in range(1 + (t.neurons[curve] - 1) // <int64_t> WIDTH):  # up to the next multiple of WIDTH; the excess is 0, and the next curve overwrites it
             result[part] = change * (of_neurons[part] + within * (

@@ -1,14 +1,15 @@
-# Hidden layer of phi: neurons of one input each, so that what they add up to is a curve over each input.
+# Hidden layer of phi: neurons along one input, or along the mean of two, so that what they add up to is a curve.
 
 cdef enum:
-    # curves: N_H goes with the first four, N_S with the others
+    # inputs
     NOZZLE_DROP = 0  # p_S - p_C
-    NOZZLE_AREA = 1
-    NOZZLE_TIME = 2  # since the needle opened
-    NOZZLE_RAIL = 3
-    SEAT_AREA = 4
-    SEAT_DROP = 5  # p_L - p_S
-    CURVES = 6
+    NEEDLE_AREA = 1  # A_S
+    NEEDLE_TIME = 2  # since it opened
+    RAIL_PRESSURE = 3
+    SEAT_DROP = 4  # p_L - p_S
+    INPUTS = 5
+    FIRST_OF_SEAT = 10  # curve: N_H goes with those before it, N_S with the others
+    CURVES = 13
     PIECES = 32  # of a curve, a cubic each
     MOST_NEURONS = 16  # of a curve, whole vectors of them
 

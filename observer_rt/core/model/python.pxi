@@ -217,8 +217,8 @@ def totals_of_terms(
 
 globals().update(
     BY_LINE=BY_LINE, BY_NOZZLE=BY_NOZZLE, BY_SEAT=BY_SEAT, COLUMNS=WIDTH, CURVES=CURVES,
-    FORGETTING=tuple(FORGETTING), MEMORIES=MEMORIES, MOST_NEURONS=MOST_NEURONS, NOZZLE_NUMBERS=NOZZLE_NUMBERS,
-    PIECES=PIECES, REACH=tuple(REACH), SENSOR_NUMBERS=SENSOR_NUMBERS, STEP=WAVE_STEP, WEIGHTS=tuple(WEIGHTS),
+    FIRST_OF_SEAT=FIRST_OF_SEAT, FORGETTING=tuple(FORGETTING), MEMORIES=MEMORIES, MOST_NEURONS=MOST_NEURONS,
+    NOZZLE_NUMBERS=NOZZLE_NUMBERS, PIECES=PIECES, REACH=tuple(REACH), SENSOR_NUMBERS=SENSOR_NUMBERS, STEP=WAVE_STEP, WEIGHTS=tuple(WEIGHTS),
 )
 
 
@@ -239,6 +239,11 @@ globals().update(
         COS=OP_COS, TANH=OP_TANH, MIN=OP_MIN, MAX=OP_MAX
     ),
 )
+
+
+def inputs_along(int curve) -> tuple[int, int]:
+    """Numbers of both inputs of a curve of the network."""
+    return ALONG[curve][0], ALONG[curve][1]
 
 
 def steps_in(double interval) -> int:

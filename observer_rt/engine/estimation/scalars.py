@@ -1,7 +1,7 @@
 """Table of theta, a row for every kind of parameter: columns, prior, law on the model, how it is shown."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from functools import cached_property, lru_cache
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import SENSOR_NUMBERS
+from observer_rt.core.model.model import FIRST_OF_SEAT, SENSOR_NUMBERS
 from observer_rt.core.model.needle import NEEDLE_NUMBERS
 from observer_rt.engine.estimation.gating import Gate
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MM3_PER_MS
@@ -24,6 +24,7 @@ from observer_rt.model.network import (
     HIDDEN,
     NEURONS,
     OF_NOZZLE,
+    Group,
     Network,
     constant_network,
     network_with,
@@ -249,15 +250,14 @@ def _later(effect: str, label: str) -> ShownIndicator:
     return ShownIndicator(effect, lambda _: LAG_UNIT, label=label, unit=("s", 1.0), screen_unit=("us", MICROSECOND))
 
 
-def _weights(name: str, column: int, **priors: float) -> Iterator[Scalar]:
-    """Rows of the weights of the neurons over each input, from a column on, with their priors (one sigma)."""
-    groups = GROUPS[:4] if name == "nozzle" else GROUPS[4:]
-    for (of, prior), group in zip(priors.items(), groups, strict=True):
+def _weights(groups: Sequence[Group], column: int) -> Iterator[Scalar]:
+    """Rows of the weights of the neurons of each curve, from a column on."""
+    for group in groups:
         yield Scalar(
-            f"{name}_{of}",
+            group.name,
             column,
-            prior=prior,
-            drift=WEIGHT_DRIFT * prior,
+            prior=group.prior,
+            drift=WEIGHT_DRIFT * group.prior,
             longest_step=1.0,
             bounds=(-1.0, 1.0),
             columns=group.neurons,
@@ -269,10 +269,10 @@ def _weights(name: str, column: int, **priors: float) -> Iterator[Scalar]:
 SCALARS = Scalars((
     Scalar("nozzle_bias", Parameter.NOZZLE_BIAS, prior=0.45, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
            shown=ShownIndicator(NOZZLE, key="nozzle_v_H")),
-    *_weights("nozzle", Parameter.NOZZLE_WEIGHT, drop=0.03, area=0.015, time=0.015, rail=0.015),
+    *_weights(GROUPS[:FIRST_OF_SEAT], Parameter.NOZZLE_WEIGHT),
     Scalar("seat_bias", Parameter.SEAT_BIAS, prior=0.4, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
            shown=ShownIndicator(SEAT, key="seat_v_S")),
-    *_weights("seat", Parameter.SEAT_WEIGHT, area=0.02, drop=0.02),
+    *_weights(GROUPS[FIRST_OF_SEAT:], Parameter.SEAT_WEIGHT),
     Scalar("friction", Parameter.LINE_FRICTION, prior=1.75, drift=2e-3, longest_step=1.2, bounds=(-0.95, 10.0),
            gated_from=-0.95, shown=ShownIndicator("line_friction", label="line friction k"),
            change=lambda line, k: line._replace(a4=line.a4 * (1.0 + k))),

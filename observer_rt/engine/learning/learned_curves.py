@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.model import FIRST_OF_SEAT
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.indicators import SEAT_AREA, SEAT_DROP, nozzle_change, seat_change
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.learning.learned_injector import law_probabilities
 from observer_rt.engine.learning.learned_range import FULL, EventPoint
+from observer_rt.engine.learning.scales import law_probabilities
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, Z_95
 from observer_rt.model.effective import Coefficients
 
-SEAT_BY_AREA, SEAT_BY_DROP = 4, 5  # numbers of its curves in the network
+SEAT_BY_AREA, SEAT_BY_DROP = FIRST_OF_SEAT, FIRST_OF_SEAT + 1  # numbers of its curves in the network
 POINTS = 41  # of a curve
 LOWEST_DROP = 0.05  # p_0, from which a curve over a pressure drop is stated
 LEAST_SPAN = 0.05  # of its middle: a curve over a narrower range of its input says nothing

@@ -22,7 +22,7 @@ from observer_rt.engine.learning.disturbances.masks import Sigmas, without_stret
 from observer_rt.engine.learning.fitting import EventFitter
 from observer_rt.engine.learning.hypotheses import NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
-from observer_rt.engine.learning.learned_injector import LearnedInjector, shrink
+from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint, operating_point, remembered
 from observer_rt.engine.learning.posterior.explaining import STARTED, Explanation, Weighing
 from observer_rt.engine.learning.posterior.reader import (
@@ -34,6 +34,7 @@ from observer_rt.engine.learning.posterior.reader import (
     resting_pressure,
     setting_of,
 )
+from observer_rt.engine.learning.scales import shrink
 from observer_rt.foundation.units import MEGAPASCAL
 
 MOVED = 0.005 * MEGAPASCAL  # of offset or gain: beyond it an event is linearised anew

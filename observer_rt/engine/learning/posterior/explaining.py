@@ -34,8 +34,9 @@ from observer_rt.engine.learning.hypotheses import (
     moving,
     transitions,
 )
-from observer_rt.engine.learning.learned_injector import NOISE, LearnedInjector, at_scale, weighed_scales
+from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
+from observer_rt.engine.learning.scales import Choice, EventScales, event_scales
 from observer_rt.model.effective import LAG_UNIT
 
 NEEDLE_STARTS, LATE_STARTS = np.zeros((9, PARAMETERS)), np.zeros((len(c.LIFT_DELAYS), PARAMETERS))
@@ -50,7 +51,7 @@ class Explanation:
     """An event explained as one kind: the prior, and the theta that explains it best.
 
     before: what was believed; log_weight: logarithm of its weight; weight: normalised over all explanations; held:
-    the prior, with the gain as the samples at rest say; scale: row of `NOISE`, likeliest of its weights; cost:
+    the prior, with the gain as the samples at rest say; scales: likeliest of its weights; cost:
     linearised about theta (m,); fit: None where theta was not fitted; moving: drift of the wear, if any.
     """
 
@@ -60,7 +61,7 @@ class Explanation:
     reading: EventReading
     prior: Belief
     held: HeldBelief
-    scale: int
+    scales: Choice
     cost: Linearisation
     theta: Theta
     fit: EventFit | None
@@ -83,7 +84,7 @@ class Explanation:
         """This explanation with theta fitted."""
         if self.fit is not None:
             return self
-        likeliest = at_scale(self.held.prior, NOISE[self.scale])
+        likeliest = self.scales.of(self.held.prior)
         fit = fitter_of(self.before, self.reading, reader).fit(self.cost, likeliest, c.STEPS)
         return replace(self, fit=fit, cost=fit.linearisation, theta=fit.linearisation.theta)
 
@@ -92,24 +93,25 @@ class Explanation:
 class _FoundExplanation:
     """Evidence of a kind: logarithm, theta, cost there, and a fit if the closed form is not good enough.
 
-    held: the whole prior; offered: logarithms of how likely the scales of its weights are before the event, over what
-    the prior itself says of them; scale: the likeliest by the event.
+    held: the whole prior; choices: of the scales of its weights; offered: logarithms of how likely they are before
+    the event, over what the prior itself says of them; scales: the likeliest by the event.
     """
 
     prior: Belief
     held: HeldBelief
+    choices: EventScales
     offered: NDArray[np.float64]
     log: float = field(init=False)
     cost: Linearisation = field(init=False)
-    scale: int = field(init=False)  # row of NOISE
+    scales: Choice = field(init=False)
     theta: Theta = field(init=False)
     fit: EventFit | None = None
 
     def weigh(self, cost: Linearisation, limits: Limits) -> None:
         """Evidence by a cost as it is linearised, over all scales."""
         by_whole = evidence_of(cost, self.held.prior, limits)
-        logs, self.theta = weighed_scales(by_whole.theta, by_whole.covariance, self.offered)
-        self.cost, self.scale = cost, int(np.argmax(logs))
+        logs, self.theta = self.choices.weigh(by_whole.theta, by_whole.covariance, self.offered)
+        self.cost, self.scales = cost, self.choices.choice(int(np.argmax(logs)))
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
 
     def fitted(self, fitter: EventFitter, start: Linearisation, steps: int) -> None:
@@ -118,11 +120,11 @@ class _FoundExplanation:
         What that promises and no fit has kept counts for no more than `BEYOND`.
         """
         for _ in range(c.SCALE_FITS):
-            scale = self.scale
-            self.fit = fitter.fit(start, at_scale(self.held.prior, NOISE[scale]), steps)
+            scales = self.scales
+            self.fit = fitter.fit(start, scales.of(self.held.prior), steps)
             start = self.fit.linearisation
             self.weigh(start, fitter.limits)
-            if self.scale == scale:
+            if self.scales == scales:
                 break
         self.log -= max(self.cost.value - self.cost.expected(self.theta) - c.BEYOND, 0.0)
         self.theta = self.cost.theta
@@ -155,15 +157,19 @@ class Weighing:
         learned, logs = account.learned, offered(account, reading.window.needle is None)
         moved, priors = self._priors(account, logs)
         belief, explanations = learned.belief, dict[Kind, _FoundExplanation]()
-        likely, _ = weighed_scales(belief.mean, belief.covariance)
+        choices = event_scales(belief)
+        likely, _ = choices.weigh(belief.mean, belief.covariance, choices.even)
         likely -= np.logaddexp.reduce(likely)
         for kind, prior in priors.items():
             held = reading.resting.held(prior)
+            if explanations:  # pairs begin to be in use where nothing else happens
+                choices = EventScales(choices.pairs)
             if explanations and held.column is None and WEIGHTS[0] not in kind.columns:
                 scales = explanations[BEFORE].offered  # the first one, with the same prior of the weights
             else:
-                scales = likely - weighed_scales(held.prior.mean, held.prior.covariance)[0]
-            explanations[kind] = _FoundExplanation(prior, held, scales)
+                prior_logs, _ = choices.weigh(held.prior.mean, held.prior.covariance, choices.even)
+                scales = likely[: prior_logs.size] - prior_logs
+            explanations[kind] = _FoundExplanation(prior, held, choices, scales)
             explanations[kind].weigh(reading.first, self._reader.limits)
         before = explanations[BEFORE]
 
@@ -213,7 +219,7 @@ class Weighing:
                     reading,
                     explanation.prior,
                     self._to_learn_from(learned, kind, explanation, reading),
-                    explanation.scale,
+                    explanation.scales,
                     explanation.cost,
                     explanation.theta,
                     explanation.fit,

@@ -1,31 +1,41 @@
 """Weights of the network are as large as what was seen says, curve by curve, and an unseen one varies by that."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS
-from observer_rt.engine.learning.constants import CHOICES, CHOSEN, LAWLESS, ONE_SCALE
-from observer_rt.engine.learning.learned_injector import NONE, SMALL, law_probabilities, shrink
-from observer_rt.model.network import NEURONS
+from observer_rt.engine.learning.constants import CHOICES, CHOSEN, LAWLESS, MOST_PAIRS, ONE_SCALE, PAIRED
+from observer_rt.engine.learning.scales import NONE, SMALL, event_scales, law_probabilities, shrink
+from observer_rt.model.network import IS_PAIR, NEURONS
 
 PRIOR = SCALARS.prior(1.0)
 CURVES = np.repeat(np.arange(NEURONS.size), NEURONS)
-OF_NOZZLE = 4  # curves
+PAIRS, SINGLE = np.flatnonzero(IS_PAIR), np.flatnonzero(~IS_PAIR)
+OF_NOZZLE = 4  # curves along one input
 MEASUREMENTS = 30
-SQUARES = np.array([*itertools.product((NONE**2, SMALL**2, 0.999), repeat=NEURONS.size)])
-"""Of the scales of the curves, in every choice of them."""
+SQUARES = np.full((3**SINGLE.size, NEURONS.size), NONE**2)
+SQUARES[:, SINGLE] = [*itertools.product((NONE**2, SMALL**2, 0.999), repeat=SINGLE.size)]
+"""Of the scales of the curves, in every choice of them, with no pair in use."""
+
+
+def with_pairs(squares: NDArray[np.float64], pairs: frozenset[int]) -> NDArray[np.float64]:
+    """The squares (..., curves) where these pairs are in use."""
+    used = squares.copy()
+    used[..., list(pairs)] = 1.0 - 1e-9
+    return used
 
 
 def prior_logs() -> NDArray[np.float64]:
     """Of the choices: a flow has no law, or one in which all curves have one scale, or one with any scales."""
     flows = list[NDArray[np.float64]]()
-    for curves in (OF_NOZZLE, NEURONS.size - OF_NOZZLE):
+    for curves in (OF_NOZZLE, SINGLE.size - OF_NOZZLE):
         choices = [*itertools.product(range(3), repeat=curves)]
         any_scales = (1.0 - LAWLESS) * (1.0 - ONE_SCALE) / (len(choices) - 1)
         weights = dict.fromkeys(choices, any_scales)
@@ -57,24 +67,62 @@ def learned(variances: NDArray[np.float64], rows: NDArray[np.float64], seen: NDA
     return prior_belief(np.zeros(PRIOR.size), np.diag(variances)).updated(rows.T @ rows, rows.T @ seen)
 
 
-def choice_weights(rows: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of every choice, by the marginal likelihood of the measurements themselves."""
-    logs = prior_logs()
-    for number, squares in enumerate(SQUARES):
-        spread = (rows * scaled(squares)) @ rows.T + np.eye(MEASUREMENTS)
-        logs[number] -= 0.5 * float(np.linalg.slogdet(spread)[1] + seen @ np.linalg.solve(spread, seen))
-    weights = np.exp(logs - logs.max())
-    return np.asarray(weights / weights.sum())
+def likelihood(rows: NDArray[np.float64], seen: NDArray[np.float64], squares: NDArray[np.float64]) -> float:
+    """Logarithm of the marginal likelihood of the measurements themselves."""
+    spread = (rows * scaled(squares)) @ rows.T + np.eye(MEASUREMENTS)
+    return -0.5 * float(np.linalg.slogdet(spread)[1] + seen @ np.linalg.solve(spread, seen))
 
 
-SCALES = [(0.0,) * 6, (2.0,) * 4 + (0.0,) * 2, (0.0, 0.0, 3.0, 0.0, 0.05, 0.05), (0.05,) * 4 + (2.0, 0.0)]
+def tried(rows: NDArray[np.float64], seen: NDArray[np.float64]) -> dict[frozenset[int], NDArray[np.float64]]:
+    """Logarithms of all choices with the pairs that pay, one after another."""
+    pairs, result = frozenset[int](), dict[frozenset[int], NDArray[np.float64]]()
+    while True:
+        every = with_pairs(SQUARES, pairs)
+        logs = prior_logs() + [likelihood(rows, seen, squares) for squares in every] + len(pairs) * math.log(PAIRED)
+        result[pairs], best = logs, every[int(np.argmax(logs))]
+        before = likelihood(rows, seen, best) - math.log(PAIRED)
+        more = {
+            pairs | {pair}: likelihood(rows, seen, with_pairs(best, frozenset({pair}))) - before for pair in PAIRS
+        }
+        furthest = max(more.keys() - {pairs}, key=lambda one: more[one])
+        if more[furthest] < 0.0 or len(pairs) == MOST_PAIRS:
+            return result
+        pairs = furthest
 
 
-@pytest.mark.parametrize("scales", SCALES)
-def test_the_scale_of_each_curve_is_what_its_marginal_likelihood_says(scales: tuple[float, ...]) -> None:
-    rows, seen = measured(scales)
-    lawful = choice_weights(rows, seen) @ (SQUARES > NONE**2)
-    np.testing.assert_allclose(law_probabilities(learned(PRIOR**2, rows, seen)), lawful, atol=1e-6)
+SCALES = {
+    "none": (0.0,) * 13,
+    "nozzle": (2.0,) * 4 + (0.0,) * 9,
+    "one": (0.0, 0.0, 3.0) + (0.0,) * 7 + (0.05, 0.05, 0.0),
+    "seat": (0.05,) * 4 + (0.0,) * 6 + (2.0, 0.0, 0.0),
+    "pair": (1.0,) * 4 + (0.0, 0.0, 6.0) + (0.0,) * 6,
+}
+
+
+@pytest.mark.parametrize("name", SCALES)
+def test_the_scale_of_each_curve_is_what_its_marginal_likelihood_says(name: str) -> None:
+    rows, seen = measured(SCALES[name])
+    sets = tried(rows, seen)
+    weights = np.exp(np.array([*sets.values()]) - np.max([*sets.values()]))
+    weights /= weights.sum()
+    lawful = weights.sum(axis=0) @ (SQUARES > NONE**2)
+    for pairs, weight in zip(sets, weights.sum(axis=1), strict=True):
+        lawful[list(pairs)] += weight
+    assert any(sets) is (name == "pair")
+    np.testing.assert_allclose(law_probabilities(learned(PRIOR**2, rows, seen)), lawful, atol=2e-5)
+
+
+@pytest.mark.parametrize("name", SCALES)
+def test_an_event_is_weighed_with_one_pair_more_too(name: str) -> None:
+    rows, seen = measured(SCALES[name])
+    belief = learned(PRIOR**2, rows, seen)
+    choices = event_scales(belief)
+    logs, _ = choices.weigh(belief.mean, belief.covariance, choices.even)
+    assert logs.size > SQUARES.shape[0]
+    for number in range(SQUARES.shape[0], logs.size):
+        row, pairs = choices.choice(number)
+        before, after = (likelihood(rows, seen, with_pairs(SQUARES[row], used)) for used in (choices.pairs, pairs))
+        assert logs[number] - logs[row] == pytest.approx(after - before + math.log(PAIRED), abs=2e-2)
 
 
 @settings(max_examples=8, deadline=None)
@@ -83,7 +131,8 @@ def test_a_belief_whose_error_is_another_is_as_if_weights_were_measured_to_be_0(
     seed: int, nozzle: float, seat: float
 ) -> None:
     """With as much noise as makes a smaller prior of the whole one, whose scales are as likely as that is."""
-    belief = learned(PRIOR**2, *measured((nozzle,) * 4 + (seat,) * 2, seed)).drifted(0.1 * PRIOR)
+    belief = learned(PRIOR**2, *measured((nozzle,) * 4 + (0.0,) * 6 + (seat, seat, 0.0), seed)).drifted(0.1 * PRIOR)
+    assume(not law_probabilities(belief)[PAIRS].any())
     rows, prior, covariance = np.eye(PRIOR.size)[WEIGHTS], PRIOR[WEIGHTS] ** 2, belief.covariance
     noises = [np.diag(prior * squares[CURVES] / (1.0 - squares[CURVES])) for squares in SQUARES]
     seen, logs = rows @ belief.mean, prior_logs() - 0.5 * np.log1p(-SQUARES[:, CURVES]).sum(axis=1)

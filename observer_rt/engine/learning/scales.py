@@ -1,0 +1,202 @@
+"""Scales of the network's weights: curve by curve, s times the prior, weighed by marginal likelihood.
+
+A belief has the whole prior, so that any law is learned when it comes. The carried theta has the likely scales: s is
+`NONE`, `SMALL` or 1 for each curve along one input, and 1 or `NONE` for each along two, which are in use where they
+pay (MacKay, Information Theory, Inference, and Learning Algorithms, chapter 28). Of the likely scales the mixture.
+"""
+
+import itertools
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.evidence import weigh_scales
+from observer_rt.core.learning.gating import inverse_of
+from observer_rt.engine.estimation.gating import Belief, symmetric
+from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS
+from observer_rt.engine.learning import constants as c
+from observer_rt.model.network import HIDDEN, IS_PAIR, NEURONS
+
+Vector = NDArray[np.float64]
+NONE, SMALL, WHOLE = 1e-3, 0.1, math.sqrt(0.999)  # of the prior: no law at all, small ones, any
+_PRIOR = SCALARS.prior(1.0)[WEIGHTS]
+_SCALES = np.array([NONE, SMALL, WHOLE]) ** 2
+_NOISES = _SCALES / (1.0 - _SCALES)
+_ALL = np.arange(HIDDEN)
+_CURVE = np.repeat(np.arange(NEURONS.size), NEURONS)  # of each weight
+_PAIRS, _SINGLE = np.flatnonzero(IS_PAIR), np.flatnonzero(~IS_PAIR)
+_OF_PAIR = np.array([np.flatnonzero(pair == _CURVE) for pair in _PAIRS])
+_OF_SINGLE = np.flatnonzero(~IS_PAIR[_CURVE])
+_OF_NOZZLE = int(np.argmax(_PAIRS[0] < _SINGLE))  # curves along one input
+_CHOICES = np.array([*itertools.product(range(_SCALES.size), repeat=_SINGLE.size)])  # of a scale for each of them
+_SQUARES = np.repeat(_SCALES[_CHOICES], NEURONS[_SINGLE], axis=1)
+Pairs = frozenset[int]
+"""Curves along two inputs that are in use."""
+
+
+def _offered(scales: NDArray[np.int64]) -> Vector:
+    """Logarithms of how likely choices (k, curves) of a flow's scales are before any event.
+
+    Of a flow with a law all curves have one scale as likely as not: a law over one input is nearly one over others.
+    """
+    choices = _SCALES.size ** scales.shape[1] - 1
+    one_scale = (scales == scales[:, :1]).all(axis=1) / (_SCALES.size - 1)
+    lawful = (1.0 - c.LAWLESS) * (c.ONE_SCALE * one_scale + (1.0 - c.ONE_SCALE) / choices)
+    return np.log(np.where(scales.any(axis=1), lawful, c.LAWLESS))
+
+
+_BEFORE = _offered(_CHOICES[:, :_OF_NOZZLE]) + _offered(_CHOICES[:, _OF_NOZZLE:])
+_BEFORE -= 0.5 * np.log1p(-_SQUARES).sum(axis=1)
+
+
+class Choice(NamedTuple):
+    """Scales of all curves: row of `_CHOICES`, and the pairs in use."""
+
+    row: int
+    pairs: Pairs
+
+    def of(self, belief: Belief) -> Belief:
+        """The belief with these scales: after each weight was measured to be 0, with as much noise as makes them.
+
+        A prior smaller by s is the whole one after each weight was measured to be 0 with s^2/(1 - s^2) of its
+        variance.
+        """
+        noise = self.noise
+        across = belief.covariance[WEIGHTS] / _PRIOR[:, None]  # in units of the weights' prior
+        variance = across[:, WEIGHTS] / _PRIOR
+        variance[_ALL, _ALL] += noise
+        gain = (inverse_of(variance)[0] @ across).T
+        by_error = gain @ (belief.error_covariance[WEIGHTS] / _PRIOR[:, None])
+        error = belief.error_covariance - by_error - by_error.T
+        error += (by_error[:, WEIGHTS] / _PRIOR + gain * noise) @ gain.T
+        mean = belief.mean - gain @ (belief.mean[WEIGHTS] / _PRIOR)
+        return Belief(mean, symmetric(belief.covariance - gain @ across), symmetric(error))
+
+    @property
+    def noise(self) -> Vector:
+        """Variances (HIDDEN,) with which weights were measured to be 0, in units of the prior's."""
+        squares = np.full(HIDDEN, _SCALES[0])
+        squares[_OF_SINGLE] = _SQUARES[self.row]
+        squares[np.isin(_CURVE, list(self.pairs))] = _SCALES[-1]
+        return np.asarray(squares / (1.0 - squares))
+
+
+class EventScales(NamedTuple):
+    """Choices of scales by which an event is explained: all with the pairs in use, and some with one pair more."""
+
+    pairs: Pairs
+    further: tuple[Choice, ...] = ()
+
+    @property
+    def even(self) -> Vector:
+        """Logarithms (k,) of choices that are as likely as `_BEFORE` says."""
+        return np.zeros(len(_CHOICES) + len(self.further))
+
+    def choice(self, number: int) -> Choice:
+        """A choice by its number."""
+        every = len(_CHOICES)
+        return Choice(number, self.pairs) if number < every else self.further[number - every]
+
+    def weigh(self, mean: Vector, covariance: Vector, offered: Vector) -> tuple[Vector, Vector]:
+        """Logarithms (k,) of how likely each choice is by a mean (m,) and covariance (m, m) with the whole prior.
+
+        offered: logarithms (k,) of how likely they are beyond what `_BEFORE` says. And the mean (m,) at the
+        likeliest. Raises numpy.linalg.LinAlgError when not positive definite.
+        """
+        every = len(_CHOICES)
+        logs, moved = _weighed(mean, covariance, self.pairs, offered[:every])
+        if not self.further:
+            return logs, moved
+        gains = {row: _gains(mean, covariance, Choice(row, self.pairs)) for row in {one.row for one in self.further}}
+        more = np.array(
+            [logs[row] - offered[row] + gains[row][max(pairs - self.pairs)] for row, pairs in self.further]
+        )
+        more += offered[every:]
+        if more.max() > logs.max():
+            moved = self.further[int(np.argmax(more))].of(Belief(mean, covariance, covariance)).mean
+        return np.concatenate((logs, more)), moved
+
+
+def event_scales(belief: Belief) -> EventScales:
+    """Those of the next event."""
+    tried, weights = _likely(belief)
+    number, row = divmod(int(np.argmax(weights)), len(_CHOICES))
+    pairs = tried[number]
+    rows = sorted({row, len(_CHOICES) - 1})
+    more = [Choice(which, pairs | {pair}) for which in rows for pair in _PAIRS.tolist() if pair not in pairs]
+    return EventScales(pairs, tuple(more) if len(pairs) < c.MOST_PAIRS else ())
+
+
+@lru_cache(32)
+def _placed(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Weights in the order in which they are measured, those of pairs not in use first; ends of their groups."""
+    off = _OF_PAIR[~np.isin(_PAIRS, list(pairs))].ravel()
+    return np.concatenate((off, _OF_SINGLE)), np.cumsum([off.size, *NEURONS[_SINGLE]])
+
+
+def _weighed(mean: Vector, covariance: Vector, pairs: Pairs, offered: Vector | float = 0.0) -> tuple[Vector, Vector]:
+    """Logarithms of all choices with these pairs, and the mean (m,) at the likeliest."""
+    order, ends = _placed(pairs)
+    logs = _BEFORE + len(pairs) * math.log(c.PAIRED) + offered
+    return logs, weigh_scales(mean, covariance, WEIGHTS[order], _PRIOR[order], ends, _NOISES, logs)
+
+
+def _gains(mean: Vector, covariance: Vector, choice: Choice) -> dict[int, float]:
+    """Nats by which a choice is likelier with each of the other pairs, too: that its weights need not be 0."""
+    variance = covariance[WEIGHTS[:, None], WEIGHTS] / (_PRIOR[:, None] * _PRIOR)
+    variance[_ALL, _ALL] += choice.noise
+    information = inverse_of(variance)[0]
+    blocks = information[_OF_PAIR[:, :, None], _OF_PAIR[:, None, :]]
+    pulls = (information @ (mean[WEIGHTS] / _PRIOR))[_OF_PAIR]
+    squares = (pulls * np.linalg.solve(blocks, pulls[..., None])[..., 0]).sum(axis=1)
+    gains = 0.5 * (squares - np.linalg.slogdet(blocks)[1]) + math.log(c.PAIRED)
+    return {
+        pair: gain for pair, gain in zip(_PAIRS.tolist(), gains.tolist(), strict=True) if pair not in choice.pairs
+    }
+
+
+@lru_cache(8)
+def _likely(belief: Belief) -> tuple[list[Pairs], Vector]:
+    """Pairs in use, where one after another pays, and probabilities (k, choices) of all choices with each of them."""
+    pairs, tried, found = frozenset[int](), list[Pairs](), list[Vector]()
+    while True:
+        logs, _ = _weighed(belief.mean, belief.covariance, pairs)
+        tried.append(pairs)
+        found.append(logs)
+        gains = _gains(belief.mean, belief.covariance, Choice(int(np.argmax(logs)), pairs))
+        pair = max(gains, key=lambda one: gains[one])
+        if gains[pair] < 0.0 or len(pairs) == c.MOST_PAIRS:
+            break
+        pairs |= {pair}
+    weights = np.exp(np.array(found) - np.max(found))
+    return tried, np.asarray(weights / weights.sum())
+
+
+def law_probabilities(belief: Belief) -> Vector:
+    """Probability (curves,) that a flow goes by the inputs of each curve of the network."""
+    tried, weights = _likely(belief)
+    result = np.zeros(NEURONS.size)
+    result[_SINGLE] = weights.sum(axis=0) @ (_CHOICES > 0)
+    for pairs, weight in zip(tried, weights.sum(axis=1).tolist(), strict=True):
+        result[list(pairs)] += weight
+    return result
+
+
+@lru_cache(8)
+def shrink(belief: Belief) -> Belief:
+    """The belief with weights of the likely scales: moments of the mixture over their likeliest choices."""
+    tried, probabilities = _likely(belief)
+    weights = probabilities.ravel()
+    order = np.argsort(-weights, kind="stable")[: c.CHOICES]
+    order = order[: int(np.searchsorted(np.cumsum(weights[order]), c.CHOSEN)) + 1]
+    shares = weights[order] / weights[order].sum()
+    parts = [Choice(row, tried[number]).of(belief) for number, row in zip(*divmod(order, len(_CHOICES)), strict=True)]
+    mean = shares @ np.array([part.mean for part in parts])
+    away = np.array([part.mean - mean for part in parts])
+    between = (shares * away.T) @ away
+    covariance = sum((share * part.covariance for share, part in zip(shares, parts, strict=True)), between)
+    error = sum((share * part.error_covariance for share, part in zip(shares, parts, strict=True)), between)
+    return Belief(mean, symmetric(covariance), symmetric(error))

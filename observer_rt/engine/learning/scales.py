@@ -58,88 +58,64 @@ class Choice(NamedTuple):
     row: int
     pairs: Pairs
 
-    def of(self, belief: Belief) -> Belief:
-        """The belief with these scales: after each weight was measured to be 0, with as much noise as makes them.
+    @property
+    def noise(self) -> Vector:
+        """Variances (HIDDEN,) with which weights were measured to be 0, in units of the prior's.
 
         A prior smaller by s is the whole one after each weight was measured to be 0 with s^2/(1 - s^2) of its
         variance.
         """
-        noise = self.noise
-        across = belief.covariance[WEIGHTS] / _PRIOR[:, None]  # in units of the weights' prior
-        variance = across[:, WEIGHTS] / _PRIOR
-        variance[_ALL, _ALL] += noise
-        gain = (inverse_of(variance)[0] @ across).T
-        by_error = gain @ (belief.error_covariance[WEIGHTS] / _PRIOR[:, None])
-        error = belief.error_covariance - by_error - by_error.T
-        error += (by_error[:, WEIGHTS] / _PRIOR + gain * noise) @ gain.T
-        mean = belief.mean - gain @ (belief.mean[WEIGHTS] / _PRIOR)
-        return Belief(mean, symmetric(belief.covariance - gain @ across), symmetric(error))
-
-    @property
-    def noise(self) -> Vector:
-        """Variances (HIDDEN,) with which weights were measured to be 0, in units of the prior's."""
         squares = np.full(HIDDEN, _SCALES[0])
         squares[_OF_SINGLE] = _SQUARES[self.row]
         squares[np.isin(_CURVE, list(self.pairs))] = _SCALES[-1]
         return np.asarray(squares / (1.0 - squares))
 
-
-class EventScales(NamedTuple):
-    """Choices of scales by which an event is explained: all with the pairs in use, and some with one pair more."""
-
-    pairs: Pairs
-    further: tuple[Choice, ...] = ()
-
-    @property
-    def even(self) -> Vector:
-        """Logarithms (k,) of choices that are as likely as `_BEFORE` says."""
-        return np.zeros(len(_CHOICES) + len(self.further))
-
-    def choice(self, number: int) -> Choice:
-        """A choice by its number."""
-        every = len(_CHOICES)
-        return Choice(number, self.pairs) if number < every else self.further[number - every]
-
-    def weigh(self, mean: Vector, covariance: Vector, offered: Vector) -> tuple[Vector, Vector]:
-        """Logarithms (k,) of how likely each choice is by a mean (m,) and covariance (m, m) with the whole prior.
-
-        offered: logarithms (k,) of how likely they are beyond what `_BEFORE` says. And the mean (m,) at the
-        likeliest. Raises numpy.linalg.LinAlgError when not positive definite.
-        """
-        every = len(_CHOICES)
-        logs, moved = _weighed(mean, covariance, self.pairs, offered[:every])
-        if not self.further:
-            return logs, moved
-        gains = {row: _gains(mean, covariance, Choice(row, self.pairs)) for row in {one.row for one in self.further}}
-        more = np.array(
-            [logs[row] - offered[row] + gains[row][max(pairs - self.pairs)] for row, pairs in self.further]
-        )
-        more += offered[every:]
-        if more.max() > logs.max():
-            moved = self.further[int(np.argmax(more))].of(Belief(mean, covariance, covariance)).mean
-        return np.concatenate((logs, more)), moved
+    def of(self, belief: Belief) -> Belief:
+        """The belief with these scales."""
+        return _measured(belief, _ALL, self.noise)
 
 
-def event_scales(belief: Belief) -> EventScales:
-    """Those of the next event."""
-    tried, weights = _likely(belief)
-    number, row = divmod(int(np.argmax(weights)), len(_CHOICES))
-    pairs = tried[number]
-    rows = sorted({row, len(_CHOICES) - 1})
-    more = [Choice(which, pairs | {pair}) for which in rows for pair in _PAIRS.tolist() if pair not in pairs]
-    return EventScales(pairs, tuple(more) if len(pairs) < c.MOST_PAIRS else ())
+def _measured(belief: Belief, weights: NDArray[np.int64], noise: Vector | float) -> Belief:
+    """The belief after weights (k,) were measured to be 0, with variances (k,) in units of their prior's."""
+    columns, prior = WEIGHTS[weights], _PRIOR[weights]
+    across = belief.covariance[columns] / prior[:, None]
+    variance = across[:, columns] / prior
+    variance[np.diag_indices(columns.size)] += noise
+    gain = (inverse_of(variance)[0] @ across).T
+    by_error = gain @ (belief.error_covariance[columns] / prior[:, None])
+    error = belief.error_covariance - by_error - by_error.T
+    error += (by_error[:, columns] / prior + gain * noise) @ gain.T
+    mean = belief.mean - gain @ (belief.mean[columns] / prior)
+    return Belief(mean, symmetric(belief.covariance - gain @ across), symmetric(error))
 
 
 @lru_cache(32)
-def _placed(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Weights in the order in which they are measured, those of pairs not in use first; ends of their groups."""
-    off = _OF_PAIR[~np.isin(_PAIRS, list(pairs))].ravel()
-    return np.concatenate((off, _OF_SINGLE)), np.cumsum([off.size, *NEURONS[_SINGLE]])
+def _out_of_use(pairs: Pairs) -> NDArray[np.int64]:
+    """Weights of all pairs but these."""
+    return _OF_PAIR[~np.isin(_PAIRS, list(pairs))].ravel()
 
 
-def _weighed(mean: Vector, covariance: Vector, pairs: Pairs, offered: Vector | float = 0.0) -> tuple[Vector, Vector]:
-    """Logarithms of all choices with these pairs, and the mean (m,) at the likeliest."""
-    order, ends = _placed(pairs)
+def without_others(belief: Belief, pairs: Pairs) -> Belief:
+    """The belief with no pairs but these: their weights vary for themselves, by as little as those of no law."""
+    others = _out_of_use(pairs)
+    known, columns = _measured(belief, others, float(_NOISES[0])), WEIGHTS[others]
+    known.mean[columns] = 0.0
+    for covariance in (known.covariance, known.error_covariance):
+        covariance[columns] = covariance[:, columns] = 0.0
+        covariance[columns, columns] = _NOISES[0] * _PRIOR[others] ** 2
+    return known
+
+
+def weigh_choices(
+    mean: Vector, covariance: Vector, pairs: Pairs, offered: Vector | float = 0.0
+) -> tuple[Vector, Vector]:
+    """Logarithms (k,) of how likely each choice with these pairs is by a mean (m,) and covariance (m, m).
+
+    Both with the whole prior; offered: logarithms (k,) of how likely choices are beyond what `_BEFORE` says. And the
+    mean (m,) at the likeliest. Raises numpy.linalg.LinAlgError when not positive definite.
+    """
+    others = _out_of_use(pairs)
+    order, ends = np.concatenate((others, _OF_SINGLE)), np.cumsum([others.size, *NEURONS[_SINGLE]])
     logs = _BEFORE + len(pairs) * math.log(c.PAIRED) + offered
     return logs, weigh_scales(mean, covariance, WEIGHTS[order], _PRIOR[order], ends, _NOISES, logs)
 
@@ -163,7 +139,7 @@ def _likely(belief: Belief) -> tuple[list[Pairs], Vector]:
     """Pairs in use, where one after another pays, and probabilities (k, choices) of all choices with each of them."""
     pairs, tried, found = frozenset[int](), list[Pairs](), list[Vector]()
     while True:
-        logs, _ = _weighed(belief.mean, belief.covariance, pairs)
+        logs, _ = weigh_choices(belief.mean, belief.covariance, pairs)
         tried.append(pairs)
         found.append(logs)
         gains = _gains(belief.mean, belief.covariance, Choice(int(np.argmax(logs)), pairs))
@@ -173,6 +149,12 @@ def _likely(belief: Belief) -> tuple[list[Pairs], Vector]:
         pairs |= {pair}
     weights = np.exp(np.array(found) - np.max(found))
     return tried, np.asarray(weights / weights.sum())
+
+
+def pairs_in_use(belief: Belief) -> Pairs:
+    """Those of the likeliest choice."""
+    tried, weights = _likely(belief)
+    return tried[int(np.argmax(weights.max(axis=1)))]
 
 
 def law_probabilities(belief: Belief) -> Vector:

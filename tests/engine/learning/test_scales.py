@@ -82,7 +82,8 @@ def tried(rows: NDArray[np.float64], seen: NDArray[np.float64]) -> dict[frozense
         result[pairs], best = logs, every[int(np.argmax(logs))]
         before = likelihood(rows, seen, best) - math.log(PAIRED)
         more = {
-            pairs | {pair}: likelihood(rows, seen, with_pairs(best, frozenset({pair}))) - before for pair in PAIRS
+            frozenset({*pairs, pair}): likelihood(rows, seen, with_pairs(best, frozenset({pair}))) - before
+            for pair in PAIRS
         }
         furthest = max(more.keys() - {pairs}, key=lambda one: more[one])
         if more[furthest] < 0.0 or len(pairs) == MOST_PAIRS:

@@ -36,7 +36,7 @@ from observer_rt.engine.learning.hypotheses import (
 )
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
-from observer_rt.engine.learning.scales import Choice, EventScales, event_scales
+from observer_rt.engine.learning.scales import Choice, Pairs, pairs_in_use, weigh_choices, without_others
 from observer_rt.model.effective import LAG_UNIT
 
 NEEDLE_STARTS, LATE_STARTS = np.zeros((9, PARAMETERS)), np.zeros((len(c.LIFT_DELAYS), PARAMETERS))
@@ -93,13 +93,13 @@ class Explanation:
 class _FoundExplanation:
     """Evidence of a kind: logarithm, theta, cost there, and a fit if the closed form is not good enough.
 
-    held: the whole prior; choices: of the scales of its weights; offered: logarithms of how likely they are before
-    the event, over what the prior itself says of them; scales: the likeliest by the event.
+    prior: to learn from; held: without the pairs that are not in use; offered: logarithms of how likely the scales of
+    its weights are before the event, over what the prior itself says of them; scales: the likeliest by the event.
     """
 
     prior: Belief
     held: HeldBelief
-    choices: EventScales
+    pairs: Pairs
     offered: NDArray[np.float64]
     log: float = field(init=False)
     cost: Linearisation = field(init=False)
@@ -110,8 +110,8 @@ class _FoundExplanation:
     def weigh(self, cost: Linearisation, limits: Limits) -> None:
         """Evidence by a cost as it is linearised, over all scales."""
         by_whole = evidence_of(cost, self.held.prior, limits)
-        logs, self.theta = self.choices.weigh(by_whole.theta, by_whole.covariance, self.offered)
-        self.cost, self.scales = cost, self.choices.choice(int(np.argmax(logs)))
+        logs, self.theta = weigh_choices(by_whole.theta, by_whole.covariance, self.pairs, self.offered)
+        self.cost, self.scales = cost, Choice(int(np.argmax(logs)), self.pairs)
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
 
     def fitted(self, fitter: EventFitter, start: Linearisation, steps: int) -> None:
@@ -157,19 +157,16 @@ class Weighing:
         learned, logs = account.learned, offered(account, reading.window.needle is None)
         moved, priors = self._priors(account, logs)
         belief, explanations = learned.belief, dict[Kind, _FoundExplanation]()
-        choices = event_scales(belief)
-        likely, _ = choices.weigh(belief.mean, belief.covariance, choices.even)
+        pairs = pairs_in_use(belief)
+        likely, _ = weigh_choices(belief.mean, belief.covariance, pairs)
         likely -= np.logaddexp.reduce(likely)
         for kind, prior in priors.items():
-            held = reading.resting.held(prior)
-            if explanations:  # pairs begin to be in use where nothing else happens
-                choices = EventScales(choices.pairs)
+            held = reading.resting.held(without_others(prior, pairs))
             if explanations and held.column is None and WEIGHTS[0] not in kind.columns:
                 scales = explanations[BEFORE].offered  # the first one, with the same prior of the weights
             else:
-                prior_logs, _ = choices.weigh(held.prior.mean, held.prior.covariance, choices.even)
-                scales = likely[: prior_logs.size] - prior_logs
-            explanations[kind] = _FoundExplanation(prior, held, choices, scales)
+                scales = likely - weigh_choices(held.prior.mean, held.prior.covariance, pairs)[0]
+            explanations[kind] = _FoundExplanation(prior, held, pairs, scales)
             explanations[kind].weigh(reading.first, self._reader.limits)
         before = explanations[BEFORE]
 
@@ -266,7 +263,7 @@ class Weighing:
     ) -> HeldBelief:
         """The prior to learn from: the first event is explained as the files say, and teaches all of theta."""
         if not learned.is_prior:
-            return explanation.held
+            return reading.resting.held(explanation.prior)
         return reading.resting.held(self._widened(learned.belief, kind))
 
     def _widened(self, belief: Belief, kind: Kind) -> Belief:

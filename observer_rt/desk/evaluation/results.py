@@ -113,6 +113,7 @@ def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
             **_energizing_json(evaluation),
         },
         "learned": [curve.columns for curve in evaluation.learned],
+        "learned_surfaces": [surface.columns for surface in evaluation.surfaces],
     }
 
 
@@ -183,6 +184,8 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
     for flow in (NOZZLE, SEAT):
         if (curve := furthest(one for one in evaluation.learned if one.flow == flow)) is not None:
             say(console, curve.words)
+    for surface in evaluation.surfaces:
+        say(console, surface.words)
     if count:
         for line in _line_side(evaluation.injections[-1], c):
             say(console, line)

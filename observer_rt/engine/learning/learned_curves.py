@@ -1,24 +1,25 @@
-"""Laws of nozzle and seat as they were learned: curves over each input of the network, with their intervals."""
+"""Laws of nozzle and seat as they were learned: curves over each input of the network, and surfaces over two."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import FIRST_OF_SEAT
+from observer_rt.core.model.model import FIRST_OF_SEAT, inputs_along
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.indicators import SEAT_AREA, SEAT_DROP, nozzle_change, seat_change
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.learning.learned_range import FULL, EventPoint
+from observer_rt.engine.learning.learned_range import FULL, NEAR, EventPoint
 from observer_rt.engine.learning.scales import law_probabilities
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, Z_95
 from observer_rt.model.effective import Coefficients
+from observer_rt.model.network import IS_PAIR
 
-SEAT_BY_AREA, SEAT_BY_DROP = FIRST_OF_SEAT, FIRST_OF_SEAT + 1  # numbers of its curves in the network
 POINTS = 41  # of a curve
+IN_USE = 0.5  # probability of a pair, from which on its surface is shown
 LOWEST_DROP = 0.05  # p_0, from which a curve over a pressure drop is stated
 LEAST_SPAN = 0.05  # of its middle: a curve over a narrower range of its input says nothing
 
@@ -47,9 +48,7 @@ class LearnedCurve:
     @property
     def words(self) -> str:
         """What the curve says of the flow."""
-        variable, span = self.variable.rpartition("_")[0].replace("_", " "), 100.0 * np.ptp(self.change)
-        flow = "nozzle" if self.flow == NOZZLE else "seat"
-        return f"learned: {flow} flow by {variable}, {span:.0f} % in all, probability {self.probability:.2f}"
+        return _law_words(self.flow, (self.variable,), self.change, self.probability)
 
     @property
     def columns(self) -> dict[str, Any]:
@@ -69,45 +68,142 @@ def furthest(curves: Iterable[LearnedCurve]) -> LearnedCurve | None:
     return max((curve for curve in curves if curve.bend > 1.0), key=lambda curve: curve.bend, default=None)
 
 
+@dataclass(frozen=True, eq=False)
+class LearnedSurface:
+    """Relative change of a flow over two inputs, the others held as for curves.
+
+    flow: name of its indicator; variables: the inputs; inputs: (n,) of each; change, half_width (of the 95 %
+    interval), is_seen (an event was there): (n, n) each, by the first input and the second; probability: that the
+    flow goes by both at once.
+    """
+
+    flow: str
+    variables: tuple[str, ...]
+    inputs: tuple[NDArray[np.float64], ...]
+    change: NDArray[np.float64]
+    half_width: NDArray[np.float64]
+    is_seen: NDArray[np.bool_]
+    probability: float
+
+    @property
+    def words(self) -> str:
+        """What the surface says of the flow, where events were."""
+        return _law_words(self.flow, self.variables, self.change[self.is_seen], self.probability)
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """The surface for JSON."""
+        return {
+            "flow": self.flow,
+            "variables": list(self.variables),
+            "values": [inputs.tolist() for inputs in self.inputs],
+            "change": self.change.tolist(),
+            "ci95_halfwidth": self.half_width.tolist(),
+            "is_seen": self.is_seen.tolist(),
+            "probability": self.probability,
+        }
+
+
+def _law_words(flow: str, variables: Iterable[str], change: NDArray[np.float64], probability: float) -> str:
+    inputs = " and ".join(variable.rpartition("_")[0].replace("_", " ") for variable in variables)
+    name, span = (
+        "nozzle" if flow == NOZZLE else "seat",
+        100.0 * (np.max(change, initial=-1.0) - np.min(change, initial=9.0)),
+    )
+    return f"learned: {name} flow by {inputs}, {span:.0f} % in all, probability {probability:.2f}"
+
+
 def learned_curves(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedCurve, ...]:
     """Curves of what was learned, over the ranges in which there were events; none before any."""
-    learned, theta = knowledge.state.learned, knowledge.in_force
-    covariance, probabilities = learned.gated.covariance, law_probabilities(learned.belief)
     return tuple(
-        LearnedCurve(
+        LearnedCurve(flow, axis.variable, axis.unit * axis.grid + axis.origin, change, half_width, probability)
+        for flow, (axis,), change, half_width, probability in _laws(knowledge, c, ~IS_PAIR)
+    )
+
+
+def learned_surfaces(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedSurface, ...]:
+    """Surfaces of the pairs that are rather in use than not."""
+    return tuple(
+        LearnedSurface(
             flow,
-            variable,
-            inputs,
+            tuple(axis.variable for axis in axes),
+            tuple(axis.unit * axis.grid + axis.origin for axis in axes),
             change,
-            Z_95 * np.sqrt(((slopes @ covariance) * slopes).sum(1)),
-            float(probabilities[curve]),
+            half_width,
+            (axes[0].is_seen[:, :, None] & axes[1].is_seen[:, None, :]).any(axis=0),
+            probability,
         )
-        for curve, flow, variable, inputs, change, slopes in _changes(theta, learned.learned_at, c)
+        for flow, axes, change, half_width, probability in _laws(knowledge, c, IS_PAIR)
+        if probability > IN_USE
     )
 
 
-def _changes(theta: NDArray[np.float64], points: Sequence[EventPoint], c: Coefficients) -> Iterator[tuple[Any, ...]]:
-    """Number, flow, variable, inputs (n,), change (n,) and its slopes by theta (n, m) of every curve."""
-    if not points:
+class _Axis(NamedTuple):
+    """An input of the network: its variable; its grid (n,) in the network's units, and what these are in its own.
+
+    reached: (events, 2), from where to where each went.
+    """
+
+    variable: str
+    unit: float
+    origin: float
+    grid: NDArray[np.float64]
+    reached: NDArray[np.float64]
+
+    @property
+    def is_seen(self) -> NDArray[np.bool_]:
+        """(events, n): which of them reached which values."""
+        return (self.reached[:, :1] <= self.grid) & (self.grid <= self.reached[:, 1:])
+
+
+def _laws(knowledge: Knowledge, c: Coefficients, which: NDArray[np.bool_]) -> Iterator[tuple[Any, ...]]:
+    """Flow, axes, change, half width and probability of curves of the network over their one or two inputs."""
+    learned, theta = knowledge.state.learned, knowledge.in_force
+    if not learned.learned_at:
         return
-    last, pressure, area = points[-1], c.pressure_scale / MEGAPASCAL, c.area_scale / MILLIMETRE**2
-    rails, widest = [point.rail_pressure for point in points], max(point.area for point in points)
-    longest = max(math.exp(point.open_time) for point in points)
-    grids = (
-        ("pressure_drop_MPa", pressure, 0.0, _grid(LOWEST_DROP, FULL * max(rails))),
-        ("seat_area_mm2", area, 0.0, _grid(0.1 * widest, widest)),
-        ("time_since_opening_ms", 1.0 / MILLISECOND, 0.0, _grid(0.1 * longest, longest)),
-        ("rail_pressure_MPa", pressure, c.chamber_pressure / MEGAPASCAL, _grid(min(rails), max(rails))),
-    )
+    axes, last = _axes(learned.learned_at, c), learned.learned_at[-1]
     held = (FULL * last.rail_pressure, last.area, 0.5 * math.exp(last.open_time), last.rail_pressure)
-    for swept, (variable, unit, origin, grid) in enumerate(grids):
-        drop, seat, since, rail = (grid if swept == k else np.full_like(grid, held[k]) for k in range(4))
-        if grid.size:
-            states = np.stack((drop, 0.0 * drop, drop))
-            yield swept, NOZZLE, variable, unit * grid + origin, *nozzle_change(theta, states, (rail, seat), since)
-    drops, areas = _grid(LOWEST_DROP, max(rails)), grids[1][-1]
-    yield SEAT_BY_AREA, SEAT, "seat_area_mm2", areas * area, *seat_change(theta, areas, SEAT_DROP)
-    yield SEAT_BY_DROP, SEAT, "pressure_drop_MPa", drops * pressure, *seat_change(theta, SEAT_AREA, drops)
+    covariance, probabilities = learned.gated.covariance, law_probabilities(learned.belief)
+    for curve in np.flatnonzero(which).tolist():
+        swept = [*dict.fromkeys(inputs_along(curve))]
+        grids = dict(zip(swept, np.meshgrid(*(axes[number].grid for number in swept), indexing="ij"), strict=True))
+        if not grids[swept[0]].size:
+            continue
+        if curve < FIRST_OF_SEAT:
+            values = np.broadcast_arrays(*(grids.get(number, value) for number, value in enumerate(held)))
+            drop, seat, since, rail = values
+            change, slopes = nozzle_change(theta, np.stack((drop, 0.0 * drop, drop)), (rail, seat), since)
+        else:
+            change, slopes = seat_change(theta, grids.get(1, SEAT_AREA), grids.get(4, SEAT_DROP))
+        half_width = Z_95 * np.sqrt(((slopes @ covariance) * slopes).sum(axis=-1))
+        flow = NOZZLE if curve < FIRST_OF_SEAT else SEAT
+        yield flow, [axes[number] for number in swept], change, half_width, float(probabilities[curve])
+
+
+def _axes(points: Sequence[EventPoint], c: Coefficients) -> tuple[_Axis, ...]:
+    """Inputs in the order in which the network has them."""
+    pressure, area = c.pressure_scale / MEGAPASCAL, c.area_scale / MILLIMETRE**2
+    rails, logs, areas = np.array(points).T
+    times = np.exp(logs)
+
+    def axis(variable: str, unit: float, grid: NDArray[np.float64], reach: NDArray[np.float64]) -> _Axis:
+        return _Axis(variable, unit, 0.0, grid, np.column_stack((0.0 * reach, reach)))
+
+    drop = axis("pressure_drop_MPa", pressure, _grid(LOWEST_DROP, FULL * rails.max()), FULL * rails)
+    rail = _Axis(
+        "rail_pressure_MPa",
+        pressure,
+        c.chamber_pressure / MEGAPASCAL,
+        _grid(rails.min(), rails.max()),
+        rails[:, None] + (-NEAR, NEAR),
+    )
+    return (
+        drop,
+        axis("seat_area_mm2", area, _grid(0.1 * areas.max(), areas.max()), areas),
+        axis("time_since_opening_ms", 1.0 / MILLISECOND, _grid(0.1 * times.max(), times.max()), times),
+        rail,
+        axis("pressure_drop_MPa", pressure, _grid(LOWEST_DROP, rails.max()), rails),
+    )
 
 
 def _grid(first: float, last: float) -> NDArray[np.float64]:

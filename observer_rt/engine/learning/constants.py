@@ -30,7 +30,7 @@ LIFT_DELAYS = (-60e-6, -40e-6, -20e-6, 20e-6, 40e-6, 60e-6)  # s, at which a fit
 OPENING_DELAYS, CLOSING_DELAYS = (-70e-6, 0.0, 70e-6), (-120e-6, 0.0, 120e-6)  # s, of a needle by commands; M
 FILED = 0.02  # of their prior, by which line and sensors may be off where no event has said otherwise; M
 LAWLESS, ONE_SCALE = 0.6, 0.5  # probability that a flow has no law; of one that has, that all curves are alike; M
-PAIRED, MOST_PAIRS = 0.03, 3  # probability that a law has two inputs, for each pair of them; pairs in use at most; M
+PAIRED, MOST_PAIRS = 0.01, 3  # probability that a law goes by two inputs at once, each two; pairs in use at most; M
 CHOICES, CHOSEN = 8, 0.99  # of scales that the weights are a mixture of: at most, and of all of their probability; I
 NUDGE = 0.03  # of a flow: the prior as a whole pays so much for its width that it hides such a change; M
 

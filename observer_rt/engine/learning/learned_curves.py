@@ -169,6 +169,8 @@ def _laws(knowledge: Knowledge, c: Coefficients, which: NDArray[np.bool_]) -> It
         grids = dict(zip(swept, np.meshgrid(*(axes[number].grid for number in swept), indexing="ij"), strict=True))
         if not grids[swept[0]].size:
             continue
+        if swept == [3, 2]:  # as in a sac that is full: no event tells the rail pressure's doing from the drop's
+            grids[0] = FULL * grids[3]
         if curve < FIRST_OF_SEAT:
             values = np.broadcast_arrays(*(grids.get(number, value) for number, value in enumerate(held)))
             drop, seat, since, rail = values

@@ -11,6 +11,8 @@ The library, in a notebook or a script (`import observer_rt as ort`):
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from observer_rt.foundation.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from observer_rt.desk.library.fit import FitResult
     from observer_rt.desk.library.injector import DiscoveryResult as Discovery
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
     from observer_rt.desk.library.simulation import simulate
     from observer_rt.foundation.errors import UserError
 
-__version__ = "0.2.0"
 __all__ = [
     "Discovery",
     "EvaluationResult",

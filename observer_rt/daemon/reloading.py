@@ -13,13 +13,13 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
-from observer_rt import __version__
 from observer_rt.config.bench import Bench, changes, content_of
 from observer_rt.daemon.control_socket import Message, Requests, control_socket, socket_places
 from observer_rt.daemon.snapshot import SNAPSHOT
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.foundation.console import SignalledEvent, StopRequest
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
+from observer_rt.foundation.version import __version__
 
 if TYPE_CHECKING:
     from observer_rt.daemon.run import InjectorService

@@ -18,13 +18,13 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 from rich.console import Console
 
-from observer_rt import __version__
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.desk.fleet.job import SCHEMA, FailedFile, Task, evaluated
 from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, RunError, UserError, file_errors
 from observer_rt.foundation.files import file_hash, replacing, write_text
+from observer_rt.foundation.version import __version__
 
 CONNECT_TIMEOUT = 10.0  # s
 _SETTINGS = {

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt import __version__
 from observer_rt.bus.alignment import MessageTiming, indices_of, is_stale, make_alignment, make_timekeeping, timing_of
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
@@ -30,6 +29,7 @@ from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_f
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import ServiceCondition, state_of_service
 from observer_rt.engine.words import Topic, is_good
+from observer_rt.foundation.version import __version__
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.surroundings import filed
 

@@ -14,7 +14,8 @@ from observer_rt.model.fuel import USUAL_PRESSURE
 from observer_rt.model.hydraulics import Valve, nozzle_of, sac_of, seat_flow_scale, seat_of, valve_of
 from observer_rt.model.line import LumpLine
 from observer_rt.model.parameters import NO_DEPARTURES, WAVE_LINES, Departures, InjectorParameters
-from observer_rt.model.terms.term import Term, Variable
+from observer_rt.model.terms.term import Term
+from observer_rt.model.terms.variable import Variable
 from observer_rt.model.wave_line import WaveLine
 
 LAG_UNIT = 1e-4  # s, in which the lag is counted, so that all parameters are of order one

@@ -14,7 +14,8 @@ from observer_rt.core.model.model import Operation
 from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.model.terms.law import Call, Coefficient, Lag, Law, LawTable, Number, Quantity, Resonance
-from observer_rt.model.terms.term import PURE, UNIT_NAMES, VARIABLES, Term, TermEquation, Unit, Variable, unit_named
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import PURE, UNIT_NAMES, VARIABLES, Unit, Variable, unit_named
 
 SeenRange = Mapping[Variable, tuple[float, float]]
 """Lowest and highest value of variables, in their units."""

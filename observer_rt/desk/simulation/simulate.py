@@ -16,8 +16,15 @@ from numpy.typing import NDArray
 from observer_rt.config.effects import effect_named, parameter_named, value_in_bounds
 from observer_rt.desk.simulation.plant import Progress, Truth, run_plant
 from observer_rt.desk.simulation.schedule import Schedule, strokes
-from observer_rt.files.signals import table_writers
 from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording, shown_slowly
+from observer_rt.files.signals.table_writers import (
+    INJECTION_RATE,
+    LINE_PRESSURE,
+    NEEDLE_LIFT,
+    TIME,
+    CsvWriter,
+    WrittenColumn,
+)
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.files import replacing
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
@@ -29,8 +36,11 @@ from observer_rt.model.parameters import InjectorParameters
 HIGHEST_CODE = 0xFFFD  # above it the bus says "error" and "not available"
 MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
 MAX_SAMPLE_RATE = 1e6  # Hz
-SAC_PRESSURE = table_writers.WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL)
-LINE_FLOW = table_writers.WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS)
+TRUTH_COLUMNS = (
+    *(TIME, INJECTION_RATE, NEEDLE_LIFT, LINE_PRESSURE),
+    WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL),
+    WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS),
+)
 OPTION = "--effect"
 SAMPLE_RATE_OPTION = "--sample-rate"
 
@@ -113,20 +123,15 @@ def truth_path(recording: Path) -> Path:
     return recording.with_name(recording.name + TRUTH_SUFFIX)
 
 
+def printed_truth(truth: Truth) -> dict[str, NDArray[np.float64]]:
+    """Columns of the truth by their headings, in the units that these name."""
+    return {column.header: getattr(truth, column.channel) / column.factor for column in TRUTH_COLUMNS}
+
+
 def write_truth(path: Path, truth: Truth) -> None:
     """Write the truth as CSV, units in the header. Raises `UserError` or `RunError` for the file."""
-    with file_errors(path), replacing(path) as part:
-        table_writers.write_columns(
-            part,
-            [
-                (table_writers.TIME, truth.time),
-                (table_writers.INJECTION_RATE, truth.injection_rate),
-                (table_writers.NEEDLE_LIFT, truth.needle_lift),
-                (table_writers.LINE_PRESSURE, truth.line_pressure),
-                (SAC_PRESSURE, truth.sac_pressure),
-                (LINE_FLOW, truth.line_flow),
-            ],
-        )
+    with file_errors(path), replacing(path) as part, CsvWriter(part, TRUTH_COLUMNS) as writer:
+        writer.write([*printed_truth(truth).values()])
 
 
 def _measure(

@@ -208,9 +208,3 @@ def recording_writer(path: Path, recorded: Collection[str]) -> Iterator[Callable
             writer.write([arrays[column.channel] / column.factor for column in columns])
 
         yield write
-
-
-def write_columns(path: Path, columns: Sequence[tuple[WrittenColumn, NDArray[np.float64]]]) -> None:
-    """Write SI arrays of one length (n,) as CSV columns in their printed units, NaN as an empty cell."""
-    with CsvWriter(path, [column for column, _ in columns]) as writer:
-        writer.write([values / column.factor for column, values in columns])

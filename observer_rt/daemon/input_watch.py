@@ -247,7 +247,8 @@ class InputWatch:
 
 def _odd_lengths(bus: BusMap, core: Core) -> str:
     """Describes messages that came with another length than theirs, with the last one."""
-    came = dict(zip(bus.inputs.messages["key"].tolist(), core.odd_lengths, strict=False))
+    lengths = core.parts["receiver"]["odd_length"].tolist()
+    came = dict(zip(bus.inputs.messages["key"].tolist(), lengths, strict=False))
     return ", ".join(
         f"{message_text(bus, layout)} with {came[layout.key]} bytes for {layout.length}"
         for layout in bus.received

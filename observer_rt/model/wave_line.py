@@ -62,7 +62,7 @@ def flow_at(face: int, cells: int) -> int:
 
 
 class WaveLine(model.WaveLine):
-    """As of `LumpLine`."""
+    """A pipe as numbers; its members are as of `LumpLine`."""
 
     __slots__ = ()
     kind = model.WAVE
@@ -80,7 +80,6 @@ class WaveLine(model.WaveLine):
     def of(
         cls, parameters: InjectorParameters, departures: Departures, nozzle_flow: float, seat_flow: float
     ) -> "WaveLine":
-        """As of `LumpLine`."""
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
         compliance = fluid.in_line.filling(USUAL_PRESSURE) / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
         inertia = line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow)
@@ -130,7 +129,6 @@ class WaveLine(model.WaveLine):
 
     @property
     def by_rail(self) -> NDArray[np.float64]:
-        """As of `LumpLine`."""
         result = np.zeros(3 + self.further)
         result[flow_at(1, int(self.cells))] = self.a3
         return result
@@ -149,7 +147,6 @@ class WaveLine(model.WaveLine):
         return float((1.0 + stiffer) * (self.crossing * step) ** 2 + 2.0 * self.damping * step)
 
     def stepping(self, interval: float) -> str:
-        """As of `LumpLine`."""
         step = interval / steps_in(interval)
         return (
             f"a line of {self.cells:.0f} cells, of which sound crosses {self.crossing * step:.2g} in its step of "
@@ -157,7 +154,6 @@ class WaveLine(model.WaveLine):
         )
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """As of `LumpLine`."""
         cells = int(self.cells)
         pressures = np.full(cells - 1, flow * self.impedance**2)
         return np.concatenate([pressures, np.full(cells - 1, flow), np.zeros(1 + MEMORIES)])
@@ -219,7 +215,6 @@ class WaveLine(model.WaveLine):
             flows[first + k, first + k] += keep
 
     def with_mean(self) -> "MeanWaveLine":
-        """As of `LumpLine`."""
         return MeanWaveLine(*self)
 
 
@@ -235,7 +230,6 @@ class MeanWaveLine(WaveLine):
         return super().further + 1
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """As of `LumpLine`."""
         return np.append(super().further_variance(flow), 0.0)
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -175,9 +175,8 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     """Draw curves of injections above, masses and wear of all injections below.
 
     One recording shows what its events were, too, where one was perhaps not as before, and the laws that were learned
-    from them. Several recordings share all
-    axes, each in a colour of its own. reference: what the estimates are compared with
-    ("true", "measured").
+    from them. Several recordings share all axes, each in a colour of its own. reference: what the estimates are
+    compared with ("true", "measured").
     """
     numbers = sorted({number for one in recordings for number in one.curves})
     has_line = any(curve.line is not None for one in recordings for curve in one.curves.values())

@@ -17,17 +17,9 @@ from observer_rt.config.effects import effect_named, parameter_named, value_in_b
 from observer_rt.desk.simulation.plant import Progress, Truth, run_plant
 from observer_rt.desk.simulation.schedule import Schedule, strokes
 from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording, shown_slowly
-from observer_rt.files.signals.table_writers import (
-    INJECTION_RATE,
-    LINE_PRESSURE,
-    NEEDLE_LIFT,
-    TIME,
-    CsvWriter,
-    WrittenColumn,
-)
+from observer_rt.files.signals.table_writers import TRUTH, CsvWriter
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.files import replacing
-from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.effect import EffectParameter, SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model, sized
@@ -36,11 +28,6 @@ from observer_rt.model.parameters import InjectorParameters
 HIGHEST_CODE = 0xFFFD  # above it the bus says "error" and "not available"
 MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
 MAX_SAMPLE_RATE = 1e6  # Hz
-TRUTH_COLUMNS = (
-    *(TIME, INJECTION_RATE, NEEDLE_LIFT, LINE_PRESSURE),
-    WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL),
-    WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS),
-)
 OPTION = "--effect"
 SAMPLE_RATE_OPTION = "--sample-rate"
 
@@ -125,12 +112,12 @@ def truth_path(recording: Path) -> Path:
 
 def printed_truth(truth: Truth) -> dict[str, NDArray[np.float64]]:
     """Columns of the truth by their headings, in the units that these name."""
-    return {column.header: getattr(truth, column.channel) / column.factor for column in TRUTH_COLUMNS}
+    return {column.header: getattr(truth, column.channel) / column.factor for column in TRUTH}
 
 
 def write_truth(path: Path, truth: Truth) -> None:
     """Write the truth as CSV, units in the header. Raises `UserError` or `RunError` for the file."""
-    with file_errors(path), replacing(path) as part, CsvWriter(part, TRUTH_COLUMNS) as writer:
+    with file_errors(path), replacing(path) as part, CsvWriter(part, TRUTH) as writer:
         writer.write([*printed_truth(truth).values()])
 
 

@@ -225,11 +225,6 @@ class Core:
         return np.asarray(self.compiled.pipeline.receiver["sample"][0], np.float64)
 
     @property
-    def odd_lengths(self) -> list[int]:
-        """Bytes of every input message's last frame of another length than it has; -1: none came."""
-        return list(self.compiled.pipeline.receiver["odd_length"][0].tolist())
-
-    @property
     def protection(self) -> list[int]:
         """`E2EState` of every input message, those with samples first; NODATA of one that is not protected."""
         return list(self.compiled.pipeline.supervised["state"].tolist())
@@ -333,11 +328,8 @@ class Core:
 
     def _answer(self) -> None:
         """Give the stream the model, the command or the verdict that it waits for."""
-        if self.optional.is_model_due:
-            self.optional.change_model()
-        elif self.optional.is_news:
-            self.optional.read()
-        elif (judgement := self.compiled.observer.memory[0]["judgement"])["waiting"]:  # else it was read meanwhile
+        judgement = self.compiled.observer.memory[0]["judgement"]
+        if not self.optional.answer() and judgement["waiting"]:  # else it was read meanwhile
             self._judging.answer()
             judgement["waiting"] = False
 

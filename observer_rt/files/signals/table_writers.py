@@ -190,6 +190,11 @@ SI = (  # every double comes back as it was
     ENERGIZING,
     WrittenColumn("chamber_pressure_Pa", "chamber_pressure", "Pa"),
 )
+TRUTH = (  # of a simulation
+    *(TIME, INJECTION_RATE, NEEDLE_LIFT, LINE_PRESSURE),
+    WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL),
+    WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS),
+)
 _LAYOUTS = {".csv": PRINTED, ".mf4": SI, ".parquet": SI}
 
 

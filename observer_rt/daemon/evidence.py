@@ -67,9 +67,9 @@ class EvidenceKeeper:
             "model_sha256": model_hash(fitted.parameters),
             "meaning": fitted.config.sampling.meaning.value,
             "line_sensor": {
-                one.effect.id: list(one.values)
-                for one in effects_after_alignment(fitted.config.signals)
-                if one.effect.id in ("channel_skew", "line_pressure_sensor_lag")
+                stated.effect.id: list(stated.values)
+                for stated in effects_after_alignment(fitted.config.signals)
+                if stated.effect.id in ("channel_skew", "line_pressure_sensor_lag")
             },
         }
         self._has_energizing = fitted.config.signals.energizing is not None

@@ -275,7 +275,7 @@ class StateWatch:
         if standing == self._reported or now - self.since < LASTING * SECOND:
             return []
         self._reported = standing
-        text = "; ".join([named(what), *(named(each) for each in why if each.name != what.name), *standing[2]])
+        text = "; ".join([named(what), *(named(reason) for reason in why if reason.name != what.name), *standing[2]])
         if not is_good(what) and any(reason in ABOUT_INPUTS for reason in why):
             text += f"; {self._arrivals.as_text(now)}"
         return [Notice(Topic.STATE, text, is_good(what))]

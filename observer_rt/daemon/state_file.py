@@ -151,7 +151,7 @@ def model_hash(parameters: InjectorParameters) -> str:
         ]
     if parameters.terms:
         content["terms"] = [
-            (one.equation, str(one.law), one.coefficient) for one in (stated.term for stated in parameters.terms)
+            (term.equation, str(term.law), term.coefficient) for term in (stated.term for stated in parameters.terms)
         ]
     if parameters.remainder is not None:  # a file without is the model that it was before there was any
         content["remainder"] = parameters.remainder.model_dump(mode="json", exclude={"origin", "date"})

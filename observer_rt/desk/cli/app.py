@@ -57,7 +57,7 @@ def main() -> None:
     """Entry point of `observer-rt`."""
     try:
         try:
-            asked = next((word for word in sys.argv[1:2] if any(word in each for each in COMMANDS.values())), "")
+            asked = next((word for word in sys.argv[1:2] if any(word in names for names in COMMANDS.values())), "")
             exit_code = app_of(asked)(standalone_mode=False)
         finally:
             _flush_messages()

@@ -212,7 +212,7 @@ def settings_of(bench: Bench, state: Path | None, learning: bool, pattern: str |
     """Settings that rows depend on beside the files."""
     return {
         "software": __version__,
-        "models": [model_hash(each.parameters) for each in bench.injectors],
+        "models": [model_hash(injector.parameters) for injector in bench.injectors],
         "bench": file_hash(bench.path),
         "state": file_hash(state) if state is not None else None,
         "learning": learning,

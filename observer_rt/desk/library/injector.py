@@ -138,7 +138,7 @@ class Injector:
             # Whole: a mass is the mean of all injections.
             most = MOST_SAMPLES if masses is None else sys.maxsize
             measured = self._measured(sources, notes, most)
-            refuse_rates_missing([one.recording for one in measured])
+            refuse_rates_missing([measurement.recording for measurement in measured])
             refuse_clipped(measured)
             density = self.bench.injector.coefficients.density
             weighed = {} if masses is None else read_masses(path_of("masses", masses), measured, density)
@@ -183,7 +183,7 @@ class Injector:
             look_over(self.bench, sources, notes.console)
             before = None if state is None else path_of("state", state)
             knowledge = begun_with("state", before, self.parameters, partial(say, notes.console))
-            with progress_bar(screen, "evaluating", sum(one.samples for one in sources)) as progress:
+            with progress_bar(screen, "evaluating", sum(source.samples for source in sources)) as progress:
                 c = self.bench.injector.coefficients
                 evaluations, knowledge = run_by_run(self.bench, sources, knowledge, learn, chain, progress, c)
         return EvaluationResult(self.bench.injector, tuple(evaluations), knowledge, tuple(notes))
@@ -268,13 +268,13 @@ class Injector:
 
 
 PROPOSAL: dict[str, Callable[[Proposal], Any]] = {
-    "words": lambda one: one.sentence,
-    "laws": lambda one: "; ".join(map(law_text, one.terms)),
-    "gap_before_MPa": lambda one: one.held_out[0] / MEGAPASCAL,
-    "gap_after_MPa": lambda one: one.held_out[1] / MEGAPASCAL,
-    "may_enter": lambda one: one.may_enter,
-    "in_part": lambda one: one.part is not None,
-    "refused": lambda one: "" if one.refusal is None else one.refusal.reason,
+    "words": lambda proposal: proposal.sentence,
+    "laws": lambda proposal: "; ".join(map(law_text, proposal.terms)),
+    "gap_before_MPa": lambda proposal: proposal.held_out[0] / MEGAPASCAL,
+    "gap_after_MPa": lambda proposal: proposal.held_out[1] / MEGAPASCAL,
+    "may_enter": lambda proposal: proposal.may_enter,
+    "in_part": lambda proposal: proposal.part is not None,
+    "refused": lambda proposal: "" if proposal.refusal is None else proposal.refusal.reason,
 }
 """Columns of a table of proposals."""
 
@@ -315,7 +315,7 @@ class DiscoveryResult:
     def proposals(self) -> pd.DataFrame:
         """Laws outside the vocabulary, the best first; index: their numbers, for `accept_term`."""
         proposals = self.findings.proposals
-        columns = {name: [of(one) for one in proposals] for name, of in PROPOSAL.items()}
+        columns = {name: [of(proposal) for proposal in proposals] for name, of in PROPOSAL.items()}
         return pd.DataFrame(columns, index=pd.RangeIndex(1, len(proposals) + 1, name="number"))
 
     @cached_property

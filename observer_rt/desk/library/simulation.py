@@ -83,7 +83,7 @@ def simulate(
             period_ms * MILLISECOND,
             times.parse_energizing_times(_as_text(energizing_ms)),
         )
-        sizes = parse_effects([text for one in (effects or {}).items() for text in _effect_texts(*one)])
+        sizes = parse_effects([text for entry in (effects or {}).items() for text in _effect_texts(*entry)])
         levels = SimulatedNoise() if noise else None
         made = simulated(parameters, schedule, sample_rate_Hz, sizes, levels, measured_rate, seed)
     return made.recording, pd.DataFrame(printed_truth(made.truth))

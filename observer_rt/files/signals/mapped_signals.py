@@ -140,7 +140,7 @@ class MappedSignals(TableSignals):
             name: axis.at(grid, position[rises], values[:count][rises]) for name, values in rows.signals.items()
         }
         passed = int(np.searchsorted(np.maximum.accumulate(position), grid[-1] - 1.0)) if count else 0
-        longest = max(each.reach for each in self._axes)
+        longest = max(axis.reach for axis in self._axes)
         kept = math.ceil(longest * self.sample_rate) + 2  # rows that a bridge may begin with
         rows.drop(max(0, min(passed - kept, count - 1)))
         return signals
@@ -202,7 +202,7 @@ class MappedSignals(TableSignals):
                 f"is sampled at {rate:.6g} Hz, to be put on {self.sample_rate:g} Hz of sampling.rate_hz",
                 "check column and unit of the time, and rate_hz",
             )
-        if len(self._axes) > 1 and any(run.is_restart for each in self._axes for run in each.runs):
+        if len(self._axes) > 1 and any(run.is_restart for other in self._axes for run in other.runs):
             raise UserError(
                 str(self.path),
                 "the time of a channel steps back, and its channels have several times",

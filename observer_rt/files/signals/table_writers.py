@@ -205,7 +205,7 @@ def recording_writer(path: Path, recorded: Collection[str]) -> Iterator[Callable
     recorded: names of the signals that the parts have.
     """
     suffix = path.suffix.lower()
-    columns = [each for each in _LAYOUTS[suffix] if each.channel in ("time", *recorded)]
+    columns = [column for column in _LAYOUTS[suffix] if column.channel in ("time", *recorded)]
     with TABLE_WRITERS[suffix](path, columns) as writer:
 
         def write(part: Recording) -> None:

@@ -205,11 +205,8 @@ def require_journal(path: Path) -> None:
             str(path), "is a database of another program", "name another file for the journal of injections"
         )
     if schema > SCHEMA:
-        raise UserError(
-            str(path),
-            f"was written by a newer version: schema {schema}, this one knows {SCHEMA}",
-            "use that version, or name another file",
-        )
+        problem = f"was written by a newer version: schema {schema}, this one knows {SCHEMA}"
+        raise UserError(str(path), problem, "use that version, or name another file")
 
 
 def _connected(path: Path) -> sqlite3.Connection:

@@ -81,11 +81,8 @@ class InputFrames:
                 if self._channels[bus] not in (None, entry.channel):
                     continue
                 if channel_of.setdefault(message, entry.channel) != entry.channel:
-                    raise UserError(
-                        str(self.path),
-                        f"{name} is on several channels: {channel_of[message]}, {entry.channel}",
-                        f"choose one by {OPTION}",
-                    )
+                    problem = f"{name} is on several channels: {channel_of[message]}, {entry.channel}"
+                    raise UserError(str(self.path), problem, f"choose one by {OPTION}")
                 yield BusFrame(bus, frame)
                 break
         received = {bus for bus, _ in channel_of}

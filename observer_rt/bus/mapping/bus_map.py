@@ -231,11 +231,8 @@ def _map_message(
             )
         for other in filter(is_measured, samples if is_measured(role) else ()):
             if other is not role and set(samples[other]) & set(samples[role]):
-                raise UserError(
-                    fitted.location(f"signals.{role}"),
-                    f"{other} and {role} read the same signals of {message.name}",
-                    "name the signals of each",
-                )
+                problem = f"{other} and {role} read the same signals of {message.name}"
+                raise UserError(fitted.location(f"signals.{role}"), problem, "name the signals of each")
         row["samples"] = len(samples[role])
         streams.setdefault(groups, []).append(role)
     for groups, together in streams.items():

@@ -95,11 +95,8 @@ def simulate(
     """
     model = effective_model(parameters, effects)
     if not MIN_SAMPLE_RATE <= sample_rate <= MAX_SAMPLE_RATE:
-        raise UserError(
-            SAMPLE_RATE_OPTION,
-            f"{sample_rate:g} Hz is out of range",
-            f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz",
-        )
+        problem = f"{sample_rate:g} Hz is out of range"
+        raise UserError(SAMPLE_RATE_OPTION, problem, f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz")
     time = np.arange(round(schedule.duration * sample_rate) + 1) / sample_rate
     truth = run_plant(model, strokes(schedule, model.injector), time, schedule.rail_pressure(time), progress, bounce)
     return Simulation(_measure(truth, model, noise, measured_rate, seed), truth)

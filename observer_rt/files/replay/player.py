@@ -155,11 +155,8 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
         traffic = first_heard(links, stop)
     if traffic is not None:
         config = buses[traffic.bus]
-        raise UserError(
-            f"{config.interface} {config.channel}",
-            f"another sender is active: frames with identifier 0x{traffic.frame.frame_id:X} come in already",
-            "stop it, or send all the same (--force)",
-        )
+        problem = f"another sender is active: frames with identifier 0x{traffic.frame.frame_id:X} come in already"
+        raise UserError(f"{config.interface} {config.channel}", problem, "stop it, or send all the same (--force)")
 
 
 @dataclass(frozen=True)

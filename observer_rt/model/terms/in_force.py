@@ -171,11 +171,8 @@ class _Check:
             self.coefficient = remaining.to(1.0 / (left.c - right.c))
         left, right = self._resolved(left), self._resolved(right)
         if left != right:
-            raise UserError(
-                "units",
-                f"{first} is in {left}, {second} is in {right}",
-                "give a number the missing unit, such as 100[MPa], or correct the law",
-            )
+            problem = f"{first} is in {left}, {second} is in {right}"
+            raise UserError("units", problem, "give a number the missing unit, such as 100[MPa], or correct the law")
         return left
 
     def _resolved(self, unit: Unit) -> Unit:

@@ -59,10 +59,9 @@ def evaluate(
     """
     sources = [HeldSignals(recording) if isinstance(recording, Recording) else recording for recording in recordings]
     evaluations = [Evaluation(source, curves_of, traces is None) for source in sources]
-    bench, commanded = bench_for_all(bench, sources), None
+    bench = bench_for_all(bench, sources)
     are_recordings = not any(isinstance(source, LoggedSignals) for source in sources)
-    if are_recordings:
-        commanded = all("energizing" in source.optional for source in sources)
+    commanded = all("energizing" in source.optional for source in sources) if are_recordings else None
     bus, news = map_bus(bench), list[News]()
     with ExitStack() as stack:
         for path, evaluation in zip(traces or (), evaluations, strict=False):

@@ -42,9 +42,10 @@ import json
 from pathlib import Path
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.model.effective import LINES
 from observer_rt.model.effects import effective_model
-from observer_rt.model.line import register, stiffened
-from observer_rt.model.line import LumpLine
+from observer_rt.model.line import LumpLine, stiffened
+from observer_rt.model.parameters import LINE_MODELS
 
 class RigidLine(LumpLine):
     __slots__ = ()
@@ -53,7 +54,8 @@ class RigidLine(LumpLine):
     def of(cls, *arguments):
         return stiffened(super().of(*arguments), 1.0)
 
-register("rigid", RigidLine)
+LINE_MODELS.append("rigid")
+LINES["rigid"] = RigidLine
 path = Path({path!r})
 path.write_text(NOMINAL_INJECTOR.read_text().replace("# model = \\"lump\\"", "model = \\"rigid\\""))
 rigid, lump = (effective_model(load_injector(each)).coefficients.line for each in (path, NOMINAL_INJECTOR))

@@ -185,11 +185,8 @@ class BenchFile:
             return {**shared, "outputs": {"injector_id": 1 + self.number, **outputs}}
         firsts = {key: outputs[key] for key in RESULT_IDS if key in outputs}
         if not all(isinstance(value, int) and value > 0 for value in (step, *firsts.values())) or not firsts:
-            raise UserError(
-                f"{self.path}: outputs.id_step",
-                "is the step from the first injector's identifiers to the next one's, all whole numbers",
-                f"state it beside {', '.join(RESULT_IDS)}",
-            )
+            problem = "is the step from the first injector's identifiers to the next one's, all whole numbers"
+            raise UserError(f"{self.path}: outputs.id_step", problem, f"state it beside {', '.join(RESULT_IDS)}")
         moved = {key: first + self.number * step for key, first in firsts.items()}
         return {**shared, "outputs": {"injector_id": 1 + self.number, **outputs, **moved}}
 

@@ -37,11 +37,8 @@ def parameter_named(location: str, effect: Effect, name: str) -> EffectParameter
         if parameter.name == name:
             return parameter
     names = ", ".join(parameter.name for parameter in effect.parameters)
-    raise UserError(
-        location,
-        f"'{effect.id}' has no parameter '{name}'",
-        f"its parameters: {names}" if names else "it has none: leave it out",
-    )
+    problem = f"'{effect.id}' has no parameter '{name}'"
+    raise UserError(location, problem, f"its parameters: {names}" if names else "it has none: leave it out")
 
 
 def value_in_bounds(location: str, effect: Effect, parameter: EffectParameter, printed: float) -> float:

@@ -27,9 +27,9 @@ class ArrayTexts:
         """The value with the number of its text for each array. Raises ValueError for one that is not finite."""
         match value:
             case dict():
-                return {name: self.take_out(each) for name, each in value.items()}
+                return {name: self.take_out(part) for name, part in value.items()}
             case list():
-                return [self.take_out(each) for each in value]
+                return [self.take_out(part) for part in value]
             case np.ndarray() if value.size >= FEWEST and value.dtype == np.float64:
                 if (text := _text(value)) not in self.texts:
                     self.texts.append(text)
@@ -42,9 +42,9 @@ class ArrayTexts:
             case {"array": int(number)}:
                 return _array(self.texts[number])
             case dict():
-                return {name: self.put_in(each) for name, each in value.items()}
+                return {name: self.put_in(part) for name, part in value.items()}
             case list():
-                return [self.put_in(each) for each in value]
+                return [self.put_in(part) for part in value]
         return value
 
 

@@ -180,10 +180,10 @@ def inputs_of(arrivals: Arrivals, timing: Sequence[MessageTiming], now: int) -> 
 
 def lateness(timing: Sequence[MessageTiming]) -> str:
     """Describes how late frames come, and how well the time of their samples is known."""
-    if not timing or any(one.jitter.frames == 0 for one in timing):
+    if not timing or any(message.jitter.frames == 0 for message in timing):
         return ""
-    text = f", late by up to {max(one.lately for one in timing) / MICROSECOND:.0f} us"
-    unknown = max(one.unknown for one in timing)
+    text = f", late by up to {max(message.lately for message in timing) / MICROSECOND:.0f} us"
+    unknown = max(message.unknown for message in timing)
     if unknown == math.inf:
         text += ", clocks not known yet"
     elif unknown > 0.0:

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import effects_after_alignment
@@ -67,9 +67,9 @@ class EvidenceKeeper:
             "model_sha256": model_hash(fitted.parameters),
             "meaning": fitted.config.sampling.meaning.value,
             "line_sensor": {
-                one.effect.id: list(one.values)
-                for one in effects_after_alignment(fitted.config.signals)
-                if one.effect.id in ("channel_skew", "line_pressure_sensor_lag")
+                stated.effect.id: list(stated.values)
+                for stated in effects_after_alignment(fitted.config.signals)
+                if stated.effect.id in ("channel_skew", "line_pressure_sensor_lag")
             },
         }
         self._has_energizing = fitted.config.signals.energizing is not None
@@ -173,10 +173,8 @@ class EvidenceKeeper:
 
 def _asked(process: "subprocess.Popen[bytes]", message: bytes) -> str:
     """Answer of the writing process to a message; empty: it ended."""
-    to: IO[bytes] | None = process.stdin
-    answers: IO[bytes] | None = process.stdout
-    assert to is not None
-    assert answers is not None
-    to.write(message)
-    to.flush()
-    return answers.readline().decode("utf-8", "replace").strip()
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write(message)
+    process.stdin.flush()
+    return process.stdout.readline().decode("utf-8", "replace").strip()

@@ -247,7 +247,8 @@ class InputWatch:
 
 def _odd_lengths(bus: BusMap, core: Core) -> str:
     """Describes messages that came with another length than theirs, with the last one."""
-    came = dict(zip(bus.inputs.messages["key"].tolist(), core.odd_lengths, strict=False))
+    lengths = core.parts["receiver"]["odd_length"].tolist()
+    came = dict(zip(bus.inputs.messages["key"].tolist(), lengths, strict=False))
     return ", ".join(
         f"{message_text(bus, layout)} with {came[layout.key]} bytes for {layout.length}"
         for layout in bus.received
@@ -274,7 +275,7 @@ class StateWatch:
         if standing == self._reported or now - self.since < LASTING * SECOND:
             return []
         self._reported = standing
-        text = "; ".join([named(what), *(named(each) for each in why if each.name != what.name), *standing[2]])
+        text = "; ".join([named(what), *(named(reason) for reason in why if reason.name != what.name), *standing[2]])
         if not is_good(what) and any(reason in ABOUT_INPUTS for reason in why):
             text += f"; {self._arrivals.as_text(now)}"
         return [Notice(Topic.STATE, text, is_good(what))]

@@ -11,7 +11,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from observer_rt import __version__
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.reports.injection_report import FIELDS, InjectionReport, Output, Value, columns_of, row_of
@@ -19,6 +18,7 @@ from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import is_at
 from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.foundation.version import __version__
 
 APPLICATION_ID = 0x4F425254  # "OBRT", in the file's header
 SCHEMA = 1
@@ -205,11 +205,8 @@ def require_journal(path: Path) -> None:
             str(path), "is a database of another program", "name another file for the journal of injections"
         )
     if schema > SCHEMA:
-        raise UserError(
-            str(path),
-            f"was written by a newer version: schema {schema}, this one knows {SCHEMA}",
-            "use that version, or name another file",
-        )
+        problem = f"was written by a newer version: schema {schema}, this one knows {SCHEMA}"
+        raise UserError(str(path), problem, "use that version, or name another file")
 
 
 def _connected(path: Path) -> sqlite3.Connection:

@@ -84,7 +84,7 @@ class Feeder(DescriptorLink):
         self._has_answered = False
         self._is_empty = False
         self._ended = threading.Event()
-        self._threads = [threading.Thread(target=each, daemon=True) for each in (self._bring, self._send_on)]
+        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._bring, self._send_on)]
         for thread in self._threads:
             thread.start()
 

@@ -30,7 +30,7 @@ class Pump(NamedTuple):
 def make_pump(buses: int, watched: Sequence[MessageLayout], result: MessageLayout | None) -> Pump:
     """Memory for so many buses; watched: messages whose arrivals are counted; result: that of the rates, if any."""
     arrivals = np.zeros(len(watched), ARRIVAL)
-    arrivals["key"] = [each.key for each in watched]
+    arrivals["key"] = [layout.key for layout in watched]
     memory = np.zeros(1, PUMP)
     memory["bus"] = -1
     if result is not None:
@@ -51,7 +51,7 @@ class Latency:
 
     def as_text(self) -> str:
         """Describes it in a few words."""
-        p999, largest = (each / MICROSECOND for each in (self.p999, self.largest))
+        p999, largest = (latency / MICROSECOND for latency in (self.p999, self.largest))
         return f"99.9 % of rates sent within {p999:.0f} us, the latest after {largest:.0f} us"
 
 

@@ -11,18 +11,15 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event, Thread
-from typing import TYPE_CHECKING
 
-from observer_rt import __version__
 from observer_rt.config.bench import Bench, changes, content_of
 from observer_rt.daemon.control_socket import Message, Requests, control_socket, socket_places
+from observer_rt.daemon.injector_service import InjectorService
 from observer_rt.daemon.snapshot import SNAPSHOT
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.foundation.console import SignalledEvent, StopRequest
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
-
-if TYPE_CHECKING:
-    from observer_rt.daemon.run import InjectorService
+from observer_rt.foundation.version import __version__
 
 Answer = Callable[[Message], Iterator[bytes]]
 LIFT_DIED = (
@@ -98,9 +95,7 @@ class Reloading:
         )
 
     @contextmanager
-    def watching(
-        self, bench: Bench, service: "InjectorService"
-    ) -> Iterator[tuple[Event, Callable[[], Bench | None]]]:
+    def watching(self, bench: Bench, service: InjectorService) -> Iterator[tuple[Event, Callable[[], Bench | None]]]:
         """An event that ends the service, and the bench that is then to take its place, if one is.
 
         When asked to, the bench file is read and checked, and made ready beside it; it ends between events.

@@ -138,7 +138,7 @@ def processors(asked: Sequence[int] | None, loops: int) -> Processors:
     isolated = numbers_in(_ISOLATED.read_text()) if _ISOLATED.exists() else ()
     wanted = tuple(dict.fromkeys(isolated if asked is None else asked))
     granted = _tried(lambda: tuple(filter(_may_stay_on, wanted)))
-    refused = () if asked is None else tuple(each for each in wanted if each not in granted)
+    refused = () if asked is None else tuple(cpu for cpu in wanted if cpu not in granted)
     return Processors(granted[:loops], refused)
 
 
@@ -154,7 +154,7 @@ def leave_to_loops(granted: Processors) -> None:
 
 def numbers_in(text: str) -> tuple[int, ...]:
     """Numbers in a list of CPUs as Linux writes it: `1,4-6`."""
-    ranges = (each.partition("-") for each in text.strip().split(",") if each.strip())
+    ranges = (range_.partition("-") for range_ in text.strip().split(",") if range_.strip())
     return tuple(n for first, _, last in ranges for n in range(int(first), int(last or first) + 1))
 
 

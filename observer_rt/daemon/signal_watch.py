@@ -209,7 +209,7 @@ class UnitWatch:
         if self._looks < SURVEYED:
             return
         odd = {  # of several of a signal the first
-            each.signal: f"{each.problem}\n  remedy: {each.remedy}" for each in reversed([*implausible(self._survey)])
+            doubt.signal: f"{doubt.problem}\n  remedy: {doubt.remedy}" for doubt in [*implausible(self._survey)][::-1]
         }
         if self._survey.signals[Role.NEEDLE_LIFT.value].highest >= OPEN:
             self._mixed_up = "\n  remedy: ".join(swapped(self._swings) or ())
@@ -249,7 +249,9 @@ class RateWatch:
 
     def look(self, timing: Sequence[MessageTiming], reason: Reason) -> Iterator[Notice]:
         """Notices of a look; reason: why the service is not valid."""
-        off = [it for it in timing if abs(it.drift) >= LARGEST_DRIFT and it.jitter.frames >= ENOUGH_FRAMES]
+        off = [
+            clock for clock in timing if abs(clock.drift) >= LARGEST_DRIFT and clock.jitter.frames >= ENOUGH_FRAMES
+        ]
         self._looks = self._looks + 1 if off and reason is Reason.MODEL_INADEQUATE else 0
         if not off:
             self.reported = ""

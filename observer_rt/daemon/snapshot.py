@@ -109,7 +109,7 @@ class ShownInjection:
     @property
     def text(self) -> dict[str, Any]:
         """All but the curves themselves, for JSON."""
-        samples = next((each.size for each in self.curves.values()), 0)
+        samples = next((curve.size for curve in self.curves.values()), 0)
         return {
             "count": self.count,
             "moment": self.moment,
@@ -122,7 +122,7 @@ class ShownInjection:
     @property
     def data(self) -> bytes:
         """The curves."""
-        return b"".join(each.astype(_FLOAT).tobytes() for each in self.curves.values())
+        return b"".join(curve.astype(_FLOAT).tobytes() for curve in self.curves.values())
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,7 +131,7 @@ class SnapshotKeeper:
             "remainder": report.remainder_text,
             "verdict": report.validity if report.valid else f"{report.validity}: {named(report.reason)}",
         }
-        masses = {each.name: none_if_nan(each.mass / MILLIGRAM) for each in compared}
+        masses = {model.name: none_if_nan(model.mass / MILLIGRAM) for model in compared}
         curves = {} if rows is None else self._curves(report, rows, compared)
         return ShownInjection(self._count, moment, values, masses, curves)
 
@@ -145,7 +145,7 @@ class SnapshotKeeper:
 
         courses = {"corrected_rate": report.corrected_rate, "corrected_rate_sigma": report.rate_sigma}
         rates = {name: course[-len(rows) :] for name, course in courses.items() if course is not None}
-        rates |= {"rate": rows["injection_rate"], **{f"{each.name}_rate": each.rate for each in compared}}
+        rates |= {"rate": rows["injection_rate"], **{f"{model.name}_rate": model.rate for model in compared}}
         curves = {
             "time_ms": (rows["index"] - rows["index"][:1]) / (self._rate_hz * MILLISECOND),
             "rail_pressure_MPa": pressure(rows["rail_pressure"]),
@@ -160,12 +160,12 @@ class SnapshotKeeper:
         daemon = self._daemon
         if daemon is None:
             notices = () if self._notice is None else (self._notice,)
-            lines = tuple(StatusLine(each.what, StatusLevel.BAD) for each in notices)
+            lines = tuple(StatusLine(notice.what, StatusLevel.BAD) for notice in notices)
             return replace(self._of_state(time.time_ns(), State.STARTING, (), notices), lines=lines)
         now = time.monotonic_ns()
         ahead = time.time_ns() - now  # offset of the wall clock from the monotonic clock [ns]
         state, reasons = daemon.standing(now)
-        faults = tuple(replace(each, since=each.since + ahead) for each in _faults(daemon, now, state, reasons))
+        faults = tuple(replace(fault, since=fault.since + ahead) for fault in _faults(daemon, now, state, reasons))
         return replace(
             self._of_state((daemon.looked or now) + ahead, state, reasons, faults),
             lost=daemon.dropped + daemon.core.counters.lost_samples,

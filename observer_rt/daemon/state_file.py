@@ -14,7 +14,6 @@ from typing import Any, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt import __version__
 from observer_rt.core.stream.stream import FURTHEST_ZERO, MOST_CROSSTALK
 from observer_rt.daemon.array_texts import ArrayTexts
 from observer_rt.engine.estimation.gain import LARGEST_NOISE
@@ -27,6 +26,7 @@ from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import replacing
 from observer_rt.foundation.outputs import LEARNED_STATE, refuse_other_kind
 from observer_rt.foundation.records import Count, NotAsExpectedError, kept_names, plain, restored
+from observer_rt.foundation.version import __version__
 from observer_rt.model.parameters import InjectorParameters
 
 VERSION = 12
@@ -151,7 +151,7 @@ def model_hash(parameters: InjectorParameters) -> str:
         ]
     if parameters.terms:
         content["terms"] = [
-            (one.equation, str(one.law), one.coefficient) for one in (stated.term for stated in parameters.terms)
+            (term.equation, str(term.law), term.coefficient) for term in (stated.term for stated in parameters.terms)
         ]
     if parameters.remainder is not None:  # a file without is the model that it was before there was any
         content["remainder"] = parameters.remainder.model_dump(mode="json", exclude={"origin", "date"})

@@ -44,7 +44,7 @@ class View:
         """The whole view now, for a terminal of `width` x `height` characters."""
         snapshot, inner = self._snapshot(), max(1, min(width, WIDEST) - FRAME)
         status, shown = snapshot.status, snapshot.injections
-        lines = [*_inputs(status), *(_line(f" {each.text}", each.level) for each in status.lines)]
+        lines = [*_inputs(status), *(_line(f" {line.text}", line.level) for line in status.lines)]
         head = _heading(status, inner)
         drawn = len(Console(width=inner).render_lines(head))  # long reasons take more lines than one
         left = max(0, height - BORDER - len(lines) - drawn - HEADING)
@@ -97,17 +97,17 @@ def _injections(shown: Sequence[ShownInjection], width: int) -> Table:
     if is_measured:
         names += ["measured\nmg", "error\n%"]
     commanded = _COMMAND if is_commanded else []
-    headings = [*(each.heading for each in _FIRST), *names, *(each.heading for each in commanded)]
+    headings = [*(field.heading for field in _FIRST), *names, *(field.heading for field in commanded)]
     for heading in (*headings, "nozzle\nflow"):
         table.add_column(Text(heading), justify="right", no_wrap=True)
     table.add_column(Text("\nvalid?"), no_wrap=True)
     for item in shown:
         values, masses = item.values, (item.references.get(name) for name in compared)
         table.add_row(
-            *(each.text(values[each.name]) for each in _FIRST),
+            *(field.text(values[field.name]) for field in _FIRST),
             *("-" if mass is None else f"{mass:.2f}" for mass in masses),
             *(_measured(values) if is_measured else ()),
-            *(each.text(values[each.name]) for each in commanded),
+            *(field.text(values[field.name]) for field in commanded),
             _wear(values, not is_tight),
             _verdict(values, width >= WITH_WORDS),
         )

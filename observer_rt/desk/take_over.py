@@ -219,7 +219,7 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
         history = evaluate(mended.with_parameters(parameters), events, learning=learning, traces=())
     except UserError:  # no evidence, or of another sample rate
         return 0
-    judged = [report for each in history.evaluations for report in each.reports]
+    judged = [report for evaluation in history.evaluations for report in evaluation.reports]
     knowledge = history.knowledge
     if not (knowledge.state.events and judged[-1].valid):
         return 0
@@ -236,7 +236,7 @@ def _kept_with(fitted: BenchInjector) -> Sequence[KeptEvent]:
         return ()
     model = model_hash(fitted.parameters)
     kept = read_folder(fitted.evidence, Console(quiet=True))
-    return [one for one in kept if one.belief["model_sha256"] == model][-MOST:]
+    return [event for event in kept if event.belief["model_sha256"] == model][-MOST:]
 
 
 def naming(path: Path, content: bytes, injector: str, file: str | None) -> bytes:
@@ -305,7 +305,7 @@ def parameter_changes(before: BaseModel, after: BaseModel, prefix: str = "") -> 
         elif isinstance(old, BaseModel):
             yield from parameter_changes(old, new, f"{prefix}{key}.")
         else:
-            unit = next((each for each in field.metadata if isinstance(each, UnitName)), "")
+            unit = next((mark for mark in field.metadata if isinstance(mark, UnitName)), "")
             yield f"{prefix}{key} {_shown(old, unit)} -> {_shown(new, unit)}"
 
 

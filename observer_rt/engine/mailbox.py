@@ -46,14 +46,13 @@ def post_examined(
     if earlier is not None:
         _write_learned(observer, SLOTS + number % SLOTS, earlier)
         observer.verdicts[number % SLOTS]["earlier"] = number + 1
-    loud = np.nan if earlier is None else _loud(earlier)
-    _post(observer, number, "examined", objections, is_coloured, loud)
+    _post(observer, number, "examined", objections, is_coloured, earlier)
 
 
 def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured: bool = False) -> None:
     """Post what was learned from the `number`-th closed event; it goes before what was only examined."""
     _write_learned(observer, number % SLOTS, outcome)
-    _post(observer, number, "learned", outcome.forward, is_coloured, _loud(outcome))
+    _post(observer, number, "learned", outcome.forward, is_coloured, outcome)
 
 
 def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
@@ -64,17 +63,17 @@ def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
     verdict["innovation_sigma"] = outcome.schedule.innovation_sigma
 
 
-def _loud(outcome: Outcome) -> float:
-    """Mean square at rest that makes as much of the watch as the loudest stretch does, nan where none is louder."""
-    if outcome.loudest <= 1.0:
-        return np.nan
-    return float(outcome.schedule.innovation_sigma**2 * (1.0 + (outcome.loudest - 1.0) / SLOW_PEAK))
-
-
 def _post(
-    observer: Observer, number: int, kind: str, objections: Sequence[Objection], is_coloured: bool, loud: float
+    observer: Observer,
+    number: int,
+    kind: str,
+    objections: Sequence[Objection],
+    is_coloured: bool,
+    outcome: Outcome | None,
 ) -> None:
-    """loud: as of `_loud`."""
+    loud = np.nan  # mean square at rest that makes as much of the watch as the loudest stretch does, if one is louder
+    if outcome is not None and outcome.loudest > 1.0:
+        loud = outcome.schedule.innovation_sigma**2 * (1.0 + (outcome.loudest - 1.0) / SLOW_PEAK)
     finding = observer.verdicts[number % SLOTS][kind]
     finding["reason"] = objections[0].reason if objections else Reason.NONE
     finding["is_coloured"] = is_coloured

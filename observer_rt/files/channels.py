@@ -30,7 +30,7 @@ def chosen_channels(
     wanted = [bus for bus in open_buses if bus in needed]
     if not wanted:
         return dict(said)
-    present = [each for each in dict.fromkeys(entry.channel for entry in open_log(path)) if each not in said.values()]
+    present = [name for name in dict.fromkeys(entry.channel for entry in open_log(path)) if name not in said.values()]
     numbers = ChannelNumbers()
     by_number = [str(numbers.of(link.config.channel)) for link in links]
     for name_of in ([link.config.channel for link in links], by_number):
@@ -81,11 +81,8 @@ class InputFrames:
                 if self._channels[bus] not in (None, entry.channel):
                     continue
                 if channel_of.setdefault(message, entry.channel) != entry.channel:
-                    raise UserError(
-                        str(self.path),
-                        f"{name} is on several channels: {channel_of[message]}, {entry.channel}",
-                        f"choose one by {OPTION}",
-                    )
+                    problem = f"{name} is on several channels: {channel_of[message]}, {entry.channel}"
+                    raise UserError(str(self.path), problem, f"choose one by {OPTION}")
                 yield BusFrame(bus, frame)
                 break
         received = {bus for bus, _ in channel_of}
@@ -113,7 +110,7 @@ class InputFrames:
         if channel is not None and channel not in channels:
             raise UserError(OPTION, f"{self.path} has no channel {channel}", f"it has {', '.join(channels)}")
         layouts = [layout for layout in self._bus.received if layout.bus == bus]
-        wanted = ", ".join(f"{each.name} ({_as_text(each.frame_id, each.is_extended)})" for each in layouts)
+        wanted = ", ".join(f"{layout.name} ({_as_text(layout.frame_id, layout.is_extended)})" for layout in layouts)
         present = ", ".join(_as_text(*identifier) for identifier in others[:8])
         where, remedy = "", "give --bench with the file the log was recorded by"
         groups = {_parameter_group(identifier): identifier for identifier, is_extended in others if is_extended}

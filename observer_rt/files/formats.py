@@ -65,12 +65,12 @@ LOGS = (CANDUMP, BLF, ASC, TRC, MDF4_LOG, CSV_LOG)
 
 def suffixes_of(kinds: Iterable[Format]) -> tuple[str, ...]:
     """The suffixes of some formats, each once."""
-    return tuple(dict.fromkeys(each.suffix for each in kinds))
+    return tuple(dict.fromkeys(kind.suffix for kind in kinds))
 
 
 SUFFIXES = suffixes_of((*SIGNALS, *LOGS))
-SIGNALS_WRITTEN = suffixes_of(each for each in SIGNALS if each.is_written)
-LOGS_WRITTEN = suffixes_of(each for each in LOGS if each.writer is not None)
+SIGNALS_WRITTEN = suffixes_of(kind for kind in SIGNALS if kind.is_written)
+LOGS_WRITTEN = suffixes_of(kind for kind in LOGS if kind.writer is not None)
 
 
 def is_log(path: Path) -> bool:
@@ -79,7 +79,7 @@ def is_log(path: Path) -> bool:
     Raises `UserError` for an unknown suffix, and for a file that had to be opened and is not there or damaged.
     """
     _check_suffix(path, SUFFIXES)
-    log = next((each for each in LOGS if each.suffix == path.suffix.lower()), None)
+    log = next((kind for kind in LOGS if kind.suffix == path.suffix.lower()), None)
     if log is None or log.recognises is None:
         return log is not None
     with file_errors(path):
@@ -93,7 +93,7 @@ def open_log(path: Path) -> LogReader:
 
 def open_writer(path: Path, start_ns: int) -> LogWriter:
     """The writer of a log that begins at a time [ns]. Raises `UserError` for a suffix that cannot be written."""
-    writer = _of(path, [each for each in LOGS if each.writer is not None]).writer
+    writer = _of(path, [kind for kind in LOGS if kind.writer is not None]).writer
     assert writer is not None
     return writer(path, start_ns)
 
@@ -183,4 +183,4 @@ def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
 def _of(path: Path, kinds: Sequence[F]) -> F:
     """The format of a file by its suffix."""
     _check_suffix(path, suffixes_of(kinds))
-    return next(each for each in kinds if path.suffix.lower() == each.suffix)
+    return next(kind for kind in kinds if path.suffix.lower() == kind.suffix)

@@ -58,11 +58,8 @@ class RecordStatistics:
 def check_recording_path(path: Path, force: bool) -> None:
     """Raise `UserError` for a format that is not safe while recording, and for a log that is there without force."""
     if path.suffix.lower() not in LOGS_WRITTEN:
-        raise UserError(
-            f"--out {path}",
-            f"'{path.suffix}' cannot be recorded into safely",
-            f"record into {' or '.join(LOGS_WRITTEN)}, then convert",
-        )
+        problem = f"'{path.suffix}' cannot be recorded into safely"
+        raise UserError(f"--out {path}", problem, f"record into {' or '.join(LOGS_WRITTEN)}, then convert")
     check_output("--out", path, force)
 
 

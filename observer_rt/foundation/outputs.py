@@ -73,11 +73,8 @@ def refuse_other_kind(option: str, path: Path, wanted: FileKind | None = None) -
     if not content.strip(b"\0") or wanted.beginning.search(content):
         return
     actual = next((kind.name for kind in _KNOWN if kind.beginning.search(content)), "something else")
-    raise UserError(
-        f"{option} {path}",
-        f"holds {actual}, not {wanted.name}, and stays as it is",
-        "name another file, or move this one away",
-    )
+    problem = f"holds {actual}, not {wanted.name}, and stays as it is"
+    raise UserError(f"{option} {path}", problem, "name another file, or move this one away")
 
 
 def check_output(

@@ -12,13 +12,17 @@ from observer_rt.core.model.model import InputTerms, Nozzle, Sac, Seat, Sensor
 from observer_rt.foundation.units import MILLIMETRE
 from observer_rt.model.fuel import USUAL_PRESSURE
 from observer_rt.model.hydraulics import Valve, nozzle_of, sac_of, seat_flow_scale, seat_of, valve_of
-from observer_rt.model.line import line_of
-from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
-from observer_rt.model.terms.term import Term, Variable
+from observer_rt.model.line import LumpLine
+from observer_rt.model.parameters import NO_DEPARTURES, WAVE_LINES, Departures, InjectorParameters
+from observer_rt.model.terms.term import Term
+from observer_rt.model.terms.variable import Variable
+from observer_rt.model.wave_line import WaveLine
 
 LAG_UNIT = 1e-4  # s, in which the lag is counted, so that all parameters are of order one
 LIFT_UNIT = 1e-5  # m, in which a bounce is
 NO_PROGRAM = np.empty((0, 2))
+LINES: dict[str, Any] = {"lump": LumpLine, **dict.fromkeys(WAVE_LINES, WaveLine)}
+"""Models of the line by their names, `LINE_MODELS` of the injector file."""
 
 
 class Coefficients(NamedTuple):
@@ -50,7 +54,7 @@ def coefficients(parameters: InjectorParameters, departures: Departures = NO_DEP
     nozzle = nozzle_of(parameters, departures)
     seat_flow = seat_flow_scale(parameters)
     return Coefficients(
-        line=line_of(parameters, departures, nozzle.flow, seat_flow),
+        line=LINES[parameters.line.model].of(parameters, departures, nozzle.flow, seat_flow),
         seat=seat_of(parameters, departures),
         nozzle=nozzle,
         sac=sac_of(parameters, nozzle.flow, seat_flow),

@@ -7,15 +7,12 @@ its edges. The equations are `core/model/valve.pxd` and `core/model/servo.pxi`; 
 """
 
 import math
-from typing import TYPE_CHECKING
 
 from observer_rt.core.model import model
 from observer_rt.core.model.laws import seat_area
 from observer_rt.core.model.model import Nozzle, Sac, Seat
 from observer_rt.model.fuel import parabola
-
-if TYPE_CHECKING:
-    from observer_rt.model.parameters import Departures, InjectorParameters
+from observer_rt.model.parameters import Departures, InjectorParameters
 
 START, END = 0.25e-3, 0.20e-3  # s, of an injector whose file does not state them
 DELAY = 0.1e-3  # s, after both edges of the injector's command
@@ -33,7 +30,7 @@ class Valve(model.Valve):
         return Valve(-DELAY, -DELAY, self.hold, exponent=0.0, commanded=1.0)
 
 
-def valve_of(parameters: "InjectorParameters") -> Valve:
+def valve_of(parameters: InjectorParameters) -> Valve:
     """The valve of an injector's file."""
     line = parameters.line
     start, end = line.control_start, line.control_end
@@ -46,18 +43,18 @@ def valve_of(parameters: "InjectorParameters") -> Valve:
     )
 
 
-def control_flow_at_scale(parameters: "InjectorParameters") -> float:
+def control_flow_at_scale(parameters: InjectorParameters) -> float:
     """c at the pressure scale p_0 [m3/s]."""
     return (parameters.line.control_flow or 0.0) * math.sqrt(parameters.scaling.pressure / AT)
 
 
-def jet_velocity(parameters: "InjectorParameters") -> float:
+def jet_velocity(parameters: InjectorParameters) -> float:
     """Velocity of a jet at p_0 into the chamber, times the fuel's density there over rho_0 [m/s]."""
     denser = parameters.fluid.in_sac.density(parameters.chamber.pressure)
     return math.sqrt(2 * parameters.scaling.pressure / parameters.fluid.density_nozzle * denser)
 
 
-def seat_of(parameters: "InjectorParameters", departures: "Departures") -> Seat:
+def seat_of(parameters: InjectorParameters, departures: Departures) -> Seat:
     """The seat of an injector."""
     fuel, scale = parameters.fluid.in_sac, parameters.scaling.pressure
     _, *denser = parabola(lambda pressure: math.sqrt(fuel.density(pressure)), parameters.chamber.pressure, scale)
@@ -73,18 +70,18 @@ def seat_of(parameters: "InjectorParameters", departures: "Departures") -> Seat:
     )
 
 
-def seat_flow_scale(parameters: "InjectorParameters") -> float:
+def seat_flow_scale(parameters: InjectorParameters) -> float:
     """Q_S [m3/s] through the area A_0 at p_0."""
     return parameters.seat.flow_coefficient * parameters.scaling.area * jet_velocity(parameters)
 
 
-def full_lift_area(parameters: "InjectorParameters") -> float:
+def full_lift_area(parameters: InjectorParameters) -> float:
     """Seat area A_S at the needle's stop [m2]."""
     seat = parameters.seat
     return seat_area(seat.max_lift, seat.diameter, math.radians(seat.cone_angle / 2))
 
 
-def nozzle_of(parameters: "InjectorParameters", departures: "Departures") -> Nozzle:
+def nozzle_of(parameters: InjectorParameters, departures: Departures) -> Nozzle:
     """The nozzle of an injector."""
     p_0, p_c = parameters.scaling.pressure, parameters.chamber.pressure
     nozzle = parameters.nozzle
@@ -104,7 +101,7 @@ def nozzle_of(parameters: "InjectorParameters", departures: "Departures") -> Noz
     )
 
 
-def sac_of(parameters: "InjectorParameters", nozzle_flow: float, seat_flow: float) -> Sac:
+def sac_of(parameters: InjectorParameters, nozzle_flow: float, seat_flow: float) -> Sac:
     """The sac of an injector; nozzle_flow, seat_flow: Q_H and Q_S [m3/s] at a normalised flow of 1."""
     scale = parameters.scaling.pressure
     filling, *bent = parabola(parameters.fluid.in_sac.filling, parameters.chamber.pressure, scale)

@@ -1,12 +1,12 @@
 """Models of the feed line, and the line as one lump, (19)-(20). Their laws are in core.model.
 
 The whole state is x = [p_L at the closed end, Q_L into it, p_S, the line's further states], normalised by (24).
-`line.model` of the injector file chooses one by name. Every one has the members of `LumpLine`; another is in
-`wave_line.py`.
+`line.model` of the injector file chooses one by name, see `LINES` of `effective.py`. Every one has the members of
+`LumpLine`; another is in `wave_line.py`.
 """
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from observer_rt.core.model import model
 from observer_rt.model.fuel import USUAL_PRESSURE, parabola
 from observer_rt.model.hydraulics import control_flow_at_scale
-
-if TYPE_CHECKING:
-    from observer_rt.model.parameters import Departures, InjectorParameters
+from observer_rt.model.parameters import Departures, InjectorParameters
 
 
 def stiffened(line: Any, r: float) -> Any:
@@ -24,28 +22,8 @@ def stiffened(line: Any, r: float) -> Any:
     return line._replace(**{name: getattr(line, name) * (1.0 + r) for name in line.of_stiffness})
 
 
-_LINES: dict[str, Any] = {}
-
-
-def register(name: str, line: type[Any]) -> None:
-    """Make a line model known under the name `line.model` chooses it by."""
-    _LINES[name] = line
-
-
-def known_line(name: str) -> str:
-    """The name. Raises `ValueError` where no line has it."""
-    if name not in _LINES:
-        raise ValueError(f"there is no such line; known are {', '.join(sorted(_LINES))}")
-    return name
-
-
-def line_of(parameters: "InjectorParameters", departures: "Departures", nozzle_flow: float, seat_flow: float) -> Any:
-    """The line an injector's file names, see `LumpLine.of`."""
-    return _LINES[parameters.line.model].of(parameters, departures, nozzle_flow, seat_flow)
-
-
 def at_closed_end(
-    parameters: "InjectorParameters", departures: "Departures", stiffness: float, nozzle_flow: float, seat_flow: float
+    parameters: InjectorParameters, departures: Departures, stiffness: float, nozzle_flow: float, seat_flow: float
 ) -> dict[str, float]:
     """Coefficients of any line's closed end, where p_L rises by stiffness [p_0/m3]; flows: as of `LumpLine.of`."""
     scale, chamber, fuel = parameters.scaling, parameters.chamber.pressure, parameters.fluid.in_line
@@ -85,7 +63,7 @@ class LumpLine(model.LumpLine):
 
     @classmethod
     def of(
-        cls, parameters: "InjectorParameters", departures: "Departures", nozzle_flow: float, seat_flow: float
+        cls, parameters: InjectorParameters, departures: Departures, nozzle_flow: float, seat_flow: float
     ) -> "LumpLine":
         """The line of an injector; nozzle_flow, seat_flow: Q_H and Q_S [m3/s] at a normalised flow of 1."""
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
@@ -169,6 +147,3 @@ class MeanLumpLine(LumpLine):
         matrix[:2, :2] = of_line
         matrix[2, :2] = math.sin(angle) / self.mode, impedance * (1.0 - math.cos(angle)) / self.mode
         return matrix, np.append(rail, interval - math.sin(angle) / self.mode)
-
-
-register("lump", LumpLine)

@@ -16,11 +16,12 @@ from observer_rt.foundation.documents import Section
 from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.baseline import Baseline, Remainder
 from observer_rt.model.fuel import Compressibility
-from observer_rt.model.line import known_line
 from observer_rt.model.terms.in_force import TermInForce
-from observer_rt.model.wave_line import FEWEST_CELLS, MOST_CELLS
 
 FORMAT = 1  # of `injector.toml`; raised when an older program would misread a newer file
+WAVE_LINES = ("wave", "wave_two_part")  # in which pressure travels; in two parts where impedances differ
+LINE_MODELS = ["lump", *WAVE_LINES]
+FEWEST_CELLS, MOST_CELLS = 4, 64  # of those in which pressure travels
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -28,6 +29,12 @@ NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 ValveTime = Annotated[float, Field(ge=-0.5e-3, le=1e-3)]  # s
 Area = Annotated[float, Field(ge=-10e-6, le=10e-6)]  # m2, of either sign
 Temperature = Annotated[float, Field(ge=200, le=500)]  # K; what is given in degC is refused
+
+
+def _known_line(name: str) -> str:
+    if name not in LINE_MODELS:
+        raise ValueError(f"there is no such line; known are {', '.join(sorted(LINE_MODELS))}")
+    return name
 
 
 class UnitName(str):
@@ -70,7 +77,7 @@ class LineParameters(Section):
     diameter: Annotated[Positive, UnitName("m")]
     volume: Annotated[Positive, UnitName("m3")]  # V_L
     loss_factor: NonNegative  # xi, -
-    model: Annotated[str, AfterValidator(known_line)] = "lump"  # a name of `model.line`
+    model: Annotated[str, AfterValidator(_known_line)] = "lump"
     # of a line in which pressure travels, see `line.wave`
     cells: Annotated[int, Field(ge=FEWEST_CELLS, le=MOST_CELLS)] | None = None  # None: by the speed of sound
     damping: Annotated[NonNegative | None, UnitName("m2/s")] = None  # nu

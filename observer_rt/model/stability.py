@@ -10,8 +10,8 @@ from observer_rt.model.effective import Coefficients, EffectiveModel, coefficien
 from observer_rt.model.fuel import HIGHEST_PRESSURE
 from observer_rt.model.hydraulics import full_lift_area
 from observer_rt.model.line import stiffened
-from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
-from observer_rt.model.wave_line import FEWEST_CELLS, STABLE, WaveLine, cells_for
+from observer_rt.model.parameters import FEWEST_CELLS, NO_DEPARTURES, Departures, InjectorParameters
+from observer_rt.model.wave_line import STABLE, WaveLine, cells_for
 
 OVERSHOOT = 1.2  # of the rail pressure, that the closed end of a line reaches when a needle shuts
 

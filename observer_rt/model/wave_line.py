@@ -15,7 +15,6 @@ x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1), p_n a step before, w_1 .. w_
 """
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +23,19 @@ from observer_rt.core.model import model
 from observer_rt.core.model.model import MEMORIES, STEP, fading_of, pull_of, steps_in, value_across_joint
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.fuel import HIGHEST_PRESSURE, USUAL_PRESSURE
-from observer_rt.model.line import at_closed_end, register
+from observer_rt.model.line import at_closed_end
+from observer_rt.model.parameters import (
+    FEWEST_CELLS,
+    MOST_CELLS,
+    WAVE_LINES,
+    Departures,
+    InjectorParameters,
+    LineParameters,
+)
 
-if TYPE_CHECKING:
-    from observer_rt.model.parameters import Departures, InjectorParameters, LineParameters
-
-NAMES = ("wave", "wave_two_part")  # of `line.model`; in two parts where their impedances differ
 RESOLVED = 50e-6  # s over which means are those of a pipe: cells carry shorter waves otherwise
 MOST_OF_A_STEP = 8  # implicit steps of the sac in one of the line's
 STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
-FEWEST_CELLS, MOST_CELLS = 4, 64
 HALF_WAY = 0.5  # of the length, where two parts meet whose file does not state it
 DAMPING = 0.5  # m2/s, of a line whose file does not state it
 FASTER = 3.3e-3  # s^1/2, the integral of what that leaves below .01 ms: it adds to the inertance
@@ -60,7 +62,7 @@ def flow_at(face: int, cells: int) -> int:
 
 
 class WaveLine(model.WaveLine):
-    """As of `LumpLine`."""
+    """A pipe as numbers; its members are as of `LumpLine`."""
 
     __slots__ = ()
     kind = model.WAVE
@@ -76,9 +78,8 @@ class WaveLine(model.WaveLine):
 
     @classmethod
     def of(
-        cls, parameters: "InjectorParameters", departures: "Departures", nozzle_flow: float, seat_flow: float
+        cls, parameters: InjectorParameters, departures: Departures, nozzle_flow: float, seat_flow: float
     ) -> "WaveLine":
-        """As of `LumpLine`."""
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
         compliance = fluid.in_line.filling(USUAL_PRESSURE) / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
         inertia = line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow)
@@ -128,7 +129,6 @@ class WaveLine(model.WaveLine):
 
     @property
     def by_rail(self) -> NDArray[np.float64]:
-        """As of `LumpLine`."""
         result = np.zeros(3 + self.further)
         result[flow_at(1, int(self.cells))] = self.a3
         return result
@@ -147,7 +147,6 @@ class WaveLine(model.WaveLine):
         return float((1.0 + stiffer) * (self.crossing * step) ** 2 + 2.0 * self.damping * step)
 
     def stepping(self, interval: float) -> str:
-        """As of `LumpLine`."""
         step = interval / steps_in(interval)
         return (
             f"a line of {self.cells:.0f} cells, of which sound crosses {self.crossing * step:.2g} in its step of "
@@ -155,7 +154,6 @@ class WaveLine(model.WaveLine):
         )
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """As of `LumpLine`."""
         cells = int(self.cells)
         pressures = np.full(cells - 1, flow * self.impedance**2)
         return np.concatenate([pressures, np.full(cells - 1, flow), np.zeros(1 + MEMORIES)])
@@ -217,7 +215,6 @@ class WaveLine(model.WaveLine):
             flows[first + k, first + k] += keep
 
     def with_mean(self) -> "MeanWaveLine":
-        """As of `LumpLine`."""
         return MeanWaveLine(*self)
 
 
@@ -233,7 +230,6 @@ class MeanWaveLine(WaveLine):
         return super().further + 1
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """As of `LumpLine`."""
         return np.append(super().further_variance(flow), 0.0)
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -253,7 +249,7 @@ class MeanWaveLine(WaveLine):
         return matrix, moved[order, size - 1]
 
 
-def _parts(line: "LineParameters") -> tuple[float, float]:
+def _parts(line: LineParameters) -> tuple[float, float]:
     """Impedance near over far, and the share of the length that is far."""
     ratio = 1.0 if line.impedance_ratio is None else line.impedance_ratio
     return ratio, HALF_WAY if line.impedance_step is None else line.impedance_step
@@ -264,7 +260,7 @@ def _of_parts(ratio: float, far: float) -> tuple[float, float]:
     return far + (1.0 - far) * ratio, far + (1.0 - far) / ratio
 
 
-def cells_for(parameters: "InjectorParameters", step: float) -> int:
+def cells_for(parameters: InjectorParameters, step: float) -> int:
     """Cells for a step [s] in which errors cancel best.
 
     Cells make short waves slower, by 1 - c^2 of what they would without steps, c the share of a cell that sound
@@ -282,14 +278,10 @@ def cells_for(parameters: "InjectorParameters", step: float) -> int:
     return max(FEWEST_CELLS, min(MOST_CELLS, round(wanted), int(stable)))
 
 
-def with_cells(parameters: "InjectorParameters") -> "InjectorParameters":
+def with_cells(parameters: InjectorParameters) -> InjectorParameters:
     """The number of cells stated, so that effects on sound speed do not change it."""
     line = parameters.line
-    if line.cells is not None or line.model not in NAMES:
+    if line.cells is not None or line.model not in WAVE_LINES:
         return parameters
     stated = line.model_copy(update={"cells": cells_for(parameters, STEP)})
     return parameters.model_copy(update={"line": stated})
-
-
-for _name in NAMES:
-    register(_name, WaveLine)

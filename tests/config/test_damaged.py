@@ -12,6 +12,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.foundation.errors import UserError
 from tests.config.test_bench import injector_file, refusal
+from tests.daemon.samples import damage
 
 Load = Callable[[Path], object]
 FILES = pytest.mark.parametrize(("source", "load"), [(NOMINAL_INJECTOR, load_injector), (EXAMPLE_BENCH, load_bench)])
@@ -49,13 +50,8 @@ def test_damaged_bytes(
     tmp_path_factory: pytest.TempPathFactory, source: Path, load: Load, data: st.DataObject
 ) -> None:
     path = tmp_path_factory.getbasetemp() / source.name
-    content = bytearray(source.read_bytes())
-    position = data.draw(st.integers(0, len(content) - 1))
-    if data.draw(st.booleans(), label="truncate"):
-        del content[position:]
-    else:
-        content[position : position + 1] = data.draw(st.binary(max_size=20))
-    path.write_bytes(content)
+    path.write_bytes(source.read_bytes())
+    damage(path, data)
     refused = place_of_refusal(load, path)
     assert refused is None or str(path.parent) in refused
 

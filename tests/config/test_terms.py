@@ -12,7 +12,8 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.in_force import TermInForce, coefficient_unit
 from observer_rt.model.terms.parser import parse
-from observer_rt.model.terms.term import VARIABLES, Term, TermEquation
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import VARIABLES
 from tests.config.test_bench import refusal
 from tests.config.test_effects import injector_file
 

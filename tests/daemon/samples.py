@@ -77,13 +77,13 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
 
 
 def damage(path: Path, data: st.DataObject) -> bytes:
-    """Cut the file off anywhere, or change one of its bytes; what it holds then."""
+    """Cut the file off anywhere, or put other bytes for one of it; what it holds then."""
     content = bytearray(path.read_bytes())
     position = data.draw(st.integers(0, len(content) - 1))
     if data.draw(st.booleans(), label="truncate"):
         del content[position:]
     else:
-        content[position] = data.draw(st.integers(0, 255))
+        content[position : position + 1] = data.draw(st.binary(max_size=20))
     path.write_bytes(content)
     return bytes(content)
 

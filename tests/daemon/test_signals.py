@@ -7,7 +7,7 @@ import time
 from types import FrameType
 from typing import Any, cast
 
-from observer_rt.daemon.run import InjectorService, serve_beside
+from observer_rt.daemon.injector_service import InjectorService, serve_beside
 from observer_rt.foundation.console import SignalledEvent, stop_on_signals
 
 

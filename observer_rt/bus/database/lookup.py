@@ -191,11 +191,8 @@ def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | N
     if not lowest <= code < (1 << bits):
         if stated is None:
             return None  # a label for what is never sent
-        raise UserError(
-            f"signal {signal.name}",
-            f"{attribute} is {code}, which its {bits} bits cannot hold",
-            f"give a raw code from 0 to {(1 << bits) - 1}",
-        )
+        problem = f"{attribute} is {code}, which its {bits} bits cannot hold"
+        raise UserError(f"signal {signal.name}", problem, f"give a raw code from 0 to {(1 << bits) - 1}")
     return code & ((1 << bits) - 1)
 
 
@@ -229,11 +226,8 @@ def _expand(pattern: str, names: Sequence[str], location: str) -> tuple[str, ...
         raise UserError(location, f"has no signal {produced[0]} (from {pattern!r})", _nearest(produced[0], names))
     missing = sorted(set(range(present[0], present[-1])) - set(present))
     if missing:
-        raise UserError(
-            location,
-            f"{pattern!r} leaves out {produced[missing[0]]}, though {produced[present[-1]]} exists",
-            "list the signals one by one, in sample order",
-        )
+        problem = f"{pattern!r} leaves out {produced[missing[0]]}, though {produced[present[-1]]} exists"
+        raise UserError(location, problem, "list the signals one by one, in sample order")
     return tuple(produced[number] for number in present)
 
 

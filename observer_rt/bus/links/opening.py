@@ -86,11 +86,8 @@ def require_interface(location: str, name: str) -> None:
 
     interfaces = sorted({"socketcan", *can.VALID_INTERFACES})
     if name not in interfaces:
-        raise UserError(
-            location,
-            f"unknown interface {name!r}",
-            f"{did_you_mean(name, interfaces)}use one of {', '.join(interfaces)}",
-        )
+        problem = f"unknown interface {name!r}"
+        raise UserError(location, problem, f"{did_you_mean(name, interfaces)}use one of {', '.join(interfaces)}")
 
 
 def missing_driver(interface: str) -> str:

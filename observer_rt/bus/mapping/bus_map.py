@@ -229,18 +229,10 @@ def _map_message(
                 f"has {len(samples[role])} samples a frame, other signals of {message.name} have {row['samples']}",
                 "name as many samples for every signal of a message",
             )
-        for other in samples:
-            if (
-                is_measured(other)
-                and is_measured(role)
-                and other is not role
-                and set(samples[other]) & set(samples[role])
-            ):
-                raise UserError(
-                    fitted.location(f"signals.{role}"),
-                    f"{other} and {role} read the same signals of {message.name}",
-                    "name the signals of each",
-                )
+        for other in filter(is_measured, samples if is_measured(role) else ()):
+            if other is not role and set(samples[other]) & set(samples[role]):
+                problem = f"{other} and {role} read the same signals of {message.name}"
+                raise UserError(fitted.location(f"signals.{role}"), problem, "name the signals of each")
         row["samples"] = len(samples[role])
         streams.setdefault(groups, []).append(role)
     for groups, together in streams.items():

@@ -95,11 +95,8 @@ def rate_message(message: Message, bus: int = 0) -> RateMessage:
     rates = signal_names(message, RATE_PATTERN)
     output = output_message(message, (*HEADER_SIGNALS, *rates), bus)
     if len(output.pages) > 1:
-        raise UserError(
-            f"message {message.name}",
-            "is multiplexed, which a message of injection rates may not be",
-            "name one in [outputs] that is not, or set false",
-        )
+        problem = "is multiplexed, which a message of injection rates may not be"
+        raise UserError(f"message {message.name}", problem, "name one in [outputs] that is not, or set false")
     return RateMessage(output.layout, output.pages[0], len(rates))
 
 
@@ -119,11 +116,8 @@ def protected_layout(message: Message, bus: int) -> MessageLayout:
             f"only the profiles {', '.join(map(str, PROFILES))} are supported; 0 takes its frames without a check",
         )
     if layout.e2e_profile is not None and layout.length < shortest_protected(layout.e2e_profile):
-        raise UserError(
-            f"message {layout.name}",
-            f"has {layout.length} bytes, which E2E profile {layout.e2e_profile} does not fit in",
-            "correct its length or its E2EProfile",
-        )
+        problem = f"has {layout.length} bytes, which E2E profile {layout.e2e_profile} does not fit in"
+        raise UserError(f"message {layout.name}", problem, "correct its length or its E2EProfile")
     return layout
 
 

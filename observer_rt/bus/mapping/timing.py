@@ -119,11 +119,8 @@ def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]
         index = USUAL_INDEX
     if index:
         if counter is not None:
-            raise UserError(
-                _location(fitted, roles, "counter"),
-                f"message {message.name} has an index, {index}, which distinguishes its frames already",
-                "leave out 'counter', or set index = \"\"",
-            )
+            problem = f"message {message.name} has an index, {index}, which distinguishes its frames already"
+            raise UserError(_location(fitted, roles, "counter"), problem, "leave out 'counter', or set index = \"\"")
         return index_signal(_location(fitted, roles, "index"), message, index)
     if not counter:
         return None
@@ -207,11 +204,8 @@ def _steps(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> in
         return 1
     ratio = rate / stated
     if ratio < 1.0 - RATIO_TOLERANCE or abs(ratio - round(ratio)) > RATIO_TOLERANCE * ratio:
-        raise UserError(
-            location,
-            f"{stated:g} Hz is no whole fraction of sampling.rate_hz = {rate:g}",
-            f"use {rate / max(1, round(ratio)):g}",
-        )
+        problem = f"{stated:g} Hz is no whole fraction of sampling.rate_hz = {rate:g}"
+        raise UserError(location, problem, f"use {rate / max(1, round(ratio)):g}")
     if round(ratio) > 1 and tuple(roles) != (Role.RAIL_PRESSURE,):
         raise UserError(
             location,
@@ -234,11 +228,8 @@ def _set_hold(fitted: BenchInjector, message: Message, roles: Sequence[Role], sa
     hold = HELD_CYCLES * cycle if stated is None else stated * MILLISECOND
     longest = frames.SLOTS // 2 / fitted.config.sampling.rate_hz
     if not cycle <= hold:
-        raise UserError(
-            location,
-            f"is shorter than the {cycle / MILLISECOND:g} ms from frame to frame",
-            "make it longer than that",
-        )
+        problem = f"is shorter than the {cycle / MILLISECOND:g} ms from frame to frame"
+        raise UserError(location, problem, "make it longer than that")
     if hold > longest:
         raise UserError(
             location if stated is not None else _location(fitted, roles, "rate_hz"),

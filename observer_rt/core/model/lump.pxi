@@ -323,11 +323,8 @@ cdef inline void _advance_lump(
     if not (0.0 < knot.share < 1.0 and flows):
         _advance(x, interval, c, network, t, n)
         return
-    bend.rail = interval.start.rail + knot.share * (interval.end.rail - interval.start.rail)
+    bend = between(interval.start, interval.end, knot.share)
     bend.area = knot.area
-    bend.servo = between_servos(&interval.start.servo, &interval.end.servo, knot.share)
-    bend.since = interval.start.since + knot.share * (interval.end.since - interval.start.since)
-    between_needles(&interval.start, &interval.end, knot.share, &bend)
     part.end, part.length = bend, knot.share * interval.length
     part.substeps = <int64_t> ceil(knot.share * interval.substeps)
     _advance(x, &part, c, network, t, n)

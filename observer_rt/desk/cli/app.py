@@ -11,10 +11,10 @@ from typing import Annotated, Any, NoReturn, TextIO
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from observer_rt import __version__
 from observer_rt.desk.cli.command import messages, with_options
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import ObserverError, UserError, missing_library
+from observer_rt.foundation.version import __version__
 
 EXIT_CODES = (
     "Exit code: 0 there is a result; 1 it failed at run time, or `check` found an error; "
@@ -57,7 +57,7 @@ def main() -> None:
     """Entry point of `observer-rt`."""
     try:
         try:
-            asked = next((word for word in sys.argv[1:2] if any(word in each for each in COMMANDS.values())), "")
+            asked = next((word for word in sys.argv[1:2] if any(word in names for names in COMMANDS.values())), "")
             exit_code = app_of(asked)(standalone_mode=False)
         finally:
             _flush_messages()

@@ -20,8 +20,8 @@ def with_options(work: Callable[..., None]) -> Callable[..., None]:
     """A command of typer whose options are the parameters of `work`, or the fields of its one argument `options`."""
     record = get_type_hints(work).get("options")
     parameters = [
-        one.replace(kind=Parameter.KEYWORD_ONLY, annotation=_annotation(one.name, one.annotation))
-        for one in signature(record or work).parameters.values()
+        parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=_annotation(parameter.name, parameter.annotation))
+        for parameter in signature(record or work).parameters.values()
     ]
 
     @wraps(work)

@@ -102,7 +102,7 @@ def run(options: RunOptions) -> None:
         all_injectors = load_bench(bench)
         refuse_errors(all_injectors, options.state, options.journal, options.injector)
         if not options.injector and len(all_injectors.injectors) > 1:
-            names = [each.name for each in all_injectors.injectors]
+            names = [injector.name for injector in all_injectors.injectors]
             raise UserError(
                 f"{bench}: injectors",
                 f"the file has {len(names)}, a daemon observes one: {', '.join(names)}",

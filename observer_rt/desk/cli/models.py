@@ -57,11 +57,11 @@ def fit(
     paths = reading.without_copies(without_truths(recordings, messages), messages)
     most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: a mass is the mean of all injections
     measured = measured_files(paths, start, decoder, from_channel, messages, most)
-    reading.refuse_rates_missing([one.recording for one in measured])
+    reading.refuse_rates_missing([measurement.recording for measurement in measured])
     refuse_clipped(measured)
     density = effective_model(start).coefficients.density
     weighed = {} if mass is None else read_masses(mass, measured, density)
-    for line in (*map(reading.coverage, measured), *(f"warning: {one}" for one in warnings(measured))):
+    for line in (*map(reading.coverage, measured), *(f"warning: {warning}" for warning in warnings(measured))):
         say(messages, line)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:

@@ -98,15 +98,6 @@ class Demo:
         """True and nominal rate and mass of an injection."""
         return self._compared[report.number]
 
-    def _compare(self, daemon: Daemon, report: InjectionReport) -> None:
-        self._reports.append(report)
-        first, last = report.start_index, report.end_index
-        rate = self._truth.injection_rate[first : last + 1]
-        true = ComparedRate("true", rate, self._truth.mass(first, last))
-        rows = daemon.core.rows(report.start_position, report.end_position + 1)
-        self._compared[report.number] = [true, *self._nominal(report, rows)]
-        self._published[report.number] = rows["injection_rate"].copy()
-
     def run(self, speed: float, show: Callable[[View, threading.Event], None] | None = None) -> DemoResult:
         """Replay at `speed` (1: real time); `show` draws the view until its event is set, None: nobody looks.
 
@@ -128,7 +119,12 @@ class Demo:
 
             def compare(news: News) -> None:
                 if isinstance(news, InjectionReport):
-                    self._compare(daemon, news)
+                    self._reports.append(news)
+                    rows = daemon.core.rows(news.start_position, news.end_position + 1)
+                    rate = self._truth.injection_rate[news.start_index : news.end_index + 1]
+                    true = ComparedRate("true", rate, self._truth.mass(news.start_index, news.end_index))
+                    self._compared[news.number] = [true, *self._nominal(news, rows)]
+                    self._published[news.number] = rows["injection_rate"].copy()
 
             daemon = Daemon(self.bench, bus, [daemon_link], listeners=[compare, snapshots.hear])
             snapshots.watch(daemon)

@@ -76,7 +76,7 @@ def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficie
     """Curves of an injection, as far as its samples are remembered; has_rate: measured."""
     trace = trace_of(samples.trace.copy())
     chamber = report.surroundings.chamber_pressure or c.chamber_pressure
-    measured, modelled = (c.pressure_scale * each + chamber for each in (trace.line_pressure, trace.x[:, 0]))
+    measured, modelled = (c.pressure_scale * pressure + chamber for pressure in (trace.line_pressure, trace.x[:, 0]))
     return RateCurves(
         f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
         trace.time - samples.start,
@@ -95,7 +95,7 @@ def _learned_lift(report: InjectionReport, stroke: NeedleStroke, time: Signal, c
     learned = [shown for column, shown in SCALARS.shown() if column in NEEDLE_LAW.columns]
     lines = [in_words(shown, report.indicators[shown.effect], c) for shown in learned]
     lines.append(f"lands at {stroke.closed / MILLISECOND:.3f} ms")
-    return np.array([lift_of_stroke(each, stroke) for each in time.tolist()]), "\n".join(lines)
+    return np.array([lift_of_stroke(moment, stroke) for moment in time.tolist()]), "\n".join(lines)
 
 
 def in_words(shown: ShownIndicator, estimate: Estimate, c: Coefficients) -> str:
@@ -138,13 +138,13 @@ RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
     ),
 )
 """Fields of an evaluated injection, those of its report first."""
-SHOWN = {each.name: each for each in (*RESULT_FIELDS, _of_report(MASS_BOUND))}
+SHOWN = {shown.name: shown for shown in (*RESULT_FIELDS, _of_report(MASS_BOUND))}
 """All that is shown of one on the screen."""
 
 
 def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficients) -> dict[str, Any]:
     """One injection of the JSON document."""
-    compared = {each.name: each.of(result, c) for each in RESULT_FIELDS[len(FIELDS) :]}
+    compared = {compared.name: compared.of(result, c) for compared in RESULT_FIELDS[len(FIELDS) :]}
     return {**injection_record(result.report, c, has_energizing), **compared}
 
 

@@ -57,12 +57,11 @@ def evaluate(
     files to be written of the first of the recordings, None: traces, curves and frames are all kept in memory.
     Raises `UserError` for a recording whose sample rate is not the bench's.
     """
-    sources = [HeldSignals(each) if isinstance(each, Recording) else each for each in recordings]
+    sources = [HeldSignals(recording) if isinstance(recording, Recording) else recording for recording in recordings]
     evaluations = [Evaluation(source, curves_of, traces is None) for source in sources]
-    bench, commanded = bench_for_all(bench, sources), None
+    bench = bench_for_all(bench, sources)
     are_recordings = not any(isinstance(source, LoggedSignals) for source in sources)
-    if are_recordings:
-        commanded = all("energizing" in source.optional for source in sources)
+    commanded = all("energizing" in source.optional for source in sources) if are_recordings else None
     bus, news = map_bus(bench), list[News]()
     with ExitStack() as stack:
         for path, evaluation in zip(traces or (), evaluations, strict=False):
@@ -103,4 +102,4 @@ def bench_for_all(bench: Bench, sources: Sequence[SignalStream]) -> Bench:
                 f"{sources[0].sample_rate:g} Hz; or their samples differ in what they mean",
                 "recordings of one history must be sampled alike",
             )
-    return max(benches, key=lambda each: each.injector.config.signals.chamber_pressure is None)
+    return max(benches, key=lambda bench: bench.injector.config.signals.chamber_pressure is None)

@@ -176,15 +176,14 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     """Draw curves of injections above, masses and wear of all injections below.
 
     One recording shows what its events were, too, where one was perhaps not as before, and the laws that were learned
-    from them. Several recordings share all
-    axes, each in a colour of its own. reference: what the estimates are compared with
-    ("true", "measured").
+    from them. Several recordings share all axes, each in a colour of its own. reference: what the estimates are
+    compared with ("true", "measured").
     """
-    numbers = sorted({number for one in recordings for number in one.curves})
-    has_line = any(curve.line is not None for one in recordings for curve in one.curves.values())
-    has_lift = has_line and any(curve.lift is not None for one in recordings for curve in one.curves.values())
+    numbers = sorted({number for picture in recordings for number in picture.curves})
+    has_line = any(curve.line is not None for picture in recordings for curve in picture.curves.values())
+    has_lift = has_line and any(curve.lift is not None for picture in recordings for curve in picture.curves.values())
     of_each = (3.4, *[2.2] * (has_line + has_lift))
-    has_wear = any(row.wear for one in recordings for row in one.masses)
+    has_wear = any(row.wear for picture in recordings for row in picture.masses)
     panels: list[tuple[float, Callable[[Axes], None]]] = [
         (2.9, lambda axes: draw_masses(axes, recordings, reference))
     ]
@@ -226,10 +225,11 @@ def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture],
     handles: Sequence[Artist] = axes[0].get_legend_handles_labels()[0]
     if len(recordings) > 1:
         title = f"{len(recordings)} recordings; pale: {reference}, dashed: nominal model"
+        titles = [picture.title for picture in recordings]
         handles = [
-            Line2D([], [], color=RECORDINGS[i % len(RECORDINGS)], label=one.title) for i, one in enumerate(recordings)
+            Line2D([], [], color=RECORDINGS[i % len(RECORDINGS)], label=title) for i, title in enumerate(titles)
         ]
-        longest = max(len(one.title) for one in recordings) + _HANDLE
+        longest = max(map(len, titles)) + _HANDLE
         ncols = int(np.clip(_LETTERS * figure.get_figwidth() // longest, 1, COLUMNS))
         figure.legend(
             handles=handles, loc="outside upper left", ncols=ncols, title=title, alignment="left", frameon=False
@@ -300,9 +300,9 @@ def pictures_of(evaluations: Sequence[Evaluation], chosen: Sequence[int] = ()) -
 
     Raises `UserError` for a number that no injection has.
     """
-    numbers = {one.report.number for each in evaluations for one in each.injections}
+    numbers = {injection.report.number for evaluation in evaluations for injection in evaluation.injections}
     shown = numbers_shown(chosen, numbers)
-    return [_picture_of(each, shown) for each in evaluations]
+    return [_picture_of(evaluation, shown) for evaluation in evaluations]
 
 
 def _picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:

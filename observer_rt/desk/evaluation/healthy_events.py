@@ -104,7 +104,7 @@ def observer_remainder(
 
 def learned_laws(injector: InjectorParameters, recordings: Sequence[Recording]) -> tuple[LearnedCurve, ...]:
     """Laws of nozzle and seat that the network learns from recordings; none where the observer refuses them."""
-    alike = [one for one in recordings if one.sample_rate == recordings[0].sample_rate]
+    alike = [recording for recording in recordings if recording.sample_rate == recordings[0].sample_rate]
     try:
         return evaluate(bench_of(injector, alike[0]), alike).evaluations[-1].learned
     except UserError:
@@ -136,8 +136,8 @@ def _remainder(collected: Sequence[Sequence[_HealthyEvent]]) -> HealthyRemainder
             total = total.faded(1.0, phase_values)
         statistics.append(total)
     return HealthyRemainder(
-        variance=PhaseFigures.of({p.name: max(one.variance(p) for one in statistics) for p in Phase}),
-        colour=PhaseFigures.of({p.name: max(one.colour(p) for one in statistics) for p in Phase}),
+        variance=PhaseFigures.of({p.name: max(statistic.variance(p) for statistic in statistics) for p in Phase}),
+        colour=PhaseFigures.of({p.name: max(statistic.colour(p) for statistic in statistics) for p in Phase}),
         overdispersion=round(overdispersion_of(tempered), _DIGITS),
         shape=fit.shape(),
     )

@@ -4,7 +4,6 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
-from itertools import islice
 from pathlib import Path
 
 from rich.console import Console
@@ -142,22 +141,17 @@ def run_by_run(
     if chain:
         bench_for_all(bench, sources)
     learning = learning and bench.injector.config.learning.enabled
-    remaining = None if traces is None else iter(traces)
     evaluations: list[Evaluation] = []
     current, done = knowledge, 0
     for run in runs:
-
-        def report(samples: int, before: int = done) -> None:
-            progress(before + samples)
-
         history = evaluate(
             bench,
             run,
             current if chain else knowledge,
             learning,
-            report,
+            partial(lambda before, samples: progress(before + samples), done),
             curves_of=curves_of,
-            traces=None if remaining is None else list(islice(remaining, len(run))),
+            traces=None if traces is None else traces[len(evaluations) : len(evaluations) + len(run)],
         )
         evaluations += history.evaluations
         current = history.knowledge

@@ -77,7 +77,7 @@ class LoggedSignals(SignalStream):
         self.sample_rate = bench.injector.config.sampling.rate_hz
         self.logged = self._look_through(path, progress)
         """The log, split where the sample index starts again."""
-        self.stretches = tuple(Stretch(0.0, each.samples) for each in self.logged)
+        self.stretches = tuple(Stretch(0.0, stretch.samples) for stretch in self.logged)
 
     def _look_through(self, path: Path, progress: Callable[[float], None]) -> tuple[LoggedStretch, ...]:
         core = Core(self._bench.injector, self._bus, learning=False)

@@ -35,7 +35,7 @@ _ERROR = Field[InjectionResult](
     "error\n%",
     ".2f",
 )
-_WEAR = [SHOWN[each.value.name] for each in WEAR]
+_WEAR = [SHOWN[effect.value.name] for effect in WEAR]
 _UNFIT = {
     Reason.MODEL_INADEQUATE: (
         "the measured line pressure contradicts the model in",
@@ -177,12 +177,12 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
     for reason, numbers in not_valid.items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
         if reason is Reason.OUTSIDE_LEARNED_RANGE:
-            last = next(each.report for each in evaluation.injections if each.report.number == numbers[-1])
+            last = next(result.report for result in evaluation.injections if result.report.number == numbers[-1])
             say(console, f"({beyond_learned(last)})")
     if evaluation.level:
         say(console, evaluation.level)
     for flow in (NOZZLE, SEAT):
-        if (curve := furthest(one for one in evaluation.learned if one.flow == flow)) is not None:
+        if (curve := furthest(law for law in evaluation.learned if law.flow == flow)) is not None:
             say(console, curve.words)
     for surface in evaluation.surfaces:
         say(console, surface.words)
@@ -198,9 +198,9 @@ def _table(injections: Sequence[InjectionResult], measured: bool, c: Coefficient
     """Table of injections. Beside a measurement its error replaces the interval: both do not fit."""
     compared = [_NOMINAL, _MEASURED, _ERROR, SHOWN["rate_rmse_mm3_per_ms"]]
     fields = [*_FIRST, *(compared if measured else [SHOWN["mass_bound_mg"], _NOMINAL]), *_WEAR]
-    headings = [*(each.heading for each in fields), "\nvalid"]
+    headings = [*(field.heading for field in fields), "\nvalid"]
     rows = (
-        [*(each.text(each.of(result, c)) for each in fields), "yes" if result.report.valid else "no"]
+        [*(field.text(field.of(result, c)) for field in fields), "yes" if result.report.valid else "no"]
         for result in injections
     )
     return plain_table(headings, rows, right=range(len(headings)), folds=(), gap=1)

@@ -170,7 +170,7 @@ class HistorySamples:
             count = int(np.searchsorted(self.held.number, stop))
             here = trace_of(self.held[:count])
             holes = np.flatnonzero(np.diff(here.number) > 1) + 1
-            for part in (trace_of(each) for each in np.split(here, holes) if count):
+            for part in (trace_of(rows) for rows in np.split(here, holes) if count):
                 self._hand_over_unknown(run, int(part.number[0]))
                 run.sink.take_passed(part)
                 self._handed_over += part.size

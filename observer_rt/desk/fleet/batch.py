@@ -18,13 +18,13 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 from rich.console import Console
 
-from observer_rt import __version__
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.desk.fleet.job import SCHEMA, FailedFile, Task, evaluated
 from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, RunError, UserError, file_errors
 from observer_rt.foundation.files import file_hash, replacing, write_text
+from observer_rt.foundation.version import __version__
 
 CONNECT_TIMEOUT = 10.0  # s
 _SETTINGS = {
@@ -212,7 +212,7 @@ def settings_of(bench: Bench, state: Path | None, learning: bool, pattern: str |
     """Settings that rows depend on beside the files."""
     return {
         "software": __version__,
-        "models": [model_hash(each.parameters) for each in bench.injectors],
+        "models": [model_hash(injector.parameters) for injector in bench.injectors],
         "bench": file_hash(bench.path),
         "state": file_hash(state) if state is not None else None,
         "learning": learning,

@@ -88,7 +88,7 @@ class WearLine:
             return line, covariance, float(np.sum((weight * (value - np.polyval(line, days))) ** 2)) - freedom
 
         scattered = fit(0.0)[2] > 0.0
-        scatter = brentq(lambda each: fit(each)[2], 0.0, np.ptp(value) ** 2) if scattered else 0.0
+        scatter = brentq(lambda trial: fit(trial)[2], 0.0, np.ptp(value) ** 2) if scattered else 0.0
         line, covariance, _ = fit(scatter)
         return cls(days, line, covariance * student.ppf(0.975, freedom) ** 2)
 
@@ -107,7 +107,7 @@ class WearLine:
         days = last * np.linspace(0.0 if is_reached else 1.0, 2.0, _STEPS)
         level, half = self.at(days)
         beyond = [side * (level - limit.size) + sign * half >= 0.0 for sign in (1.0, 0.0, -1.0)]
-        low, middle, high = (float(days[each.argmax()]) if each.any() else math.inf for each in beyond)
+        low, middle, high = (float(days[past.argmax()]) if past.any() else math.inf for past in beyond)
         return min(low, float(days[-1])), middle, high
 
 
@@ -166,7 +166,7 @@ def trends(rows: pa.Table, dates: PathPattern | None = None) -> list[InjectorTre
         )
     table = table.sort_values(["time", "number"])
     made = [_trend(str(name), its) for name, its in table.groupby("injector")]
-    return sorted(made, key=lambda trend: min((-abs(each.now[0]) for each in trend.courses.values()), default=0.0))
+    return sorted(made, key=lambda trend: min((-abs(wear.now[0]) for wear in trend.courses.values()), default=0.0))
 
 
 def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
@@ -239,6 +239,6 @@ def _cells(said: dict[str, Any]) -> Iterator[str]:
         if "date" not in limit:
             yield f"needs {FEWEST} recordings"
             continue
-        low, date, high = (each and each[:10] for each in (limit["ci95"][0], limit["date"], limit["ci95"][1]))
+        low, date, high = (moment and moment[:10] for moment in (limit["ci95"][0], limit["date"], limit["ci95"][1]))
         about = f"{'reached ' * limit['reached']}{date} ({low} to {high or 'later'})"
         yield about if date else f"not before {low}"

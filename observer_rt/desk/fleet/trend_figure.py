@@ -27,7 +27,7 @@ def draw(path: Path, trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -
                 colour, value, error = _COLOURS[name], 100.0 * course.value, 100.0 * course.half
                 axes.errorbar(times, value, error, fmt="o", ms=3, lw=0.8, color=colour, alpha=0.55, label=name)
                 if course.line:
-                    level, half = (100.0 * each for each in course.line.at(course.line.days))
+                    level, half = (100.0 * share for share in course.line.at(course.line.days))
                     axes.fill_between(times, level - half, level + half, color=colour, alpha=0.2, lw=0)
                     axes.plot(times, level, color=colour, lw=2)
             axes.xaxis_date()

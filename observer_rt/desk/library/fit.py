@@ -57,7 +57,7 @@ class FitResult:
     @cached_property
     def parameters(self) -> pd.DataFrame:
         """Parameters fitted, by name: value, 95 % interval, value of the file before, unit, symbol."""
-        sizes = {name: asdict(one) for name, one in self.done.sizes.items()}
+        sizes = {name: asdict(size) for name, size in self.done.sizes.items()}
         frame = pd.DataFrame.from_dict(sizes, orient="index")
         low_high = pd.DataFrame(frame.pop("ci95").tolist(), index=frame.index, columns=["low", "high"])
         return frame[["symbol", "value"]].join(low_high).join(frame[["file", "unit"]])
@@ -99,7 +99,7 @@ def fitted_model(
     level = calibration.level(gain)
     if gain != 0.0:
         measurements = without_gain(measurements, gain, level)
-        weighed = {number: one.by(level) for number, one in weighed.items()}
+        weighed = {number: mass.by(level) for number, mass in weighed.items()}
     if measurements[0].is_answered:
         doubts.append(TRADED)
         done = _with_needle(start, measurements, weighed, progress)
@@ -108,7 +108,7 @@ def fitted_model(
     done = replace(done, flow_level=level)
     baseline = baseline_of(done, digests)
     try:
-        observer = observer_remainder(done.injector, baseline, [one.recording for one in done.measurements])
+        observer = observer_remainder(done.injector, baseline, [used.recording for used in done.measurements])
     except (ArithmeticError, ValueError) as error:  # a model so far off that the observer's numbers fail
         done = replace(done, not_observed=str(error))
         observer, baseline = None, baseline.model_copy(update={"adequate": False})
@@ -144,8 +144,8 @@ def answered_again(injector: InjectorParameters, recordings: Sequence[Measuremen
     Raises as `measurements`.
     """
     model = effective_model(injector)
-    commands = [_answered(model, one) for one in recordings]
-    lifted = [commanded_lift(injector, one.recording, of) for one, of in zip(recordings, commands, strict=True)]
+    commands = [_answered(model, recording) for recording in recordings]
+    lifted = [commanded_lift(injector, old.recording, of) for old, of in zip(recordings, commands, strict=True)]
     return tuple(
         replace(new, stated=old.stated, commands=of)
         for new, old, of in zip(measurements(lifted), recordings, commands, strict=True)

@@ -49,11 +49,8 @@ def naming_parameters(names: Mapping[str, str] = NO_NAMES) -> Iterator[None]:
         yield
     except UserError as error:
         parts = names.get(error.location, error.location), error.problem, error.remedy
-        raise UserError(*(_OPTION.sub(_as_parameter, part) for part in parts)) from None
-
-
-def _as_parameter(option: re.Match[str]) -> str:
-    return f"{option[1].replace('-', '_')}=" if option[1] else option[0]
+        named = (_OPTION.sub(lambda o: f"{o[1].replace('-', '_')}=" if o[1] else o[0], part) for part in parts)
+        raise UserError(*named) from None
 
 
 @contextmanager

@@ -138,7 +138,7 @@ class SampleObserver(KnowledgeHolder):
     @property
     def injections(self) -> pd.DataFrame:
         """Injections reported so far, a row each, as of `EvaluationResult.injections`."""
-        rows = [row_of(WITH_BOUND, Output.PARQUET, one, self._coefficients) for one in self._reports]
+        rows = [row_of(WITH_BOUND, Output.PARQUET, report, self._coefficients) for report in self._reports]
         return pd.DataFrame(rows, columns=[*columns_of(WITH_BOUND, Output.PARQUET)])
 
     @property
@@ -186,6 +186,6 @@ class SampleObserver(KnowledgeHolder):
                 "time_s": rows["index"] / self._rate,
                 "injection_rate_mm3_per_ms": rows["injection_rate"] / MM3_PER_MS,
                 "valid": rows["valid"],
-                "state": pd.Categorical.from_codes(rows["state"], [each.name for each in State]),
+                "state": pd.Categorical.from_codes(rows["state"], [state.name for state in State]),
             }
         )

@@ -94,7 +94,7 @@ def sources_of(recordings: Recordings, bench: Bench, console: Console) -> list[S
     several = _listed(recordings)
     if not several:
         raise UserError("recordings", "there is none", "give a file, a DataFrame, or a list of them")
-    return [_source(one, number, bench, console) for number, one in enumerate(several, 1)]
+    return [_source(recording, number, bench, console) for number, recording in enumerate(several, 1)]
 
 
 def _listed(recordings: Recordings) -> list[RecordingLike]:

@@ -75,9 +75,9 @@ class EvaluationResult(KnowledgeHolder):
         """Injections, a row each: masses, wear, validity; units end the names."""
         c = self.injector.coefficients
         rows = [
-            {RECORDING: _name(one), **row_of(_FIELDS, Output.PARQUET, each, c)}
-            for one in self.evaluations
-            for each in one.injections
+            {RECORDING: _name(evaluation), **row_of(_FIELDS, Output.PARQUET, injection, c)}
+            for evaluation in self.evaluations
+            for injection in evaluation.injections
         ]
         return pd.DataFrame(rows, columns=[RECORDING, *columns_of(_FIELDS, Output.PARQUET)])
 
@@ -86,15 +86,15 @@ class EvaluationResult(KnowledgeHolder):
         """Uncertainty of the masses [mg, one sigma] by what makes it."""
         rows = [
             {
-                RECORDING: _name(one),
+                RECORDING: _name(evaluation),
                 "number": result.report.number,
                 **{
                     f"by_{part}_mg": sigma * result.report.density / MILLIGRAM
                     for part, sigma in result.report.budget._asdict().items()
                 },
             }
-            for one in self.evaluations
-            for result in one.injections
+            for evaluation in self.evaluations
+            for result in evaluation.injections
             if result.report.budget is not None
         ]
         columns = [RECORDING, "number", *(f"by_{part}_mg" for part in VolumeBudget._fields)]
@@ -103,14 +103,14 @@ class EvaluationResult(KnowledgeHolder):
     @cached_property
     def learned(self) -> pd.DataFrame:
         """Laws of nozzle and seat as learned, a point a row: relative change of a flow over a variable."""
-        curves = [{RECORDING: _name(one), **curve.columns} for one in self.evaluations for curve in one.learned]
+        curves = [{RECORDING: _name(run), **curve.columns} for run in self.evaluations for curve in run.learned]
         table = pd.DataFrame(curves, columns=[RECORDING, "flow", "variable", *_OF_POINTS])
         return table.explode(_OF_POINTS, ignore_index=True).astype(dict.fromkeys(_OF_POINTS, float))
 
     @cached_property
     def trace(self) -> pd.DataFrame:
         """Samples, a row each: injection rate with its standard deviation, validity, states."""
-        return pd.concat([_samples(one) for one in self.evaluations], ignore_index=True)
+        return pd.concat([_samples(evaluation) for evaluation in self.evaluations], ignore_index=True)
 
     @property
     def valid_share(self) -> float:
@@ -155,7 +155,7 @@ class EvaluationResult(KnowledgeHolder):
         count = len(self.injections)
         recordings = f"{len(self.evaluations)} recording{'s' if len(self.evaluations) > 1 else ''}"
         valid = f"{count} injections of {recordings}, {int(self.injections.valid.sum())} of them valid"
-        levels = [each.level for each in self.evaluations if each.level]
+        levels = [evaluation.level for evaluation in self.evaluations if evaluation.level]
         return f"{valid}; {levels[0]}" if levels else valid
 
     @property

@@ -9,10 +9,10 @@ from observer_rt.config.bench import load_injector
 from observer_rt.desk.library.notes import naming_parameters
 from observer_rt.desk.simulation import schedule as times
 from observer_rt.desk.simulation.simulate import OPTION as EFFECT_OPTION
-from observer_rt.desk.simulation.simulate import SAMPLE_RATE_OPTION, SimulatedNoise, parse_effects
+from observer_rt.desk.simulation.simulate import SAMPLE_RATE_OPTION, SimulatedNoise, parse_effects, printed_truth
 from observer_rt.desk.simulation.simulate import simulate as simulated
 from observer_rt.files.signals.recording import Recording
-from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, MM3_PER_MS
+from observer_rt.foundation.units import MILLISECOND
 
 if TYPE_CHECKING:
     from observer_rt.desk.library.injector import Injector
@@ -83,20 +83,10 @@ def simulate(
             period_ms * MILLISECOND,
             times.parse_energizing_times(_as_text(energizing_ms)),
         )
-        sizes = parse_effects([text for one in (effects or {}).items() for text in _effect_texts(*one)])
+        sizes = parse_effects([text for entry in (effects or {}).items() for text in _effect_texts(*entry)])
         levels = SimulatedNoise() if noise else None
         made = simulated(parameters, schedule, sample_rate_Hz, sizes, levels, measured_rate, seed)
-    truth = made.truth
-    return made.recording, pd.DataFrame(
-        {
-            "time_s": truth.time,
-            "injection_rate_mm3_per_ms": truth.injection_rate / MM3_PER_MS,
-            "needle_lift_mm": truth.needle_lift / MILLIMETRE,
-            "line_pressure_MPa": truth.line_pressure / MEGAPASCAL,
-            "sac_pressure_MPa": truth.sac_pressure / MEGAPASCAL,
-            "line_flow_mm3_per_ms": truth.line_flow / MM3_PER_MS,
-        }
-    )
+    return made.recording, pd.DataFrame(printed_truth(made.truth))
 
 
 def _as_text(values: Any) -> str:

@@ -88,7 +88,7 @@ class DaemonReader:
 
     def injections(self, since: int = 0) -> list[ShownInjection]:
         """Those kept after the `since`-th, the newest last."""
-        return [*takewhile(lambda each: each.count > since, reversed(list(self._injections)))][::-1]
+        return [*takewhile(lambda injection: injection.count > since, reversed(list(self._injections)))][::-1]
 
     def seen(self) -> InjectorSnapshot:
         """State and faults now."""

@@ -45,7 +45,7 @@ class Session:
         self._watching = watching
         self._saver = saver
         self._saving: Future[str] | None = None
-        self._answer: dict[str, Any] = {"names": [each.name for each in watching.readers]}
+        self._answer: dict[str, Any] = {"names": [reader.name for reader in watching.readers]}
         self._asked: dict[tuple[int, int], ShownInjection] = {}  # by injector and count
         self._sent = [0] * len(watching.readers)  # injections
         self._number = self._drawn = 0  # of messages: the last one sent, the last one drawn
@@ -59,7 +59,7 @@ class Session:
         if of not in range(len(self._sent)):
             return
         reader = self._watching.readers[of]
-        injection = next((each for each in reader.injections(count - 1) if each.count == count), None)
+        injection = next((injection for injection in reader.injections(count - 1) if injection.count == count), None)
         self._due = 0.0  # who presses a button waits for nothing
         if button == "save" and injection is None:
             self._answer["said"] = "there is no injection yet"
@@ -83,11 +83,11 @@ class Session:
         for number, reader in enumerate(readers):
             seen, news = reader.seen(), reader.injections(self._sent[number])
             self._sent[number] = news[-1].count if news else self._sent[number]
-            asked = [each for (of, _), each in self._asked.items() if of == number]
-            without_curves = (replace(each, curves={}) for each in news[:-_WITH_CURVES])
+            asked = [injection for (of, _), injection in self._asked.items() if of == number]
+            without_curves = (replace(injection, curves={}) for injection in news[:-_WITH_CURVES])
             sent = [*asked, *without_curves, *news[-_WITH_CURVES:]]
-            said.append({**asdict(seen), "news": [_shown(each) for each in sent]})
-            curves += [each.data for each in sent]
+            said.append({**asdict(seen), "news": [_shown(injection) for injection in sent]})
+            curves += [injection.data for injection in sent]
         content = {
             "number": self._number,
             "now": time.time_ns(),

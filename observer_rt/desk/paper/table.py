@@ -87,8 +87,8 @@ def _printed(study: Study) -> pd.DataFrame:
         {
             "v_H": f"{case.nozzle_wear:+.1f}",
             "MSE of x3, model": f"{case.mse(Estimator.MODEL):.2e}",
-            **{f"MSE ratio: {each}": _ratio(case.mse_ratio(each)) for each in OBSERVERS},
-            **{f"mass error [%]: {each}": f"{100 * case.mass_error(each):+.2f}" for each in Estimator},
+            **{f"MSE ratio: {observer}": _ratio(case.mse_ratio(observer)) for observer in OBSERVERS},
+            **{f"mass error [%]: {estimator}": f"{100 * case.mass_error(estimator):+.2f}" for estimator in Estimator},
         }
         for case in study.cases
     )
@@ -112,9 +112,9 @@ def csv_table(study: Study) -> str:
     rows = [
         {
             "v_H": str(case.nozzle_wear),
-            **{f"x3_mse_{_key(each)}": case.mse(each) for each in Estimator},
-            **{f"x3_mse_ratio_{_key(each)}": case.mse_ratio(each) for each in OBSERVERS},
-            **{f"mass_error_pct_{_key(each)}": 100 * case.mass_error(each) for each in Estimator},
+            **{f"x3_mse_{_key(estimator)}": case.mse(estimator) for estimator in Estimator},
+            **{f"x3_mse_ratio_{_key(observer)}": case.mse_ratio(observer) for observer in OBSERVERS},
+            **{f"mass_error_pct_{_key(estimator)}": 100 * case.mass_error(estimator) for estimator in Estimator},
         }
         for case in study.cases
     ]

@@ -135,19 +135,13 @@ def _refuse_overlaps(events: tuple[Event, ...]) -> None:
             )
     if events[0].first_energizing < 0.0:
         early = -events[0].first_energizing / MILLISECOND
-        raise UserError(
-            SHOTS_OPTION,
-            f"the first shot would start {early:g} ms before the recording",
-            f"offsets go down to {-FIRST_EVENT / MILLISECOND:g} ms",
-        )
+        problem = f"the first shot would start {early:g} ms before the recording"
+        raise UserError(SHOTS_OPTION, problem, f"offsets go down to {-FIRST_EVENT / MILLISECOND:g} ms")
     for number, (before, after) in enumerate(pairwise(events), start=1):
         if before.last_energizing >= after.first_energizing:
             overlap = before.last_energizing - after.first_energizing
-            raise UserError(
-                PERIOD_OPTION,
-                f"event {number} lasts {overlap / MILLISECOND:g} ms into event {number + 1}",
-                "give a longer period",
-            )
+            problem = f"event {number} lasts {overlap / MILLISECOND:g} ms into event {number + 1}"
+            raise UserError(PERIOD_OPTION, problem, "give a longer period")
 
 
 def parse_rail_pressures(text: str) -> tuple[float, ...]:

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from observer_rt.config.effects import effect_named, parameter_named, value_in_bounds
 from observer_rt.desk.simulation.plant import Progress, Truth, run_plant
 from observer_rt.desk.simulation.schedule import Schedule, strokes
-from observer_rt.files.signals import table_writers
 from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording, shown_slowly
+from observer_rt.files.signals.table_writers import TRUTH, CsvWriter
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.files import replacing
-from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.effect import EffectParameter, SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model, sized
@@ -29,8 +28,6 @@ from observer_rt.model.parameters import InjectorParameters
 HIGHEST_CODE = 0xFFFD  # above it the bus says "error" and "not available"
 MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
 MAX_SAMPLE_RATE = 1e6  # Hz
-SAC_PRESSURE = table_writers.WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL)
-LINE_FLOW = table_writers.WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS)
 OPTION = "--effect"
 SAMPLE_RATE_OPTION = "--sample-rate"
 
@@ -98,11 +95,8 @@ def simulate(
     """
     model = effective_model(parameters, effects)
     if not MIN_SAMPLE_RATE <= sample_rate <= MAX_SAMPLE_RATE:
-        raise UserError(
-            SAMPLE_RATE_OPTION,
-            f"{sample_rate:g} Hz is out of range",
-            f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz",
-        )
+        problem = f"{sample_rate:g} Hz is out of range"
+        raise UserError(SAMPLE_RATE_OPTION, problem, f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz")
     time = np.arange(round(schedule.duration * sample_rate) + 1) / sample_rate
     truth = run_plant(model, strokes(schedule, model.injector), time, schedule.rail_pressure(time), progress, bounce)
     return Simulation(_measure(truth, model, noise, measured_rate, seed), truth)
@@ -113,20 +107,15 @@ def truth_path(recording: Path) -> Path:
     return recording.with_name(recording.name + TRUTH_SUFFIX)
 
 
+def printed_truth(truth: Truth) -> dict[str, NDArray[np.float64]]:
+    """Columns of the truth by their headings, in the units that these name."""
+    return {column.header: getattr(truth, column.channel) / column.factor for column in TRUTH}
+
+
 def write_truth(path: Path, truth: Truth) -> None:
     """Write the truth as CSV, units in the header. Raises `UserError` or `RunError` for the file."""
-    with file_errors(path), replacing(path) as part:
-        table_writers.write_columns(
-            part,
-            [
-                (table_writers.TIME, truth.time),
-                (table_writers.INJECTION_RATE, truth.injection_rate),
-                (table_writers.NEEDLE_LIFT, truth.needle_lift),
-                (table_writers.LINE_PRESSURE, truth.line_pressure),
-                (SAC_PRESSURE, truth.sac_pressure),
-                (LINE_FLOW, truth.line_flow),
-            ],
-        )
+    with file_errors(path), replacing(path) as part, CsvWriter(part, TRUTH) as writer:
+        writer.write([*printed_truth(truth).values()])
 
 
 def _measure(

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt import __version__
 from observer_rt.bus.alignment import MessageTiming, indices_of, is_stale, make_alignment, make_timekeeping, timing_of
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
@@ -30,6 +29,7 @@ from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_f
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import ServiceCondition, state_of_service
 from observer_rt.engine.words import Topic, is_good
+from observer_rt.foundation.version import __version__
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.surroundings import filed
 
@@ -225,11 +225,6 @@ class Core:
         return np.asarray(self.compiled.pipeline.receiver["sample"][0], np.float64)
 
     @property
-    def odd_lengths(self) -> list[int]:
-        """Bytes of every input message's last frame of another length than it has; -1: none came."""
-        return list(self.compiled.pipeline.receiver["odd_length"][0].tolist())
-
-    @property
     def protection(self) -> list[int]:
         """`E2EState` of every input message, those with samples first; NODATA of one that is not protected."""
         return list(self.compiled.pipeline.supervised["state"].tolist())
@@ -333,11 +328,8 @@ class Core:
 
     def _answer(self) -> None:
         """Give the stream the model, the command or the verdict that it waits for."""
-        if self.optional.is_model_due:
-            self.optional.change_model()
-        elif self.optional.is_news:
-            self.optional.read()
-        elif (judgement := self.compiled.observer.memory[0]["judgement"])["waiting"]:  # else it was read meanwhile
+        judgement = self.compiled.observer.memory[0]["judgement"]
+        if not self.optional.answer() and judgement["waiting"]:  # else it was read meanwhile
             self._judging.answer()
             judgement["waiting"] = False
 

@@ -74,10 +74,11 @@ class CommandReader:
         if self._last is None or since < 0:  # the first one, or all begins anew
             self._last = None
             self._lose()
-        elif self._tells_loss(reading, since):
-            self._lose()
+        elif since > self._longest or (reading.follows is False and not (self.by_index and self._longest < math.inf)):
+            self._lose()  # frames were lost before this one
         if not self._is_level:
-            return self._read_duration(first, float(reading.values[0]))
+            self._last, duration = first, float(reading.values[0])
+            return [Command(first, duration)] if 0.0 < duration < math.inf else []
         steady = self._level is not None and bool(((reading.values != 0.0) == self._level).all())
         if steady and not math.isnan(reading.values.sum()):
             self._last = first + round((self._samples - 1) * self._units)
@@ -89,11 +90,6 @@ class CommandReader:
                 commands.append(command)
         return commands
 
-    def _tells_loss(self, reading: EnergizingSignal, since: float) -> bool:
-        """Whether frames were lost before this one; since [samples]: from the last moment known."""
-        is_judged_by_time = self.by_index and self._longest < math.inf
-        return since > self._longest or (reading.follows is False and not is_judged_by_time)
-
     def _distance(self, earlier: int, later: int) -> float:
         """Distance in samples."""
         return samples_between(earlier, later) if self.by_index else (later - earlier) / self._units
@@ -102,10 +98,6 @@ class CommandReader:
         """Commands may have come unseen."""
         self._level = None
         self.under_way = None
-
-    def _read_duration(self, moment: int, duration: float) -> list[Command]:
-        self._last = moment
-        return [Command(moment, duration)] if 0.0 < duration < math.inf else []
 
     def _read_level(self, moment: int, value: float) -> Command | None:
         """Takes one sample; returns a command where energizing starts with it."""
@@ -213,7 +205,8 @@ class EnergizingWatch:
 
     def look(self) -> None:
         """Reports commands that have had their time without an opening, after samples were processed."""
-        if self._processed > 0 and not self._has_time:
+        # stamps may leave their clock, such as after it was set: then nobody knows when commands came
+        if self._processed > 0 and not (self._reader.by_index or self._compiled.is_grid_prompt(LATE_STAMP)):
             self._waiting.clear()
         if not self._waiting or self._processed == 0:
             return
@@ -227,7 +220,8 @@ class EnergizingWatch:
             if not (samples_between(end, self._newest) > 0 and self._processed - command.came > self._window):
                 continue
             if command.was_shut is None:
-                command.was_shut = self._was_shut(command)
+                begin = samples_between(self._newest, self._position(command.start)) + self._newest
+                command.was_shut = was_shut(self._compiled.observer, begin, begin + self._window)
             if not any(samples_between(opening, end) >= 0 for opening in undecided):
                 self._waiting.remove(command)
                 self._judge(command)
@@ -258,11 +252,6 @@ class EnergizingWatch:
         late = [each for each in late if not each[1].has_opened]
         return max(late, key=itemgetter(0))[1] if late else None
 
-    @property
-    def _has_time(self) -> bool:
-        """Whether it is known when commands came: not so while stamps leave their clock, such as after it was set."""
-        return self._reader.by_index or self._compiled.is_grid_prompt(LATE_STAMP)
-
     def _undecided_openings(self) -> list[int]:
         """Indices of the openings whose injections are not reported yet."""
         counts = self._compiled.observer.memory[0]["counts"]
@@ -275,11 +264,6 @@ class EnergizingWatch:
             now, then = (abs(samples_between(index, command.start)) for index in (self._newest, before))
             if not now < then:
                 self._waiting.remove(command)
-
-    def _was_shut(self, command: Command) -> bool:
-        """Whether the needle was shut as a command started, and samples tell what it did in its window."""
-        begin = samples_between(self._newest, self._position(command.start)) + self._newest
-        return was_shut(self._compiled.observer, begin, begin + self._window)
 
     def _judge(self, command: Command) -> None:
         """Judges a command whose window is over and whose openings are decided."""

@@ -33,7 +33,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate, refuse_unstable_cells
 from observer_rt.model.surroundings import Surroundings, in_surroundings
-from observer_rt.model.terms.term import Variable
+from observer_rt.model.terms.variable import Variable
 
 if TYPE_CHECKING:
     from observer_rt.engine.estimation.signal_noise import SlowNoise

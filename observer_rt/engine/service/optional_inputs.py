@@ -69,17 +69,17 @@ class OptionalInputs:
     def _look_on(self) -> None:
         self._memory["looks_at_each"] = self._watch is not None and self._watch.looks_at_each
 
-    @property
-    def is_news(self) -> bool:
-        """Whether a reading waits that is another than the one before."""
-        return bool(self._memory["is_news"])
+    def answer(self) -> bool:
+        """Change the model before samples are observed, or take readings; whether the stream waited for either."""
+        if self._memory["is_due"]:
+            self._change_model()
+        elif self._memory["is_news"]:
+            self.read()
+        else:
+            return False
+        return True
 
-    @property
-    def is_model_due(self) -> bool:
-        """Whether the model must change before samples are observed."""
-        return bool(self._memory["is_due"])
-
-    def change_model(self) -> None:
+    def _change_model(self) -> None:
         """Make the model that of the surroundings as measured; those that are not known stay."""
         memory, is_known = self._memory, ~np.isnan(self._memory["measured"])
         wanted = np.where(is_known, memory["measured"], memory["in_force"])

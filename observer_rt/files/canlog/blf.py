@@ -222,7 +222,6 @@ class BlfWriter(LogWriter):
     """Writer by python-can: stamps are float seconds there, off by less than 1 us. Channels count from 1."""
 
     def __init__(self, path: Path, start_ns: int) -> None:
-        """See `LogWriter`."""
         super().__init__(path, start_ns // MILLISECOND * MILLISECOND if start_ns >= OLDEST_START else 0)
         self._writer = _FlushedBlf(path, compression_level=FASTEST_PACKING)
         self._writer.start_timestamp = self._writer.stop_timestamp = self._start / NANOSECONDS

@@ -33,8 +33,7 @@ _COLOUR = re.compile(r"\x1b\[[\d;]*m")
 class CandumpLog(TextLogReader):
     """Reader; a line that begins with `#` is a comment.
 
-    python-can reads neither comments nor screen output, takes most error frames for data frames, and
-    keeps no ns.
+    python-can reads neither comments nor screen output, takes most error frames for data frames, and keeps no ns.
     """
 
     kind = "a candump log"
@@ -99,7 +98,6 @@ class CandumpWriter(LogWriter):
     """Writer; stamps have six digits where those are enough, else nine."""
 
     def __init__(self, path: Path, start_ns: int) -> None:
-        """See `LogWriter`."""
         super().__init__(path, start_ns)
         self._file = path.open("w", encoding="utf-8", newline="\n")
 

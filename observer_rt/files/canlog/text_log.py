@@ -39,7 +39,7 @@ def other_kind(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD).removeprefix(b"\xef\xbb\xbf").replace(b'"', b"")
     begins = (head, head.lstrip())
-    remedies = (each for mark, each in _OTHER_KINDS.items() if any(begin.startswith(mark) for begin in begins))
+    remedies = (remedy for mark, remedy in _OTHER_KINDS.items() if any(begin.startswith(mark) for begin in begins))
     remedy = next(remedies, "")
     if not remedy.startswith("."):
         return remedy

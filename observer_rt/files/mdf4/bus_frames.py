@@ -34,7 +34,7 @@ def is_log(path: Path) -> Iterator[Answer]:
     """Whether a file holds CAN frames, or can be nothing but a log whose frames were lost; once."""
     with opened(path) as file:
         full = [group for group in file.groups if group.channel_group.cycles_nr]
-        others = [each for each in full if not (_is_of_bus(each) or each.channel_group.flags & FLAG_CG_VLSD)]
+        others = [group for group in full if not (_is_of_bus(group) or group.channel_group.flags & FLAG_CG_VLSD)]
         yield any(_holds(group, DATA) for group in full) or (any(map(_is_of_bus, file.groups)) and not others), {}
 
 
@@ -44,19 +44,19 @@ def frames(path: Path) -> Iterator[Answer]:
     Frames of several groups are put in order of time; what steps back within one group stays as it is.
     """
     with opened(path) as file:
-        numbers = [n for n, each in enumerate(file.groups) if _holds(each, DATA) and each.channel_group.cycles_nr]
+        numbers = [n for n, group in enumerate(file.groups) if _holds(group, DATA) and group.channel_group.cycles_nr]
         groups = [_Frames(file, number) for number in numbers]
         total, error, remote = (
-            sum(int(each.channel_group.cycles_nr) for each in file.groups if is_counted(each))
-            for is_counted in (_is_of_bus, lambda each: _holds(each, ERROR), lambda each: _holds(each, REMOTE))
+            sum(int(group.channel_group.cycles_nr) for group in file.groups if is_counted(group))
+            for is_counted in (_is_of_bus, lambda group: _holds(group, ERROR), lambda group: _holds(group, REMOTE))
         )
-        data = sum(int(each.is_valid.sum()) for each in groups)
+        data = sum(int(group.is_valid.sum()) for group in groups)
         remarks = [*_contradictions(file, groups)]
         if not data:
             remarks.append("it is a CAN log without a data frame: nothing was recorded, or it is damaged")
         totals = [data, error, remote, total - data - error - remote, remarks]
-        owners = np.repeat(np.arange(len(groups)), [each.stamps.size for each in groups])
-        times = [np.maximum.accumulate(each.stamps) for each in groups]
+        owners = np.repeat(np.arange(len(groups)), [group.stamps.size for group in groups])
+        times = [np.maximum.accumulate(group.stamps) for group in groups]
         owners = owners[np.argsort(np.concatenate([*times, np.empty(0, np.int64)]), kind="stable")]
         yield totals, {"records": np.empty(0, RECORD)}
         for first in range(0, owners.size, RECORDS_AT_ONCE):
@@ -196,7 +196,7 @@ class _Frames:
         values = self._values(field, is_number)
         if values.dtype.kind not in "SUO":
             return _whole_numbers(field, values).astype(np.str_)
-        texts = [each.decode("utf-8", "replace") if isinstance(each, bytes) else str(each) for each in values]
+        texts = [value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value) for value in values]
         if max(map(len, texts), default=0) > CHANNEL_NAME:
             raise ValueError(f"'{max(texts, key=len)}' in its frames is longer than {CHANNEL_NAME} characters")
         return np.array([text.strip().lower() for text in texts], np.str_)

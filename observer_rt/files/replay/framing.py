@@ -244,7 +244,7 @@ def _merged(messages: Sequence[FramedRecording]) -> FramedRecording:
 def clamped_in(survey: Survey, bus: BusMap) -> list[str]:
     """Lines for the roles with values that the bus cannot hold, which are clamped when sent."""
     warnings = []
-    for role in (each for each in ROLES if each.value in survey.signals):
+    for role in (known for known in ROLES if known.value in survey.signals):
         extremes, limits = survey.signals[role.value], role_range(bus, role)
         unit, factor = _SHOWN_UNIT[role]
         for reached, limit, is_beyond in (

@@ -70,7 +70,7 @@ class LogFrames:
             present[channel] = None
         self.sent, self.channels, self.notes = frozenset(sent), tuple(present), tuple(log.notes())
         if not sent:
-            wanted = ", ".join(each for each in channels.values() if each is not None)
+            wanted = ", ".join(channel for channel in channels.values() if channel is not None)
             what = f"frame of channel {wanted}" if wanted else "frame but results of the observer"
             raise UserError(
                 str(path), "; ".join([f"holds no data {what}", *self.notes]), "record the inputs on that channel"
@@ -136,7 +136,7 @@ def recording_source(bench: Bench, path: Path, windowed: bool, console: Console)
     with progress_bar(console, f"looking through {path.name}", None):
         frames = recording_frames(stream, bus, windowed)
     inputs = frozenset(Sent(layout.bus, layout.frame_id, layout.is_extended) for layout in bus.input_layouts)
-    buses = {each.bus: bench.config.buses[each.bus].config for each in inputs}
+    buses = {message.bus: bench.config.buses[message.bus].config for message in inputs}
     return ReplaySource(frames, stream.grid_samples / stream.sample_rate, inputs, buses)
 
 
@@ -150,16 +150,13 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
     with ExitStack() as stack:
         links = {}
         for bus, config in buses.items():
-            mine = sorted((each.identifier, each.is_extended) for each in sent if each.bus == bus)
+            mine = sorted((message.identifier, message.is_extended) for message in sent if message.bus == bus)
             links[bus] = stack.enter_context(open_link(config.interface, config.channel, config.fd, mine))
         traffic = first_heard(links, stop)
     if traffic is not None:
         config = buses[traffic.bus]
-        raise UserError(
-            f"{config.interface} {config.channel}",
-            f"another sender is active: frames with identifier 0x{traffic.frame.frame_id:X} come in already",
-            "stop it, or send all the same (--force)",
-        )
+        problem = f"another sender is active: frames with identifier 0x{traffic.frame.frame_id:X} come in already"
+        raise UserError(f"{config.interface} {config.channel}", problem, "stop it, or send all the same (--force)")
 
 
 @dataclass(frozen=True)

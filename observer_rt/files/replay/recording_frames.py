@@ -32,9 +32,9 @@ def recording_frames(stream: SignalStream, bus: BusMap, windowed: bool) -> Itera
         raise UserError("--windowed", f"no injection in {stream.path or 'the recording'}", "send it continuous")
     piece = block * max(1, ENCODED_AT_ONCE // block)
     cut_up = (
-        framing.Span(start, min(start + piece, one.end))
-        for one in spans
-        for start in range(one.start, one.end, piece)
+        framing.Span(start, min(start + piece, span.end))
+        for span in spans
+        for start in range(span.start, span.end, piece)
     )
     return _frames_of(stream, bus, cut_up)
 
@@ -86,7 +86,7 @@ class Device:
         """Number of samples that fill frames of every message."""
         self._layouts = bus.input_layouts
         # of the input messages
-        self._keys = np.array([each.key for each in self._layouts], np.int64)
+        self._keys = np.array([layout.key for layout in self._layouts], np.int64)
         delays = [float(message_timing(bus, n)["delay"]) for n in range(len(self._layouts))]
         self._delays = np.rint(np.array(delays) * NANOSECONDS).astype(np.int64)
         self._start = 0  # ns, of the stretch

@@ -29,15 +29,15 @@ class ArrowTable(Table):
         super().__init__(path, config, is_own)
         self.mapped = present(path, self._wanted(), schema.names, is_own)
         self.columns = {field.name: _unit(field) for field in schema}
-        self.units = {name: unit for name, each in self.mapped.items() if (unit := self.columns[each.column])}
+        self.units = {name: unit for name, column in self.mapped.items() if (unit := self.columns[column.column])}
         self.rasters = (tuple(name for name in self.mapped if name != TIME),)
         self.layout = f"{len(schema.names)} columns"
         self._origin = 0
         if TIME in self.mapped and _is_calendar(schema.field(self.mapped[TIME].column).type):
             self.units[TIME] = "s"
             moments = (_moments(batch.column(0)) for batch in self._batches([self.mapped[TIME].column]))
-            stamped = (each[each != NO_MOMENT] for each in moments)
-            self._origin = next((int(each[0]) for each in stamped if each.size), 0)
+            stamped = (moment[moment != NO_MOMENT] for moment in moments)
+            self._origin = next((int(moment[0]) for moment in stamped if moment.size), 0)
             self.origin = self._origin / 1e9
 
     @abstractmethod
@@ -50,7 +50,7 @@ class ArrowTable(Table):
         row = 0
         for batch in self._batches(names):
             columns = {name: self._numbers(batch.column(place), name) for place, name in enumerate(names)}
-            yield self._part({name: columns[each.column] for name, each in self.mapped.items()}, row)
+            yield self._part({name: columns[column.column] for name, column in self.mapped.items()}, row)
             row += batch.num_rows
 
     def location(self, row: int, raster: int) -> str:
@@ -93,9 +93,9 @@ class ParquetTable(ArrowTable, FileTable):
 def headings_of(schema: Any) -> list[Heading]:
     """Headings of the columns of numbers and moments of an Arrow schema."""
     return [
-        Heading(each.name, _unit(each), None, _is_calendar(each.type))
-        for each in schema
-        if _is_calendar(each.type) or _is_number(each.type)
+        Heading(field.name, _unit(field), None, _is_calendar(field.type))
+        for field in schema
+        if _is_calendar(field.type) or _is_number(field.type)
     ]
 
 

@@ -112,7 +112,7 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False,
     if config is not None:
         wanted |= dict(config.signals) | ({} if config.time is None else {TIME: config.time})
         stated, decimal = config.separator, config.decimal
-    trials = [_trial(lines, each, wanted, fewest) for each in ([stated] if stated else _WORDS)]
+    trials = [_trial(lines, separator, wanted, fewest) for separator in ([stated] if stated else _WORDS)]
     best = max(trials, key=lambda trial: trial.score)
     first = best.fitting[0] if best.fitting else len(lines)
     rows = tuple(best.cells[number] for number in best.fitting)

@@ -140,7 +140,7 @@ class MappedSignals(TableSignals):
             name: axis.at(grid, position[rises], values[:count][rises]) for name, values in rows.signals.items()
         }
         passed = int(np.searchsorted(np.maximum.accumulate(position), grid[-1] - 1.0)) if count else 0
-        longest = max(each.reach for each in self._axes)
+        longest = max(axis.reach for axis in self._axes)
         kept = math.ceil(longest * self.sample_rate) + 2  # rows that a bridge may begin with
         rows.drop(max(0, min(passed - kept, count - 1)))
         return signals
@@ -176,38 +176,26 @@ class MappedSignals(TableSignals):
         for part in self._parts(raster):
             bad = np.flatnonzero(~np.isfinite(part.time))
             if bad.size:
-                raise UserError(
-                    self._table.location(rows + int(bad[0]), raster),
-                    "the time is not a finite number",
-                    "mend the line",
-                )
+                problem = "the time is not a finite number"
+                raise UserError(self._table.location(rows + int(bad[0]), raster), problem, "mend the line")
             self._look_at(part, rows, raster)
             rows += part.time.size
             yield part
 
     def _refuse_disorder(self, restarts: int, rows: int) -> None:
         if restarts > max(MOST_RESTARTS * rows, 1.0):
-            raise UserError(
-                str(self.path),
-                f"its rows are not in the order of time: it steps back in {restarts} of {rows}",
-                "sort the rows by their time",
-            )
+            problem = f"its rows are not in the order of time: it steps back in {restarts} of {rows}"
+            raise UserError(str(self.path), problem, "sort the rows by their time")
 
     def _usable_runs(self) -> list[RowRun]:
         axis = self._axes[self._main]
         rate = 1.0 / axis.period
         if not self.sample_rate / SLOWEST <= rate <= self.sample_rate * FASTEST:
-            raise UserError(
-                str(self.path),
-                f"is sampled at {rate:.6g} Hz, to be put on {self.sample_rate:g} Hz of sampling.rate_hz",
-                "check column and unit of the time, and rate_hz",
-            )
-        if len(self._axes) > 1 and any(run.is_restart for each in self._axes for run in each.runs):
-            raise UserError(
-                str(self.path),
-                "the time of a channel steps back, and its channels have several times",
-                "split it there",
-            )
+            problem = f"is sampled at {rate:.6g} Hz, to be put on {self.sample_rate:g} Hz of sampling.rate_hz"
+            raise UserError(str(self.path), problem, "check column and unit of the time, and rate_hz")
+        if len(self._axes) > 1 and any(run.is_restart for other in self._axes for run in other.runs):
+            problem = "the time of a channel steps back, and its channels have several times"
+            raise UserError(str(self.path), problem, "split it there")
         runs = [run for run in axis.runs if self._samples(run) >= 2]
         if not runs:
             raise UserError(

@@ -35,15 +35,15 @@ class Mdf4Table(FileTable):
         if config.time is not None:
             self.notes.append(f"{path}: [recording.time] is passed over, MDF4 channels have their own time")
         channels = _channels(path)
-        self.columns = {each.name: each.unit for each in reversed(channels)}
+        self.columns = {channel.name: channel.unit for channel in reversed(channels)}
         self.mapped = present(path, dict(config.signals), self.columns, is_own, self.word)
         self._channels = {name: self._channel(column, channels) for name, column in self.mapped.items()}
-        self.units = {name: each.unit for name, each in self._channels.items() if each.unit}
-        self._groups = sorted({each.group for each in self._channels.values()})
+        self.units = {name: channel.unit for name, channel in self._channels.items() if channel.unit}
+        self._groups = sorted({channel.group for channel in self._channels.values()})
         self.rasters = tuple(
-            tuple(name for name, each in self._channels.items() if each.group == group) for group in self._groups
+            tuple(name for name, of in self._channels.items() if of.group == group) for group in self._groups
         )
-        for surplus in dict.fromkeys(each.surplus for each in self._channels.values() if each.surplus):
+        for surplus in dict.fromkeys(channel.surplus for channel in self._channels.values() if channel.surplus):
             self.notes.append(
                 f"{path}: its heading leaves out {surplus} samples that are in it: it may be damaged"
                 if surplus > 0
@@ -56,12 +56,12 @@ class Mdf4Table(FileTable):
     def headings(path: Path) -> Sequence[Heading]:
         """Channels, with their group where several have one name; without the device that INCA puts behind it."""
         channels = _channels(path)
-        names = Counter(each.name for each in channels)
+        names = Counter(channel.name for channel in channels)
         by_place: dict[tuple[int, int], list[Channel]] = {}
         for channel in channels:
             by_place.setdefault((channel.group, channel.number), []).append(channel)
-        chosen = [min(same, key=lambda each: (names[each.name], len(each.name))) for same in by_place.values()]
-        return [Heading(each.name, each.unit, each.group if names[each.name] > 1 else None) for each in chosen]
+        chosen = [min(same, key=lambda entry: (names[entry.name], len(entry.name))) for same in by_place.values()]
+        return [Heading(entry.name, entry.unit, entry.group if names[entry.name] > 1 else None) for entry in chosen]
 
     def parts(self, raster: int) -> Iterator[TablePart]:
         """Parts of a group."""
@@ -91,15 +91,15 @@ class Mdf4Table(FileTable):
 
     def _channel(self, column: ColumnConfig, channels: Sequence[Channel]) -> Channel:
         """The channel of a name that is there."""
-        candidates = [each for each in channels if each.name == column.column]
-        chosen = [each for each in candidates if column.group in (None, each.group)]
+        candidates = [channel for channel in channels if channel.name == column.column]
+        chosen = [channel for channel in candidates if column.group in (None, channel.group)]
         if len(chosen) == 1:
             return chosen[0]
         times = f"appears {len(candidates)} times: it " if len(candidates) > 1 else ""
         other = f", not in {column.group}" if column.group is not None else ""
         raise UserError(
             f"{self.path}, channel {column.column}",
-            f"{times}is in the groups {', '.join(str(each.group) for each in candidates)}{other}",
+            f"{times}is in the groups {', '.join(str(channel.group) for channel in candidates)}{other}",
             f"say which in [recording] of the bench file, group = {candidates[0].group}, "
             "or keep one channel of this name",
         )

@@ -45,15 +45,15 @@ def layout_of(
     Raises `UserError` with the section to write where a signal has no heading or unit of its own, or several.
     """
     choices = [chosen(signal, headings) for signal in _ALIASES if signal != TIME or not brings_time]
-    needed = [each for each in choices if is_needed(each.signal, has_shots) or each.heading is not None]
-    problems = [f"{each.signal}: {each.problem}" for each in needed if each.problem]
+    needed = [choice for choice in choices if is_needed(choice.signal, has_shots) or choice.heading is not None]
+    problems = [f"{choice.signal}: {choice.problem}" for choice in needed if choice.problem]
     if problems:
         raise UserError(
             location,
             f"its headings do not say which column is which signal: {'; '.join(problems)}",
             f"say it in a bench file, given by --bench:\n\n{_section(needed, headings)}\n",
         )
-    return RecordingConfig.model_validate({each.signal: dict(entries(each)) for each in needed})
+    return RecordingConfig.model_validate({choice.signal: dict(entries(choice)) for choice in needed})
 
 
 def in_words(layout: RecordingConfig) -> str:
@@ -93,9 +93,9 @@ def signals_named(name: str) -> set[str]:
 
 def chosen(signal: str, headings: Sequence[Heading]) -> HeadingChoice:
     """The heading that names a signal."""
-    named = {each: unit_of(signal, each) for each in headings if signal in signals_named(each.name)}
-    fitting = {each: unit for each, unit in named.items() if unit or not each.unit}
-    several = {each: unit for each, unit in fitting.items() if unit or each.is_calendar} or fitting
+    named = {heading: unit_of(signal, heading) for heading in headings if signal in signals_named(heading.name)}
+    fitting = {heading: unit for heading, unit in named.items() if unit or not heading.unit}
+    several = {heading: unit for heading, unit in fitting.items() if unit or heading.is_calendar} or fitting
     if len(several) == 1:
         ((heading, unit),) = several.items()
         has_unit = unit or (signal == TIME and heading.is_calendar)
@@ -104,7 +104,7 @@ def chosen(signal: str, headings: Sequence[Heading]) -> HeadingChoice:
         heading = next(iter(named))
         return HeadingChoice(signal, None, problem=f"'{heading.unit}' of '{heading.name}' is no unit of it")
     shown = " or ".join(
-        f"'{each.name}'" + ("" if each.group is None else f" of group {each.group}") for each in several
+        f"'{heading.name}'" + ("" if heading.group is None else f" of group {heading.group}") for heading in several
     )
     return HeadingChoice(signal, None, problem=f"could be {shown}" if several else "no heading names it")
 
@@ -113,7 +113,7 @@ def unit_of(signal: str, heading: Heading) -> str:
     """Unit that is stated, or else ends the name, as `rail_pressure_MPa`."""
     if heading.unit or heading.is_calendar:
         return known_unit(signal, heading.unit)
-    ends = [heading.name[each.end() :] for each in re.finditer(r"[_ .]", heading.name)]
+    ends = [heading.name[end.end() :] for end in re.finditer(r"[_ .]", heading.name)]
     return next(filter(None, (known_unit(signal, end) for end in ends)), "")
 
 

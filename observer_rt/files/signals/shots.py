@@ -20,16 +20,16 @@ def take_shots(path: Path, stream: TableSignals) -> None:
     Raises `UserError` for a recording that a table cannot tell of, for headings without names or units, and for a row
     that is no shot of the recording after the one above it.
     """
-    bounds = np.ravel([(each.start, each.start + each.samples / stream.sample_rate) for each in stream.stretches])
+    bounds = np.ravel([(part.start, part.start + part.samples / stream.sample_rate) for part in stream.stretches])
     if "energizing" in stream.optional or np.any(np.diff(bounds) < 0.0):
         problem = "is beside a recording that has a column 'energizing', or whose time begins anew"
         raise UserError(str(path), problem, "rename or delete this table or the column; or split the file there")
     with file_errors(path):
         dialect = dialect_of(path, None, fewest=2)
         timed = {heading: unit for heading in dialect.headings if (unit := unit_of(TIME, heading))}
-        named = [[each for each in timed if each.name.lower().startswith(word)] for word in ("start", "length")]
+        named = [[column for column in timed if column.name.lower().startswith(word)] for word in ("start", "length")]
         if [len(found) for found in named] != [1, 1]:
-            problem = f"no start and length with units of time: {', '.join(each.name for each in dialect.headings)}"
+            problem = f"no start and length with units of time: {', '.join(head.name for head in dialect.headings)}"
             remedy = "write names and units of both above the numbers: start_s,length_us"
             raise UserError(f"{path}, line {dialect.heading}", problem, remedy)
         columns = [TimeConfig(column=heading.name) for (heading,) in named]

@@ -107,11 +107,8 @@ class SignalStream(ABC):
             end = before.start + before.samples / self.sample_rate
             hole = round((after.start - end) * self.sample_rate)
             if hole > LONGEST_HOLE:
-                raise UserError(
-                    str(self.path),
-                    f"nothing was recorded from {end:.6g} s to {after.start:.6g} s",
-                    "split the file there",
-                )
+                problem = f"nothing was recorded from {end:.6g} s to {after.start:.6g} s"
+                raise UserError(str(self.path), problem, "split the file there")
             places.append(places[-1] + before.samples + (hole if hole > 0 else round(self.sample_rate)))
         return places
 

@@ -115,7 +115,7 @@ class FileTable(Table):
     @classmethod
     def names(cls, path: Path) -> Collection[str]:
         """Names of the columns, of a file in our own layout all."""
-        return [each.name for each in cls.headings(path)]
+        return [heading.name for heading in cls.headings(path)]
 
 
 def present(
@@ -133,8 +133,8 @@ def present(
             raise UserError(
                 str(path),
                 f"{word} '{column.column}' is missing{hint(column.column, names)}",
-                f"name the {word}s {', '.join(each.column for each in wanted.values())}, or say in [recording] of a "
-                f"bench file which is which: it has {', '.join(list(names)[:40])}",
+                f"name the {word}s {', '.join(named.column for named in wanted.values())}, or say in [recording] of "
+                f"a bench file which is which: it has {', '.join(list(names)[:40])}",
             )
     return columns
 

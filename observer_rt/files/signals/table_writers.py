@@ -190,6 +190,11 @@ SI = (  # every double comes back as it was
     ENERGIZING,
     WrittenColumn("chamber_pressure_Pa", "chamber_pressure", "Pa"),
 )
+TRUTH = (  # of a simulation
+    *(TIME, INJECTION_RATE, NEEDLE_LIFT, LINE_PRESSURE),
+    WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL),
+    WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS),
+)
 _LAYOUTS = {".csv": PRINTED, ".mf4": SI, ".parquet": SI}
 
 
@@ -200,7 +205,7 @@ def recording_writer(path: Path, recorded: Collection[str]) -> Iterator[Callable
     recorded: names of the signals that the parts have.
     """
     suffix = path.suffix.lower()
-    columns = [each for each in _LAYOUTS[suffix] if each.channel in ("time", *recorded)]
+    columns = [column for column in _LAYOUTS[suffix] if column.channel in ("time", *recorded)]
     with TABLE_WRITERS[suffix](path, columns) as writer:
 
         def write(part: Recording) -> None:
@@ -208,9 +213,3 @@ def recording_writer(path: Path, recorded: Collection[str]) -> Iterator[Callable
             writer.write([arrays[column.channel] / column.factor for column in columns])
 
         yield write
-
-
-def write_columns(path: Path, columns: Sequence[tuple[WrittenColumn, NDArray[np.float64]]]) -> None:
-    """Write SI arrays of one length (n,) as CSV columns in their printed units, NaN as an empty cell."""
-    with CsvWriter(path, [column for column, _ in columns]) as writer:
-        writer.write([values / column.factor for column, values in columns])

@@ -34,7 +34,8 @@ from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.fuel import USUAL_PRESSURE
 from observer_rt.model.parameters import EffectInForce
 from observer_rt.model.terms.in_force import TermInForce
-from observer_rt.model.terms.term import Term, Variable
+from observer_rt.model.terms.term import Term
+from observer_rt.model.terms.variable import Variable
 
 FINDINGS = "findings.json"
 LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number

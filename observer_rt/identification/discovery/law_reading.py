@@ -9,7 +9,7 @@ import numpy as np
 
 from observer_rt.core.model.model import Operation
 from observer_rt.model.terms.law import ZERO, Call, Coefficient, Law, Number, Quantity
-from observer_rt.model.terms.term import Variable
+from observer_rt.model.terms.variable import Variable
 
 GATES = {
     Variable.OPEN: "while the needle is open",

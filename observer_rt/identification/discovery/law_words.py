@@ -8,7 +8,8 @@ from observer_rt.core.model.model import Operation
 from observer_rt.foundation.units import MICROMETRE, MILLIMETRE, shown, sign, significant
 from observer_rt.identification.discovery.law_reading import GATES, SINCE, StraightLaw, line_of, product_of, with_unit
 from observer_rt.model.terms.law import ONE, ZERO, Call, Lag, Law, LawTable, Number, Resonance
-from observer_rt.model.terms.term import Term, TermEquation, Variable
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import Variable
 
 _AS_IF: Mapping[TermEquation, tuple[str, str, str]] = {
     TermEquation.LINE_FLOW: ("the line lost more pressure, by", "the line lost {} less", "the line lost {} more"),

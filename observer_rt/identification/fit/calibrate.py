@@ -104,11 +104,6 @@ class CalibrationResult:
         return self.fitted.injector
 
     @property
-    def offsets(self) -> NDArray[np.float64]:
-        """Offsets of the line-pressure sensor in each fold [MPa]."""
-        return self.fitted.minimum.at.theta[len(self.fitted.calibration.free) :]
-
-    @property
     def sizes(self) -> dict[str, FittedNumber]:
         """The parameters fitted, by name."""
         sizes = {}
@@ -220,8 +215,7 @@ def calibrate(
             choice, folds = replace(choice, best=again), tuple(by_meter(fold, free) for fold in folds)
     fine = [replace(thinned(fold, FINE_EVENTS), rate_shape=has_shape) for fold in folds]
     best, kept = settled(choice.best, file, fine)
-    offsets = best.minimum.at.theta[len(best.calibration.free) :]
-    comparison = compared(file, best.injector, offsets, best.calibration.folds)
+    comparison = compared(file, best.injector, best.offsets, best.calibration.folds)
     done = CalibrationResult(file, recordings, choice, best, kept, level, comparison, misfit, meter or ())
     if done.above_gate:
         done = replace(done, causes=tried_causes(choice.best))
@@ -300,7 +294,7 @@ def _largest(figures: Sequence[Mapping[Phase, float]]) -> PhaseFigures:
 
 def _remainder(done: CalibrationResult) -> HealthyRemainder:
     """Measures what the fitted model leaves of its injections, each fold compared with the others."""
-    offset = float(np.mean(done.offsets)) * MEGAPASCAL
+    offset = float(np.mean(done.fitted.offsets)) * MEGAPASCAL
     model = effective_model(done.injector).with_terms("sensor", offset=offset)
     likelihood = joint_likelihood([fold.measurement for fold in done.fitted.calibration.folds], model)
     remainder = healthy_remainder(likelihood, model, seen_in(has_lift=True))

@@ -86,7 +86,7 @@ def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[
         masses=comparison.masses(done.flow_level),
         mass_share=done.mass_share,
         told_shares=tuple(done.told_shares.tolist()),
-        line_pressure_offsets_MPa=tuple(done.offsets.tolist()),
+        line_pressure_offsets_MPa=tuple(done.fitted.offsets.tolist()),
         baseline=baseline,
         warnings=tuple(warnings),
         oddities=tuple(oddities(done)),

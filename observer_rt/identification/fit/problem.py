@@ -18,8 +18,8 @@ from observer_rt.model.effective import EffectiveModel, coefficients
 from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.hydraulics import END as END_BEFORE
 from observer_rt.model.hydraulics import START
-from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters, LineOutflow
-from observer_rt.model.wave_line import DAMPING, FEWEST_CELLS, RESOLVED, STABLE, cells_for
+from observer_rt.model.parameters import FEWEST_CELLS, EffectInForce, EffectValue, InjectorParameters, LineOutflow
+from observer_rt.model.wave_line import DAMPING, RESOLVED, STABLE, cells_for
 
 CALM = 0.93  # of what a step may be, so that a fit can still move
 _DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}

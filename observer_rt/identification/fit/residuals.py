@@ -158,8 +158,7 @@ def without(calibration: Calibration, at: Quadratic, left_out: Sequence[int]) ->
     kept = np.setdiff1d(np.arange(at.theta.size), held)
     theta = at.theta.copy()
     theta[kept] -= np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True) @ gradient[kept]
-    lowest = np.array([r.lowest for r in calibration.ranges])
-    highest = np.array([r.highest for r in calibration.ranges])
+    lowest, highest = np.array([(range_.lowest, range_.highest) for range_ in calibration.ranges]).T
     return np.clip(theta, lowest, highest)
 
 

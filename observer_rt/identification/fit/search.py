@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.fit import problem
@@ -51,6 +52,11 @@ class FittedStructure:
     def injector(self) -> InjectorParameters:
         """The injector fitted."""
         return self.calibration.injector(self.minimum.at.theta)
+
+    @property
+    def offsets(self) -> NDArray[np.float64]:
+        """Offsets of the line-pressure sensor in each fold [MPa]."""
+        return self.minimum.at.theta[len(self.calibration.free) :]
 
     @property
     def mass(self) -> float:
@@ -150,30 +156,26 @@ def searched(
     file: InjectorParameters,
     free: Sequence[problem.FreeParameter],
     folds: Sequence[Fold],
-    iterations: int,
 ) -> FittedStructure | FailedStructure:
-    """A structure fitted from the numbers of the file, the line's stiffness and damping being sought first.
+    """A structure fitted coarsely from the numbers of the file, the line's stiffness and damping being sought first.
 
     A line in one lump has no travelling waves: the file's numbers do. Where a search ends with much unexplained
     they are sought once more, by the orifices found by then.
     """
     if problem.WAVE_DAMPING not in structure.free:
-        return fitted(structure, file, free, folds, iterations)
+        return fitted(structure, file, free, folds, ROUGH_ITERATIONS)
     few = tuple(thinned(fold, 1) for fold in folds)
     start = _best(structure, _around(file, free), free, few)
-    structure_fit = fitted(structure, start, free, folds, iterations, SPARE)
+    structure_fit = fitted(structure, start, free, folds, ROUGH_ITERATIONS, SPARE)
     if isinstance(structure_fit, FailedStructure) or structure_fit.left.mean < EXPLAINED:
         return structure_fit
     here = structure_fit.injector
     again = _best(structure, [here, *_around(here, free)], free, few)
     if again is here:
         return structure_fit
-    other = fitted(structure, again, free, folds, iterations, SPARE)
-    return (
-        other
-        if isinstance(other, FittedStructure) and other.minimum.statistic < structure_fit.minimum.statistic
-        else structure_fit
-    )
+    other = fitted(structure, again, free, folds, ROUGH_ITERATIONS, SPARE)
+    is_better = isinstance(other, FittedStructure) and other.minimum.statistic < structure_fit.minimum.statistic
+    return other if is_better else structure_fit
 
 
 def certain_groups(structure: FittedStructure) -> tuple[tuple[problem.FreeParameter, ...], ...]:

@@ -129,7 +129,7 @@ def _fullest(
     stiffens = WAVE_DAMPING in structure.free or STIFFENING.stated(file)
     every = [one for group in OPTIONAL_GROUPS for one in group]
     free = [*structure.free, *further, *every, *((STIFFENING,) if stiffens else ())]
-    full = searched(structure, file, free, folds, ROUGH_ITERATIONS)
+    full = searched(structure, file, free, folds)
     if isinstance(full, FailedStructure):
         return full
 

@@ -123,7 +123,8 @@ class RecordingLikelihood:
 
     def judge(self, model: EffectiveModel) -> JudgedModel | None:
         """Compare with a model; None where its solution is not finite or cannot be had."""
-        stable = self._stable(model)
+        measurement = self.measurement
+        stable = in_stable_cells(measurement.as_recorded(model), measurement.interval, self._highest_pressure)
         if stable is None:
             return None
         model = stable
@@ -205,11 +206,6 @@ class RecordingLikelihood:
         return np.concatenate(
             [e.clock.time + interval * np.arange(e.counted - e.start, e.end - e.start) for e in events]
         )
-
-    def _stable(self, model: EffectiveModel) -> EffectiveModel | None:
-        """A model as this recording has it, in cells that are stable."""
-        measurement = self.measurement
-        return in_stable_cells(measurement.as_recorded(model), measurement.interval, self._highest_pressure)
 
     def _predicted(
         self,

@@ -164,11 +164,8 @@ def _of_recording(recording: Recording) -> Measurement:
 def refuse_slow(recording: Sampled) -> None:
     """Raise `UserError` for a sample rate at which the line's ringing does not show."""
     if recording.sample_rate < LOWEST_SAMPLE_RATE:
-        raise UserError(
-            _name(recording),
-            f"{recording.sample_rate:g} samples a second do not show the ringing of the line",
-            f"record with {LOWEST_SAMPLE_RATE:g} Hz or more",
-        )
+        problem = f"{recording.sample_rate:g} samples a second do not show the ringing of the line"
+        raise UserError(_name(recording), problem, f"record with {LOWEST_SAMPLE_RATE:g} Hz or more")
 
 
 def measurement_of(

@@ -12,7 +12,8 @@ import numpy as np
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.terms.law import Lag, Law, Resonance, Values
-from observer_rt.model.terms.term import Term, TermEquation, Variable
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import Variable
 
 FAR = 5.0  # times the equation's bounds
 LEAST_LOSS_SLOPE = -0.005  # of the pressure lost by line_flow, the line's own included, MPa/(mm3/ms)

@@ -14,7 +14,8 @@ from observer_rt.core.model.model import Operation
 from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.model.terms.law import Call, Coefficient, Lag, Law, LawTable, Number, Quantity, Resonance
-from observer_rt.model.terms.term import PURE, UNIT_NAMES, VARIABLES, Term, TermEquation, Unit, Variable, unit_named
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import PURE, UNIT_NAMES, VARIABLES, Unit, Variable, unit_named
 
 SeenRange = Mapping[Variable, tuple[float, float]]
 """Lowest and highest value of variables, in their units."""
@@ -170,11 +171,8 @@ class _Check:
             self.coefficient = remaining.to(1.0 / (left.c - right.c))
         left, right = self._resolved(left), self._resolved(right)
         if left != right:
-            raise UserError(
-                "units",
-                f"{first} is in {left}, {second} is in {right}",
-                "give a number the missing unit, such as 100[MPa], or correct the law",
-            )
+            problem = f"{first} is in {left}, {second} is in {right}"
+            raise UserError("units", problem, "give a number the missing unit, such as 100[MPa], or correct the law")
         return left
 
     def _resolved(self, unit: Unit) -> Unit:

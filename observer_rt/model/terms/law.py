@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import Operation
-from observer_rt.model.terms.term import Variable, unit_named
+from observer_rt.model.terms.variable import Variable, unit_named
 
 Values = NDArray[np.float64]
 Memory = Callable[["Lag | Resonance", Values], Values]

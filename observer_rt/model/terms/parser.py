@@ -11,7 +11,7 @@ from itertools import accumulate, pairwise
 from observer_rt.core.model.model import Operation
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.model.terms import law
-from observer_rt.model.terms.term import UNIT_NAMES, VARIABLES, unit_named
+from observer_rt.model.terms.variable import UNIT_NAMES, VARIABLES, unit_named
 
 LONGEST = 300  # characters
 DEEPEST = 30  # parentheses within parentheses

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import OP_END, OP_LAG, OP_NUMBER, OP_RINGING, OP_VARIABLE
 from observer_rt.model.terms.law import Call, Coefficient, Lag, Law, LawTable, Number, Quantity, Resonance
-from observer_rt.model.terms.term import Term, TermEquation, Variable
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import Variable
 
 Numbers = NDArray[np.float64]
 

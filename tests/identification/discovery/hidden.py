@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from observer_rt.config.bench import load_injector
-from observer_rt.desk.simulation.schedule import make_schedule
-from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.desk.simulation.simulate import SimulatedNoise
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
@@ -12,6 +11,7 @@ from observer_rt.identification.discovery.search.proposal import Proposal, Refus
 from observer_rt.model.effect import Component, Effect, SizedEffect
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.terms.term import Term
+from tests.identification.fit.healthy import simulations
 
 NOMINAL = load_injector()
 POINTS = ((60e6, 1.9e-3), (140e6, 0.6e-3))
@@ -26,18 +26,8 @@ def recordings(
     seed: int = 1,
 ) -> list[Recording]:
     """One recording an operating point (rail pressure [Pa], energizing [s]), two injections in each."""
-    return [
-        simulate(
-            parameters,
-            make_schedule([pressure], 2, 0.06, [duration]),
-            100e3,
-            effects,
-            noise,
-            measured_rate,
-            seed=100 * seed + number,
-        ).recording
-        for number, (pressure, duration) in enumerate(points)
-    ]
+    made = simulations(points, parameters, measured_rate, 2, seed, noise, effects, period=0.06)
+    return [simulation.recording for simulation in made]
 
 
 def proposal_of(*effects: Effect, adequate: bool = True, unsound: Refusal | None = None) -> Proposal:

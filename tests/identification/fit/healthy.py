@@ -9,6 +9,7 @@ from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, with_values
+from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
 from tests.observed_plants import recording_of
 from tests.plants import plant
@@ -34,16 +35,18 @@ def simulations(
     measured_rate: bool = False,
     injections: int = 3,
     seed: int = 1,
-    noise: SimulatedNoise | None = None,
+    noise: SimulatedNoise | None = SimulatedNoise(),  # noqa: B008
+    effects: Sequence[SizedEffect] = (),
+    period: float = 0.05,
 ) -> list[Simulation]:
     """One an operating point (rail pressure [Pa], energizing [s])."""
     return [
         simulate(
             injector,
-            make_schedule([pressure], injections, 0.05, [duration]),
+            make_schedule([pressure], injections, period, [duration]),
             100e3,
-            (),
-            noise or SimulatedNoise(),
+            effects,
+            noise,
             measured_rate,
             seed=100 * seed + number,
         )

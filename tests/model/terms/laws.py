@@ -21,7 +21,7 @@ from observer_rt.model.terms.law import (
     Resonance,
     Values,
 )
-from observer_rt.model.terms.term import Variable
+from observer_rt.model.terms.variable import Variable
 
 _VALUES = st.floats(-1e6, 1e6, allow_nan=False).map(lambda value: float(f"{value:.6g}"))
 _LEAVES = st.one_of(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.parser import parse
-from observer_rt.model.terms.term import VARIABLES, Variable, unit_named
+from observer_rt.model.terms.variable import VARIABLES, Variable, unit_named
 from tests.model.terms.laws import laws, sampled
 
 

@@ -10,7 +10,8 @@ from observer_rt.core.model.model import totals_of_terms
 from observer_rt.model.terms.law import Call, Law, LawTable, Quantity
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.program import program_of
-from observer_rt.model.terms.term import Term, TermEquation, Variable
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import Variable
 from tests.model.terms.laws import laws, moments, sampled
 
 Values = dict[str, NDArray[np.float64]]

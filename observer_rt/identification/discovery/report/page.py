@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from observer_rt import __version__
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.files.learned_picture import learned_figure
 from observer_rt.foundation import units
 from observer_rt.foundation.units import shown, sign, significant
+from observer_rt.foundation.version import __version__
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.gaps import Disagreement
 from observer_rt.identification.discovery.injections import MassChange

@@ -20,7 +20,8 @@ from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import LETTERS, FormNumber, TermLaw, term_effect
 from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.parser import parse
-from observer_rt.model.terms.term import TermEquation, Variable
+from observer_rt.model.terms.term import TermEquation
+from observer_rt.model.terms.variable import Variable
 
 Floats = NDArray[np.float64]
 

@@ -31,7 +31,8 @@ from observer_rt.identification.discovery.search.surfaces import products
 from observer_rt.identification.discovery.search.tables import NONE, tables, validated
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import COMPONENTS, TermLaw, term_effect
-from observer_rt.model.terms.term import TermEquation, Variable
+from observer_rt.model.terms.term import TermEquation
+from observer_rt.model.terms.variable import Variable
 
 MOST_TOGETHER = 3
 REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score

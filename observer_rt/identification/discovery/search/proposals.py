@@ -33,7 +33,8 @@ from observer_rt.model.term_effect import is_term
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.in_force import SeenRange
 from observer_rt.model.terms.law import Number
-from observer_rt.model.terms.term import VARIABLES, Term, TermEquation, Variable
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import VARIABLES, Variable
 
 MARGIN = 0.1  # of the range of a pressure or speed, at both ends
 FLOW_MARGIN = 1.25  # times the largest injection rate, that a flow may be, either way

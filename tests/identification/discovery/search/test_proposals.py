@@ -17,7 +17,8 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.term_effect import term_effect
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.parser import parse
-from observer_rt.model.terms.term import Term, TermEquation, Variable
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import Variable
 from tests.identification.discovery.conftest import WORN_POINTS
 from tests.identification.discovery.hidden import NOMINAL, effect_of, recordings
 

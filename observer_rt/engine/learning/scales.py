@@ -52,7 +52,7 @@ _BEFORE = _offered(_CHOICES[:, :_OF_NOZZLE]) + _offered(_CHOICES[:, _OF_NOZZLE:]
 _BEFORE -= 0.5 * np.log1p(-_SQUARES).sum(axis=1)
 
 
-class Choice(NamedTuple):
+class ScaleChoice(NamedTuple):
     """Scales of all curves: row of `_CHOICES`, and the pairs in use."""
 
     row: int
@@ -120,7 +120,7 @@ def weigh_choices(
     return logs, weigh_scales(mean, covariance, WEIGHTS[order], _PRIOR[order], ends, _NOISES, logs)
 
 
-def _gains(mean: Vector, covariance: Vector, choice: Choice) -> dict[int, float]:
+def _gains(mean: Vector, covariance: Vector, choice: ScaleChoice) -> dict[int, float]:
     """Nats by which a choice is likelier with each of the other pairs, too: that its weights need not be 0."""
     variance = covariance[WEIGHTS[:, None], WEIGHTS] / (_PRIOR[:, None] * _PRIOR)
     variance[_ALL, _ALL] += choice.noise
@@ -142,7 +142,7 @@ def _likely(belief: Belief) -> tuple[list[Pairs], Vector]:
         logs, _ = weigh_choices(belief.mean, belief.covariance, pairs)
         tried.append(pairs)
         found.append(logs)
-        gains = _gains(belief.mean, belief.covariance, Choice(int(np.argmax(logs)), pairs))
+        gains = _gains(belief.mean, belief.covariance, ScaleChoice(int(np.argmax(logs)), pairs))
         pair = max(gains, key=lambda one: gains[one])
         if gains[pair] < 0.0 or len(pairs) == c.MOST_PAIRS:
             break
@@ -175,7 +175,9 @@ def shrink(belief: Belief) -> Belief:
     order = np.argsort(-weights, kind="stable")[: c.CHOICES]
     order = order[: int(np.searchsorted(np.cumsum(weights[order]), c.CHOSEN)) + 1]
     shares = weights[order] / weights[order].sum()
-    parts = [Choice(row, tried[number]).of(belief) for number, row in zip(*divmod(order, len(_CHOICES)), strict=True)]
+    parts = [
+        ScaleChoice(row, tried[number]).of(belief) for number, row in zip(*divmod(order, len(_CHOICES)), strict=True)
+    ]
     mean = shares @ np.array([part.mean for part in parts])
     away = np.array([part.mean - mean for part in parts])
     between = (shares * away.T) @ away

@@ -16,7 +16,7 @@ from tests.device import candump_lines, frames_of
 
 RECORDING_KEYS = {
     *("file", "samples", "sample_rate_hz", "lost_samples", "spikes", "bridged_samples"),
-    *("checks", "injections", "summary", "learned"),
+    *("checks", "injections", "summary", "learned", "learned_surfaces"),
 }
 INJECTION_KEYS = {
     *("number", "event", "start_index", "end_index", "start_s", "end_s", "rail_pressure_MPa", "mass_mg"),

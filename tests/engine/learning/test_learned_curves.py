@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.learning.knowledge import no_knowledge
-from observer_rt.engine.learning.learned_curves import LearnedCurve, furthest, learned_curves
+from observer_rt.engine.learning.learned_curves import LearnedCurve, furthest, learned_curves, learned_surfaces
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.model.effects import effective_model
-from tests.engine.plant_runs import HEALTHY, RAIL_PRESSURES, in_turn
+from tests.engine.plant_runs import DURATIONS, HEALTHY, RAIL_PRESSURES, in_turn
 from tests.engine.sample_stream import NOISE
 from tests.observed_plants import bench_at, recording_of
-from tests.plants.laws import COKING_TIME, REFERENCE, Laws
+from tests.plants.laws import COKING_TIME, REFERENCE, TEN_PRODUCTS, Laws
 from tests.plants.parameters import Injector
 from tests.plants.plant import Bench, Needle, record
 
@@ -29,6 +29,7 @@ def curves_after(
     bench = bench_at(plant.sample_rate)
     knowledge = evaluate(bench, [recording_of(record(plant))]).knowledge
     c = effective_model(bench.injector.parameters).coefficients
+    assert not learned_surfaces(knowledge, c)  # of one input each
     return {(curve.flow, curve.variable): curve for curve in learned_curves(knowledge, c)}
 
 
@@ -60,3 +61,23 @@ def test_a_healthy_injector_has_flat_curves_over_what_varied() -> None:
 def test_there_are_none_before_an_event() -> None:
     c = effective_model(bench_at(100e3).injector.parameters).coefficients
     assert learned_curves(no_knowledge(NOISE, c.pressure_scale), c) == ()
+    assert learned_surfaces(no_knowledge(NOISE, c.pressure_scale), c) == ()
+
+
+def test_a_law_of_two_inputs_at_once_is_learned_as_a_surface() -> None:
+    laws, _ = TEN_PRODUCTS["nozzle by rail pressure and time"]
+    schedule = in_turn(24, lambda _: HEALTHY, RAIL_PRESSURES, DURATIONS)
+    plant = Bench(Injector(), Needle(), schedule, seed=37, laws=laws)
+    (evaluation,) = evaluate(bench_at(plant.sample_rate), [recording_of(record(plant))]).evaluations
+    late = evaluation.reports[12:]
+    assert all(report.valid for report in late)
+    assert np.mean([abs(report.remainder) <= 2.0 * report.relative_sigma for report in late]) > 0.8
+    (surface,) = (
+        one for one in evaluation.surfaces if one.variables == ("rail_pressure_MPa", "time_since_opening_ms")
+    )
+    rails, times = np.meshgrid(*surface.inputs, indexing="ij")
+    true = laws.nozzle_product * np.tanh((rails - 100.0) / 30.0) * np.tanh((times - 0.8) / 0.4)
+    seen = surface.is_seen
+    assert 0.3 < np.mean(seen) < 1.0
+    assert np.corrcoef(surface.change[seen], true[seen])[0, 1] > 0.8
+    assert surface.words.startswith("learned: nozzle flow by rail pressure and time since opening, ")

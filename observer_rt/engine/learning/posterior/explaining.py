@@ -36,7 +36,7 @@ from observer_rt.engine.learning.hypotheses import (
 )
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
-from observer_rt.engine.learning.scales import Choice, Pairs, pairs_in_use, weigh_choices, without_others
+from observer_rt.engine.learning.scales import ScaleChoice, Pairs, pairs_in_use, weigh_choices, without_others
 from observer_rt.model.effective import LAG_UNIT
 
 NEEDLE_STARTS, LATE_STARTS = np.zeros((9, PARAMETERS)), np.zeros((len(c.LIFT_DELAYS), PARAMETERS))
@@ -61,7 +61,7 @@ class Explanation:
     reading: EventReading
     prior: Belief
     held: HeldBelief
-    scales: Choice
+    scales: ScaleChoice
     cost: Linearisation
     theta: Theta
     fit: EventFit | None
@@ -103,7 +103,7 @@ class _FoundExplanation:
     offered: NDArray[np.float64]
     log: float = field(init=False)
     cost: Linearisation = field(init=False)
-    scales: Choice = field(init=False)
+    scales: ScaleChoice = field(init=False)
     theta: Theta = field(init=False)
     fit: EventFit | None = None
 
@@ -111,7 +111,7 @@ class _FoundExplanation:
         """Evidence by a cost as it is linearised, over all scales."""
         by_whole = evidence_of(cost, self.held.prior, limits)
         logs, self.theta = weigh_choices(by_whole.theta, by_whole.covariance, self.pairs, self.offered)
-        self.cost, self.scales = cost, Choice(int(np.argmax(logs)), self.pairs)
+        self.cost, self.scales = cost, ScaleChoice(int(np.argmax(logs)), self.pairs)
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
 
     def fitted(self, fitter: EventFitter, start: Linearisation, steps: int) -> None:

@@ -67,7 +67,8 @@ def constants_for(
     model = effective_model(parameters, stated)
     interval = 1.0 / sample_rate
     sensor = sensor_of(model.sensor, model.coefficients.pressure_scale, interval)
-    toe = state.toe_samples(model.inputs, interval)
+    # most samples of an opening ramp that the recorded lift does not show
+    toe = math.ceil(max(model.inputs.lift_shift, 0.0) / (core.SLOWEST_OPENING * interval))
 
     def samples(duration: float) -> int:
         return round(duration * sample_rate)

@@ -6,25 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    GetCoreSchemaHandler,
-    PlainSerializer,
-    ValidationError,
-)
+import pydantic
 from pydantic_core import CoreSchema, core_schema
 
 from observer_rt.foundation.errors import UserError, file_errors
 
 Number = Annotated[
     float | None,
-    BeforeValidator(lambda value: None if isinstance(value, float) and not math.isfinite(value) else value),
+    pydantic.BeforeValidator(lambda value: None if isinstance(value, float) and not math.isfinite(value) else value),
 ]
 """A figure; null where it is not finite."""
-Figures = Annotated[dict[str, Number], Field(description="by name, which ends with the unit")]
+Figures = Annotated[dict[str, Number], pydantic.Field(description="by name, which ends with the unit")]
 
 
 class _AnyValue:
@@ -35,18 +27,18 @@ class _AnyValue:
 
 
 T = TypeVar("T")
-Inside = Annotated[T, _AnyValue(), Field(exclude=True)]
+Inside = Annotated[T, _AnyValue(), pydantic.Field(exclude=True)]
 """A field of a data class that its document leaves out."""
 
 
 def key(name: str) -> Any:
     """Metadata of a field of a data class: its key in a document."""
-    return Field(serialization_alias=name)
+    return pydantic.Field(serialization_alias=name)
 
 
-def unit(si: float) -> PlainSerializer:
+def unit(si: float) -> pydantic.PlainSerializer:
     """Metadata of a figure [SI] of a data class: its unit in a document; null where it is not finite."""
-    return PlainSerializer(
+    return pydantic.PlainSerializer(
         lambda value: value / si if math.isfinite(value) else None, return_type=float | None, when_used="json"
     )
 
@@ -65,7 +57,7 @@ class Entry:
     made: Callable[[Any, Any], Any]
     kind: Any
 
-    def __get_pydantic_core_schema__(self, _: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, _: object, handler: pydantic.GetCoreSchemaHandler) -> CoreSchema:
         entry = core_schema.plain_serializer_function_ser_schema(
             lambda value, info: self.made(value, info.context),
             info_arg=True,
@@ -74,22 +66,22 @@ class Entry:
         return core_schema.any_schema(serialization=entry)
 
 
-class Section(BaseModel):
+class Section(pydantic.BaseModel):
     """A section of a file of the user; unknown keys are refused."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = pydantic.ConfigDict(frozen=True, extra="forbid")
 
 
-class DocumentPart(BaseModel):
+class DocumentPart(pydantic.BaseModel):
     """A part of a document: figures in the units of their names."""
 
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+    model_config = pydantic.ConfigDict(frozen=True, allow_inf_nan=False)
 
 
 class Document(DocumentPart):
     """A document with the version of its schema."""
 
-    schema_: Literal[1] = Field(alias="schema")
+    schema_: Literal[1] = pydantic.Field(alias="schema")
 
     def as_json(self) -> dict[str, Any]:
         """The document as JSON has it: what was stated, null included."""
@@ -102,7 +94,7 @@ class Document(DocumentPart):
             text = path.read_bytes()
         try:
             return cls.model_validate_json(text)
-        except ValidationError as error:
+        except pydantic.ValidationError as error:
             first = error.errors()[0]
             key = ".".join(map(str, first["loc"])) or "file"
             raise UserError(str(path), f"is no {what}: {key}: {first['msg'].lower()}", remedy) from None

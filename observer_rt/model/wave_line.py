@@ -24,14 +24,7 @@ from observer_rt.core.model.model import MEMORIES, STEP, fading_of, pull_of, ste
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.fuel import HIGHEST_PRESSURE, USUAL_PRESSURE
 from observer_rt.model.line import at_closed_end
-from observer_rt.model.parameters import (
-    FEWEST_CELLS,
-    MOST_CELLS,
-    WAVE_LINES,
-    Departures,
-    InjectorParameters,
-    LineParameters,
-)
+from observer_rt.model.parameters import FEWEST_CELLS, MOST_CELLS, WAVE_LINES, Departures, InjectorParameters
 
 RESOLVED = 50e-6  # s over which means are those of a pipe: cells carry shorter waves otherwise
 MOST_OF_A_STEP = 8  # implicit steps of the sac in one of the line's
@@ -89,7 +82,7 @@ class WaveLine(model.WaveLine):
         of_loss = scaling.flow / (2 * line.area * line.length) / fluid.in_line.density(USUAL_PRESSURE)
         damping = DAMPING if line.damping is None else line.damping
         cells = line.cells or cells_for(parameters, STEP)
-        ratio, far = _parts(line)
+        ratio, far = _parts(parameters)
         of_inertia, of_volume = _of_parts(ratio, far)
         end = compliance * of_volume * ratio * cells
         end /= 0.5 + of_volume * ratio * cells * (line.end_volume or 0.0) / line.volume
@@ -249,8 +242,9 @@ class MeanWaveLine(WaveLine):
         return matrix, moved[order, size - 1]
 
 
-def _parts(line: LineParameters) -> tuple[float, float]:
+def _parts(parameters: InjectorParameters) -> tuple[float, float]:
     """Impedance near over far, and the share of the length that is far."""
+    line = parameters.line
     ratio = 1.0 if line.impedance_ratio is None else line.impedance_ratio
     return ratio, HALF_WAY if line.impedance_step is None else line.impedance_step
 
@@ -270,7 +264,7 @@ def cells_for(parameters: InjectorParameters, step: float) -> int:
     fluid, line = parameters.fluid, parameters.line
     filling, highest = (fluid.in_line.filling(pressure) for pressure in (USUAL_PRESSURE, HIGHEST_PRESSURE))
     along = math.sqrt(filling * line.area / (line.volume * fluid.density_line * line.length))
-    along *= math.sqrt(math.prod(_of_parts(*_parts(line))))
+    along *= math.sqrt(math.prod(_of_parts(*_parts(parameters))))
     fastest = along * math.sqrt(highest / filling)
     damping = DAMPING if line.damping is None else line.damping
     wanted = 1.0 / math.sqrt((along * step) ** 2 + 6.0 * damping * step / line.length**2)

@@ -63,7 +63,7 @@ def map_timing(
             "set sampling.rate_hz to the line pressure's rate",
         )
     for number, (row, (message, roles)) in enumerate(zip(rows, messages, strict=True)):
-        same_base = _agreed(fitted, message, roles, "time_base") == grid.time_base
+        same_base = _agreed(fitted, message, roles, "time_base")[1] == grid.time_base
         both_indexed = row["numbering"] == rows[leading]["numbering"] == frames.Numbering.INDEX
         if number == leading or (same_base and both_indexed and row["steps"] == 1):
             row["joining"] = frames.Joining.INDEX
@@ -112,19 +112,18 @@ def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]
 
     Raises `UserError` naming bench file and key when the message has no such signal, or one that cannot serve.
     """
-    index = _agreed(fitted, message, roles, "index")
-    counter = _agreed(fitted, message, roles, "counter")
+    index_location, index = _agreed(fitted, message, roles, "index")
+    location, counter = _agreed(fitted, message, roles, "counter")
     names = {signal.name for signal in message.signals}
     if index is None and counter is None and USUAL_INDEX in names:
         index = USUAL_INDEX
     if index:
         if counter is not None:
             problem = f"message {message.name} has an index, {index}, which distinguishes its frames already"
-            raise UserError(_location(fitted, roles, "counter"), problem, "leave out 'counter', or set index = \"\"")
-        return index_signal(_location(fitted, roles, "index"), message, index)
+            raise UserError(location, problem, "leave out 'counter', or set index = \"\"")
+        return index_signal(index_location, message, index)
     if not counter:
         return None
-    location = _location(fitted, roles, "counter")
     if counter not in names:
         raise UserError(location, f"message {message.name} has no signal {counter!r}", "name the one that counts")
     signal = find_signal(message, counter)
@@ -181,7 +180,7 @@ def _map_message(
     row["tolerance"] = TOLERANCE
     if tuple(roles) == (Role.RAIL_PRESSURE,):
         row["tolerance"] = max(RAIL_TOLERANCE, SLOW_TOLERANCE * row["interval"])
-    delay = _agreed(fitted, message, roles, "delay_us")
+    _, delay = _agreed(fitted, message, roles, "delay_us")
     on_bus = time_on_bus(layout, link)
     row["delay"] = on_bus if delay is None else delay * MICROSECOND
     row["shortest"] = SHORTEST * on_bus
@@ -198,11 +197,10 @@ def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
 def _steps(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> int:
     """Samples of the grid from one sample of the message to its next."""
     rate = fitted.config.sampling.rate_hz
-    stated: float | None = _agreed(fitted, message, roles, "rate_hz")
-    location = _location(fitted, roles, "rate_hz")
+    location, stated = _agreed(fitted, message, roles, "rate_hz")
     if stated is None:
         return 1
-    ratio = rate / stated
+    ratio: float = rate / stated
     if ratio < 1.0 - RATIO_TOLERANCE or abs(ratio - round(ratio)) > RATIO_TOLERANCE * ratio:
         problem = f"{stated:g} Hz is no whole fraction of sampling.rate_hz = {rate:g}"
         raise UserError(location, problem, f"use {rate / max(1, round(ratio)):g}")
@@ -217,9 +215,8 @@ def _steps(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> in
 
 
 def _set_hold(fitted: BenchInjector, message: Message, roles: Sequence[Role], samples: int, row: np.void) -> None:
-    stated = _agreed(fitted, message, roles, "max_hold_ms")
+    location, stated = _agreed(fitted, message, roles, "max_hold_ms")
     cycle = samples * float(row["interval"])
-    location = _location(fitted, roles, "max_hold_ms")
     if row["steps"] == 1:
         if stated is not None:
             problem = "is only for a signal slower than the others"
@@ -232,7 +229,7 @@ def _set_hold(fitted: BenchInjector, message: Message, roles: Sequence[Role], sa
         raise UserError(location, problem, "make it longer than that")
     if hold > longest:
         raise UserError(
-            location if stated is not None else _location(fitted, roles, "rate_hz"),
+            location if stated is not None else _agreed(fitted, message, roles, "rate_hz")[0],
             f"samples would have to wait {hold / MILLISECOND:g} ms for it, at most {longest / MILLISECOND:.3g} are "
             f"possible at {fitted.config.sampling.rate_hz:g} Hz",
             "state a shorter max_hold_ms" if cycle <= longest else "a faster signal of the rail pressure is needed",
@@ -240,21 +237,15 @@ def _set_hold(fitted: BenchInjector, message: Message, roles: Sequence[Role], sa
     row["hold"] = hold
 
 
-def _location(fitted: BenchInjector, roles: Sequence[Role], key: str) -> str:
-    """Place in the bench file of a key of the roles of a message, of the first where none of them states it."""
-    stating = (role for role in roles if getattr(fitted.config.signals.of(role), key) is not None)
-    return fitted.location(f"signals.{next(stating, roles[0])}.{key}")
-
-
-def _agreed(fitted: BenchInjector, message: Message, roles: Sequence[Role], key: str) -> Any:
-    """The value of a key that the roles of a message have in common, None where none of them states it."""
+def _agreed(fitted: BenchInjector, message: Message, roles: Sequence[Role], key: str) -> tuple[str, Any]:
+    """Place in the bench file, and value, of a key that a message's roles have in common; None if none states it."""
     stated = {role: value for role in roles if (value := getattr(fitted.config.signals.of(role), key)) is not None}
-    first = next(iter(stated), None)
+    first = next(iter(stated), roles[0])
     for role, value in stated.items():
-        if first is not None and value != stated[first]:
+        if value != stated[first]:
             raise UserError(
                 fitted.location(f"signals.{role}.{key}"),
                 f"differs from that of signals.{first}, though message {message.name} carries both",
                 "state it the same for all signals of a message",
             )
-    return None if first is None else stated[first]
+    return fitted.location(f"signals.{first}.{key}"), stated.get(first)

@@ -17,26 +17,23 @@ cdef int64_t place_block(
     """
     memory = alignment.memory
     stream = &alignment.streams[message]
-    cdef int64_t placing
+    cdef int64_t placing = PLACING_ACCEPTED
     start = _unwrapped(alignment, message, raw_index)
+    first[0] = start
     if not stream.seen:
         _begin_stream(alignment, message, start, count)
-        first[0] = start
         return PLACING_ACCEPTED
     if start < stream.next_index:
         placing = _place_old(alignment, message, start, count, raw_index)
         if placing != PLACING_RESTARTED:
-            first[0] = start
             return placing
+    elif raw_index == 0 and start > stream.next_index + SLOTS:
+        placing = PLACING_RESTARTED  # not lost up to the wrap of the index, but counting from 0 again
+    if placing == PLACING_RESTARTED:
         _begin_anew(alignment, message)
         _begin_stream(alignment, message, raw_index, count)
         first[0] = raw_index
-        return PLACING_RESTARTED
-    if raw_index == 0 and start > stream.next_index + SLOTS:
-        _begin_anew(alignment, message)  # not lost up to the wrap of the index, but counting from 0 again
-        _begin_stream(alignment, message, raw_index, count)
-        first[0] = raw_index
-        return PLACING_RESTARTED
+        return placing
     stream.old_blocks = 0
     if start > stream.next_index and stream.on_grid:
         stream.jump_block = stream.last_start
@@ -45,8 +42,7 @@ cdef int64_t place_block(
         stream.jump_contiguous = contiguous
         decide_until(alignment, start + count - SLOTS // 2)
     _extend(alignment, message, start, count)
-    first[0] = start
-    return PLACING_ACCEPTED
+    return placing
 
 
 cdef int64_t _unwrapped(Alignment* alignment, int64_t message, int64_t raw_index) noexcept nogil:

@@ -144,7 +144,7 @@ class EffectDemo:
     def _play(self, bench: Bench, scenes: Sequence[BenchRecording]) -> None:
         """Injections, refused; the question; the answer taken over; injections again."""
         link = bench.config.link
-        self._wait_for("ready", 1)
+        self._wait_until_ready(1)
         with open_link(link.interface, link.channel, link.fd, []) as player:
             self._send(bench, scenes[0].recording, player)
             self.say("asking the events it refused what is missing (observer-rt discover --from-evidence) ...")
@@ -153,7 +153,7 @@ class EffectDemo:
                 raise RunError("no effect was found that may be taken over; see the report in the folder")
             done = take_over(bench.path, "", amended)
             self.say(f"taken over: the bench file names {done.step.as_text}; the daemon has it in force")
-            self._wait_for("ready", 2)
+            self._wait_until_ready(2)
             time.sleep(QUIET)
             self._send(bench, scenes[1].recording, player)
 
@@ -161,15 +161,15 @@ class EffectDemo:
         play(Framer(map_bus(bench)).frames(recording, all_samples(recording)), player, self.speed)
         time.sleep(QUIET)
 
-    def _wait_for(self, word: str, times: int) -> None:
-        """Until the log has a word so many times. Raises `RunError` where that takes too long."""
+    def _wait_until_ready(self, times: int) -> None:
+        """Until the log has said it so many times. Raises `RunError` where that takes too long."""
         patience = time.monotonic() + _START
         while time.monotonic() < patience:
             log = self.folder / LOG
-            if log.exists() and log.read_text(encoding="utf-8").count(f": {word}\n") >= times:
+            if log.exists() and log.read_text(encoding="utf-8").count(": ready\n") >= times:
                 return
             time.sleep(0.05)
-        raise RunError(f"the observer was not {word} within {_START:g} s; see {self.folder / LOG}")
+        raise RunError(f"the observer was not ready within {_START:g} s; see {self.folder / LOG}")
 
     def _discover(self) -> Path | None:
         """Run `discover` in its own process, beside the daemon; the amended file, None without one."""

@@ -90,13 +90,9 @@ class Demo:
         self._truth = record(operation, worn, self.bench.injector.config.sampling.rate_hz, seed)
         self.recording = self._truth.recording
         self._nominal = NominalInjection(self.bench.injector)
-        self._compared: dict[int, Sequence[ComparedRate]] = {}
+        self._compared: dict[int, Sequence[ComparedRate]] = {}  # true and nominal, by the injection
         self._published: dict[int, NDArray[np.float64]] = {}
         self._reports: list[InjectionReport] = []
-
-    def references(self, report: InjectionReport, _rows: NDArray[np.void]) -> Sequence[ComparedRate]:
-        """True and nominal rate and mass of an injection."""
-        return self._compared[report.number]
 
     def run(self, speed: float, show: Callable[[View, threading.Event], None] | None = None) -> DemoResult:
         """Replay at `speed` (1: real time); `show` draws the view until its event is set, None: nobody looks.
@@ -106,7 +102,7 @@ class Demo:
         bus = map_bus(self.bench)
         ends = self.link.interface, self.link.channel, self.link.fd
         on = f"{self.link.interface} {self.link.channel}"
-        snapshots = SnapshotKeeper(self.bench, self.references)
+        snapshots = SnapshotKeeper(self.bench, lambda report, _: self._compared[report.number])
         view = View(f"observer_rt demo: {on}", snapshots.snapshot)
         stop, done = threading.Event(), threading.Event()
         inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]

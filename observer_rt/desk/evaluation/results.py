@@ -16,6 +16,7 @@ from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
 from observer_rt.engine.learning.learned_curves import furthest
 from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned
+from observer_rt.engine.service.injector import SIGNALS
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
@@ -70,11 +71,8 @@ def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
     offset, crosstalk = standstill.offset * c.pressure_scale, lift.crosstalk * MEGAPASCAL / MICROMETRE
     result = [Check("rail_line_offset", offset / MEGAPASCAL, "MPa", abs(offset) <= PLAUSIBLE_OFFSET)]
     if (noise := standstill.noise) is not None:
-        result += [
-            Check("rail_pressure_noise", noise.rail_pressure / MEGAPASCAL, "MPa", True),
-            Check("line_pressure_noise", noise.line_pressure / MEGAPASCAL, "MPa", True),
-            Check("needle_lift_noise", noise.needle_lift / MICROMETRE, "um", True),
-        ]
+        for role, (_, unit, size) in SIGNALS.items():
+            result.append(Check(f"{role}_noise", getattr(noise, role.value) / size, unit, True))
     if not evaluation.has_lift:
         return result[:3]
     result += [

@@ -214,7 +214,9 @@ class EnergizingWatch:
         self._newest = int(self._compiled.observer.ring[(self._processed - 1) % RING]["index"])
         if self._newest < before and self._reader.by_index:
             self._forget(before)
-        undecided = self._undecided_openings()
+        injections, counts = self._compiled.observer.injections, self._compiled.observer.memory[0]["counts"]
+        undecided = range(int(counts["injections_reported"]), int(counts["injections_begun"]))  # not reported yet
+        openings = [int(injections[number % INJECTIONS]["opening_index"]) for number in undecided]
         for command in [*self._waiting]:
             end = self._position(command.start) + self._window
             if not (samples_between(end, self._newest) > 0 and self._processed - command.came > self._window):
@@ -222,7 +224,7 @@ class EnergizingWatch:
             if command.was_shut is None:
                 begin = samples_between(self._newest, self._position(command.start)) + self._newest
                 command.was_shut = was_shut(self._compiled.observer, begin, begin + self._window)
-            if not any(samples_between(opening, end) >= 0 for opening in undecided):
+            if not any(samples_between(opening, end) >= 0 for opening in openings):
                 self._waiting.remove(command)
                 self._judge(command)
 
@@ -251,12 +253,6 @@ class EnergizingWatch:
         late = [each for each in since if -self._late <= each[0] < 0.0]
         late = [each for each in late if not each[1].has_opened]
         return max(late, key=itemgetter(0))[1] if late else None
-
-    def _undecided_openings(self) -> list[int]:
-        """Indices of the openings whose injections are not reported yet."""
-        counts = self._compiled.observer.memory[0]["counts"]
-        first, end = int(counts["injections_reported"]), int(counts["injections_begun"])
-        return [int(self._compiled.observer.injections[n % INJECTIONS]["opening_index"]) for n in range(first, end)]
 
     def _forget(self, before: int) -> None:
         """Forgets commands of the old count, which began anew after `before`: they have no openings any more."""

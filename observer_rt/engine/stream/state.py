@@ -129,11 +129,6 @@ class Observer(NamedTuple):
     stepper: Stepper  # of the pair
 
 
-def toe_samples(inputs: InputTerms, interval: float) -> int:
-    """Most samples of an opening ramp that the recorded lift does not show; sample interval [s]."""
-    return math.ceil(max(inputs.lift_shift, 0.0) / (core.SLOWEST_OPENING * interval))
-
-
 def confirming_samples(interval: float) -> int:
     """Samples in a row above the dead band that open the needle; sample interval [s]."""
     return min(max(round(OPENING / interval), core.FEWEST_OPENING), MOST_OPENING)

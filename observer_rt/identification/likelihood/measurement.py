@@ -282,7 +282,7 @@ def events_of(
 
 def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLevels, float]:
     """Noise levels and that of the rate: needle shut for pressures and rate, open for the lift."""
-    shut = shut_mask(recording.samples, openings, round(SETTLE * recording.sample_rate))
+    shut = shut_mask(recording, openings)
     is_open = np.zeros(recording.samples, np.bool_)
     for opening in openings:
         is_open[opening.first : opening.last + 1] = True
@@ -336,9 +336,9 @@ def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: floa
     return Recording(np.arange(signals["needle_lift"].size) / sample_rate, **signals, **of)
 
 
-def shut_mask(samples: int, openings: Sequence[Opening], settled: int) -> NDArray[np.bool_]:
-    """Samples (n,) at which the needle has been shut for `settled` samples and more."""
-    result = np.ones(samples, np.bool_)
+def shut_mask(recording: Recording, openings: Sequence[Opening]) -> NDArray[np.bool_]:
+    """Samples (n,) at which the needle has been shut for `SETTLE` and more."""
+    result = np.ones(recording.samples, np.bool_)
     for opening in openings:
-        result[opening.first : opening.last + 1 + settled] = False
+        result[opening.first : opening.last + 1 + round(SETTLE * recording.sample_rate)] = False
     return result

@@ -15,7 +15,7 @@ from observer_rt.core.model.model import InputTerms, rest_state
 from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, commanded_areas
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
-from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, SETTLE, Setting, Window
+from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.engine.learning.healthy import EventStretch, expected
 from observer_rt.files.signals.recording import shown_slowly
@@ -200,7 +200,7 @@ def batch_of(
     """
     recording = measurement.recording
     openings = [o for event in measurement.events for o in event.openings]
-    resting = shut_mask(recording.samples, openings, round(SETTLE * recording.sample_rate))
+    resting = shut_mask(recording, openings)
     resting &= inputs.area <= 0.0  # the foot of a ramp the sensor did not see
     source = rows.samples - late
     output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import FIRST_OF_SEAT, inputs_along
+from observer_rt.core.model.model import FIRST_OF_SEAT, INPUTS, inputs_along
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.indicators import SEAT_AREA, SEAT_DROP, nozzle_change, seat_change
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -18,6 +18,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, Z_
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import IS_PAIR
 
+_DROP, _AREA, _TIME, _RAIL, _SEAT_DROP = range(INPUTS)  # as the network has them
 POINTS = 41  # of a curve
 IN_USE = 0.5  # probability of a pair, from which on its surface is shown
 LOWEST_DROP = 0.05  # p_0, from which a curve over a pressure drop is stated
@@ -106,10 +107,7 @@ class LearnedSurface:
 
 def _law_words(flow: str, variables: Iterable[str], change: NDArray[np.float64], probability: float) -> str:
     inputs = " and ".join(variable.rpartition("_")[0].replace("_", " ") for variable in variables)
-    name, span = (
-        "nozzle" if flow == NOZZLE else "seat",
-        100.0 * (np.max(change, initial=-1.0) - np.min(change, initial=9.0)),
-    )
+    name, span = "nozzle" if flow == NOZZLE else "seat", 100.0 * np.ptp(change) if change.size else 0.0
     return f"learned: {name} flow by {inputs}, {span:.0f} % in all, probability {probability:.2f}"
 
 
@@ -169,14 +167,17 @@ def _laws(knowledge: Knowledge, c: Coefficients, which: NDArray[np.bool_]) -> It
         grids = dict(zip(swept, np.meshgrid(*(axes[number].grid for number in swept), indexing="ij"), strict=True))
         if not grids[swept[0]].size:
             continue
-        if swept == [3, 2]:  # as in a sac that is full: no event tells the rail pressure's doing from the drop's
-            grids[0] = FULL * grids[3]
+        if swept == [
+            _RAIL,
+            _TIME,
+        ]:  # as in a sac that is full: no event tells the rail pressure's doing from the drop's
+            grids[_DROP] = FULL * grids[_RAIL]
         if curve < FIRST_OF_SEAT:
             values = np.broadcast_arrays(*(grids.get(number, value) for number, value in enumerate(held)))
             drop, seat, since, rail = values
             change, slopes = nozzle_change(theta, np.stack((drop, 0.0 * drop, drop)), (rail, seat), since)
         else:
-            change, slopes = seat_change(theta, grids.get(1, SEAT_AREA), grids.get(4, SEAT_DROP))
+            change, slopes = seat_change(theta, grids.get(_AREA, SEAT_AREA), grids.get(_SEAT_DROP, SEAT_DROP))
         half_width = Z_95 * np.sqrt(((slopes @ covariance) * slopes).sum(axis=-1))
         flow = NOZZLE if curve < FIRST_OF_SEAT else SEAT
         yield flow, [axes[number] for number in swept], change, half_width, float(probabilities[curve])
@@ -191,19 +192,12 @@ def _axes(points: Sequence[EventPoint], c: Coefficients) -> tuple[_Axis, ...]:
     def axis(variable: str, unit: float, grid: NDArray[np.float64], reach: NDArray[np.float64]) -> _Axis:
         return _Axis(variable, unit, 0.0, grid, np.column_stack((0.0 * reach, reach)))
 
-    drop = axis("pressure_drop_MPa", pressure, _grid(LOWEST_DROP, FULL * rails.max()), FULL * rails)
-    rail = _Axis(
-        "rail_pressure_MPa",
-        pressure,
-        c.chamber_pressure / MEGAPASCAL,
-        _grid(rails.min(), rails.max()),
-        rails[:, None] + (-NEAR, NEAR),
-    )
+    around, chamber = rails[:, None] + (-NEAR, NEAR), c.chamber_pressure / MEGAPASCAL
     return (
-        drop,
+        axis("pressure_drop_MPa", pressure, _grid(LOWEST_DROP, FULL * rails.max()), FULL * rails),
         axis("seat_area_mm2", area, _grid(0.1 * areas.max(), areas.max()), areas),
         axis("time_since_opening_ms", 1.0 / MILLISECOND, _grid(0.1 * times.max(), times.max()), times),
-        rail,
+        _Axis("rail_pressure_MPa", pressure, chamber, _grid(rails.min(), rails.max()), around),
         axis("pressure_drop_MPa", pressure, _grid(LOWEST_DROP, rails.max()), rails),
     )
 

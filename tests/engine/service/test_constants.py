@@ -1,15 +1,23 @@
-"""A model followed open loop along samples."""
+"""What a bench file says of time reaches the observer in samples; a model followed open loop along these."""
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench
+from observer_rt.config.injector import SamplingConfig
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.stream.stream import SAMPLE
 from observer_rt.engine.service.injector import Follower, bench_constants
 from tests.engine.estimation.conftest import event_inputs
 
 CONSTANTS = bench_constants(load_bench().injector)
+
+
+@pytest.mark.parametrize(("rate", "bridge", "samples"), [(100e3, 0.5, 50), (100e3, 0.0, 0), (20e3, 2.0, 40)])
+def test_how_long_an_input_is_bridged(rate: float, bridge: float, samples: int) -> None:
+    bench = load_bench().with_sections(sampling=SamplingConfig(rate_hz=rate, bridge_ms=bridge))
+    assert bench_constants(bench.injector).timing.bridge == samples
 
 
 def event_rows() -> NDArray[np.void]:

@@ -12,6 +12,7 @@ from pydantic import (
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
+    GetPydanticSchema,
     PlainSerializer,
     ValidationError,
 )
@@ -27,16 +28,9 @@ Number = Annotated[
 Figures = Annotated[dict[str, Number], Field(description="by name, which ends with the unit")]
 
 
-class _AnyValue:
-    """A field whose type is of no concern to a document."""
-
-    def __get_pydantic_core_schema__(self, *_: object) -> CoreSchema:
-        return core_schema.any_schema()
-
-
 T = TypeVar("T")
-Inside = Annotated[T, _AnyValue(), Field(exclude=True)]
-"""A field of a data class that its document leaves out."""
+Inside = Annotated[T, GetPydanticSchema(lambda *_: core_schema.any_schema()), Field(exclude=True)]
+"""A field of a data class that its document leaves out, and whose type is of no concern to that."""
 
 
 def key(name: str) -> Any:

@@ -64,9 +64,8 @@ class CommandReader:
 
     def read(self, reading: EnergizingSignal) -> list[Command]:
         """Commands that start in a frame."""
-        if reading.first is not None:
-            first = reading.first
-        else:
+        first = reading.first
+        if first is None:
             first = reading.taken - round((self._samples - 1) * self._units)
         since = math.inf if self._last is None else self._distance(self._last, first)
         if self.by_index and -OVERTAKEN * self._sample_rate < since <= 0:
@@ -83,12 +82,9 @@ class CommandReader:
         if steady and not math.isnan(reading.values.sum()):
             self._last = first + round((self._samples - 1) * self._units)
             return []
-        commands = []
-        for number, value in enumerate(reading.values.tolist()):
-            command = self._read_level(first + round(number * self._units), value)
-            if command is not None:
-                commands.append(command)
-        return commands
+        levels = enumerate(reading.values.tolist())
+        read = [self._read_level(first + round(number * self._units), value) for number, value in levels]
+        return [command for command in read if command is not None]
 
     def _distance(self, earlier: int, later: int) -> float:
         """Distance in samples."""
@@ -214,7 +210,9 @@ class EnergizingWatch:
         self._newest = int(self._compiled.observer.ring[(self._processed - 1) % RING]["index"])
         if self._newest < before and self._reader.by_index:
             self._forget(before)
-        undecided = self._undecided_openings()
+        counts, injections = self._compiled.observer.memory[0]["counts"], self._compiled.observer.injections
+        unreported = range(int(counts["injections_reported"]), int(counts["injections_begun"]))
+        undecided = [int(injections[number % INJECTIONS]["opening_index"]) for number in unreported]
         for command in [*self._waiting]:
             end = self._position(command.start) + self._window
             if not (samples_between(end, self._newest) > 0 and self._processed - command.came > self._window):
@@ -248,15 +246,8 @@ class EnergizingWatch:
         _, last = min(started, key=itemgetter(0), default=(math.inf, None))
         if last is not None and not last.has_opened:
             return last
-        late = [each for each in since if -self._late <= each[0] < 0.0]
-        late = [each for each in late if not each[1].has_opened]
+        late = [each for each in since if -self._late <= each[0] < 0.0 and not each[1].has_opened]
         return max(late, key=itemgetter(0))[1] if late else None
-
-    def _undecided_openings(self) -> list[int]:
-        """Indices of the openings whose injections are not reported yet."""
-        counts = self._compiled.observer.memory[0]["counts"]
-        first, end = int(counts["injections_reported"]), int(counts["injections_begun"])
-        return [int(self._compiled.observer.injections[n % INJECTIONS]["opening_index"]) for n in range(first, end)]
 
     def _forget(self, before: int) -> None:
         """Forgets commands of the old count, which began anew after `before`: they have no openings any more."""

@@ -63,11 +63,9 @@ def require_link(location: str, name: str | None, links: Mapping[str, FurtherLin
     """Raise `UserError` unless a bus has this name; None is the first bus."""
     if name is None or name in links:
         return
-    if not links:
-        raise UserError(
-            location, f"there is no link '{name}'", f"add [links.{name}] with its channel, or leave it out"
-        )
-    remedy = f"{did_you_mean(name, links)}known links: {', '.join(links)}"
+    remedy = f"add [links.{name}] with its channel, or leave it out"
+    if links:
+        remedy = f"{did_you_mean(name, links)}known links: {', '.join(links)}"
     raise UserError(location, f"there is no link '{name}'", remedy)
 
 
@@ -180,15 +178,13 @@ class BenchFile:
         outputs = shared.get("outputs", {})
         if not isinstance(outputs, dict):
             return shared
-        step = outputs.pop("id_step", None)
-        if step is None:
-            return {**shared, "outputs": {"injector_id": 1 + self.number, **outputs}}
-        firsts = {key: outputs[key] for key in RESULT_IDS if key in outputs}
-        if not all(isinstance(value, int) and value > 0 for value in (step, *firsts.values())) or not firsts:
-            problem = "is the step from the first injector's identifiers to the next one's, all whole numbers"
-            raise UserError(f"{self.path}: outputs.id_step", problem, f"state it beside {', '.join(RESULT_IDS)}")
-        moved = {key: first + self.number * step for key, first in firsts.items()}
-        return {**shared, "outputs": {"injector_id": 1 + self.number, **outputs, **moved}}
+        if (step := outputs.pop("id_step", None)) is not None:
+            firsts = {key: outputs[key] for key in RESULT_IDS if key in outputs}
+            if not all(isinstance(value, int) and value > 0 for value in (step, *firsts.values())) or not firsts:
+                problem = "is the step from the first injector's identifiers to the next one's, all whole numbers"
+                raise UserError(f"{self.path}: outputs.id_step", problem, f"state it beside {', '.join(RESULT_IDS)}")
+            outputs |= {key: first + self.number * step for key, first in firsts.items()}
+        return {**shared, "outputs": {"injector_id": 1 + self.number, **outputs}}
 
     def location(self, *location: str | int) -> str:
         """Location of an entry in the file, by the keys that lead to it."""

@@ -21,7 +21,7 @@ from observer_rt.model.parameters import InjectorParameters, Positive
 from observer_rt.model.surroundings import CHAMBER_PRESSURES, TEMPERATURES, Surroundings
 
 MOST_APART_US = 60.0  # of filter delays of two channels, in recordings
-_KEYS = {"filter_delay_us", "lag_us"}
+_UNDONE = {"filter_delay_us": 0.0, "lag_us": 0.0}
 
 
 class Role(StrEnum):
@@ -220,7 +220,7 @@ class SignalsConfig(Section):
     def of(self, role: Role) -> SignalConfig:
         """The mapping of a role; a lift that is not measured has the samples of the line pressure, read by nobody."""
         mapping: SignalConfig | None = getattr(self, role.value)
-        return mapping or self.line_pressure.model_copy(update=dict.fromkeys(_KEYS, 0.0))
+        return mapping or self.line_pressure.model_copy(update=_UNDONE)
 
     @property
     def optional(self) -> tuple[tuple[OptionalRole, SlowSignalConfig], ...]:
@@ -268,13 +268,12 @@ def effects_on_one_raster(signals: SignalsConfig, location: Callable[[str], str]
 
 def as_sent(signals: SignalsConfig) -> SignalsConfig:
     """Signals without delays and lags."""
-    return _changed(signals, lambda _: dict.fromkeys(_KEYS, 0.0))
+    return _changed(signals, lambda _: _UNDONE)
 
 
 def as_observed(signals: SignalsConfig) -> SignalsConfig:
     """Signals as an observer's evidence has them: only the line pressure is still delayed."""
-    mended = dict.fromkeys(_KEYS, 0.0)
-    return _changed(signals, lambda role: {} if role is Role.LINE_PRESSURE else mended)
+    return _changed(signals, lambda role: {} if role is Role.LINE_PRESSURE else _UNDONE)
 
 
 def with_exact_sensors(signals: SignalsConfig) -> SignalsConfig:

@@ -46,11 +46,6 @@ def agree(first: Any, second: Any) -> bool:
     return bool(np.array_equal(first, second))
 
 
-def with_learned(knowledge: Knowledge, **changes: Any) -> Knowledge:
-    """With other values of what was learned."""
-    return replace(knowledge, state=knowledge.state.map(lambda learned: replace(learned, **changes)))
-
-
 class StateFile:
     """A state file in a folder, as its writer would change it, and as an evil twin of it."""
 
@@ -269,7 +264,7 @@ def test_what_could_not_be_restored_does_not_replace_a_good_file(state: StateFil
     good = state.save()
     belief = replace(good.state.learned.belief, mean=np.full(PARAMETERS, np.nan))
     with pytest.raises(RunError, match="not finite"):
-        state.save(with_learned(good, belief=belief))
+        state.save(replace(good, state=good.state.map(lambda learned: replace(learned, belief=belief))))
     assert state.holds(good)
 
 

@@ -5,15 +5,7 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.identification.fit.problem import NOZZLE, SEAT, STIFFNESS, FreeParameter, with_values
-from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.plausibility import implausible
-
-
-def _with(*changes: tuple[FreeParameter, float]) -> InjectorParameters:
-    """The nominal injector, some of its numbers times a factor."""
-    nominal = load_injector()
-    free = [one for one, _ in changes]
-    return with_values(nominal, free, np.array([factor * one.of(nominal) for one, factor in changes]))
 
 
 def test_the_nominal_injector_has_what_injectors_have() -> None:
@@ -32,7 +24,8 @@ def test_the_nominal_injector_has_what_injectors_have() -> None:
 def test_a_number_that_no_injector_has_is_named_with_what_it_makes_up_for(
     changed: FreeParameter, factor: float, entry: str
 ) -> None:
-    (odd,) = implausible(_with((changed, factor)))
+    nominal = load_injector()
+    (odd,) = implausible(with_values(nominal, [changed], np.array([factor * changed.of(nominal)])))
     assert odd.name == changed.name
     assert changed.name in odd.words
     assert entry in odd.made_up_for

@@ -18,21 +18,13 @@ START_SPREAD = 50e-6  # s, of an event on the grid of samples
 def healthy_benches(
     variant: Variant, seed: int, sample_rate: float = SAMPLE_RATE, averaged: bool = False
 ) -> dict[str, Bench]:
-    """By name."""
+    """By name, of the injector that a master seed has, on a line of this kind."""
     rng = np.random.default_rng([seed, zlib.crc32(b"healthy")])
-    benches = {}
+    part, line, benches = real_part(seed), LINES[variant], {}
     for pressure, duration in product(FIT_PRESSURES, FIT_DURATIONS):
         starts = rng.uniform(0.0, START_SPREAD, FIT_EVENTS)
         events = tuple(Event(pressure, (Shot(s, duration),), Faults()) for s in starts)
         name = f"{1e-6 * pressure:03.0f}MPa_{1e3 * duration:.1f}ms"
         noise = int(rng.integers(2**62))
-        benches[name] = wave_bench(variant, seed, events, noise, sample_rate, averaged)
+        benches[name] = Bench(part, Needle(), events, sample_rate, seed=noise, averaged=averaged, line=line)
     return benches
-
-
-def wave_bench(
-    variant: Variant, seed: int, events: tuple[Event, ...], noise: int, sample_rate: float, averaged: bool
-) -> Bench:
-    """These events of the injector that a master seed has, on a line of this kind."""
-    part, line = real_part(seed), LINES[variant]
-    return Bench(part, Needle(), events, sample_rate, seed=noise, averaged=averaged, line=line)

@@ -27,7 +27,6 @@ def obtain_kernel(system: Path = Path("/")) -> Kernel:
     Several callers at once take turns. Raises UnableError.
     """
     cache = cache_folder()
-    missing = []
     failures: list[KernelError] = []
     with (cache / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

@@ -18,7 +18,7 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import E2EState
 from observer_rt.core.stream.stream import RING, dead_band
-from observer_rt.engine.learning.knowledge import EventRecord, Knowledge, no_knowledge
+from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.engine.observer import make_observer, samples_at
 from observer_rt.engine.reports.injection_report import report_of
 from observer_rt.engine.reports.news import Listener, Notice, fan_out
@@ -334,20 +334,16 @@ class Core:
             judgement["waiting"] = False
 
     def _follow(self) -> None:
-        """Hand over closed events, report judged ones."""
+        """Hand over closed events, report the injections of judged ones, with what came before these were."""
         for judged in self._judging.follow(self.optional.learning):
-            self._report(judged)
-
-    def _report(self, judged: EventRecord) -> None:
-        """Reports the injections of a judged event, with what came before it was."""
-        self.optional.read()
-        for injection in self._judging.injections(judged):
-            commanded = self.optional.opening_of(injection)
-            report = report_of(injection, judged, commanded, self.second_sender.concerns(injection))
-            if self._writes_summaries:
-                self._results.add_summary(report, self.optional.learning, self.coefficients.pressure_scale)
-            self._tell(report)
-            self.optional.on_injection(report)
+            self.optional.read()
+            for injection in self._judging.injections(judged):
+                commanded = self.optional.opening_of(injection)
+                report = report_of(injection, judged, commanded, self.second_sender.concerns(injection))
+                if self._writes_summaries:
+                    self._results.add_summary(report, self.optional.learning, self.coefficients.pressure_scale)
+                self._tell(report)
+                self.optional.on_injection(report)
 
     @property
     def _newest_row(self) -> np.void:

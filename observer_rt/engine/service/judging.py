@@ -113,8 +113,7 @@ class Judging:
         self._learned_from: _ClosedEvent | None = None
         self._next: _ClosedEvent | None = None
         self._late: Outcome | None = None  # to be put into force with the next event
-        interval = compiled.observer.constants.interval
-        learned = start.state.learned
+        learned, interval = start.state.learned, compiled.observer.constants.interval
         self._examiner = Examiner(learned.statistics, healthy, learned.colour_at(interval))
 
     @property
@@ -222,17 +221,10 @@ class Judging:
         if isinstance(failure, Exception):
             closed.learning = None
             self._on_failure(failure)
-            self._learn_next()
-            return
-        outcome = closed.learning.result()
-        if closed.is_taken or not has_room(self._compiled.observer, closed.number):
-            self._late = outcome
+        elif closed.is_taken or not has_room(self._compiled.observer, closed.number):
+            self._late = closed.learning.result()
         else:
-            self._post_learned(closed, outcome)
-        self._learn_next()
-
-    def _learn_next(self) -> None:
-        """Begins the learning that waits, when nothing is being learned any more."""
+            self._post_learned(closed, closed.learning.result())
         self._learned_from = None
         if self._next is not None:
             self._learn(self._next)
@@ -246,8 +238,7 @@ class Judging:
         closed.earlier, self._late = self._late, None
         closed.objections = closed.examined.objections or (closed.earlier.forward if closed.earlier else ())
         colour = closed.earlier.knowledge.state.learned.colour if closed.earlier else examiner.colour
-        is_coloured = colour is not None
-        post_examined(self._compiled.observer, closed.number, closed.objections, is_coloured, closed.earlier)
+        post_examined(self._compiled.observer, closed.number, closed.objections, colour is not None, closed.earlier)
 
     def _post_learned(self, closed: _ClosedEvent, outcome: Outcome) -> None:
         self._late = None  # this knows of it

@@ -157,12 +157,10 @@ class FrameWriter:
 
     def write(self, parts: Mapping[str, Any]) -> list[OutputFrame]:
         """A frame for every page of each message; parts: where `value_of` finds the values."""
-        frames = []
+        frames: list[OutputFrame] = []
         for rows, message, counter in self._messages:
-            layout = message.layout
             in_order = np.array([row.sent(value_of(row.source, parts)) for row in rows], np.float64)
-            for page in message.pages:
-                frames.append(_written(layout, page, in_order[page.places], next(counter)))
+            frames += [_written(message.layout, one, in_order[one.places], next(counter)) for one in message.pages]
         return frames
 
 

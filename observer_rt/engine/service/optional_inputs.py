@@ -40,7 +40,11 @@ class OptionalInputs:
         self._inputs = compiled.pipeline.input_memory
         self._memory = self._inputs.memory[0]
         self._masses = _MassComparison(tell)
-        self._watch = _energizing_watch(bus, compiled, tell)
+        self._watch: EnergizingWatch | None = None
+        if bus.energizing:
+            from observer_rt.engine.service import energizing  # optional: [signals.energizing]
+
+            self._watch = energizing.EnergizingWatch(bus.energizing, compiled, tell)
         self._look_on()
 
     def read(self) -> None:
@@ -112,14 +116,6 @@ class OptionalInputs:
     def energizing(self) -> "EnergizingFigures | None":
         """Figures of commands and openings; None for a bench without energizing."""
         return None if self._watch is None else self._watch.figures
-
-
-def _energizing_watch(bus: BusMap, compiled: CompiledPipeline, tell: Listener) -> "EnergizingWatch | None":
-    if not bus.energizing:
-        return None
-    from observer_rt.engine.service.energizing import EnergizingWatch  # optional: [signals.energizing]
-
-    return EnergizingWatch(bus.energizing, compiled, tell)
 
 
 class _MassComparison:

@@ -17,13 +17,7 @@ from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.results import Cell, Discovery
 from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, JointLikelihood, Signal
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import (
-    SimulatedInjection,
-    mass,
-    measured_mass,
-    noisier,
-    simulated,
-)
+from observer_rt.identification.likelihood.open_loop import mass, measured_mass, noisier, simulated
 from observer_rt.identification.likelihood.operating_points import every_second_point
 from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model.effect import Component, Effect, Equation
@@ -114,16 +108,12 @@ def _point(
     )
     before, after = (_errors(measurement, model, true_masses) for model in (nominal, refitted))
     noisy = [_errors(measurement, refitted, true_masses, seed) for seed in range(NOISE_RUNS)]
-    noise = measurement.noise.line_pressure
-    own_errors = {LINE_PRESSURE: [noise], MASS: [0.0]}
+    own_errors = {LINE_PRESSURE: [measurement.noise.line_pressure]}
     if is_measured:
-        rate = [one.rate[_injecting(measurement, one)] for one in simulated(measurement, refitted)]
-        gain_error = GAIN_ERROR * rms(np.concatenate(rate))
-        own_errors = {
-            LINE_PRESSURE: [noise],
-            RATE: [measurement.rate_noise, gain_error],
-            MASS: [GAIN_ERROR * float(np.mean(true_masses))],
-        }
+        runs = simulated(measurement, refitted)
+        rate = [one.rate[in_mass_window(measurement, one.event, one.rate_samples)] for one in runs]
+        own_errors[RATE] = [measurement.rate_noise, GAIN_ERROR * rms(np.concatenate(rate))]
+    own_errors[MASS] = [GAIN_ERROR * float(np.mean(true_masses)) if is_measured else 0.0]
     by_name = {}
     for name, own in own_errors.items():
         si = UNITS[name][1]
@@ -149,15 +139,11 @@ def _errors(
         MASS: masses - true_masses,
     }
     if rate is not None:
-        inside = [_injecting(measurement, one) for one in runs]
+        inside = [in_mass_window(measurement, one.event, one.rate_samples) for one in runs]
         errors[RATE] = np.concatenate(
             [(one.shown_rate - rate[one.rate_samples])[part] for one, part in zip(runs, inside, strict=True)]
         )
     return errors
-
-
-def _injecting(measurement: Measurement, injection: SimulatedInjection) -> NDArray[np.bool_]:
-    return in_mass_window(measurement, injection.event, injection.rate_samples)
 
 
 def rms(values: NDArray[np.float64]) -> float:

@@ -190,7 +190,13 @@ def _as_it_is(here: Quadratic) -> Quadratic:
 
 def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
     """Standard deviations of parameters (p,) by their information (p, p), inf where the data say nothing."""
-    return np.sqrt(np.maximum(np.diag(_inverse(information)), 0.0))
+    seen = np.flatnonzero(np.diag(information) > 0.0)
+    variances = np.full(len(information), np.inf)
+    if seen.size:
+        scale = 1.0 / np.sqrt(np.diag(information)[seen])
+        correlation = information[np.ix_(seen, seen)] * np.outer(scale, scale)
+        variances[seen] = np.diag(np.linalg.pinv(correlation, hermitian=True) * np.outer(scale, scale))
+    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
 
 
 def _lower(
@@ -226,14 +232,3 @@ def _lower(
             return (theta, trial), damping * LESS_DAMPING
         damping *= MORE_DAMPING
     return None, math.inf
-
-
-def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverse of an information matrix, with an infinite variance for what the data do not see."""
-    seen = np.flatnonzero(np.diag(information) > 0.0)
-    covariance = np.diag(np.full(len(information), np.inf))
-    if seen.size:
-        scale = 1.0 / np.sqrt(np.diag(information)[seen])
-        correlation = information[np.ix_(seen, seen)] * np.outer(scale, scale)
-        covariance[np.ix_(seen, seen)] = np.linalg.pinv(correlation, hermitian=True) * np.outer(scale, scale)
-    return covariance

@@ -21,7 +21,7 @@ from observer_rt.identification.likelihood import windows
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time, smoothing_of
 from observer_rt.identification.likelihood.commands import likelier_delays, without_jitter
-from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.measurement import MARGIN, Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel
@@ -69,7 +69,7 @@ class RecordingLikelihood:
         nominal = measurement.as_recorded(nominal)
         self._highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
         self._rows = windows.Rows(measurement)
-        self._latest = windows.latest(measurement)
+        self._latest = round(MARGIN / measurement.interval)  # samples by which the line pressure may be late
         rate = measurement.recording.sample_rate
         needed = substeps_needed(nominal.injector, rate, nominal.departures)
         self._substeps = max(needed, min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS))
@@ -77,7 +77,7 @@ class RecordingLikelihood:
         self._nominal = nominal
         self._nominal_rail = rail_on_time(measurement, nominal.inputs)
         self._nominal_key = _input_key(nominal)
-        self._nominal_inputs = self._inputs(nominal)
+        self._nominal_inputs = self._inputs(measurement, nominal)
         c = measurement.coefficients_of(nominal)
         self._batch = windows.batch_of(measurement, self._rows, self._nominal_inputs, 0, nominal.sensor.offset, c)
         self._begins, self._normalised_by = (nominal.sensor.offset, c), (c.chamber_pressure, c.pressure_scale)
@@ -235,8 +235,7 @@ class RecordingLikelihood:
         measurement: this recording, or with other noise in its lift.
         """
         model, schedule = self._nominal.with_terms("inputs", lift_lag=lag), self._schedule(self._nominal)
-        c = measurement.coefficients_of(model)
-        inputs = windows.TrueInputs(measurement, model.inputs, c, self._rail(model.inputs), model.injector.needle_law)
+        inputs = self._inputs(measurement, model)
         innovation, _ = self._predicted(model, inputs, 0, schedule, self._substeps_of(model))
         return np.asarray(innovation[self._rows.counted] / schedule.innovation_sigma)
 
@@ -265,13 +264,11 @@ class RecordingLikelihood:
         """True inputs under the model's terms; only the nominal ones are cached."""
         if _input_key(model) == self._nominal_key:
             return self._nominal_inputs
-        return self._inputs(model)
+        return self._inputs(self.measurement, model)
 
-    def _inputs(self, model: EffectiveModel) -> windows.TrueInputs:
-        c = self.measurement.coefficients_of(model)
-        return windows.TrueInputs(
-            self.measurement, model.inputs, c, self._rail(model.inputs), model.injector.needle_law
-        )
+    def _inputs(self, measurement: Measurement, model: EffectiveModel) -> windows.TrueInputs:
+        c = measurement.coefficients_of(model)
+        return windows.TrueInputs(measurement, model.inputs, c, self._rail(model.inputs), model.injector.needle_law)
 
     def _rail(self, terms: InputTerms) -> NDArray[np.float64]:
         """Rail pressure on time; only that of the nominal delay is cached."""

@@ -6,7 +6,6 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.likelihood.measurement import (
@@ -94,10 +93,7 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
             commands.append(measurement.commands[measurement.shots_in(event)] + begin + margin - event.start)
         begin += stretch.size
 
-    def cut(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.ascontiguousarray(values[kept])
-
-    signals = {name: cut(values) for name, values in recording.signals.items()}
+    signals = {name: np.ascontiguousarray(values[kept]) for name, values in recording.signals.items()}
     part = recording.with_arrays({"time": np.arange(kept.size, dtype=np.float64) * measurement.interval, **signals})
     return replace(
         measurement,

@@ -20,7 +20,7 @@ from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.engine.learning.healthy import EventStretch, expected
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.identification.likelihood.channel_noise import rail_on_time
-from observer_rt.identification.likelihood.measurement import MARGIN, START_MEAN, JudgedEvent, Measurement, shut_mask
+from observer_rt.identification.likelihood.measurement import START_MEAN, JudgedEvent, Measurement, shut_mask
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
@@ -204,7 +204,6 @@ def batch_of(
     resting &= inputs.area <= 0.0  # the foot of a ramp the sensor did not see
     source = rows.samples - late
     output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale
-    clocks = np.array([event.clock for event in measurement.events])
     return Batch(
         np.ascontiguousarray(np.stack((inputs.rail[source], inputs.area[source]), axis=1)),
         output[rows.samples],
@@ -213,7 +212,7 @@ def batch_of(
         rows.bounds,
         np.array([event.openings[0].first - event.start + late for event in measurement.events]),
         inputs.knots[source] if inputs.knots.size else inputs.knots,
-        clocks,
+        np.array([event.clock for event in measurement.events]),
         tuple(commands[measurement.shots_in(event)] - event.start + late for event in measurement.events)
         if measurement.is_free and (commands := measurement.commands) is not None
         else (),
@@ -280,11 +279,6 @@ def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:
     edge, afterglow = (round(t / measurement.interval) for t in (EDGE, AFTERGLOW))
     windows = [batch.window(i) for i in range(len(measurement.events))]
     return np.concatenate([phases_of(window, edge, afterglow) for window in windows])
-
-
-def latest(measurement: Measurement) -> int:
-    """Number of samples by which the line pressure may be late."""
-    return round(MARGIN / measurement.interval)
 
 
 def stretches(measurement: Measurement) -> tuple[EventStretch, ...]:

@@ -3,19 +3,12 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
 from observer_rt.files.formats import read_recording
 from tests.desk.cli.conftest import Command
 
 FEW = ("--injections", "2", "--sample-rate", "50e3")
-
-
-def truth_columns(path: Path) -> dict[str, NDArray[np.float64]]:
-    """Columns of a truth file by header."""
-    header = path.read_text().split("\n", 1)[0].split(",")
-    table = np.loadtxt(path, delimiter=",", skiprows=1)
-    return dict(zip(header, table.T, strict=True))
 
 
 def test_recording_and_its_truth(command: Command, tmp_path: Path) -> None:
@@ -28,9 +21,9 @@ def test_recording_and_its_truth(command: Command, tmp_path: Path) -> None:
     recording = read_recording(path)
     assert recording.sample_rate == 50e3
     assert recording.injection_rate is not None
-    truth = truth_columns(tmp_path / "made.mf4.truth.csv")
+    truth = pd.read_csv(tmp_path / "made.mf4.truth.csv")
     np.testing.assert_allclose(truth["time_s"], recording.time, atol=1e-9)
-    rate = truth["injection_rate_mm3_per_ms"]
+    rate = truth["injection_rate_mm3_per_ms"].to_numpy()
     assert 0.2 < np.std(recording.injection_rate / 1e-6 - rate) < 1.0  # it is a measurement
     assert np.count_nonzero(np.diff((rate > 1.0).astype(int)) == 1) == 4
     rises = [np.count_nonzero(np.diff((truth["needle_lift_mm"] > mm).astype(int)) == 1) for mm in (0.015, 0.026)]

@@ -1,41 +1,27 @@
 """The observer on recordings of an independent plant whose pressure sensors drift, or differ in their gains."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.engine.stream.state import Reason
 from tests.engine.learning.worn_injector import in_turn
 from tests.observed_plants import ObservedRun, bench_at, observed
-from tests.plants.plant import Signals, Step
+from tests.plants.plant import LINE, RAIL, Step
 
 EVENTS = 12
 SEED = 12
 LEARNED = 2  # events, after which a gain is known
 
 
-def drift(size: float) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    return lambda time: size * np.sin(2.0 * math.pi * 0.4 * time)
+def drift(role: str, size: float) -> Step:
+    return lambda m: replace(m, **{role: getattr(m, role) + size * np.sin(2.0 * math.pi * 0.4 * m.time)})
 
 
-def line_drift(measured: Signals) -> Signals:
-    return replace(measured, line_pressure=measured.line_pressure + drift(1e6)(measured.time))
-
-
-def rail_drift(measured: Signals) -> Signals:
-    return replace(measured, rail_pressure=measured.rail_pressure + drift(0.5e6)(measured.time))
-
-
-def line_gain(share: float) -> Step:
-    return lambda m: replace(m, line_pressure=(1.0 + share) * m.line_pressure)
-
-
-def rail_gain(share: float) -> Step:
-    return lambda m: replace(m, rail_pressure=(1.0 + share) * m.rail_pressure)
+def gain(role: str, share: float) -> Step:
+    return lambda m: replace(m, **{role: (1.0 + share) * getattr(m, role)})
 
 
 def seen(disturbance: Step, accuracy_percent: float = 0.7) -> ObservedRun:
@@ -44,7 +30,7 @@ def seen(disturbance: Step, accuracy_percent: float = 0.7) -> ObservedRun:
 
 
 @pytest.mark.parametrize("accuracy", [0.0, 0.7])
-@pytest.mark.parametrize("disturbance", [line_drift, rail_drift], ids=["line", "rail"])
+@pytest.mark.parametrize("disturbance", [drift(LINE, 1e6), drift(RAIL, 0.5e6)], ids=["line", "rail"])
 def test_an_offset_that_drifts_is_followed(disturbance: Step, accuracy: float) -> None:
     run = seen(disturbance, accuracy)
     assert run.valid[4:] == [True] * (EVENTS - 4)
@@ -53,7 +39,7 @@ def test_an_offset_that_drifts_is_followed(disturbance: Step, accuracy: float) -
 
 @pytest.mark.parametrize(
     "disturbance",
-    [line_gain(0.01), line_gain(-0.01), rail_gain(0.01), rail_gain(-0.01)],
+    [gain(LINE, 0.01), gain(LINE, -0.01), gain(RAIL, 0.01), gain(RAIL, -0.01)],
     ids=["line +", "line -", "rail +", "rail -"],
 )
 def test_gains_that_differ_are_shared_between_both_sensors(disturbance: Step) -> None:
@@ -67,5 +53,5 @@ def test_gains_that_differ_are_shared_between_both_sensors(disturbance: Step) ->
 
 @pytest.mark.parametrize("share", [0.022, -0.022])
 def test_gains_that_differ_by_much_are_refused_as_an_offset(share: float) -> None:
-    run = seen(line_gain(share))
+    run = seen(gain(LINE, share))
     assert {report.reason for report in run.reports[LEARNED:]} == {Reason.PRESSURE_OFFSET}

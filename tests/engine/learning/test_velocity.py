@@ -1,7 +1,6 @@
 """The velocity of wear, against a Kalman filter of theta and velocity together."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
@@ -14,26 +13,20 @@ DRIFT = SCALARS.drift(1e8)
 SIGMA = 0.004  # of a flow, by one event
 
 
-def event_at(flows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Information and vector of an event that measures both flows."""
-    information = np.zeros((WIDTH, WIDTH))
-    information[FLOWS, FLOWS] = SIGMA**-2
-    vector = np.zeros(WIDTH)
-    vector[FLOWS] = flows / SIGMA**2
-    return information, vector
-
-
 def test_it_is_that_of_the_filter_of_both() -> None:
+    """By events that measure both flows."""
     random = np.random.default_rng(2)
     belief, velocity = prior_belief(np.zeros(WIDTH), 1e-4 * np.eye(WIDTH)), None
     mean, covariance = np.zeros(4), np.diag([1e-4, 1e-4, *(SPEED * DRIFT[FLOWS]) ** 2])
     step = np.eye(4)
     step[:2, 2:] = np.eye(2)
     turning = np.diag([0.0, 0.0, *(TURNS * DRIFT[FLOWS]) ** 2])
+    information, vector = np.zeros((WIDTH, WIDTH)), np.zeros(WIDTH)
+    information[FLOWS, FLOWS] = SIGMA**-2
     for number in range(8):
         flows = 0.003 * number + random.normal(0.0, SIGMA, 2)
         moved = moving(belief, DRIFT, velocity)
-        information, vector = event_at(flows)
+        vector[FLOWS] = flows / SIGMA**2
         belief = moved.belief.updated(information, vector)
         velocity = moved.after(belief)
         covariance = step @ (covariance + (turning if number else 0.0)) @ step.T

@@ -262,15 +262,8 @@ def test_an_effect_in_force_is_part_of_the_model_that_is_fitted() -> None:
     assert max(map(abs, _deviations(blind, NOMINAL).values())) > 5.0
 
 
-def test_one_recording_is_judged_by_halves() -> None:
-    measured = _measured(simulations([(100e6, 1.9e-3)], injections=4))
-    done = _fit(measured, off_by_ten_percent())
-    assert len(done.fitted.calibration.folds) == 2
-    assert done.fitted.held_out is not None
-
-
-def test_one_injection_is_fitted_with_nothing_held_out() -> None:
-    measured = _measured(simulations([(100e6, 1.9e-3)], injections=1))
-    done = _fit(measured, off_by_ten_percent())
-    assert done.fitted.held_out is None
-    assert "of all there is" in done.choice.reason
+@pytest.mark.parametrize(("injections", "folds"), [(4, 2), (1, 1)])
+def test_one_recording_is_judged_by_halves_one_injection_with_nothing_held_out(injections: int, folds: int) -> None:
+    done = _fit(_measured(simulations([(100e6, 1.9e-3)], injections=injections)), off_by_ten_percent())
+    assert len(done.fitted.calibration.folds) == folds
+    assert (done.fitted.held_out is None) == ("of all there is" in done.choice.reason) == (folds == 1)

@@ -89,7 +89,6 @@ def overshooting(bench: Bench, size: float, rng: Generator) -> Bench:
 
 def smooth(bench: Bench, size: float, rng: Generator) -> Bench:
     """The needle starts and ends its way slowly: its first and last `size` % at a third of the speed."""
-
     return _moved(bench, lambda strokes: np.concatenate([_smoothed(row, 0.01 * size) for row in strokes]))
 
 

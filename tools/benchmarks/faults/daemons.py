@@ -106,7 +106,11 @@ def strike(how: Strike, folder: Path, seed: int) -> campaign.Row:
         readings = _cut(folder, reported, due, chance)
     else:
         readings = [read_back(disk, reported, due)]
-        problems += _starts_again(disk)
+        try:
+            with _learning(disk, {}):
+                pass  # it starts again
+        except RunError as error:
+            problems.append(str(error))
     problems += [problem for _, others in readings for problem in others]
     lost = max(lost for lost, _ in readings)
     return {"struck": how, "said": len(reported), "lost": lost, "problems": len(problems), "what": problems}
@@ -159,11 +163,3 @@ def _without_room(process: int) -> Iterator[None]:
         yield
     finally:
         resource.prlimit(process, resource.RLIMIT_FSIZE, (soft, hard))
-
-
-def _starts_again(disk: Path) -> list[str]:
-    try:
-        with _learning(disk, {}):
-            return []
-    except RunError as error:
-        return [str(error)]

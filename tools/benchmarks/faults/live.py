@@ -94,7 +94,9 @@ def run_live(count: int, master_seed: int, folder: Path) -> list[Row]:
     ):
         for number in range(count):
             messages.print(f"live: {number + 1} of {count}")
-            scenario = _scenario(Task(names[number % len(names)], master_seed, number))
+            scenario = drawn(Task(names[number % len(names)], master_seed, number), ROWS, is_rich=False)
+            events = tuple(replace(event, faults=Faults(orifice_area=WEAR)) for event in scenario.bench.events)
+            scenario = replace(scenario, bench=replace(scenario.bench, injector=Injector(), events=events))
             outcome = record(scenario.bench)
             recording = recording_of(outcome)
             frames = list(framer.frames(recording, all_samples(recording)))
@@ -104,12 +106,6 @@ def run_live(count: int, master_seed: int, folder: Path) -> list[Row]:
                 rows[-1] |= {"crash": "\n".join(daemon.said[-5:]), "crashed": True}
                 break
     return rows
-
-
-def _scenario(task: Task) -> Scenario:
-    scenario = drawn(task, ROWS, is_rich=False)
-    events = tuple(replace(event, faults=Faults(orifice_area=WEAR)) for event in scenario.bench.events)
-    return replace(scenario, bench=replace(scenario.bench, injector=Injector(), events=events))
 
 
 def _played(scenario: Scenario, outcome: Outcome, frames: list[TimedFrame], bus: Bus, ear: Link) -> Results:

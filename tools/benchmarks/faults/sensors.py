@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -165,11 +166,6 @@ def jitter(part: Part) -> Signals:
     return replace(part.seen, **{r: np.interp(moments, time, getattr(part.seen, r)) for r in SIGNALS})
 
 
-def low_pass(order: int) -> Wave:
-    """A Butterworth filter."""
-    return through(lambda corner: filters.butterworth(order, corner))
-
-
 def _delay(role: str, value_of: Callable[[float], float], key: str = "filter_delay_us") -> Callable[[float], Stated]:
     """What the bench file says of a size [us]."""
     return lambda size: {role: {key: value_of(size)}}
@@ -181,7 +177,8 @@ def _small(name: str, unit: str, sizes: tuple[float, ...], change: Any, reasons:
 
 
 def _small_ones() -> list[SensorFault]:
-    s, lp2, lp4, corners = of.SENSOR, low_pass(2), low_pass(4), (10.0, 20.0, 40.0)
+    s, corners = of.SENSOR, (10.0, 20.0, 40.0)
+    lp2, lp4 = (through(partial(filters.butterworth, order)) for order in (2, 4))
     rows = [
         SensorFault("none", Where.SENSOR, of.HARMLESS, lasting=True),
         _small("hum_50_hz_line", "MPa", (0.1, 0.2, 0.5), on(hum(50.0), LINE), s),

@@ -36,8 +36,7 @@ _VCAN = Path(__file__).parents[2] / "vcan"
 def measure_roundtrips(folder: Path, seconds: float) -> list[Row]:
     """Send to each party for `seconds` in all at the slow pace, a fifth at the fast one: a row a pace and party.
 
-    Runs in user-mode Linux where the kernel of this machine has no CAN. Raises
-    RunError.
+    Runs in user-mode Linux where the kernel of this machine has no CAN. Raises RunError.
     """
     own = [sys.executable, "-m", "tools.benchmarks.speed.roundtrip", folder, CHANNEL, seconds]
     done = subprocess.run([_VCAN, *map(str, own)], check=False)

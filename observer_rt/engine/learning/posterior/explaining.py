@@ -36,7 +36,7 @@ from observer_rt.engine.learning.hypotheses import (
 )
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
-from observer_rt.engine.learning.scales import ScaleChoice, Pairs, pairs_in_use, weigh_choices, without_others
+from observer_rt.engine.learning.scales import Pairs, ScaleChoice, pairs_in_use, weigh_choices, without_others
 from observer_rt.model.effective import LAG_UNIT
 
 NEEDLE_STARTS, LATE_STARTS = np.zeros((9, PARAMETERS)), np.zeros((len(c.LIFT_DELAYS), PARAMETERS))

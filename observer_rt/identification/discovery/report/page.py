@@ -86,11 +86,8 @@ def map_columns(where: Sequence[Disagreement]) -> dict[Signal, list[Phase]]:
 
 def shown_cells(where: Sequence[Disagreement], side: str) -> dict[tuple[int, Signal, Phase], ShownCell]:
     """Cells of the map. side: `before` or `after`."""
-    shown = {}
-    for item in where:
-        cell = getattr(item, side)
-        shown[cell.recording, cell.signal, cell.phase] = _shown(cell, item.equation)
-    return shown
+    cells = ((getattr(item, side), item.equation) for item in where)
+    return {(cell.recording, cell.signal, cell.phase): _shown(cell, equation) for cell, equation in cells}
 
 
 def _shown(cell: Cell, equation: Equation | None) -> ShownCell:

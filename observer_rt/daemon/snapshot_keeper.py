@@ -203,19 +203,18 @@ class SnapshotKeeper:
 
 def _faults(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason]) -> list[Fault]:
     """Faults at a monotonic time [ns], one for each cause, the likeliest first."""
-    down = [
+    faults = [
         Fault(f"{port.label} is down: {what}", port.down_since, remedy)
         for port in daemon.ports
         for what, _, remedy in (port.down.partition(REMEDY),)
         if what
     ]
-    silent = _silence(daemon, now)
-    if (down or silent) and (not reasons or reasons[0] in ABOUT_INPUTS):
-        return [*down, *silent]
-    if is_good(state) or now - daemon.stands_since < LASTING * SECOND:
-        return [*down, *silent]
+    faults += _silence(daemon, now)
+    is_explained = bool(faults) and (not reasons or reasons[0] in ABOUT_INPUTS)
+    if is_explained or is_good(state) or now - daemon.stands_since < LASTING * SECOND:
+        return faults
     words, name = (REASONS[reasons[0]], reasons[0].name) if reasons else (STATES[state], state.name)
-    return [*down, *silent, Fault(f"{name}: {words.what}", daemon.stands_since, words.remedy)]
+    return [*faults, Fault(f"{name}: {words.what}", daemon.stands_since, words.remedy)]
 
 
 def _silence(daemon: Daemon, now: int) -> list[Fault]:

@@ -157,10 +157,9 @@ def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
     if baseline is None:
         return None
     if not baseline.adequate:
-        trusted = fitted.config.learning.on_inadequate_model
         so = (
             "it is learned with all the same, as learning.on_inadequate_model says"
-            if trusted
+            if fitted.config.learning.on_inadequate_model
             else "nothing is learned, and no injection is valid (MODEL_INADEQUATE)"
         )
         return FitDoubt(

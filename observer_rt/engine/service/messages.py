@@ -159,10 +159,9 @@ class FrameWriter:
         """A frame for every page of each message; parts: where `value_of` finds the values."""
         frames = []
         for rows, message, counter in self._messages:
-            layout = message.layout
             in_order = np.array([row.sent(value_of(row.source, parts)) for row in rows], np.float64)
             for page in message.pages:
-                frames.append(_written(layout, page, in_order[page.places], next(counter)))
+                frames.append(_written(message.layout, page, in_order[page.places], next(counter)))
         return frames
 
 

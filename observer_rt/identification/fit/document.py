@@ -194,11 +194,10 @@ def _disagreement(done: CalibrationResult) -> str:
 def oddities(done: CalibrationResult) -> list[str]:
     """Fitted numbers that physics does not allow, with the entry of the file that is probably wrong; those at an end
     of the range tried."""
-    free = done.fitted.calibration.free
     odd = _beyond_physics(done)
     check = "" if done.inadequate else "; check {}"  # a model that lacks something makes numbers up for it
     result = [f"implausible: {one.words}{check.format(one.made_up_for or one.name)}" for one in odd]
-    for parameter in free:
+    for parameter in done.fitted.calibration.free:
         value = parameter.of(done.injector)
         is_least = value < 1.01 * parameter.lowest and not parameter.linear  # the least of K_1 is a constant fuel
         if is_least or value > 0.99 * parameter.highest:

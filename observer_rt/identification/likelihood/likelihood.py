@@ -70,8 +70,7 @@ class RecordingLikelihood:
         self._highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
         self._rows = windows.Rows(measurement)
         self._latest = windows.latest(measurement)
-        rate = measurement.recording.sample_rate
-        needed = substeps_needed(nominal.injector, rate, nominal.departures)
+        needed = substeps_needed(nominal.injector, measurement.recording.sample_rate, nominal.departures)
         self._substeps = max(needed, min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS))
         self._gains: dict[tuple[Any, float, float], GainSchedule] = {}
         self._nominal = nominal

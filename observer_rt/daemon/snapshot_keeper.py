@@ -203,18 +203,18 @@ class SnapshotKeeper:
 
 def _faults(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason]) -> list[Fault]:
     """Faults at a monotonic time [ns], one for each cause, the likeliest first."""
-    found = [
+    faults = [
         Fault(f"{port.label} is down: {what}", port.down_since, remedy)
         for port in daemon.ports
         for what, _, remedy in (port.down.partition(REMEDY),)
         if what
     ]
-    found += _silence(daemon, now)
-    is_explained = bool(found) and (not reasons or reasons[0] in ABOUT_INPUTS)
+    faults += _silence(daemon, now)
+    is_explained = bool(faults) and (not reasons or reasons[0] in ABOUT_INPUTS)
     if is_explained or is_good(state) or now - daemon.stands_since < LASTING * SECOND:
-        return found
+        return faults
     words, name = (REASONS[reasons[0]], reasons[0].name) if reasons else (STATES[state], state.name)
-    return [*found, Fault(f"{name}: {words.what}", daemon.stands_since, words.remedy)]
+    return [*faults, Fault(f"{name}: {words.what}", daemon.stands_since, words.remedy)]
 
 
 def _silence(daemon: Daemon, now: int) -> list[Fault]:

@@ -215,7 +215,6 @@ def event_window(observer: state.Observer, number: int) -> Window | None:
     if not event["learnable"]:
         return None
     start, end = _window_of(observer, event)
-    late = observer.constants.sensor.late
     samples = max(0, end - start)
     window = Window(
         inputs=np.empty((samples, 2)),
@@ -227,11 +226,10 @@ def event_window(observer: state.Observer, number: int) -> Window | None:
         masked=np.empty(samples, np.bool_),
     )
     columns = window.inputs, window.output, window.resting, window.knots, window.masked
-    core.copy_window(observer.ring, start, late, *columns)
+    core.copy_window(observer.ring, start, observer.constants.sensor.late, *columns)
     openings = np.count_nonzero(np.diff(window.inputs[:, 1] > 0.0, prepend=False) & (window.inputs[:, 1] > 0.0))
     begun = Clock(start * observer.constants.interval, float(event["injections"] - openings))
-    needle = observer.constants.needle
-    return window._replace(clock=begun, commands=commands_at(observer, start, end), needle=needle)
+    return window._replace(clock=begun, commands=commands_at(observer, start, end), needle=observer.constants.needle)
 
 
 def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:
@@ -252,10 +250,9 @@ def samples_at(observer: state.Observer, start: int, end: int) -> NDArray[np.voi
 
 def event_innovations(observer: state.Observer, number: int) -> Innovations:
     """Innovations of the live x~ over the learning window of a closed event, copied."""
-    noise = observer.memory[0]["innovation_noise"]
     start, end = _window_of(observer, observer.events[number % core.PENDING_EVENTS])
     innovations = remembered(observer.ring["innovation"], start, end)
-    return Innovations(innovations.copy(), float(noise["sigma"]))
+    return Innovations(innovations.copy(), float(observer.memory[0]["innovation_noise"]["sigma"]))
 
 
 def _window_of(observer: state.Observer, event: np.void) -> tuple[int, int]:

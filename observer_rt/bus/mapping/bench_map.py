@@ -75,8 +75,7 @@ def in_common(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]
         for layout in bus.sent:
             message = f"the message {mapped.name_of(layout)} 0x{layout.frame_id:X}"
             owners.setdefault(message, []).append(injector.name)
-        number = injector.config.outputs.injector_id
-        owners.setdefault(f"outputs.injector_id = {number}", []).append(injector.name)
+        owners.setdefault(f"outputs.injector_id = {injector.config.outputs.injector_id}", []).append(injector.name)
         for key, file in (("file", injector.state), ("journal", injector.journal)):
             if file is not None:
                 owners.setdefault(f"state.{key} = {file}", []).append(injector.name)

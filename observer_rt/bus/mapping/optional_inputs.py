@@ -149,8 +149,7 @@ def map_optional(
         signals = tuple(_slow_signal(fitted, source.message, layout, role, config) for role, config in roles)
         energizing = None
         if pulses is not None and source == carrier:
-            link = databases.links[source.bus]
-            energizing = _energizing(fitted, pulses, link, source.message, layout, leading)
+            energizing = _energizing(fitted, pulses, databases.links[source.bus], source.message, layout, leading)
             if fitted.config.signals.needle_lift is None and not energizing.tells_samples:
                 raise UserError(
                     fitted.location("signals.energizing"),
@@ -288,9 +287,7 @@ def _index(
 def say_nothing(inputs: input_tables.Inputs, slow: Sequence[SlowMessage]) -> None:
     """Fill frames made of recordings with the defaults of the optional inputs: a recording has no energizing."""
     for message in slow:
-        layout = message.layout
-        key = layout.key
-        for row in inputs.messages[inputs.messages["key"] == key]:
+        for row in inputs.messages[inputs.messages["key"] == message.layout.key]:
             first = int(row["first_kind"])
             for blank in inputs.kinds["blank"][first : first + int(row["kind_count"])]:
                 for entry in message.inputs:

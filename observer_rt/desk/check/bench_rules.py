@@ -64,9 +64,8 @@ def bench_findings(
     try:
         mapped = map_bench(bench)
         maps = {fitted.name: bus for fitted, bus in zip(bench.injectors, mapped.injectors, strict=True)}
-        messages = mapped.database_messages
         findings += of_each(
-            bench, lambda alone: mapping_findings(alone.injector, maps[alone.injector.name], messages)
+            bench, lambda alone: mapping_findings(alone.injector, maps[alone.injector.name], mapped.database_messages)
         )
         findings += buses_findings(bench, mapped)
         findings += of_each(bench, lambda alone: time_findings(maps[alone.injector.name]))

@@ -226,10 +226,9 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 def _line_side(last: InjectionResult, c: Coefficients) -> list[str]:
     """Indicators beside nozzle and seat at the last injection, none of them part of the rate."""
-    indicators = last.report.indicators
     result = []
     for _, shown in SCALARS.shown():
-        if (estimate := indicators.get(shown.effect)) is None:
+        if (estimate := last.report.indicators.get(shown.effect)) is None:
             continue
         if shown.label and estimate.sigma and abs(estimate.value) > NOTEWORTHY * estimate.sigma:
             result.append(f"beside the rate: {in_words(shown, estimate, c)}")

@@ -57,10 +57,9 @@ class SampleObserver(KnowledgeHolder):
         sample_rate_Hz: float = 100e3,  # noqa: N803 - units as printed
         state: str | PathLike[str] | None = None,
     ) -> None:
-        sampling = injector.bench.injector.config.sampling
         rate = validated(
             SamplingConfig,
-            {**sampling.model_dump(), "rate_hz": np.asarray(sample_rate_Hz).item()},
+            {**injector.bench.injector.config.sampling.model_dump(), "rate_hz": np.asarray(sample_rate_Hz).item()},
             lambda *_: "sample_rate_Hz",
             "bench",
         )

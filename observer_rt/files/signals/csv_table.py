@@ -97,11 +97,10 @@ class CsvTable(FileTable):
                 before += SAMPLES_AT_ONCE
 
     def _columns(self, before: int, lines: list[str]) -> dict[str, Values]:
-        places = self._dialect.places
         table = self._at_once(lines)
         if table is None:
             table = self._one_by_one(before, lines)
-        columns = {name: np.asarray(table[place]) for name, place in places.items()}
+        columns = {name: np.asarray(table[place]) for name, place in self._dialect.places.items()}
         if self._calendar is not None:
             columns[TIME] = self._seconds(before, lines, columns[TIME])
         if not self.is_own:

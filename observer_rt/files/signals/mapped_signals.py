@@ -214,8 +214,7 @@ class MappedSignals(TableSignals):
     def _samples(self, run: RowRun) -> int:
         """Number of samples of the grid within a run."""
         span = (run.end - run.begin) * self.sample_rate
-        is_on_grid = self._axes[self._main].is_on_grid
-        return int(round(span) if is_on_grid else math.floor(span + 1e-6)) + 1
+        return int(round(span) if self._axes[self._main].is_on_grid else math.floor(span + 1e-6)) + 1
 
     def _notes(self) -> Iterator[str]:
         axis = self._axes[self._main]

@@ -67,9 +67,8 @@ class Mdf4Table(FileTable):
         """Parts of a group."""
         indices = {name: self._channels[name].number for name in self.rasters[raster]}
         row = 0
-        group = self._groups[raster]
         work = "observer_rt.files.mdf4.opening:parts"  # runs apart
-        for _, columns in mdf4_apart(work, self.path, group, indices, SAMPLES_AT_ONCE):
+        for _, columns in mdf4_apart(work, self.path, self._groups[raster], indices, SAMPLES_AT_ONCE):
             time = columns.pop(TIME)
             for name, values in columns.items():
                 location = f"{self.path}, channel {self.mapped[name].column}"

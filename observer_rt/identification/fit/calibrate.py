@@ -263,7 +263,6 @@ def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
     pressures = [
         rail_pressure_before(event, one.recording) / MEGAPASCAL for one in recordings for event in one.events
     ]
-    sigmas = done.fitted.certainty.sigmas
     return Baseline(
         adequate=not done.inadequate,
         level=done.level.value,
@@ -277,7 +276,7 @@ def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
         noise=NoiseFigures(**{name: rounded(sum(of) / len(of)) for name, of in noise.items()}),
         ci95={
             one.name: _rounded_pair(one.interval(one.of(done.injector), float(sigma)))
-            for one, sigma in zip(done.fitted.calibration.free, sigmas, strict=True)
+            for one, sigma in zip(done.fitted.calibration.free, done.fitted.certainty.sigmas, strict=True)
         },
         healthy=_remainder(done),
         recordings=tuple(shortened(hashes)),

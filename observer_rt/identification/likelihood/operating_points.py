@@ -55,8 +55,7 @@ def by_operating_point(recordings: Sequence[Measurement]) -> tuple[OperatingPoin
 
 def events_by_point(measurement: Measurement) -> list[list[JudgedEvent]]:
     """Events of a recording by operating point, in the order of rail pressure, then duration."""
-    recording = measurement.recording
-    pressure, duration = (partial(f, recording=recording) for f in (rail_pressure_before, open_time))
+    pressure, duration = (partial(f, recording=measurement.recording) for f in (rail_pressure_before, open_time))
     return [
         events
         for same_pressure in _clusters(measurement.events, pressure, POINT_PRESSURE / 2.0)

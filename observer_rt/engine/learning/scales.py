@@ -98,12 +98,12 @@ def _out_of_use(pairs: Pairs) -> NDArray[np.int64]:
 def without_others(belief: Belief, pairs: Pairs) -> Belief:
     """The belief with no pairs but these: their weights vary for themselves, by as little as those of no law."""
     others = _out_of_use(pairs)
-    known, columns = _measured(belief, others, float(_NOISES[0])), WEIGHTS[others]
-    known.mean[columns] = 0.0
-    for covariance in (known.covariance, known.error_covariance):
+    narrow, columns = _measured(belief, others, float(_NOISES[0])), WEIGHTS[others]
+    narrow.mean[columns] = 0.0
+    for covariance in (narrow.covariance, narrow.error_covariance):
         covariance[columns] = covariance[:, columns] = 0.0
         covariance[columns, columns] = _NOISES[0] * _PRIOR[others] ** 2
-    return known
+    return narrow
 
 
 def weigh_choices(
@@ -137,17 +137,17 @@ def _gains(mean: Vector, covariance: Vector, choice: ScaleChoice) -> dict[int, f
 @lru_cache(8)
 def _likely(belief: Belief) -> tuple[list[Pairs], Vector]:
     """Pairs in use, where one after another pays, and probabilities (k, choices) of all choices with each of them."""
-    pairs, tried, found = frozenset[int](), list[Pairs](), list[Vector]()
+    pairs, tried, densities = frozenset[int](), list[Pairs](), list[Vector]()
     while True:
         logs, _ = weigh_choices(belief.mean, belief.covariance, pairs)
         tried.append(pairs)
-        found.append(logs)
+        densities.append(logs)
         gains = _gains(belief.mean, belief.covariance, ScaleChoice(int(np.argmax(logs)), pairs))
-        pair = max(gains, key=lambda one: gains[one])
+        pair = max(gains, key=lambda pair: gains[pair])
         if gains[pair] < 0.0 or len(pairs) == c.MOST_PAIRS:
             break
         pairs |= {pair}
-    weights = np.exp(np.array(found) - np.max(found))
+    weights = np.exp(np.array(densities) - np.max(densities))
     return tried, np.asarray(weights / weights.sum())
 
 

@@ -69,15 +69,13 @@ def test_a_law_of_two_inputs_at_once_is_learned_as_a_surface() -> None:
     schedule = in_turn(24, lambda _: HEALTHY, RAIL_PRESSURES, DURATIONS)
     plant = Bench(Injector(), Needle(), schedule, seed=37, laws=laws)
     (evaluation,) = evaluate(bench_at(plant.sample_rate), [recording_of(record(plant))]).evaluations
-    late = evaluation.reports[12:]
-    assert all(report.valid for report in late)
-    assert np.mean([abs(report.remainder) <= 2.0 * report.relative_sigma for report in late]) > 0.8
+    assert all(report.valid for report in evaluation.reports[12:])
+    assert np.mean([abs(late.remainder) <= 2.0 * late.relative_sigma for late in evaluation.reports[12:]]) > 0.8
     (surface,) = (
         one for one in evaluation.surfaces if one.variables == ("rail_pressure_MPa", "time_since_opening_ms")
     )
     rails, times = np.meshgrid(*surface.inputs, indexing="ij")
     true = laws.nozzle_product * np.tanh((rails - 100.0) / 30.0) * np.tanh((times - 0.8) / 0.4)
-    seen = surface.is_seen
-    assert 0.3 < np.mean(seen) < 1.0
-    assert np.corrcoef(surface.change[seen], true[seen])[0, 1] > 0.8
+    assert 0.3 < np.mean(surface.is_seen) < 1.0
+    assert np.corrcoef(surface.change[surface.is_seen], true[surface.is_seen])[0, 1] > 0.8
     assert surface.words.startswith("learned: nozzle flow by rail pressure and time since opening, ")

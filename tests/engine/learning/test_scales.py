@@ -27,9 +27,7 @@ SQUARES[:, SINGLE] = [*itertools.product((NONE**2, SMALL**2, 0.999), repeat=SING
 
 def with_pairs(squares: NDArray[np.float64], pairs: frozenset[int]) -> NDArray[np.float64]:
     """The squares (..., curves) where these pairs are in use."""
-    used = squares.copy()
-    used[..., list(pairs)] = 1.0 - 1e-9
-    return used
+    return np.where(np.isin(np.arange(NEURONS.size), list(pairs)), 1.0 - 1e-9, squares)
 
 
 def prior_logs() -> NDArray[np.float64]:
@@ -81,12 +79,10 @@ def tried(rows: NDArray[np.float64], seen: NDArray[np.float64]) -> dict[frozense
         logs = prior_logs() + [likelihood(rows, seen, squares) for squares in every] + len(pairs) * math.log(PAIRED)
         result[pairs], best = logs, every[int(np.argmax(logs))]
         before = likelihood(rows, seen, best) - math.log(PAIRED)
-        more = {
-            frozenset({*pairs, pair}): likelihood(rows, seen, with_pairs(best, frozenset({pair}))) - before
-            for pair in PAIRS.tolist()
-        }
-        furthest = max(more.keys() - {pairs}, key=lambda one: more[one])
-        if more[furthest] < 0.0 or len(pairs) == MOST_PAIRS:
+        more = {frozenset({*pairs, pair}): with_pairs(best, frozenset({pair})) for pair in PAIRS.tolist()}
+        gains = {choice: likelihood(rows, seen, more[choice]) - before for choice in more.keys() - {pairs}}
+        furthest = max(gains, key=lambda choice: gains[choice])
+        if gains[furthest] < 0.0 or len(pairs) == MOST_PAIRS:
             return result
         pairs = furthest
 
@@ -117,10 +113,9 @@ def test_the_scale_of_each_curve_is_what_its_marginal_likelihood_says(name: str)
 def test_an_event_is_weighed_as_if_pairs_out_of_use_had_hardly_any_weights(pairs: frozenset[int]) -> None:
     rows, seen = measured(SCALES["pair"])
     belief = without_others(learned(PRIOR**2, rows, seen), pairs)
-    whole = np.where(IS_PAIR, NONE**2, 1.0)
-    expected = learned(scaled(with_pairs(whole, pairs)), rows, seen)
-    np.testing.assert_allclose(belief.mean / PRIOR, expected.mean / PRIOR, atol=2e-3)
+    expected = learned(scaled(with_pairs(np.where(IS_PAIR, NONE**2, 1.0), pairs)), rows, seen)
     spread = np.outer(PRIOR, PRIOR)
+    np.testing.assert_allclose(belief.mean / PRIOR, expected.mean / PRIOR, atol=2e-3)
     np.testing.assert_allclose(belief.covariance / spread, expected.covariance / spread, atol=1e-3)
     logs, _ = weigh_choices(belief.mean, belief.covariance, pairs)
     every = prior_logs() + [likelihood(rows, seen, squares) for squares in with_pairs(SQUARES, pairs)]

@@ -156,5 +156,4 @@ def _apparent(effect: Effect, judged: Sequence[JudgedModel], moved: Sequence[Jud
     length = float(slope @ slope)
     value = -float(slope @ here) / length if length > 0.0 else 0.0
     sigma = 1.0 / math.sqrt(length) if length > 0.0 else math.inf
-    name = f"apparent_{effect.id}"
-    return _judged(name, None, value, sigma, parameter.si, parameter.unit, parameter.dead_zone)
+    return _judged(f"apparent_{effect.id}", None, value, sigma, parameter.si, parameter.unit, parameter.dead_zone)

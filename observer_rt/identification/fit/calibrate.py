@@ -239,8 +239,7 @@ def write_fitted(path: Path, file: InjectorFile, done: CalibrationResult, baseli
                 section[key] = value
         for parameter in done.fitted.calibration.free:
             value = parameter.of(injector)
-            number = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
-            content[parameter.section][parameter.key] = number
+            content[parameter.section][parameter.key] = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
         if done.measurements[0].is_answered:
             content["needle"] = section_of({key: rounded(value) for key, value in dict(injector.needle).items()})
         if (share := done.level_share) is not None:
@@ -263,7 +262,6 @@ def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
     pressures = [
         rail_pressure_before(event, one.recording) / MEGAPASCAL for one in recordings for event in one.events
     ]
-    sigmas = done.fitted.certainty.sigmas
     return Baseline(
         adequate=not done.inadequate,
         level=done.level.value,
@@ -277,7 +275,7 @@ def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
         noise=NoiseFigures(**{name: rounded(sum(of) / len(of)) for name, of in noise.items()}),
         ci95={
             one.name: _rounded_pair(one.interval(one.of(done.injector), float(sigma)))
-            for one, sigma in zip(done.fitted.calibration.free, sigmas, strict=True)
+            for one, sigma in zip(calibration.free, done.fitted.certainty.sigmas, strict=True)
         },
         healthy=_remainder(done),
         recordings=tuple(shortened(hashes)),

@@ -38,7 +38,11 @@ def validated(model: type[_Model], document: Mapping[str, Any], location_of: Cal
         first: Any = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
         keys = _keys(first["loc"], document, is_missing=first["type"] == "missing")
         if first["type"] == "extra_forbidden":
-            raise unknown_key(location_of(*keys), str(keys[-1]), _known_keys(model, keys[:-1])) from None
+            section: type[BaseModel] = model  # that these keys lead to
+            for key in keys[:-1]:
+                if key in section.model_fields:
+                    section = _section_in(section.model_fields[str(key)].annotation) or section
+            raise unknown_key(location_of(*keys), str(keys[-1]), section.model_fields) from None
         raise UserError(location_of(*keys), *_explanation(first, kind)) from None
 
 
@@ -52,14 +56,6 @@ def _keys(location: Sequence[int | str], document: Any, is_missing: bool) -> lis
             document = document[part]
             keys.append(part)
     return [*keys, location[-1]] if is_missing else keys
-
-
-def _known_keys(model: type[BaseModel], keys: Iterable[int | str]) -> Iterable[str]:
-    """Keys of the section that these keys lead to."""
-    for key in keys:
-        if key in model.model_fields:
-            model = _section_in(model.model_fields[str(key)].annotation) or model
-    return model.model_fields
 
 
 def _section_in(annotation: Any) -> type[BaseModel] | None:

@@ -45,17 +45,18 @@ def injector_file(folder: Path, old: str, new: str) -> Path:
     return path
 
 
-def refusal(load: Callable[[Path], object], path: Path) -> UserError:
+def require_refusal(load: Callable[[Path], object], path: Path, location: str, said: str) -> None:
+    """At this place of the file, in these words of problem and remedy."""
     with pytest.raises(UserError) as refused:
         load(path)
-    assert refused.value.location.startswith(f"{path}: ")
-    assert refused.value.exit_code == 2
-    assert refused.value.remedy
-    return refused.value
+    error = refused.value
+    assert (error.location, error.exit_code) == (f"{path}: {location}", 2)
+    assert error.remedy
+    assert said in f"{error.problem} {error.remedy}"
 
 
-def bench_refusal(folder: Path, text: str) -> UserError:
-    return refusal(load_bench, bench_file(folder, text))
+def require_bench_refusal(folder: Path, text: str, location: str, said: str) -> None:
+    require_refusal(load_bench, bench_file(folder, text), location, said)
 
 
 def test_smallest_bench_file_has_the_defaults(tmp_path: Path) -> None:
@@ -136,12 +137,12 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
             "is missing add it; `observer-rt run --print-example-injector`",
         ),
         ("[chamber]", "[chambre]", "chambre", "'chamber'"),
+        ("format = 1 ", "format = 2 ", "format", "a later version"),
+        ("format = 1 ", "format = 0 ", "format", "no such format"),
     ],
 )
 def test_mistakes_in_an_injector_file_are_named(tmp_path: Path, old: str, new: str, location: str, said: str) -> None:
-    error = refusal(load_injector, injector_file(tmp_path, old, new))
-    assert error.location.endswith(f": {location}")
-    assert said in f"{error.problem} {error.remedy}"
+    require_refusal(load_injector, injector_file(tmp_path, old, new), location, said)
 
 
 LAYOUT = """

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.foundation.errors import UserError
-from tests.config.test_bench import injector_file, refusal
+from tests.config.test_bench import injector_file
 from tests.daemon.samples import damage
 
 Load = Callable[[Path], object]
@@ -29,14 +29,6 @@ def place_of_refusal(load: Load, path: Path) -> str | None:
     except UserError as error:
         return error.location
     return None
-
-
-@pytest.mark.parametrize(("number", "said"), [(2, "a later version"), (0, "no such format")])
-def test_injector_file_of_another_format(tmp_path: Path, number: int, said: str) -> None:
-    path = injector_file(tmp_path, "format = 1 ", f"format = {number} ")
-    error = refusal(load_injector, path)
-    assert error.location == f"{path}: format"
-    assert said in str(error)
 
 
 def test_injector_file_from_before_there_were_formats(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
-from tests.config.test_bench import refusal
+from tests.config.test_bench import require_refusal
 
 ERODED = """
 [[effects]]
@@ -78,9 +78,7 @@ def test_example_in_the_shipped_file_is_one(tmp_path: Path) -> None:
 )
 def test_mistakes_name_the_key(tmp_path: Path, old: str, new: str, key: str, said: str) -> None:
     assert ERODED.count(old) == 1
-    error = refusal(load_injector, injector_file(tmp_path, ERODED.replace(old, new)))
-    assert error.location.endswith(f": effects.{key}")
-    assert said in f"{error.problem} {error.remedy}"
+    require_refusal(load_injector, injector_file(tmp_path, ERODED.replace(old, new)), f"effects.{key}", said)
 
 
 SLOW = '\n[[effects]]\nid = "needle_lift_sensor_lag"\nparameters = { tau = { value = 16.0, unit = "us" } }\n'
@@ -91,9 +89,7 @@ SLOW = '\n[[effects]]\nid = "needle_lift_sensor_lag"\nparameters = { tau = { val
     [(ERODED + LATE + ERODED, 2, "twice"), (SLOW, 0, "lag of the lift sensor in the bench file")],
 )
 def test_an_effect_given_twice_or_of_the_bench(tmp_path: Path, text: str, number: int, said: str) -> None:
-    error = refusal(load_injector, injector_file(tmp_path, text))
-    assert error.location.endswith(f": effects.{number}.id")
-    assert said in f"{error.problem} {error.remedy}"
+    require_refusal(load_injector, injector_file(tmp_path, text), f"effects.{number}.id", said)
 
 
 @settings(max_examples=30)

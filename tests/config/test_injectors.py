@@ -7,7 +7,7 @@ import pytest
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench
 from observer_rt.config.bench_file import BusesConfig, of_links
 from observer_rt.foundation.errors import UserError
-from tests.config.test_bench import bench_file, bench_refusal
+from tests.config.test_bench import bench_file, require_bench_refusal
 from tests.three_injectors import NAMES, RATE_ID, STEP, one_alone, three_injectors
 from tests.two_injectors import BOTH, one_injector, two_injectors
 
@@ -67,9 +67,7 @@ def test_names_and_identifiers_by_rule(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("outputs", ["id_step = 16", "id_step = 0\nstatus_id = 5", "id_step = 1\nstatus_id = 'a'"])
 def test_a_step_needs_a_first_identifier(tmp_path: Path, outputs: str) -> None:
-    error = bench_refusal(tmp_path, BOTH + f"[outputs]\n{outputs}\n")
-    assert error.location.endswith("bench.toml: outputs.id_step")
-    assert "all whole numbers" in error.problem
+    require_bench_refusal(tmp_path, BOTH + f"[outputs]\n{outputs}\n", "outputs.id_step", "all whole numbers")
 
 
 WRONG = {
@@ -92,15 +90,12 @@ def test_mistakes_are_named_where_they_are(tmp_path: Path, wrong: str) -> None:
     key = location.rpartition(".")[2]
     new = f"{key} = {value}" if value else "[" + location.replace("a b", "'a b'") + "]"
     assert old in BOTH
-    error = bench_refusal(tmp_path, BOTH.replace(old, new))
-    assert error.location.endswith(f"bench.toml: {location}")
-    assert said in str(error)
+    require_bench_refusal(tmp_path, BOTH.replace(old, new), location, said)
 
 
 def test_a_role_that_an_injector_has_not_is_missed(tmp_path: Path) -> None:
-    error = bench_refusal(tmp_path, BOTH[: BOTH.index("[injectors.right.signals.line_pressure]")])
-    assert error.location.endswith("signals.line_pressure")
-    assert error.problem == "is missing"
+    text = BOTH[: BOTH.index("[injectors.right.signals.line_pressure]")]
+    require_bench_refusal(tmp_path, text, "signals.line_pressure", "is missing add it")
 
 
 def buses_of(folder: Path, text: str) -> BusesConfig:
@@ -141,9 +136,7 @@ LOST = '[signals.{}]\nmessage = "X"\nsignal = "Y"\nlink = "lin"\n[outputs]'
 )
 def test_mistakes_are_named(tmp_path: Path, old: str, new: str, location: str, said: str) -> None:
     assert old in THREE
-    error = bench_refusal(tmp_path, THREE.replace(old, new))
-    assert error.location.endswith(f"bench.toml: {location}")
-    assert said in str(error)
+    require_bench_refusal(tmp_path, THREE.replace(old, new), location, said)
 
 
 def test_a_link_where_there_are_none(tmp_path: Path) -> None:

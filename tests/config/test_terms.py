@@ -14,7 +14,7 @@ from observer_rt.model.terms.in_force import TermInForce, coefficient_unit
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import VARIABLES
-from tests.config.test_bench import refusal
+from tests.config.test_bench import require_refusal
 from tests.config.test_effects import injector_file
 
 PLUGGED = """
@@ -74,9 +74,8 @@ def test_a_coefficient_in_another_unit_of_its_kind(tmp_path: Path) -> None:
 )
 def test_mistakes_name_the_key(tmp_path: Path, old: str, new: str, key: str, said: str) -> None:
     assert LEAK.count(old) == 1
-    error = refusal(load_injector, injector_file(tmp_path, PLUGGED + LEAK.replace(old, new)))
-    assert error.location.endswith(f": terms.1.{key}")
-    assert said in f"{error.problem} {error.remedy}"
+    path = injector_file(tmp_path, PLUGGED + LEAK.replace(old, new))
+    require_refusal(load_injector, path, f"terms.1.{key}", said)
 
 
 def test_terms_are_written_as_they_are_read(tmp_path: Path) -> None:

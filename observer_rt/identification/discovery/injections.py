@@ -124,8 +124,7 @@ def mass_changes(
     mass.
     """
 
-    hypothesis, theta = shown.hypothesis, shown.theta
-    moved = [hypothesis.model(nominal, theta + step) for step in np.diag(shown.half)]
+    moved = [shown.hypothesis.model(nominal, shown.theta + step) for step in np.diag(shown.half)]
     result = []
     for recording, measurement in enumerate(measured):
         before, after = (mean_mass([measurement], model) for model in (nominal, shown.model(nominal)))

@@ -124,9 +124,7 @@ def line_of(law: Law) -> StraightLaw | None:
     zero = {one.word: float(one is Variable.MAX_LIFT) for one in variables}
     probed: list[Variable] = [one for one in variables if one is not Variable.MAX_LIFT]
     constant = float(law.at(zero))
-    slopes: dict[Variable, float] = {
-        one: _rounded(float(law.at(zero | {one.word: 1.0})) - constant) for one in probed
-    }
+    slopes = {one: _rounded(float(law.at(zero | {one.word: 1.0})) - constant) for one in probed}
     probes = {one: number * _PROBES for number, one in enumerate(probed, start=1)}
     straight = constant + sum(slope * probes[one] for one, slope in slopes.items())
     rounding = 1e-9 * max(map(abs, slopes.values()), default=0.0)

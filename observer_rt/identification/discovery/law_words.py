@@ -141,6 +141,7 @@ def _tabulated(term: Term, table: LawTable) -> str:
 
 def _read(factors: tuple[Law, ...]) -> Reading | None:
     """Words for the factors of a law that are neither numbers nor gates."""
+    squared: Reading | None = None
     match factors:
         case ():
             return Reading(1.0, "")
@@ -156,8 +157,6 @@ def _read(factors: tuple[Law, ...]) -> Reading | None:
             squared = _squared(line_of(first), line_of(second), "as its square, either way")
         case (first, second):
             squared = _squared(line_of(first), line_of(second), "as its square")
-        case _:
-            squared = None
     if squared is not None:
         return squared
     reading, by = _read(factors[:-1]), _read_one(factors[-1])  # a law times another that says when or where it is

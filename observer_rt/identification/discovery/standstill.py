@@ -118,16 +118,14 @@ class _PeriodMeans:
 def _period_means(measurement: Measurement, period: float) -> _PeriodMeans | None:
     """None where too little of the needle's rest is there."""
     recording = measurement.recording
+    signals = recording.time, recording.line_pressure, recording.rail_pressure
     size = max(1, round(period * recording.sample_rate))
     places = np.flatnonzero(_calm(measurement))
     moments = []
     for stretch in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
         if stretch.size >= size:
             rows = stretch[: stretch.size - stretch.size % size].reshape(-1, size)
-            time, line, rail = (
-                signal[rows].mean(axis=1)
-                for signal in (recording.time, recording.line_pressure, recording.rail_pressure)
-            )
+            time, line, rail = (signal[rows].mean(axis=1) for signal in signals)
             moments.append((line - rail, time - time.mean(), line - line.mean()))
     if sum(differences.size for differences, *_ in moments) < _FEWEST_BLOCKS:
         return None
@@ -156,5 +154,4 @@ def _apparent(effect: Effect, judged: Sequence[JudgedModel], moved: Sequence[Jud
     length = float(slope @ slope)
     value = -float(slope @ here) / length if length > 0.0 else 0.0
     sigma = 1.0 / math.sqrt(length) if length > 0.0 else math.inf
-    name = f"apparent_{effect.id}"
-    return _judged(name, None, value, sigma, parameter.si, parameter.unit, parameter.dead_zone)
+    return _judged(f"apparent_{effect.id}", None, value, sigma, parameter.si, parameter.unit, parameter.dead_zone)

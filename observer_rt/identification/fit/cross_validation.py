@@ -120,8 +120,7 @@ def refuse_clipped(recordings: Sequence[Measurement]) -> None:
             ("needle_lift", recording.needle_lift, MICROMETRE, "um", False),  # clipped at 0 it serves
         )
         for name, values, unit, symbol, both in signals:
-            clipped = _clipped(values, both)
-            if clipped is not None:
+            if (clipped := _clipped(values, both)) is not None:
                 level, count = clipped
                 raise UserError(
                     f"{recording.path or 'recording'}, {name}",

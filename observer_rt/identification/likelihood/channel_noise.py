@@ -57,9 +57,8 @@ def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.flo
 
 def rail_on_time(measurement: Measurement, terms: InputTerms) -> NDArray[np.float64]:
     """Recorded rail pressure [Pa] (n,), smoothed, at the times of the other two channels."""
-    return true_rail_pressure(
-        measurement, terms.rail_delay + (0.5 * measurement.interval if measurement.means else 0.0)
-    )
+    half_period = 0.5 * measurement.interval if measurement.means else 0.0
+    return true_rail_pressure(measurement, terms.rail_delay + half_period)
 
 
 def _moves(measurement: Measurement) -> bool:

@@ -95,5 +95,4 @@ def evidence_against(
     stated = tuple(SizedEffect(VOCABULARY[name], tuple(values)) for name, values in sensor.items())
     digests = "".join(sorted(event.sha256 for event in chosen))  # the same in any order
     hashes = {str(folder): hashlib.sha256(digests.encode()).hexdigest()}
-    injector_file = Path(chosen[-1].belief["injector_file"])
-    return KeptEvidence(model, injector_file, replace(measurement, stated=stated), hashes)
+    return KeptEvidence(model, Path(chosen[-1].belief["injector_file"]), replace(measurement, stated=stated), hashes)

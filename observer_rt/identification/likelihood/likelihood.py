@@ -111,10 +111,8 @@ class RecordingLikelihood:
         seen = WIDEST_JITTER * np.array(likelier_delays(z, [on_time] * len(self._late), by_shots, counted))
         for delays, moved in zip(self._late, seen - np.mean(seen, axis=0), strict=True):
             delays += moved[: delays.size].reshape(-1, 2)
-        scatter = math.sqrt(
-            sum(float(np.sum(delays**2)) for delays in self._late) / max(np.size(seen) - len(seen[0]), 1)
-        )
-        self._jitter = max(LEAST_JITTER, scatter)
+        squares = sum(float(np.sum(delays**2)) for delays in self._late)
+        self._jitter = max(LEAST_JITTER, math.sqrt(squares / max(np.size(seen) - len(seen[0]), 1)))
 
     @cached_property
     def _lift_noise(self) -> LiftNoise:

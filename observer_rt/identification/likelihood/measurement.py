@@ -146,19 +146,17 @@ def measurements(recordings: Sequence[Recording]) -> tuple[Measurement, ...]:
 
     Raises `UserError` for a recording without a complete injection, too short a standstill or a slow sample rate.
     """
-    results = [_of_recording(recording) for recording in recordings]
+    results = []
+    for recording in recordings:
+        refuse_slow(recording)
+        openings = openings_of(recording)
+        events, left_out = events_of(recording, openings)
+        missing = int(np.count_nonzero(missing_samples(recording)))
+        injections = FoundInjections(recording.samples, missing, len(events), left_out)
+        results.append(measurement_of(recording, openings, events, injections))
     if not results:
         raise UserError("RECORDING", "no recordings", "give at least one recording with injections")
     return tuple(results)
-
-
-def _of_recording(recording: Recording) -> Measurement:
-    refuse_slow(recording)
-    openings = openings_of(recording)
-    events, left_out = events_of(recording, openings)
-    missing = int(np.count_nonzero(missing_samples(recording)))
-    injections = FoundInjections(recording.samples, missing, len(events), left_out)
-    return measurement_of(recording, openings, events, injections)
 
 
 def refuse_slow(recording: Sampled) -> None:

@@ -81,9 +81,8 @@ def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulat
     inputs = windows.TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
     batch = windows.batch_of(measurement, rows, inputs, late, sensor.offset, c)
     sample_rate = measurement.recording.sample_rate
-    gains = gain_schedule(
-        c, measurement.noise, sample_rate, sensor.lag, share, rail_smoothing=smoothing_of(interval)
-    ).gains
+    smoothing = smoothing_of(interval)
+    gains = gain_schedule(c, measurement.noise, sample_rate, sensor.lag, share, rail_smoothing=smoothing).gains
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
     setting = windows.setting_of(measurement, model, late, substeps, gains[-1])
     errors, rate = windows.followed(batch, setting, model.injector.needle_law, until_opening=True)
@@ -118,10 +117,9 @@ def consequence(measured: Sequence[Measurement], before: EffectiveModel, after: 
     for measurement in measured:
         for old, new in zip(simulated(measurement, before), simulated(measurement, after), strict=True):
             pressures.append(new.line_pressure - old.line_pressure)
-            masses.append(
-                mass(measurement, new, after.coefficients.density)
-                - mass(measurement, old, before.coefficients.density)
-            )
+            runs = (old, before), (new, after)
+            was, now = (mass(measurement, run, model.coefficients.density) for run, model in runs)
+            masses.append(now - was)
     squares = np.concatenate(pressures) ** 2
     return Consequence(float(np.sqrt(np.mean(squares))), float(np.mean(masses)))
 

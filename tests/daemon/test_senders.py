@@ -121,8 +121,7 @@ def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
     contested_one = notes.injections[4]
     assert contested_one.state is State.DEGRADED
     assert line(contested_one).endswith("not valid: SECOND_SENDER: another node sends what only this observer should")
-    c = daemon.core.compiled.observer.constants.coefficients
-    row = row_of(FIELDS, Output.JOURNAL, contested_one, c)
+    row = row_of(FIELDS, Output.JOURNAL, contested_one, daemon.core.compiled.observer.constants.coefficients)
     assert (row["valid"], row["reasons"], row["state"]) == (0, "SECOND_SENDER", "DEGRADED")
 
 

@@ -297,9 +297,8 @@ def test_fit_gives_an_injector_that_explains_its_recordings(tmp_path: Path) -> N
     assert start.calibration is None
     assert fitted.calibration is not None
     assert fitted.calibration.adequate
-    table = fitted.calibration.parameters
     truth = start.parameters.seat.flow_coefficient
-    assert table.loc["seat.flow_coefficient", "value"] == pytest.approx(truth, rel=0.05)
+    assert fitted.calibration.parameters.loc["seat.flow_coefficient", "value"] == pytest.approx(truth, rel=0.05)
     fitted.save(tmp_path / "fitted.toml")
     assert ort.Injector.load(tmp_path / "fitted.toml").parameters == fitted.parameters
     assert fitted.calibration.plot().axes

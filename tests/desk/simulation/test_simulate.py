@@ -202,8 +202,7 @@ def test_every_code_of_the_bus_is_left_as_it_is(quantisation: Quantisation, sign
     codes = np.arange(0xFFFE, dtype=np.float64)
     values = (codes + quantisation.lowest) * quantisation.multiple / quantisation.divisor
     assert np.array_equal(quantisation.apply(values), values)
-    physical = SIGNALS[signal]
-    shown = np.array([physical.raw_to_scaled(int(code)) for code in codes], dtype=np.float64)
+    shown = np.array([SIGNALS[signal].raw_to_scaled(int(code)) for code in codes], dtype=np.float64)
     np.testing.assert_allclose(values, shown * factor, rtol=1e-14, atol=1e-9 * factor)
 
 

@@ -131,8 +131,7 @@ def test_start_in_a_ringing_line_is_good_after_a_millisecond(nominal: Case) -> N
         x = _free_line(c, x)
         assert x[0] == pytest.approx(predicted, abs=1e-4)
         x = x + np.array([gain[0], gain[1], 0.0]) * error[1]
-    sigma = nominal.schedule.innovation_sigma
-    assert abs(x[0] - line[100]) < sigma
+    assert abs(x[0] - line[100]) < nominal.schedule.innovation_sigma
     assert abs(x[1] - flow * math.cos(angle[100])) < 2e-6 / c.flow_scale
 
 

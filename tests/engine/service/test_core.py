@@ -35,10 +35,9 @@ def test_every_index_is_published_exactly_once(clean: Traffic) -> None:
 def test_published_rate_is_that_of_the_observer(clean: Traffic) -> None:
     """Codes of 0.01 mm3/ms from -100 on, rounded; the last samples are still in the core's memory."""
     rows = clean.result.core.rows(0, clean.result.core.processed)
-    codes = clean.result.rates
     for row in rows[~np.isnan(rows["injection_rate"])]:
         expected = (float(row["injection_rate"]) / 1e-6 + 100.0) / 0.01
-        assert abs(codes[int(row["index"])] - expected) <= 0.5 + 1e-6
+        assert abs(clean.result.rates[int(row["index"])] - expected) <= 0.5 + 1e-6
 
 
 def test_evaluation_of_the_recording_gives_the_same_frames(clean: Traffic) -> None:
@@ -94,11 +93,10 @@ def test_index_wraps_and_starts_anywhere(clean: Traffic, start: int) -> None:
 
 def test_summary_agrees_with_the_published_rate(clean: Traffic) -> None:
     """Mass by the decoded rate frames of its window, whose filters follow a worn nozzle from the first one on."""
-    codes = clean.result.rates
     assert [summary["InjectionNumber"] for summary in clean.result.summaries] == [1, 2, 3]
     for summary in clean.result.summaries:
         window = range(int(summary["SampleIndex"]), int(summary["EndIndex"]) + 1)
-        rate = np.array([codes[index] * 0.01 - 100.0 for index in window])  # mm3/ms
+        rate = np.array([clean.result.rates[index] * 0.01 - 100.0 for index in window])  # mm3/ms
         volume = float(np.trapezoid(rate)) / SAMPLE_RATE * 1e3  # mm3
         assert summary["Mass"] == pytest.approx(summary["Volume"] * 0.83, rel=1e-3)  # mg
         assert summary["Volume"] == pytest.approx(volume, rel=0.01)
@@ -237,8 +235,7 @@ def test_frame_lost_in_an_injection_makes_it_invalid_only(clean: Traffic) -> Non
     assert second.reason is not Reason.NONE
     assert not np.isfinite(result.reports[2].mass) or result.reports[2].event == 3
     assert result.core.state == (State.ADAPTED, Reason.NONE)
-    summary = result.summaries[1]
-    assert summary["Valid"] == 0
+    assert result.summaries[1]["Valid"] == 0
 
 
 def test_an_input_whose_protection_is_invalid_is_not_taken_until_it_is_valid_again(clean: Traffic) -> None:

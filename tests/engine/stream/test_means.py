@@ -70,11 +70,10 @@ def rmse(evaluation: Evaluation, worn: bool, first: int) -> float:
 def masses(evaluation: Evaluation, worn: bool, first: int) -> NDArray[np.float64]:
     """Relative errors of the masses of the injections from the `first` on."""
     result = truth(worn)
-    density = NOMINAL.fluid.density_nozzle
     errors = []
     for report in evaluation.reports[first:]:
         inside = (result.time >= report.start_index / RATE) & (result.time <= report.end_index / RATE)
-        true = density * float(np.trapezoid(result.injection_rate[inside])) / FINE
+        true = NOMINAL.fluid.density_nozzle * float(np.trapezoid(result.injection_rate[inside])) / FINE
         errors.append(report.mass / true - 1.0)
     return np.array(errors)
 

@@ -12,7 +12,7 @@ import observer_rt
 
 OPTIONAL = ("ES01", "SA01", "EX01")  # further text, see also, examples
 ROOT = Path(__file__).parents[1]
-ROW = re.compile(r"^\| [^|]+ \| `(observer_rt[\w.]*)` \| ([^|]+) \|$", re.MULTILINE)
+ROW = re.compile(r"^- [^`]+, `(observer_rt[\w.]*)`: (.+)$", re.MULTILINE)
 LISTED = [
     (module, name)
     for module, names in ROW.findall((ROOT / "docs" / "library.md").read_text())

@@ -12,7 +12,7 @@ from observer_rt.config.toml_file import validated
 from tests.pages import Page
 
 
-@pytest.mark.parametrize("page", ["docs/operating.md", "docs/time.md"])
+@pytest.mark.parametrize("page", ["docs/time.md", "docs/evidence.md"])
 def test_sections_are_those_of_a_bench_file(page: str) -> None:
     bench = tomllib.loads(EXAMPLE_BENCH.read_text(encoding="utf-8"))
     (block,) = Page(page).fenced("toml")

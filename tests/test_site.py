@@ -39,5 +39,5 @@ def test_every_command_has_its_help_and_its_row() -> None:
     assert "--view" in run
     assert "Example: observer-rt run --bench bench.toml" in run
     assert set(re.findall(r"^### observer-rt ([\w-]+)", command_help(), re.MULTILINE)) == set(
-        re.findall(r"^\| `observer-rt ([\w-]+)` \|", Page("docs/commands.md").text, re.MULTILINE)
+        re.findall(r"^- \[`([\w-]+)`\]", Page("docs/commands.md").text, re.MULTILINE)
     )

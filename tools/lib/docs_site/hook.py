@@ -34,7 +34,7 @@ API = """# API
 The public names, from their docstrings; [as a library](library.md) has programs. Units are SI. What a caller can
 correct is a `UserError` with place, problem and remedy.
 """
-_LIBRARY_ROW = re.compile(r"^\| ([^|]+) \| `(observer_rt[\w.]*)` \| ([^|]+) \|$", re.MULTILINE)
+_LIBRARY_ROW = re.compile(r"^- ([^`]+), `(observer_rt[\w.]*)`: (.+)$", re.MULTILINE)
 _TABLE_STYLE = re.compile(r"<style.*?</style>\n?|(?<=<table)[^>]*", re.DOTALL)  # the site has its own
 
 
@@ -82,7 +82,7 @@ def command_help() -> str:
 
 
 def api() -> str:
-    """The page of the library: the names that the table of docs/library.md lists, for mkdocstrings."""
+    """The page of the library: the names that docs/library.md lists, for mkdocstrings."""
     rows = _LIBRARY_ROW.findall((ROOT / "docs" / "library.md").read_text(encoding="utf-8"))
     return API + "".join(
         f"\n## {subject[0].upper()}{subject[1:]}\n\n`{module}`\n\n"

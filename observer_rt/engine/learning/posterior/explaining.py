@@ -1,7 +1,7 @@
 """Explains an event as every kind that it may be, and computes the weights of these explanations."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -90,17 +90,17 @@ class Explanation:
 
 
 @dataclass(eq=False)
-class _FoundExplanation:
+class _KindEvidence:
     """Evidence of a kind: logarithm, theta, cost there, and a fit if the closed form is not good enough.
 
-    prior: to learn from; held: without the pairs that are not in use; offered: logarithms of how likely the scales of
-    its weights are before the event, over what the prior itself says of them; scales: the likeliest by the event.
+    prior: to learn from; held: without the pairs that are not in use; scale_log_priors: logarithms of how likely the
+    scales of its weights are before the event, over what `held` itself says of them; scales: the likeliest after it.
     """
 
     prior: Belief
     held: HeldBelief
     pairs: Pairs
-    offered: NDArray[np.float64]
+    scale_log_priors: NDArray[np.float64]
     log: float = field(init=False)
     cost: Linearisation = field(init=False)
     scales: ScaleChoice = field(init=False)
@@ -110,11 +110,11 @@ class _FoundExplanation:
     def weigh(self, cost: Linearisation, limits: Limits) -> None:
         """Evidence by a cost as it is linearised, over all scales."""
         by_whole = evidence_of(cost, self.held.prior, limits)
-        logs, self.theta = weigh_choices(by_whole.theta, by_whole.covariance, self.pairs, self.offered)
+        logs, self.theta = weigh_choices(by_whole.theta, by_whole.covariance, self.pairs, self.scale_log_priors)
         self.cost, self.scales = cost, ScaleChoice(int(np.argmax(logs)), self.pairs)
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
 
-    def fitted(self, fitter: EventFitter, start: Linearisation, steps: int) -> None:
+    def refine(self, fitter: EventFitter, start: Linearisation, steps: int) -> None:
         """Fit it at its likeliest scale; again, where from there another one is the likeliest.
 
         What that promises and no fit has kept counts for no more than `BEYOND`.
@@ -135,13 +135,147 @@ def fitter_of(before: LearnedInjector, reading: EventReading, reader: EventReade
     return EventFitter(reading.cost, before.active, reader.limits)
 
 
-def offered(account: Account, has_lift: bool) -> Mapping[Kind, float]:
+def kind_log_priors(account: Account, has_lift: bool) -> Mapping[Kind, float]:
     """Kinds of the next event, and logarithms of their probabilities; has_lift: as of `transitions`."""
     offers: dict[Kind, float] = {}
     for mode, weight in account.modes.items():
         for kind, rate in transitions(mode, account.learned.is_prior, has_lift):
             offers[kind] = offers.get(kind, 0.0) + weight * rate
     return {kind: math.log(probability) for kind, probability in offers.items()}
+
+
+class _OfferedKinds:
+    """The kinds that an account offers for an event, each with its evidence, and fits of those that may matter."""
+
+    def __init__(self, account: Account, reading: EventReading, reader: EventReader) -> None:
+        self._learned, self._reading, self._reader = account.learned, reading, reader
+        self._logs = kind_log_priors(account, reading.window.needle is None)
+        self._moving, priors = self._priors(account)
+        self._evidence = self._weighed(priors)
+
+    @property
+    def best(self) -> float:
+        """Logarithm of the weight of the likeliest; -inf without any."""
+        return max((self._log_of(kind) for kind in self._evidence), default=-math.inf)
+
+    def refine(self, best: float) -> None:
+        """Fit what may matter, the one that promises most first; best: logarithm of the best weight so far.
+
+        A fit may break that promise, and shows the others the cost from nearer by.
+        """
+        left = list(self._evidence)
+        while left:
+            kind = max(left, key=lambda kind: (kind is BEFORE, kind not in STARTED, self._log_of(kind)))
+            left.remove(kind)
+            evidence, is_new = self._evidence[kind], self._learned.is_prior
+            if kind in STARTED:  # after those that it looks like: they begin where it is far behind them
+                is_new = self._start(evidence, STARTED[kind]) or is_new
+            self._fit(evidence, math.inf if is_new else self._log_of(kind) - max(best, self.best))
+            if evidence.fit is not None:
+                for other in left:
+                    if other is not SHIFTED:  # what is little shows from where nothing has changed
+                        nearer = copy(self._evidence[other])
+                        nearer.weigh(evidence.cost, self._reader.limits)
+                        self._evidence[other] = max(self._evidence[other], nearer, key=lambda each: each.log)
+
+    def explanations(self, best: float) -> Iterator[Explanation]:
+        """Explanations by all kinds that are not far behind the best weight, whose logarithm is given."""
+        logs, before = dict[Kind, float](), self._evidence[BEFORE]
+        for kind, evidence in self._evidence.items():
+            if self._log_of(kind) > best - c.REFINED:
+                logs[kind] = evidence.log + self._nearly_white(evidence)
+        if logs and AT_FAULT in self._logs:  # the cost of its theta is part of it
+            at_fault = before.log + before.cost.expected(before.theta)
+            at_fault -= self._reading.at_fault(before.theta, before.fit)
+            logs |= dict.fromkeys((AT_FAULT, INADEQUATE), at_fault)
+        for kind, log in logs.items():
+            evidence = self._evidence.get(kind, before)
+            if not (kind.mode.is_good and is_worn_beyond_limits(evidence.theta)):
+                yield Explanation(
+                    self._learned,
+                    kind,
+                    self._logs[kind] - self._reading.level + log,
+                    self._reading,
+                    evidence.prior,
+                    self._to_learn_from(kind, evidence),
+                    evidence.scales,
+                    evidence.cost,
+                    evidence.theta,
+                    evidence.fit,
+                    self._moving if kind is QUICK else None,
+                )
+
+    def _log_of(self, kind: Kind) -> float:
+        return self._logs[kind] - self._reading.level + self._evidence[kind].log
+
+    def _priors(self, account: Account) -> tuple[Moving | None, Mapping[Kind, Belief]]:
+        """The belief before the event by kind, and the drift of the wear."""
+        learned, reader = self._learned, self._reader
+        before = learned.belief.drifted(reader.drift)
+        if learned.is_prior:
+            before = before.narrowed(STATED, c.FILED)
+        priors = {kind: self._widened(before, kind) for kind in self._logs if kind.mode.is_good}
+        if QUICK not in priors:
+            return None, priors
+        goes_on = account.modes.get(Mode.QUICK, 0.0) * STAYS[Mode.QUICK] / math.exp(self._logs[QUICK])
+        moved = moving(priors[QUICK], reader.drift, account.velocity, min(goes_on, 1.0))
+        return moved, priors | {QUICK: moved.belief}
+
+    def _weighed(self, priors: Mapping[Kind, Belief]) -> dict[Kind, _KindEvidence]:
+        """Evidence of each kind with its prior, by the cost as it was linearised first."""
+        belief, evidence = self._learned.belief, dict[Kind, _KindEvidence]()
+        pairs = pairs_in_use(belief)
+        likely, _ = weigh_choices(belief.mean, belief.covariance, pairs)
+        likely -= np.logaddexp.reduce(likely)
+        for kind, prior in priors.items():
+            held = self._reading.resting.held(without_others(prior, pairs))
+            if evidence and held.column is None and WEIGHTS[0] not in kind.columns:
+                log_priors = evidence[BEFORE].scale_log_priors  # the first one, with the same prior of the weights
+            else:
+                log_priors = likely - weigh_choices(held.prior.mean, held.prior.covariance, pairs)[0]
+            evidence[kind] = _KindEvidence(prior, held, pairs, log_priors)
+            evidence[kind].weigh(self._reading.first, self._reader.limits)
+        return evidence
+
+    def _to_learn_from(self, kind: Kind, evidence: _KindEvidence) -> HeldBelief:
+        """The prior to learn from: the first event is explained as the files say, and teaches all of theta."""
+        is_first, belief = self._learned.is_prior, self._learned.belief
+        return self._reading.resting.held(self._widened(belief, kind) if is_first else evidence.prior)
+
+    def _widened(self, belief: Belief, kind: Kind) -> Belief:
+        return belief.widened(self._reader.widths(kind)) if kind.columns else belief
+
+    def _start(self, evidence: _KindEvidence, moves: Theta) -> bool:
+        """Whether much is to be explained, and theta moved (k, m) explains some; linearises it at the best."""
+        first, cost = self._reading.first, self._reading.cost
+        is_far = first.value - evidence.cost.expected(evidence.theta) > c.FALLS_FAR
+        if not (is_far or self._learned.is_prior):
+            return False
+        values = [cost.value(first.theta + move) for move in moves]
+        best = int(np.argmin(values))
+        if values[best] >= first.value:
+            return False
+        evidence.weigh(cost.linearised(first.theta + moves[best]), self._reader.limits)
+        return True
+
+    def _nearly_white(self, evidence: _KindEvidence) -> float:
+        """Nats that a kind gains by nearly white innovations; those of `BEFORE` count if both fit equally well."""
+        before, reading = self._evidence[BEFORE], self._reading
+        leaves, as_before = (each.cost.expected(each.theta) for each in (evidence, before))
+        alike = before if abs(leaves - as_before) < c.LEFT_ALIKE else evidence
+        return nearly_white(reading.leaves(alike.theta, alike.fit), reading.cost.temper, reading.healthy)
+
+    def _fit(self, evidence: _KindEvidence, behind: float) -> None:
+        """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""
+        first, is_new = evidence.cost, self._learned.is_prior
+        falls = first.value - first.expected(evidence.theta)
+        if behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0):
+            return
+        far = float((np.abs(evidence.theta - first.theta) / self._reader.limits.longest_step).max())
+        if not (far > c.NEAR or falls > c.FALLS or is_new):
+            return
+        steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
+        evidence.refine(fitter_of(self._learned, self._reading, self._reader), first, steps)
 
 
 class Weighing:
@@ -154,75 +288,10 @@ class Weighing:
 
     def add(self, account: Account, reading: EventReading) -> None:
         """Explain the event by each kind that an account offers. Raises numpy.linalg.LinAlgError if singular."""
-        learned, logs = account.learned, offered(account, reading.window.needle is None)
-        moved, priors = self._priors(account, logs)
-        belief, explanations = learned.belief, dict[Kind, _FoundExplanation]()
-        pairs = pairs_in_use(belief)
-        likely, _ = weigh_choices(belief.mean, belief.covariance, pairs)
-        likely -= np.logaddexp.reduce(likely)
-        for kind, prior in priors.items():
-            held = reading.resting.held(without_others(prior, pairs))
-            if explanations and held.column is None and WEIGHTS[0] not in kind.columns:
-                scales = explanations[BEFORE].offered  # the first one, with the same prior of the weights
-            else:
-                scales = likely - weigh_choices(held.prior.mean, held.prior.covariance, pairs)[0]
-            explanations[kind] = _FoundExplanation(prior, held, pairs, scales)
-            explanations[kind].weigh(reading.first, self._reader.limits)
-        before = explanations[BEFORE]
-
-        def log_of(kind: Kind) -> float:
-            return logs[kind] - reading.level + explanations[kind].log
-
-        def best_of_all() -> float:
-            return max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
-
-        left = list(explanations)
-        while left:  # the one that promises most; a fit may break that, and shows the others the cost from nearer by
-            kind = max(left, key=lambda kind: (kind is BEFORE, kind not in STARTED, log_of(kind)))
-            left.remove(kind)
-            explanation = explanations[kind]
-            is_new = learned.is_prior
-            if kind in STARTED:  # after those that it looks like: they begin where it is far behind them
-                is_new = self._start(reading, explanation, STARTED[kind], is_new) or is_new
-            self._fit(learned, reading, explanation, math.inf if is_new else log_of(kind) - best_of_all())
-            if explanation.fit is not None:
-                for other in left:
-                    if other is not SHIFTED:  # what is little shows from where nothing has changed
-                        nearer = copy(explanations[other])
-                        nearer.weigh(explanation.cost, self._reader.limits)
-                        explanations[other] = max(explanations[other], nearer, key=lambda each: each.log)
-        self._best = best_of_all()
-        kept = {
-            kind: explanation for kind, explanation in explanations.items() if log_of(kind) > self._best - c.REFINED
-        }
-        if not kept:
-            return
-        explained = {
-            kind: explanation.log + self._nearly_white(reading, explanation, before)
-            for kind, explanation in kept.items()
-        }
-        if AT_FAULT in logs:  # the cost of its theta is part of it
-            at_fault = before.log + before.cost.expected(before.theta) - reading.at_fault(before.theta, before.fit)
-            explained |= dict.fromkeys((AT_FAULT, INADEQUATE), at_fault)
-        for kind, log in explained.items():
-            explanation = explanations.get(kind, before)
-            if kind.mode.is_good and is_worn_beyond_limits(explanation.theta):
-                continue
-            self._all.append(
-                Explanation(
-                    learned,
-                    kind,
-                    logs[kind] - reading.level + log,
-                    reading,
-                    explanation.prior,
-                    self._to_learn_from(learned, kind, explanation, reading),
-                    explanation.scales,
-                    explanation.cost,
-                    explanation.theta,
-                    explanation.fit,
-                    moved if kind is QUICK else None,
-                )
-            )
+        kinds = _OfferedKinds(account, reading, self._reader)
+        kinds.refine(self._best)
+        self._best = max(self._best, kinds.best)
+        self._all += kinds.explanations(self._best)
 
     @property
     def likeliest(self) -> Explanation | None:
@@ -244,61 +313,3 @@ class Weighing:
         weights /= weights.sum()
         order = np.argsort(-weights, kind="stable")
         return [replace(self._all[i], weight=float(weights[i])) for i in order if weights[i] >= c.LIVE]
-
-    def _priors(self, account: Account, offers: Mapping[Kind, float]) -> tuple[Moving | None, Mapping[Kind, Belief]]:
-        """The belief before the event by kind, and the drift of the wear."""
-        learned, reader = account.learned, self._reader
-        before = learned.belief.drifted(reader.drift)
-        if learned.is_prior:
-            before = before.narrowed(STATED, c.FILED)
-        priors = {kind: self._widened(before, kind) for kind in offers if kind.mode.is_good}
-        if QUICK not in priors:
-            return None, priors
-        goes_on = account.modes.get(Mode.QUICK, 0.0) * STAYS[Mode.QUICK] / math.exp(offers[QUICK])
-        moved = moving(priors[QUICK], reader.drift, account.velocity, min(goes_on, 1.0))
-        return moved, priors | {QUICK: moved.belief}
-
-    def _to_learn_from(
-        self, learned: LearnedInjector, kind: Kind, explanation: _FoundExplanation, reading: EventReading
-    ) -> HeldBelief:
-        """The prior to learn from: the first event is explained as the files say, and teaches all of theta."""
-        if not learned.is_prior:
-            return reading.resting.held(explanation.prior)
-        return reading.resting.held(self._widened(learned.belief, kind))
-
-    def _widened(self, belief: Belief, kind: Kind) -> Belief:
-        return belief.widened(self._reader.widths(kind)) if kind.columns else belief
-
-    def _start(self, reading: EventReading, late: _FoundExplanation, moves: Theta, is_new: bool) -> bool:
-        """Whether much is to be explained, and theta moved (k, m) explains some; linearises it at the best."""
-        first = reading.first
-        if not (is_new or first.value - late.cost.expected(late.theta) > c.FALLS_FAR):
-            return False
-        values = [reading.cost.value(first.theta + move) for move in moves]
-        best = int(np.argmin(values))
-        if values[best] >= first.value:
-            return False
-        late.weigh(reading.cost.linearised(first.theta + moves[best]), self._reader.limits)
-        return True
-
-    def _nearly_white(
-        self, reading: EventReading, explanation: _FoundExplanation, before: _FoundExplanation
-    ) -> float:
-        """Nats that a kind gains by nearly white innovations; those of `before` count if both fit equally well."""
-        leaves, as_before = (each.cost.expected(each.theta) for each in (explanation, before))
-        alike = before if abs(leaves - as_before) < c.LEFT_ALIKE else explanation
-        return nearly_white(reading.leaves(alike.theta, alike.fit), reading.cost.temper, reading.healthy)
-
-    def _fit(
-        self, learned: LearnedInjector, reading: EventReading, explanation: _FoundExplanation, behind: float
-    ) -> None:
-        """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""
-        first, is_new = explanation.cost, learned.is_prior
-        falls = first.value - first.expected(explanation.theta)
-        if behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0):
-            return
-        far = float((np.abs(explanation.theta - first.theta) / self._reader.limits.longest_step).max())
-        if not (far > c.NEAR or falls > c.FALLS or is_new):
-            return
-        steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
-        explanation.fitted(fitter_of(learned, reading, self._reader), first, steps)

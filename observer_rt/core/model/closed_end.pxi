@@ -61,20 +61,23 @@ cdef double _solve_end(
     cdef double p_0 = x[0], flow = x[1], s_0 = x[SAC], p = x[0], s = x[SAC]
     cdef double inflow = line.a1 * (flow - line.outflow)
     cdef double lowest = min(s_0, p_0, 0.0) - SPARE, highest = max(s_0, p_0, 0.0) + SPARE
-    cdef double nozzle, seat, by_sac, by_drop, through_nozzle, through_seat, q_h, q_s, fill, soften, seat_by_sac
+    cdef double[INPUTS] z = [0.0, u.area, u.since, u.rail, 0.0]
+    cdef double[INPUTS] h_z
+    cdef double[INPUTS] s_z
+    cdef double nozzle, seat, through_nozzle, through_seat, q_h, q_s, fill, soften, seat_by_sac
     cdef double h_s, s_p, s_s, line_error, sac_error, pp, ps, sp, ss, whole, by_p, by_s, unused, error
     cdef double share = 1.0, error_before = INFINITY
     cdef int64_t iteration
     inflow -= drained(p_0, &line.softness, line.servo, line.displaced, u)  # explicit: the root hardly changes in a step
     for iteration in range(<int64_t> MOST_ITERATIONS):
-        nozzle = 1.0 + nozzle_change(s, u, network, &by_sac, &unused)
-        seat = 1.0 + seat_change(p - s, u.area, network, &by_drop, &unused)
+        z[NOZZLE_DROP], z[SEAT_DROP] = s, p - s
+        nozzle, seat = 1.0 + change_of(False, z, network, h_z), 1.0 + change_of(True, z, network, s_z)
         through_nozzle = nozzle_law(s, u.area, network.nozzle, &c.nozzle)
         through_seat = seat_law(p, s, u.area, &c.seat)
         q_h, q_s = through_nozzle * nozzle, through_seat * seat
-        h_s = nozzle_law_slopes(s, u.area, network.nozzle, &c.nozzle).by_sac * nozzle + through_nozzle * by_sac
-        s_p = seat_law_slopes(p, s, u.area, &c.seat, &unused, &seat_by_sac) * seat + through_seat * by_drop
-        s_s = seat_by_sac * seat - through_seat * by_drop
+        h_s = nozzle_law_slopes(s, u.area, network.nozzle, &c.nozzle).by_sac * nozzle + through_nozzle * h_z[NOZZLE_DROP]
+        s_p = seat_law_slopes(p, s, u.area, &c.seat, &unused, &seat_by_sac) * seat + through_seat * s_z[SEAT_DROP]
+        s_s = seat_by_sac * seat - through_seat * s_z[SEAT_DROP]
         fill = sac_step * sac_stiffness(0.5 * (s_0 + s), sac)
         soften = 0.5 * sac_step * bent_slope(0.5 * (s_0 + s), sac.stiffness_slope, sac.stiffness_bend)
         line_error = p - p_0 - line_step * (inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s)

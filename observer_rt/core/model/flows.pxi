@@ -42,31 +42,16 @@ cdef inline double curve_at(int curve, const double* z, const double* curves, do
     return cubic[0] + t * (cubic[1] + t * (cubic[2] + t * cubic[3]))
 
 
-cdef inline double nozzle_change(
-    double x_3, Inputs u, const Network* network, double* by_sac, double* by_area
+cdef inline double change_of(
+    bint is_seat, const double* z, const Network* network, double* slopes
 ) noexcept nogil:
-    """N_H, row 1 of W sigma(V z) + b (7), and its slopes."""
-    cdef double[INPUTS] z = [x_3, u.area, u.since, u.rail, 0.0]
-    cdef double[INPUTS] slopes = [0.0, 0.0, 0.0, 0.0, 0.0]
-    cdef double change = network.bias[0]
-    cdef int curve
+    """N_H or N_S, a row of W sigma(V z) + b (7), at the inputs z (INPUTS,), and its slopes by them."""
+    cdef double change = network.bias[is_seat]
+    cdef int first = FIRST_OF_SEAT if is_seat else 0, end = CURVES if is_seat else FIRST_OF_SEAT, curve
+    memset(slopes, 0, INPUTS * sizeof(double))
     if network.curves != NULL:
-        for curve in range(<int> FIRST_OF_SEAT):
+        for curve in range(first, end):
             change = change + curve_at(curve, z, network.curves, slopes)
-    by_sac[0], by_area[0] = slopes[NOZZLE_DROP], slopes[NEEDLE_AREA]
-    return change
-
-
-cdef inline double seat_change(double drop, double u_2, const Network* network, double* by_drop, double* by_area) noexcept nogil:
-    """N_S, row 2, at a pressure drop over the seat, and its slopes."""
-    cdef double[INPUTS] z = [0.0, u_2, 0.0, 0.0, drop]
-    cdef double[INPUTS] slopes = [0.0, 0.0, 0.0, 0.0, 0.0]
-    cdef double change = network.bias[1]
-    cdef int curve
-    if network.curves != NULL:
-        for curve in range(<int> FIRST_OF_SEAT, <int> CURVES):
-            change = change + curve_at(curve, z, network.curves, slopes)
-    by_drop[0], by_area[0] = slopes[SEAT_DROP], slopes[NEEDLE_AREA]
     return change
 
 
@@ -85,13 +70,10 @@ cdef inline void changed_flows(
     const double* x, Inputs u, const Coefficients* c, const Network* network, double* q_h, double* q_s
 ) noexcept nogil:
     """Normalised flows with phi: (N_H, N_S) = W sigma(V z) + b (7), with z = [x u since 1], are their relative changes."""
-    cdef double unused
-    q_h[0] = nozzle_law(x[SAC], u.area, network.nozzle, &c.nozzle) * (
-        1.0 + nozzle_change(x[SAC], u, network, &unused, &unused)
-    )
-    q_s[0] = seat_law(x[0], x[SAC], u.area, &c.seat) * (
-        1.0 + seat_change(x[0] - x[SAC], u.area, network, &unused, &unused)
-    )
+    cdef double[INPUTS] z = [x[SAC], u.area, u.since, u.rail, x[0] - x[SAC]]
+    cdef double[INPUTS] unused
+    q_h[0] = nozzle_law(x[SAC], u.area, network.nozzle, &c.nozzle) * (1.0 + change_of(False, z, network, unused))
+    q_s[0] = seat_law(x[0], x[SAC], u.area, &c.seat) * (1.0 + change_of(True, z, network, unused))
 
 
 cdef double injection_rate(const double* x, Inputs u, const Coefficients* c, const Network* network) noexcept nogil:
@@ -133,16 +115,18 @@ cdef void flow_slopes(
     cdef double nozzle_flow = nozzle_law(x[SAC], u.area, network.nozzle, &c.nozzle)
     cdef NozzleSlopes of_nozzle = nozzle_law_slopes(x[SAC], u.area, network.nozzle, &c.nozzle)
     cdef double seat_flow = seat_law(x[0], x[SAC], u.area, &c.seat)
-    cdef double h_sac, h_area, s_drop, s_area, by_area, by_sac
-    cdef double nozzle = 1.0 + nozzle_change(x[SAC], u, network, &h_sac, &h_area)
-    cdef double seat = 1.0 + seat_change(x[0] - x[SAC], u.area, network, &s_drop, &s_area)
-    cdef double by_line = seat_law_slopes(x[0], x[SAC], u.area, &c.seat, &by_area, &by_sac) * seat + seat_flow * s_drop
+    cdef double[INPUTS] z = [x[SAC], u.area, u.since, u.rail, x[0] - x[SAC]]
+    cdef double[INPUTS] h_z
+    cdef double[INPUTS] s_z
+    cdef double by_area, by_sac
+    cdef double nozzle = 1.0 + change_of(False, z, network, h_z), seat = 1.0 + change_of(True, z, network, s_z)
+    cdef double by_line = seat_law_slopes(x[0], x[SAC], u.area, &c.seat, &by_area, &by_sac) * seat + seat_flow * s_z[SEAT_DROP]
     cdef int64_t number
     result.q_h, result.q_s = nozzle_flow * nozzle, seat_flow * seat
-    result.h_x[0], result.h_x[1], result.h_x[2] = 0.0, 0.0, nozzle_flow * h_sac + of_nozzle.by_sac * nozzle
-    result.s_x[0], result.s_x[1], result.s_x[2] = by_line, 0.0, by_sac * seat - seat_flow * s_drop
-    result.h_area = nozzle_flow * h_area + of_nozzle.by_area[0] * nozzle * of_nozzle.by_area[1]
-    result.s_area = seat_flow * s_area + by_area * seat
+    result.h_x[0], result.h_x[1], result.h_x[2] = 0.0, 0.0, nozzle_flow * h_z[NOZZLE_DROP] + of_nozzle.by_sac * nozzle
+    result.s_x[0], result.s_x[1], result.s_x[2] = by_line, 0.0, by_sac * seat - seat_flow * s_z[SEAT_DROP]
+    result.h_area = nozzle_flow * h_z[NEEDLE_AREA] + of_nozzle.by_area[0] * nozzle * of_nozzle.by_area[1]
+    result.s_area = seat_flow * s_z[NEEDLE_AREA] + by_area * seat
     result.h_change = nozzle_flow
     result.s_change = seat_flow
     for number in range(<int64_t> NOZZLE_NUMBERS):
@@ -172,7 +156,8 @@ cdef void flow_numbers(
             continue
         cubic = t.basis + 4 * MOST_NEURONS * piece_at(curve, z, &within)
         of_neurons, result = <const Columns*> cubic, <Columns*> column
-        for part in range(1 + (t.neurons[curve] - 1) // <int64_t> WIDTH):  # up to the next multiple of WIDTH; the excess is 0, and the next curve overwrites it
+        # up to the next multiple of WIDTH; the excess is 0, and the next curve overwrites it
+        for part in range(1 + (t.neurons[curve] - 1) // <int64_t> WIDTH):
             result[part] = change * (of_neurons[part] + within * (
                 of_neurons[NEXT + part] + within * (of_neurons[2 * NEXT + part] + within * of_neurons[3 * NEXT + part])
             ))

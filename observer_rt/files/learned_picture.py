@@ -1,5 +1,4 @@
-"""Draws laws of nozzle and seat as the network learned them: a curve over each input, with its
-95 % interval, and a surface over two that it goes by at once."""
+"""Draws laws of nozzle and seat as the network learned them: curves with 95 % intervals, surfaces."""
 
 from collections.abc import Sequence
 
@@ -20,7 +19,7 @@ _PERCENT = 100.0
 def draw_learned(part: SubplotSpec, curves: Sequence[LearnedCurve], surfaces: Sequence[LearnedSurface] = ()) -> None:
     """Draw the curves of both flows in part of a figure, all on one scale, and after them the surfaces."""
     count = len(curves) + len(surfaces)
-    panels = part.subgridspec(-(-count // COLUMNS), COLUMNS).subplots(squeeze=False)
+    panels = part.subgridspec(_rows(count), COLUMNS).subplots(squeeze=False)
     values = [_PERCENT * value for curve in curves for value in (*curve.change, 0.0)]
     margin = max(0.15 * (max(values) - min(values)), LEAST_RANGE)
     for axes, curve in zip(panels.flat, curves, strict=False):
@@ -60,11 +59,15 @@ def _label(variable: str) -> str:
 
 def height_of(curves: Sequence[LearnedCurve], surfaces: Sequence[LearnedSurface] = ()) -> float:
     """Inches that curves and surfaces take."""
-    return ROW * -(-(len(curves) + len(surfaces)) // COLUMNS)
+    return ROW * _rows(len(curves) + len(surfaces))
+
+
+def _rows(count: int) -> int:
+    return -(-count // COLUMNS)
 
 
 def learned_figure(curves: Sequence[LearnedCurve]) -> str:
-    """The same as SVG."""
+    """SVG of the curves alone."""
     with svg_figure(10.4, height_of(curves)) as (figure, svg):
         draw_learned(figure.add_gridspec(1, 1)[0], curves)
     return svg()

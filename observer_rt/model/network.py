@@ -51,7 +51,7 @@ class Group(NamedTuple):
         return np.stack((value[:-1], slope[:-1], *bends), axis=1)
 
 
-def _of_both(name: str) -> Group:
+def _pair(name: str) -> Group:
     return Group(name, 0.02, 4, 0.15, 0.75)
 
 
@@ -60,11 +60,11 @@ GROUPS = (  # in the order of the core's curves
     Group("nozzle_area", 0.015, 6, 0.1, 1.25),
     Group("nozzle_time", 0.015, 6, 0.1e-3, 1.8e-3),
     Group("nozzle_rail", 0.015, 6, 0.5, 1.55),
-    *map(_of_both, ("nozzle_drop_time", "nozzle_drop_rail", "nozzle_rail_time")),
-    *map(_of_both, ("nozzle_area_drop", "nozzle_area_rail", "nozzle_area_time")),
+    *map(_pair, ("nozzle_drop_time", "nozzle_drop_rail", "nozzle_rail_time")),
+    *map(_pair, ("nozzle_area_drop", "nozzle_area_rail", "nozzle_area_time")),
     Group("seat_area", 0.02, 6, 0.1, 1.25),
     Group("seat_drop", 0.02, 5, 0.03, 0.9),
-    _of_both("seat_area_drop"),
+    _pair("seat_area_drop"),
 )
 _ALONG = np.array([inputs_along(curve) for curve in range(CURVES)])
 IS_PAIR = _ALONG[:, 0] != _ALONG[:, 1]  # (CURVES,), of two inputs

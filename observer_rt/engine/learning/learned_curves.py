@@ -160,7 +160,8 @@ def _laws(knowledge: Knowledge, c: Coefficients, which: NDArray[np.bool_]) -> It
     if not learned.learned_at:
         return
     axes, last = _axes(learned.learned_at, c), learned.learned_at[-1]
-    held = (FULL * last.rail_pressure, last.area, 0.5 * math.exp(last.open_time), last.rail_pressure)
+    half = 0.5 * math.exp(last.open_time)
+    held = {_DROP: FULL * last.rail_pressure, _AREA: last.area, _TIME: half, _RAIL: last.rail_pressure}
     covariance, probabilities = learned.gated.covariance, law_probabilities(learned.belief)
     for curve in np.flatnonzero(which).tolist():
         swept = [*dict.fromkeys(inputs_along(curve))]
@@ -173,8 +174,7 @@ def _laws(knowledge: Knowledge, c: Coefficients, which: NDArray[np.bool_]) -> It
         ]:  # as in a sac that is full: no event tells the rail pressure's doing from the drop's
             grids[_DROP] = FULL * grids[_RAIL]
         if curve < FIRST_OF_SEAT:
-            values = np.broadcast_arrays(*(grids.get(number, value) for number, value in enumerate(held)))
-            drop, seat, since, rail = values
+            drop, seat, since, rail = np.broadcast_arrays(*(held | grids).values())
             change, slopes = nozzle_change(theta, np.stack((drop, 0.0 * drop, drop)), (rail, seat), since)
         else:
             change, slopes = seat_change(theta, grids.get(_AREA, SEAT_AREA), grids.get(_SEAT_DROP, SEAT_DROP))

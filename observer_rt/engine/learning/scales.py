@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.evidence import weigh_scales
 from observer_rt.core.learning.gating import inverse_of
+from observer_rt.core.model.model import FIRST_OF_SEAT
 from observer_rt.engine.estimation.gating import Belief, symmetric
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS
 from observer_rt.engine.learning import constants as c
 from observer_rt.model.network import HIDDEN, IS_PAIR, NEURONS
 
 Vector = NDArray[np.float64]
-NONE, SMALL, WHOLE = 1e-3, 0.1, math.sqrt(0.999)  # of the prior: no law at all, small ones, any
+Matrix = Vector
+# Of the prior: no law at all, small ones, any; 1 itself would be measured with infinite noise.
+NONE, SMALL, WHOLE = 1e-3, 0.1, math.sqrt(0.999)
 _PRIOR = SCALARS.prior(1.0)[WEIGHTS]
 _SCALES = np.array([NONE, SMALL, WHOLE]) ** 2
 _NOISES = _SCALES / (1.0 - _SCALES)
@@ -30,7 +33,7 @@ _CURVE = np.repeat(np.arange(NEURONS.size), NEURONS)  # of each weight
 _PAIRS, _SINGLE = np.flatnonzero(IS_PAIR), np.flatnonzero(~IS_PAIR)
 _OF_PAIR = np.array([np.flatnonzero(pair == _CURVE) for pair in _PAIRS])
 _OF_SINGLE = np.flatnonzero(~IS_PAIR[_CURVE])
-_OF_NOZZLE = int(np.argmax(_PAIRS[0] < _SINGLE))  # curves along one input
+_OF_NOZZLE = int((_SINGLE < FIRST_OF_SEAT).sum())  # curves along one input
 _CHOICES = np.array([*itertools.product(range(_SCALES.size), repeat=_SINGLE.size)])  # of a scale for each of them
 _SQUARES = np.repeat(_SCALES[_CHOICES], NEURONS[_SINGLE], axis=1)
 Pairs = frozenset[int]
@@ -107,20 +110,20 @@ def without_others(belief: Belief, pairs: Pairs) -> Belief:
 
 
 def weigh_choices(
-    mean: Vector, covariance: Vector, pairs: Pairs, offered: Vector | float = 0.0
+    mean: Vector, covariance: Matrix, pairs: Pairs, log_priors: Vector | float = 0.0
 ) -> tuple[Vector, Vector]:
     """Logarithms (k,) of how likely each choice with these pairs is by a mean (m,) and covariance (m, m).
 
-    Both with the whole prior; offered: logarithms (k,) of how likely choices are beyond what `_BEFORE` says. And the
-    mean (m,) at the likeliest. Raises numpy.linalg.LinAlgError when not positive definite.
+    Both with the whole prior; log_priors (k,): of choices beyond what `_BEFORE` says. And the mean (m,) at the
+    likeliest. Raises numpy.linalg.LinAlgError when not positive definite.
     """
     others = _out_of_use(pairs)
     order, ends = np.concatenate((others, _OF_SINGLE)), np.cumsum([others.size, *NEURONS[_SINGLE]])
-    logs = _BEFORE + len(pairs) * math.log(c.PAIRED) + offered
+    logs = _BEFORE + len(pairs) * math.log(c.PAIRED) + log_priors
     return logs, weigh_scales(mean, covariance, WEIGHTS[order], _PRIOR[order], ends, _NOISES, logs)
 
 
-def _gains(mean: Vector, covariance: Vector, choice: ScaleChoice) -> dict[int, float]:
+def _gains(mean: Vector, covariance: Matrix, choice: ScaleChoice) -> dict[int, float]:
     """Nats by which a choice is likelier with each of the other pairs, too: that its weights need not be 0."""
     variance = covariance[WEIGHTS[:, None], WEIGHTS] / (_PRIOR[:, None] * _PRIOR)
     variance[_ALL, _ALL] += choice.noise
@@ -135,7 +138,7 @@ def _gains(mean: Vector, covariance: Vector, choice: ScaleChoice) -> dict[int, f
 
 
 @lru_cache(8)
-def _likely(belief: Belief) -> tuple[list[Pairs], Vector]:
+def _likely(belief: Belief) -> tuple[list[Pairs], Matrix]:
     """Pairs in use, where one after another pays, and probabilities (k, choices) of all choices with each of them."""
     pairs, tried, densities = frozenset[int](), list[Pairs](), list[Vector]()
     while True:

@@ -75,9 +75,9 @@ class EventMass:
     @property
     def controlled(self) -> float:
         """Control flow of a servo injector while its needle is open, over the injected volume."""
-        c, inputs = learned_of(self.theta, self.setting.coefficients).coefficients, self.window.inputs
-        opened = inputs[inputs[:, 1] > 0.0, 0] + c.chamber_pressure / c.pressure_scale
-        flow: float = c.flow_scale * c.line.servo / c.line.a1
+        model, inputs = learned_of(self.theta, self.setting.coefficients).coefficients, self.window.inputs
+        opened = inputs[inputs[:, 1] > 0.0, 0] + model.chamber_pressure / model.pressure_scale
+        flow: float = model.flow_scale * model.line.servo / model.line.a1
         return flow * float(np.sqrt(opened).sum()) * self.setting.interval / max(self.volume, LEAST)
 
     def variance(self, covariance: NDArray[np.float64]) -> float:
@@ -162,8 +162,8 @@ def posterior_of(continued: Sequence[Continued]) -> tuple[tuple[str, float], ...
     summed: dict[str, float] = {}
     for explanation, _ in continued:
         summed[explanation.kind.name] = summed.get(explanation.kind.name, 0.0) + explanation.weight
-    named = sorted(summed.items(), key=lambda each: -each[1])
-    return tuple((name, weight) for name, weight in named if weight >= SHOWN)
+    ordered = sorted(summed.items(), key=lambda each: -each[1])
+    return tuple((name, weight) for name, weight in ordered if weight >= SHOWN)
 
 
 def verdict_of(

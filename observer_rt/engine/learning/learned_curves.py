@@ -54,14 +54,7 @@ class LearnedCurve:
     @property
     def columns(self) -> dict[str, Any]:
         """The curve for JSON, and for tables."""
-        return {
-            "flow": self.flow,
-            "variable": self.variable,
-            "value": self.inputs.tolist(),
-            "change": self.change.tolist(),
-            "ci95_halfwidth": self.half_width.tolist(),
-            "probability": self.probability,
-        }
+        return _columns(self, variable=self.variable, value=self.inputs.tolist())
 
 
 def furthest(curves: Iterable[LearnedCurve]) -> LearnedCurve | None:
@@ -94,15 +87,14 @@ class LearnedSurface:
     @property
     def columns(self) -> dict[str, Any]:
         """The surface for JSON."""
-        return {
-            "flow": self.flow,
-            "variables": list(self.variables),
-            "values": [inputs.tolist() for inputs in self.inputs],
-            "change": self.change.tolist(),
-            "ci95_halfwidth": self.half_width.tolist(),
-            "is_seen": self.is_seen.tolist(),
-            "probability": self.probability,
-        }
+        values = [inputs.tolist() for inputs in self.inputs]
+        return _columns(self, variables=list(self.variables), values=values, is_seen=self.is_seen.tolist())
+
+
+def _columns(law: LearnedCurve | LearnedSurface, **over: Any) -> dict[str, Any]:
+    """A law for JSON; over: its inputs."""
+    change, half_width = law.change.tolist(), law.half_width.tolist()
+    return {"flow": law.flow, **over, "change": change, "ci95_halfwidth": half_width, "probability": law.probability}
 
 
 def _law_words(flow: str, variables: Iterable[str], change: NDArray[np.float64], probability: float) -> str:

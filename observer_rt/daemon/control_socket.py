@@ -42,15 +42,15 @@ An answer is a line of JSON; or pieces, the first of which is one, and says how 
 """
 
 
-def socket_places(fitted: BenchInjector, state: Path | None = None) -> tuple[Path, ...]:
+def socket_places(injector: BenchInjector, state: Path | None = None) -> tuple[Path, ...]:
     """Files beside which a daemon of an injector has its socket: the first beside which it can.
 
     state: of the command line, where the bench file does not name it, nobody else can find it.
     """
-    kept = fitted.state if state in (None, fitted.state) else None
-    path, evidence = fitted.file.path, fitted.evidence and fitted.evidence / OBSERVER
-    by_bench = path.with_name(".".join(filter(None, (path.name, fitted.name))))
-    below = RUN / fitted.name / str(path.resolve()).strip("/").replace("/", "-")
+    kept = injector.state if state in (None, injector.state) else None
+    path, evidence = injector.file.path, injector.evidence and injector.evidence / OBSERVER
+    by_bench = path.with_name(".".join(filter(None, (path.name, injector.name))))
+    below = RUN / injector.name / str(path.resolve()).strip("/").replace("/", "-")
     return tuple(filter(None, (evidence, kept, by_bench, below)))
 
 

@@ -32,14 +32,14 @@ LAST_EVENTS = 5.0  # s for the last ones to be written
 
 
 @contextmanager
-def evidence_keeper(fitted: BenchInjector, folder: Path, tell: Callable[[str], None]) -> Iterator["EvidenceKeeper"]:
+def evidence_keeper(injector: BenchInjector, folder: Path, tell: Callable[[str], None]) -> Iterator["EvidenceKeeper"]:
     """Keeper of an injector's evidence in a folder, which is its own while it lasts.
 
     Raises `UserError` for a folder that cannot be made, or is another daemon's.
     """
-    make_folder(fitted.location("evidence.folder"), folder)
+    make_folder(injector.location("evidence.folder"), folder)
     with sole_writer(folder / OBSERVER):
-        yield EvidenceKeeper(fitted, folder, tell)
+        yield EvidenceKeeper(injector, folder, tell)
 
 
 class _QueuedEvent(NamedTuple):
@@ -53,26 +53,26 @@ class _QueuedEvent(NamedTuple):
 class EvidenceKeeper:
     """Listens to a daemon's reports, and has events kept."""
 
-    def __init__(self, fitted: BenchInjector, folder: Path, tell: Callable[[str], None]) -> None:
+    def __init__(self, injector: BenchInjector, folder: Path, tell: Callable[[str], None]) -> None:
         self.kept = 0
         """Events that are on disk, or were until others took their place."""
         self.lost = 0
         """Events that could not be written, or not in time."""
-        config = fitted.config.evidence
+        config = injector.config.evidence
         self._command = [sys.executable, "-m", WRITER, str(folder), f"{config.most_mib}", f"{config.per_point}"]
         self._folder = folder
         self._tell = tell
         self._model = {
-            "injector_file": str(fitted.parameters_path.absolute()),
-            "model_sha256": model_hash(fitted.parameters),
-            "meaning": fitted.config.sampling.meaning.value,
+            "injector_file": str(injector.parameters_path.absolute()),
+            "model_sha256": model_hash(injector.parameters),
+            "meaning": injector.config.sampling.meaning.value,
             "line_sensor": {
                 stated.effect.id: list(stated.values)
-                for stated in effects_after_alignment(fitted.config.signals)
+                for stated in effects_after_alignment(injector.config.signals)
                 if stated.effect.id in ("channel_skew", "line_pressure_sensor_lag")
             },
         }
-        self._has_energizing = fitted.config.signals.energizing is not None
+        self._has_energizing = injector.config.signals.energizing is not None
         self._core: Core | None = None  # before it runs
         self._reports: list[InjectionReport] = []  # of one event
         self._inputs: EventInputs | None = None

@@ -209,17 +209,17 @@ class SenderWatch:
 class InputWatch:
     """Reports faults of the inputs of a core, by message and identifier."""
 
-    def __init__(self, fitted: BenchInjector, bus: BusMap, core: Core) -> None:
+    def __init__(self, injector: BenchInjector, bus: BusMap, core: Core) -> None:
         self.arrivals = Arrivals(bus)
-        rate = fitted.config.sampling.rate_hz
+        rate = injector.config.sampling.rate_hz
         self._core = core
         self._messages = MessageWatch(bus, self.arrivals)
         self._useless = FrameWatch(self.arrivals, rate, partial(_odd_lengths, bus, core))
         self._senders = SenderWatch(bus, self.arrivals)
-        self._values = ValueWatch(bus, configured_noise(fitted), self.arrivals.sources, fitted.has_lift)
+        self._values = ValueWatch(bus, configured_noise(injector), self.arrivals.sources, injector.has_lift)
         self._units, self._rate = UnitWatch(self.arrivals.sources), RateWatch(rate)
         self._lift = LiftWatch()
-        self.ranges = RangeWatch(bus, fitted.config.signals)
+        self.ranges = RangeWatch(bus, injector.config.signals)
         self._seen = 0
         self._frames = 0
 

@@ -75,17 +75,17 @@ class JournalWriter:
         self._path = path
         self._tell = tell
         self._told_lost = 0
-        fitted, now = bench.injector, time.time_ns()
-        self._c = fitted.coefficients
+        injector, now = bench.injector, time.time_ns()
+        self._c = injector.coefficients
         self._run = now // 1000
         self._about_run = (
             self._run,
             utc(now),
             __version__,
-            model_hash(fitted.parameters),
-            fitted.name,
+            model_hash(injector.parameters),
+            injector.name,
             str(bench.path.absolute()),
-            fitted.config.model_dump_json(),
+            injector.config.model_dump_json(),
         )
         self._is_begun = False
         self._waiting: deque[tuple[int, InjectionReport | MeasuredMass]] = deque()  # with Unix time, ns

@@ -163,13 +163,13 @@ class Keeper:
     """Keeps what a daemon learns. The loop only lends it what it has: nothing here is done in the loop's time."""
 
     def __init__(
-        self, fitted: BenchInjector, state: Path | None, journal: "JournalWriter | None", tell: Tell
+        self, injector: BenchInjector, state: Path | None, journal: "JournalWriter | None", tell: Tell
     ) -> None:
         """state: where the learned state is kept; None, as for the journal: nowhere."""
         self.state = state
         self.listeners: Sequence[Listener] = [] if journal is None else [journal]
         """Listeners to the daemon's reports and notices."""
-        self._fitted = fitted
+        self._injector = injector
         self._journal = journal
         self._tell = tell
         self._writers: Sequence[RetryingWriter] = ()
@@ -186,10 +186,10 @@ class Keeper:
         Raises `UnsavedError` when the last write fails.
         """
         # what comes just after a write waits for the next one, and for its end
-        interval = self._fitted.config.state.save_within_s / 2
+        interval = self._injector.config.state.save_within_s / 2
         files: list[PersistentFile] = [] if self._journal is None else [self._journal]
         if self.state is not None:
-            files.insert(0, LearnedState(self.state, self._fitted, source))
+            files.insert(0, LearnedState(self.state, self._injector, source))
         self._writers = [RetryingWriter(file, interval, self._tell) for file in files]
         stop = threading.Event()
         thread = threading.Thread(target=self._write, args=(interval, stop), name="keeping")
@@ -216,10 +216,10 @@ class Keeper:
 class LearnedState:
     """Learned state in a state file."""
 
-    def __init__(self, path: Path, fitted: BenchInjector, source: KnowledgeSource) -> None:
+    def __init__(self, path: Path, injector: BenchInjector, source: KnowledgeSource) -> None:
         self.name = f"learned state in {path}"
         self._path = path
-        self._model = fitted.parameters
+        self._model = injector.parameters
         self._source = source
         self._written = source()
 
@@ -243,16 +243,16 @@ class KeptFiles(NamedTuple):
     journal: Path | None
 
 
-def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path | None = None) -> KeptFiles:
+def kept_files(injector: BenchInjector, state: Path | None = None, journal: Path | None = None) -> KeptFiles:
     """The files of an injector: those of the command line, else those that the bench file names.
 
     Raises `UserError` for files that cannot be kept, or are of another kind.
     """
-    taken = {path.resolve(): str(path) for path in (fitted.file.path, fitted.parameters_path)}
-    files = KeptFiles(state or fitted.state, journal or fitted.journal)
+    taken = {path.resolve(): str(path) for path in (injector.file.path, injector.parameters_path)}
+    files = KeptFiles(state or injector.state, journal or injector.journal)
     options = (
-        "--state" if state else fitted.location("state.file"),
-        "--journal" if journal else fitted.location("state.journal"),
+        "--state" if state else injector.location("state.file"),
+        "--journal" if journal else injector.location("state.journal"),
     )
     for option, path, kind in zip(options, files, (LEARNED_STATE, JOURNAL), strict=True):
         if path is None:

@@ -43,10 +43,10 @@ class _Wish:
 
     def is_met_by(self, bench: Bench) -> bool:
         """Whether the file does; if not, the request is refused."""
-        fitted = bench.injector
-        if (named := model_hash(fitted.parameters)) == self.model:
+        injector = bench.injector
+        if (named := model_hash(injector.parameters)) == self.model:
             return True
-        problem = f"names {fitted.parameters_path} for the daemon, whose model is {named[:8]}, not {self.model[:8]}"
+        problem = f"names {injector.parameters_path} for the daemon, whose model is {named[:8]}, not {self.model[:8]}"
         remedy = "does the daemon serve this bench file, and see the same folder?"
         self.answer.set_exception(UserError(str(bench.path.absolute()), problem, remedy))
         return False

@@ -84,13 +84,13 @@ class Serving:
         self.log.say(Topic.START, text)
 
     def _service(self, bench: Bench, stack: ExitStack) -> InjectorService:
-        fitted, tell = bench.injector, partial(self.log.say, Topic.KEPT)
+        injector, tell = bench.injector, partial(self.log.say, Topic.KEPT)
         keeper = stack.enter_context(keeper_of(bench, self.options.state, self.options.journal, tell))
         evidence: EvidenceKeeper | None = None
-        if fitted.evidence is not None:
+        if injector.evidence is not None:
             from observer_rt.daemon.evidence import evidence_keeper  # optional: [evidence] folder
 
-            evidence = stack.enter_context(evidence_keeper(fitted, fitted.evidence, tell))
+            evidence = stack.enter_context(evidence_keeper(injector, injector.evidence, tell))
         service = InjectorService(
             bench,
             keeper,
@@ -98,7 +98,7 @@ class Serving:
             self.notifier,
             self.screen,
             evidence,
-            self.learned.get(model_hash(fitted.parameters)),
+            self.learned.get(model_hash(injector.parameters)),
             partial(hurry, self.processor, self.priority),
         )
         if any(link.config.interface == "virtual" for link in bench.config.buses):

@@ -47,13 +47,13 @@ class SnapshotKeeper:
 
     def __init__(self, bench: Bench, references: References | None = None) -> None:
         """references: models with which injections are compared; None: the nominal model."""
-        fitted = bench.injector
-        nominal = NominalInjection(fitted)
+        injector = bench.injector
+        nominal = NominalInjection(injector)
         self._c = nominal.coefficients
         self._references: References = references or nominal
-        self._calibration = calibration_of(fitted)
-        self._model = fitted.parameters_path.name
-        self._rate_hz = fitted.config.sampling.rate_hz
+        self._calibration = calibration_of(injector)
+        self._model = injector.parameters_path.name
+        self._rate_hz = injector.config.sampling.rate_hz
         self._run = time.time_ns()
         self._lines = StatusLines()
         self._daemon: Daemon | None = None  # before it runs

@@ -87,21 +87,21 @@ def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = 
     """
     with _alone(path):
         bench = load_bench(path).of(injector or None)
-        fitted, model = bench.injector, load_injector(amended)
-        if model == fitted.parameters:
+        bench_injector, model = bench.injector, load_injector(amended)
+        if model == bench_injector.parameters:
             raise UserError(str(amended), "is the model in force already", "name another one")
-        changes = (*parameter_changes(fitted.parameters, model), *_lost(fitted.parameters, model))
+        changes = (*parameter_changes(bench_injector.parameters, model), *_lost(bench_injector.parameters, model))
         if changes and not accepts_changes:
             raise UserError(
                 str(amended),
-                f"would also change what {fitted.parameters_path.name} states: {'; '.join(changes)}",
+                f"would also change what {bench_injector.parameters_path.name} states: {'; '.join(changes)}",
                 "were these corrected since the evidence was kept? search again with newer evidence, or accept them "
                 "by --accept-changes",
             )
         done = steps(path)
         copy = _copied(bench, amended, {Path(step.after).name for step in done})
         try:
-            time, before = datetime.now().isoformat(timespec="seconds"), fitted.config.model.file
+            time, before = datetime.now().isoformat(timespec="seconds"), bench_injector.config.model.file
             after = os.path.relpath(copy, path.parent)
             step = TakeOver(injector, before, after, time, learn_beforehand(bench, copy))
             return StepOutcome(step, changes, _in_force(path, injector, after, [*done, step]))
@@ -117,19 +117,19 @@ def undo(path: Path, injector: str = "") -> StepOutcome:
     Raises `UserError` where the file it names was not taken over, otherwise as `take_over`.
     """
     with _alone(path):
-        fitted, done = load_bench(path).of(injector or None).injector, steps(path)
+        bench_injector, done = load_bench(path).of(injector or None).injector, steps(path)
         own = [step for step in done if step.injector == injector]
         # A step that was interrupted, or undone by hand.
-        while own and own[-1].after != fitted.config.model.file:
+        while own and own[-1].after != bench_injector.config.model.file:
             own.pop()
         if not own:
-            problem = f"names {fitted.parameters_path.name}, and no model was taken over to get there"
+            problem = f"names {bench_injector.parameters_path.name}, and no model was taken over to get there"
             raise UserError(f"{path}", problem, "name the injector file by hand: [model] file")
         last = own.pop()
         remaining = [step for step in done if step.injector != injector or step in own]
         answer = _in_force(path, injector, last.before, remaining)
         after = load_bench(path).of(injector or None).injector.parameters
-        return StepOutcome(last, tuple(parameter_changes(fitted.parameters, after)), answer)
+        return StepOutcome(last, tuple(parameter_changes(bench_injector.parameters, after)), answer)
 
 
 @contextmanager
@@ -147,9 +147,9 @@ def _alone(path: Path) -> Iterator[None]:
 
 def _copied(bench: Bench, amended: Path, used: set[str]) -> Path:
     """A copy by a name that no file has or had, with that of the injector in it."""
-    fitted = bench.injector
-    folder = fitted.parameters_path.parent if fitted.config.model.file is not None else bench.path.parent
-    stem = fitted.name or fitted.parameters_path.stem.partition(_AMENDED)[0]
+    injector = bench.injector
+    folder = injector.parameters_path.parent if injector.config.model.file is not None else bench.path.parent
+    stem = injector.name or injector.parameters_path.stem.partition(_AMENDED)[0]
     content, number = amended.read_bytes(), 0
     while True:
         number += 1
@@ -190,9 +190,9 @@ def _reload(bench: Bench) -> Message | None:
 
     Raises `UserError` or `RunError` unless it has the model of the bench in force then.
     """
-    fitted = bench.injector
-    model = model_hash(fitted.parameters)
-    for kept in socket_places(fitted):
+    injector = bench.injector
+    model = model_hash(injector.parameters)
+    for kept in socket_places(injector):
         answer = ask(kept, {"request": RELOAD, "model": model})
         if answer is not None:
             if answer.get("model") != model:
@@ -227,15 +227,15 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
     return knowledge.state.events
 
 
-def _kept_with(fitted: BenchInjector) -> Sequence[KeptEvent]:
+def _kept_with(injector: BenchInjector) -> Sequence[KeptEvent]:
     """Events that were kept with this model, the oldest first. Raises `UserError` for a folder without any.
 
     None where the bench measures surroundings, which evidence does not hold.
     """
-    if fitted.evidence is None or fitted.config.signals.surroundings:
+    if injector.evidence is None or injector.config.signals.surroundings:
         return ()
-    model = model_hash(fitted.parameters)
-    kept = read_folder(fitted.evidence, Console(quiet=True))
+    model = model_hash(injector.parameters)
+    kept = read_folder(injector.evidence, Console(quiet=True))
     return [event for event in kept if event.belief["model_sha256"] == model][-MOST:]
 
 

@@ -40,24 +40,24 @@ def sizes(effects: tuple[SizedEffect, ...]) -> dict[str, float]:
     return {each.effect.id: round(1e6 * each.values[0], 9) for each in effects}
 
 
-def on_one_raster(fitted: BenchInjector) -> tuple[SizedEffect, ...]:
-    return effects_on_one_raster(fitted.config.signals, fitted.location)
+def on_one_raster(injector: BenchInjector) -> tuple[SizedEffect, ...]:
+    return effects_on_one_raster(injector.config.signals, injector.location)
 
 
 def test_nothing_stated_changes_nothing(tmp_path: Path) -> None:
-    fitted = stated(tmp_path)
-    assert on_one_raster(fitted) == effects_after_alignment(fitted.config.signals) == ()
-    assert undone_in_alignment(fitted.config.signals, Role.NEEDLE_LIFT) == 0.0
+    injector = stated(tmp_path)
+    assert on_one_raster(injector) == effects_after_alignment(injector.config.signals) == ()
+    assert undone_in_alignment(injector.config.signals, Role.NEEDLE_LIFT) == 0.0
 
 
 def test_alignment_moves_a_message_the_model_knows_the_rest(tmp_path: Path) -> None:
-    fitted = stated(tmp_path, **ALL)
-    signals = fitted.config.signals
+    injector = stated(tmp_path, **ALL)
+    signals = injector.config.signals
     for role in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT):
         assert undone_in_alignment(signals, role) == pytest.approx(12e-6)
     lags = {"needle_lift_sensor_lag": 15.9, "line_pressure_sensor_lag": 3.0}
     assert sizes(effects_after_alignment(signals)) == {"rail_pressure_skew": 8.0, "channel_skew": 5.0, **lags}
-    assert sizes(on_one_raster(fitted)) == {"rail_pressure_skew": 8.0, "channel_skew": -7.0, **lags}
+    assert sizes(on_one_raster(injector)) == {"rail_pressure_skew": 8.0, "channel_skew": -7.0, **lags}
 
 
 def test_a_rail_pressure_of_its_own_message_is_moved_by_its_own_delay(tmp_path: Path) -> None:
@@ -69,9 +69,9 @@ def test_a_rail_pressure_of_its_own_message_is_moved_by_its_own_delay(tmp_path: 
 
 
 def test_too_far_apart_for_recordings(tmp_path: Path) -> None:
-    fitted = stated(tmp_path, line_pressure="filter_delay_us = 90", needle_lift="filter_delay_us = 20")
+    injector = stated(tmp_path, line_pressure="filter_delay_us = 90", needle_lift="filter_delay_us = 20")
     with pytest.raises(UserError) as refused:
-        on_one_raster(fitted)
+        on_one_raster(injector)
     assert refused.value.location.endswith(": signals.line_pressure.filter_delay_us")
     assert "70 us" in refused.value.problem
 
@@ -82,7 +82,7 @@ def test_what_is_stated_goes_away_in_samples_as_sent(tmp_path: Path) -> None:
 
 
 def test_evidence_leaves_only_the_line_pressure_to_be_mended(tmp_path: Path) -> None:
-    fitted = stated(tmp_path, **ALL)
-    mended = as_observed(fitted.config.signals)
+    injector = stated(tmp_path, **ALL)
+    mended = as_observed(injector.config.signals)
     assert undone_in_alignment(mended, Role.NEEDLE_LIFT) == 0.0
     assert sizes(effects_after_alignment(mended)) == {"channel_skew": 5.0, "line_pressure_sensor_lag": 3.0}

@@ -133,16 +133,16 @@ def map_bus(bench: Bench) -> BusMap:
     return map_injector(bench.injector, BenchDatabases(bench))
 
 
-def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
+def map_injector(injector: BenchInjector, databases: BenchDatabases) -> BusMap:
     """Compile the mapping of one injector of a bench, whose `databases` are all injectors'.
 
     Raises `UserError` naming bench file, key and what the database has instead.
     """
-    inputs, layouts, slow = _map_inputs(fitted, databases)
-    outputs = fitted.config.outputs
+    inputs, layouts, slow = _map_inputs(injector, databases)
+    outputs = injector.config.outputs
 
     def output(key: str, compile_message: Callable[..., Compiled]) -> Compiled:
-        location = fitted.location(f"outputs.{key}")
+        location = injector.location(f"outputs.{key}")
         message, number = databases.find(location, getattr(outputs, key), outputs.link)
         with named(location):
             return compile_message(_moved(message, getattr(outputs, f"{key}_id")), bus=number)
@@ -151,7 +151,7 @@ def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
         inputs=inputs,
         input_layouts=layouts,
         slow=slow,
-        grid_relations=tuple(grid_relations(fitted, inputs.timing, inputs.streams["roles"].tolist())),
+        grid_relations=tuple(grid_relations(injector, inputs.timing, inputs.streams["roles"].tolist())),
         rate=output("injection_rate", rate_message) if outputs.injection_rate else None,
         corrected=output("corrected_rate", rate_message) if outputs.corrected_rate else None,
         results={
@@ -174,75 +174,75 @@ def _moved(message: Message, identifier: int | None) -> Message:
 
 
 def _map_inputs(
-    fitted: BenchInjector, databases: BenchDatabases
+    injector: BenchInjector, databases: BenchDatabases
 ) -> "tuple[Inputs, tuple[MessageLayout, ...], tuple[SlowMessage, ...]]":
     """The tables of all inputs, the messages that carry samples, and those with optional inputs."""
     by_message: dict[tuple[str, int], tuple[BusMessage, list[Role]]] = {}
     for role in ROLES:
-        config = fitted.config.signals.of(role)
-        source = databases.find(fitted.location(f"signals.{role}.message"), config.message, config.link)
+        config = injector.config.signals.of(role)
+        source = databases.find(injector.location(f"signals.{role}.message"), config.message, config.link)
         by_message.setdefault((config.message, source.bus), (source, []))[1].append(role)
     tables = InputTables()
     layouts = []
     streams: list[tuple[BusMessage, list[Role]]] = []
     for source, roles in by_message.values():
-        with named(fitted.location(f"signals.{roles[0]}.message")):
+        with named(injector.location(f"signals.{roles[0]}.message")):
             layout = protected_layout(*source)
         layouts.append(layout)
         row = frame_row(layout)
-        streams += [(source, together) for together in _map_message(fitted, source.message, roles, row, tables)]
+        streams += [(source, together) for together in _map_message(injector, source.message, roles, row, tables)]
     timing = map_timing(
-        fitted,
+        injector,
         [(source.message, roles) for source, roles in streams],
         [databases.links[source.bus] for source, _ in streams],
         [samples for samples, _ in tables.streams],
     )
-    require_one_rate(fitted, streams, timing["steps"].tolist())
-    signals = fitted.config.signals
+    require_one_rate(injector, streams, timing["steps"].tolist())
+    signals = injector.config.signals
     if not signals.optional and signals.energizing is None:
         return tables.inputs(timing), tuple(layouts), ()
     from observer_rt.bus.mapping.optional_inputs import map_optional, say_nothing  # few benches have any
 
-    slow = map_optional(fitted, databases, tables, timing)
+    slow = map_optional(injector, databases, tables, timing)
     inputs = tables.inputs(timing)
     say_nothing(inputs, slow)
     return inputs, tuple(layouts), slow
 
 
 def _map_message(
-    fitted: BenchInjector, message: Message, roles: Sequence[Role], row: NDArray[np.void], tables: InputTables
+    injector: BenchInjector, message: Message, roles: Sequence[Role], row: NDArray[np.void], tables: InputTables
 ) -> list[list[Role]]:
     """Add a message to the tables; returns the roles of each of its streams."""
 
     def is_measured(role: Role) -> bool:
-        return role is not Role.NEEDLE_LIFT or fitted.config.signals.needle_lift is not None
+        return role is not Role.NEEDLE_LIFT or injector.config.signals.needle_lift is not None
 
     samples: dict[Role, tuple[str, ...]] = {}
     streams: dict[tuple[SampleGroup, ...], list[Role]] = {}
     for role in roles:
-        with named(fitted.location(f"signals.{role}")):
-            samples[role] = signal_names(message, fitted.config.signals.of(role).names)
+        with named(injector.location(f"signals.{role}")):
+            samples[role] = signal_names(message, injector.config.signals.of(role).names)
             groups = sample_groups(message, samples[role])
         if row["samples"] not in (0, len(samples[role])):
             raise UserError(
-                fitted.location(f"signals.{role}"),
+                injector.location(f"signals.{role}"),
                 f"has {len(samples[role])} samples a frame, other signals of {message.name} have {row['samples']}",
                 "name as many samples for every signal of a message",
             )
         for other in filter(is_measured, samples if is_measured(role) else ()):
             if other is not role and set(samples[other]) & set(samples[role]):
                 problem = f"{other} and {role} read the same signals of {message.name}"
-                raise UserError(fitted.location(f"signals.{role}"), problem, "name the signals of each")
+                raise UserError(injector.location(f"signals.{role}"), problem, "name the signals of each")
         row["samples"] = len(samples[role])
         streams.setdefault(groups, []).append(role)
     for groups, together in streams.items():
-        number = number_signal(fitted, message, together)
+        number = number_signal(injector, message, together)
         if number is not None:
-            with named(fitted.location(f"signals.{together[0]}")):
+            with named(injector.location(f"signals.{together[0]}")):
                 require_carried(message, number.name, groups)
         if any(group.conditions for group in groups) and (number is None or number.length != INDEX_BITS):
             raise UserError(
-                fitted.location(f"signals.{together[0]}.index"),
+                injector.location(f"signals.{together[0]}.index"),
                 f"{message.name} sends samples in turns under a multiplexer, but no sample index with them",
                 "name the signal with the index of the frame's first sample",
             )
@@ -250,14 +250,14 @@ def _map_message(
             group_row = np.zeros((), INPUT_GROUP)
             names = [] if number is None else [number.name]
             for role in together:
-                column, config = ROLES.index(role), fitted.config.signals.of(role)
+                column, config = ROLES.index(role), injector.config.signals.of(role)
                 group_row["position"][column] = len(names)
                 if is_measured(role):
                     group_row["factor"][column] = from_unit(
-                        fitted.location(f"signals.{role}"), message, samples[role][0], config.unit, _UNITS[role]
+                        injector.location(f"signals.{role}"), message, samples[role][0], config.unit, _UNITS[role]
                     )
                 names.extend(samples[role][group.offset : group.offset + group.count])
-            with named(fitted.location(f"signals.{together[0]}")):
+            with named(injector.location(f"signals.{together[0]}")):
                 tables.add_group(group_row, message, names, group, None if number is None else number.name)
         tables.streams.append((int(row["samples"]), sum(1 << ROLES.index(role) for role in together)))
     tables.add_message(row, message, [group for groups in streams for group in groups])

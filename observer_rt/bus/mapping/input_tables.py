@@ -68,14 +68,14 @@ def require_carried(message: Message, index: str, groups: Sequence[SampleGroup])
 
 
 def require_one_rate(
-    fitted: BenchInjector, streams: Sequence[tuple[BusMessage, list[Role]]], steps: Sequence[int]
+    injector: BenchInjector, streams: Sequence[tuple[BusMessage, list[Role]]], steps: Sequence[int]
 ) -> None:
     """Raise `UserError` if a stream of a message is slower than its other streams; `steps`: of the index."""
     names = [(found.message.name, found.bus) for found, _ in streams]
     for name, (_, roles), ratio in zip(names, streams, steps, strict=True):
         if ratio > 1 and names.count(name) > 1:
             raise UserError(
-                fitted.location(f"signals.{roles[0]}.rate_hz"),
+                injector.location(f"signals.{roles[0]}.rate_hz"),
                 f"{name[0]} carries other signals under the same sample index",
                 "leave rate_hz out: all signals of one message are sampled alike",
             )

@@ -128,31 +128,31 @@ class SlowMessage:
 
 
 def map_optional(
-    fitted: BenchInjector, databases: BenchDatabases, tables: input_tables.InputTables, timing: NDArray[np.void]
+    injector: BenchInjector, databases: BenchDatabases, tables: input_tables.InputTables, timing: NDArray[np.void]
 ) -> tuple[SlowMessage, ...]:
     """Add the optional inputs to the tables: the messages that carry them; timing: of all streams.
 
     Raises `UserError` naming bench file and key.
     """
     by_message: dict[tuple[str, int], tuple[BusMessage, list[tuple[OptionalRole, SlowSignalConfig]]]] = {}
-    for role, config in fitted.config.signals.optional:
-        source = databases.find(fitted.location(f"signals.{role}.message"), config.message, config.link)
+    for role, config in injector.config.signals.optional:
+        source = databases.find(injector.location(f"signals.{role}.message"), config.message, config.link)
         by_message.setdefault((config.message, source.bus), (source, []))[1].append((role, config))
-    pulses, carrier = fitted.config.signals.energizing, None
+    pulses, carrier = injector.config.signals.energizing, None
     if pulses is not None:
-        carrier = databases.find(fitted.location("signals.energizing.message"), pulses.message, pulses.link)
+        carrier = databases.find(injector.location("signals.energizing.message"), pulses.message, pulses.link)
         by_message.setdefault((pulses.message, carrier.bus), (carrier, []))
     leading = next(row for row in timing if row["joining"] == Joining.INDEX)
     slow = []
     for source, roles in by_message.values():
         layout = protected_layout(*source)
-        signals = tuple(_slow_signal(fitted, source.message, layout, role, config) for role, config in roles)
+        signals = tuple(_slow_signal(injector, source.message, layout, role, config) for role, config in roles)
         energizing = None
         if pulses is not None and source == carrier:
-            energizing = _energizing(fitted, pulses, databases.links[source.bus], source.message, layout, leading)
-            if fitted.config.signals.needle_lift is None and not energizing.tells_samples:
+            energizing = _energizing(injector, pulses, databases.links[source.bus], source.message, layout, leading)
+            if injector.config.signals.needle_lift is None and not energizing.tells_samples:
                 raise UserError(
-                    fitted.location("signals.energizing"),
+                    injector.location("signals.energizing"),
                     "does not tell to a sample when the injector is energized, and no needle lift is measured",
                     "name its index, of the line pressure's time base; or measure the lift, [signals.needle_lift]",
                 )
@@ -162,13 +162,13 @@ def map_optional(
 
 
 def _slow_signal(
-    fitted: BenchInjector,
+    injector: BenchInjector,
     message: Message,
     layout: lookup.MessageLayout,
     role: OptionalRole,
     config: SlowSignalConfig,
 ) -> SlowSignal:
-    location = fitted.location(f"signals.{role}")
+    location = injector.location(f"signals.{role}")
     with named(location):
         lookup.find_signal(message, config.signal)
     carried, own_unit = OPTIONAL_SIGNALS[role], getattr(config, "unit", None)
@@ -181,7 +181,7 @@ def _slow_signal(
     with named(location):
         selection = compile_conditions(message, conditions_of(message, config.signal))
         table = signal_table(message, [config.signal])
-    default = (carried.usual(fitted.parameters) - origin) / factor
+    default = (carried.usual(injector.parameters) - origin) / factor
     if not carried.always and table[0]["has_not_available"]:
         default = math.nan
     if carried.expires:
@@ -202,7 +202,7 @@ def slow_timeout(configured_ms: float | None, cycle_time_ns: int | None) -> floa
 
 
 def _energizing(
-    fitted: BenchInjector,
+    injector: BenchInjector,
     config: EnergizingConfig,
     link: LinkConfig,
     message: Message,
@@ -210,13 +210,13 @@ def _energizing(
     grid: np.void,
 ) -> EnergizingLayout:
     """Compile the mapping; link: its bus; grid: `timing.TIMING` of the line pressure's message."""
-    location = fitted.location("signals.energizing")
-    roles = map(fitted.config.signals.of, Role)
+    location = injector.location("signals.energizing")
+    roles = map(injector.config.signals.of, Role)
     companions = [mapping for mapping in roles if mapping.message == message.name]  # roles that it carries too
     with named(location):
         names = lookup.signal_names(message, config.names)
         groups = input_tables.sample_groups(message, names)
-    index = _index(fitted, config, message, companions, grid)
+    index = _index(injector, config, message, companions, grid)
     if index is not None:
         with named(location):
             input_tables.require_carried(message, index, groups)
@@ -240,7 +240,7 @@ def _energizing(
         raise UserError(location, problem, "name as many, or one")
     cycle = layout.cycle_time_ns / NANOSECONDS if layout.cycle_time_ns else None
     if companions or len(names) > 1:
-        cycle = expected / fitted.config.sampling.rate_hz
+        cycle = expected / injector.config.sampling.rate_hz
     row = np.zeros((), OPTIONAL_INPUT)
     row["role"], row["is_placed"], row["factor"] = input_tables.ENERGIZING, index is not None, factor or 1.0
     row["surrounding"] = -1
@@ -260,23 +260,23 @@ def _energizing(
 
 
 def _index(
-    fitted: BenchInjector,
+    injector: BenchInjector,
     config: EnergizingConfig,
     message: Message,
     companions: Sequence[SignalConfig],
     grid: np.void,
 ) -> str | None:
     """The signal that places the frames on the grid, None where their stamps must."""
-    line = fitted.config.signals.of(Role.LINE_PRESSURE)
+    line = injector.config.signals.of(Role.LINE_PRESSURE)
     on_grid = config.time_base == line.time_base and grid["numbering"] == Numbering.INDEX
-    on_grid = on_grid and all(other.rate_hz in (None, fitted.config.sampling.rate_hz) for other in companions)
+    on_grid = on_grid and all(other.rate_hz in (None, injector.config.sampling.rate_hz) for other in companions)
     name = config.index
     if name is None and on_grid:
         usual = lookup.USUAL_INDEX if any(signal.name == lookup.USUAL_INDEX for signal in message.signals) else None
         name = next((other.index for other in companions if other.index is not None), usual)
     if not name:
         return None
-    location = fitted.location("signals.energizing.index")
+    location = injector.location("signals.energizing.index")
     if not on_grid:
         problem = f"{name} of {message.name} is not the index that the line pressure is numbered by"
         raise UserError(location, problem, 'set index = "", so that its stamps place it')

@@ -42,7 +42,7 @@ class GridRelation(NamedTuple):
 
 
 def map_timing(
-    fitted: BenchInjector,
+    injector: BenchInjector,
     messages: Sequence[tuple[Message, Sequence[Role]]],
     links: Sequence[LinkConfig],
     samples: Sequence[int],
@@ -54,16 +54,16 @@ def map_timing(
     rows = np.zeros(len(messages), frames.TIMING)
     leading = next(n for n, (_, roles) in enumerate(messages) if Role.LINE_PRESSURE in roles)
     for row, (message, roles), link, size in zip(rows, messages, links, samples, strict=True):
-        _map_message(fitted, message, roles, link, size, row)
-    grid = fitted.config.signals.of(Role.LINE_PRESSURE)
+        _map_message(injector, message, roles, link, size, row)
+    grid = injector.config.signals.of(Role.LINE_PRESSURE)
     if rows[leading]["steps"] != 1:
         raise UserError(
-            fitted.location("signals.line_pressure.rate_hz"),
+            injector.location("signals.line_pressure.rate_hz"),
             "the line pressure is the signal all others are joined to and cannot be slower than sampling.rate_hz",
             "set sampling.rate_hz to the line pressure's rate",
         )
     for number, (row, (message, roles)) in enumerate(zip(rows, messages, strict=True)):
-        same_base = _agreed(fitted, message, roles, "time_base")[1] == grid.time_base
+        same_base = _agreed(injector, message, roles, "time_base")[1] == grid.time_base
         both_indexed = row["numbering"] == rows[leading]["numbering"] == frames.Numbering.INDEX
         if number == leading or (same_base and both_indexed and row["steps"] == 1):
             row["joining"] = frames.Joining.INDEX
@@ -75,14 +75,14 @@ def map_timing(
 
 
 def grid_relations(
-    fitted: BenchInjector, timing: NDArray[np.void], roles: Sequence[int]
+    injector: BenchInjector, timing: NDArray[np.void], roles: Sequence[int]
 ) -> list[GridRelation | None]:
     """Relation of each message to the grid, None where all of it is on it; `roles` (bits) of each.
 
     The value of a mean is that of half a sample period earlier, a filtered value that of the stated delay earlier.
     The line pressure stays where it is: the model's is averaged and delayed instead.
     """
-    config = fitted.config
+    config = injector.config
     is_mean = config.sampling.meaning is Meaning.MEAN
     result: list[GridRelation | None] = []
     for row, bits in zip(timing, roles, strict=True):
@@ -107,13 +107,13 @@ def grid_relations(
     return result
 
 
-def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> Signal | None:
+def number_signal(injector: BenchInjector, message: Message, roles: Sequence[Role]) -> Signal | None:
     """The signal that distinguishes the message's frames: its index, or the counter of one without; None: neither.
 
     Raises `UserError` naming bench file and key when the message has no such signal, or one that cannot serve.
     """
-    index_location, index = _agreed(fitted, message, roles, "index")
-    location, counter = _agreed(fitted, message, roles, "counter")
+    index_location, index = _agreed(injector, message, roles, "index")
+    location, counter = _agreed(injector, message, roles, "counter")
     names = {signal.name for signal in message.signals}
     if index is None and counter is None and USUAL_INDEX in names:
         index = USUAL_INDEX
@@ -160,10 +160,10 @@ def index_signal(location: str, message: Message, name: str) -> Signal:
 
 
 def _map_message(
-    fitted: BenchInjector, message: Message, roles: Sequence[Role], link: LinkConfig, samples: int, row: np.void
+    injector: BenchInjector, message: Message, roles: Sequence[Role], link: LinkConfig, samples: int, row: np.void
 ) -> None:
     layout = MessageLayout.of(message)
-    signal = number_signal(fitted, message, roles)
+    signal = number_signal(injector, message, roles)
     numbering, modulus = frames.Numbering.STAMPS, 1
     if signal is not None and signal.length == INDEX_BITS:
         numbering = frames.Numbering.INDEX
@@ -175,16 +175,16 @@ def _map_message(
             frames.values_of_counter(layout.e2e_profile or frames.UNPROTECTED),
         )
     row["numbering"], row["modulus"] = numbering, modulus
-    row["steps"] = steps = _steps(fitted, message, roles)
-    row["interval"] = steps / fitted.config.sampling.rate_hz
+    row["steps"] = steps = _steps(injector, message, roles)
+    row["interval"] = steps / injector.config.sampling.rate_hz
     row["tolerance"] = TOLERANCE
     if tuple(roles) == (Role.RAIL_PRESSURE,):
         row["tolerance"] = max(RAIL_TOLERANCE, SLOW_TOLERANCE * row["interval"])
-    _, delay = _agreed(fitted, message, roles, "delay_us")
+    _, delay = _agreed(injector, message, roles, "delay_us")
     on_bus = time_on_bus(layout, link)
     row["delay"] = on_bus if delay is None else delay * MICROSECOND
     row["shortest"] = SHORTEST * on_bus
-    _set_hold(fitted, message, roles, samples, row)
+    _set_hold(injector, message, roles, samples, row)
 
 
 def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
@@ -194,10 +194,10 @@ def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
     return frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
 
 
-def _steps(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> int:
+def _steps(injector: BenchInjector, message: Message, roles: Sequence[Role]) -> int:
     """Samples of the grid from one sample of the message to its next."""
-    rate = fitted.config.sampling.rate_hz
-    location, stated = _agreed(fitted, message, roles, "rate_hz")
+    rate = injector.config.sampling.rate_hz
+    location, stated = _agreed(injector, message, roles, "rate_hz")
     if stated is None:
         return 1
     ratio: float = rate / stated
@@ -214,8 +214,8 @@ def _steps(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> in
     return round(ratio)
 
 
-def _set_hold(fitted: BenchInjector, message: Message, roles: Sequence[Role], samples: int, row: np.void) -> None:
-    location, stated = _agreed(fitted, message, roles, "max_hold_ms")
+def _set_hold(injector: BenchInjector, message: Message, roles: Sequence[Role], samples: int, row: np.void) -> None:
+    location, stated = _agreed(injector, message, roles, "max_hold_ms")
     cycle = samples * float(row["interval"])
     if row["steps"] == 1:
         if stated is not None:
@@ -223,29 +223,29 @@ def _set_hold(fitted: BenchInjector, message: Message, roles: Sequence[Role], sa
             raise UserError(location, problem, "leave it out, or state its rate_hz")
         return
     hold = HELD_CYCLES * cycle if stated is None else stated * MILLISECOND
-    longest = frames.SLOTS // 2 / fitted.config.sampling.rate_hz
+    longest = frames.SLOTS // 2 / injector.config.sampling.rate_hz
     if not cycle <= hold:
         problem = f"is shorter than the {cycle / MILLISECOND:g} ms from frame to frame"
         raise UserError(location, problem, "make it longer than that")
     if hold > longest:
         raise UserError(
-            location if stated is not None else _agreed(fitted, message, roles, "rate_hz")[0],
+            location if stated is not None else _agreed(injector, message, roles, "rate_hz")[0],
             f"samples would have to wait {hold / MILLISECOND:g} ms for it, at most {longest / MILLISECOND:.3g} are "
-            f"possible at {fitted.config.sampling.rate_hz:g} Hz",
+            f"possible at {injector.config.sampling.rate_hz:g} Hz",
             "state a shorter max_hold_ms" if cycle <= longest else "a faster signal of the rail pressure is needed",
         )
     row["hold"] = hold
 
 
-def _agreed(fitted: BenchInjector, message: Message, roles: Sequence[Role], key: str) -> tuple[str, Any]:
+def _agreed(injector: BenchInjector, message: Message, roles: Sequence[Role], key: str) -> tuple[str, Any]:
     """Place in the bench file, and value, of a key that a message's roles have in common; None if none states it."""
-    stated = {role: value for role in roles if (value := getattr(fitted.config.signals.of(role), key)) is not None}
+    stated = {role: value for role in roles if (value := getattr(injector.config.signals.of(role), key)) is not None}
     first = next(iter(stated), roles[0])
     for role, value in stated.items():
         if value != stated[first]:
             raise UserError(
-                fitted.location(f"signals.{role}.{key}"),
+                injector.location(f"signals.{role}.{key}"),
                 f"differs from that of signals.{first}, though message {message.name} carries both",
                 "state it the same for all signals of a message",
             )
-    return fitted.location(f"signals.{first}.{key}"), stated.get(first)
+    return injector.location(f"signals.{first}.{key}"), stated.get(first)

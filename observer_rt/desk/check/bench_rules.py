@@ -55,15 +55,15 @@ def bench_findings(
     findings = _files(bench)
 
     def injector_findings(alone: Bench) -> list[Finding]:
-        fitted = alone.injector
-        kept = _kept(fitted, state, journal) if fitted is chosen else _kept(fitted, None, None)
-        beyond = plausibility_findings(fitted.parameters)
-        return [*_injector_file(fitted), *_effects(fitted), *kept, *beyond]
+        bench_injector = alone.injector
+        files = (state, journal) if bench_injector is chosen else (None, None)
+        beyond = plausibility_findings(bench_injector.parameters)
+        return [*_injector_file(bench_injector), *_effects(bench_injector), *_kept(bench_injector, *files), *beyond]
 
     findings += of_each(bench, injector_findings)
     try:
         mapped = map_bench(bench)
-        maps = {fitted.name: bus for fitted, bus in zip(bench.injectors, mapped.injectors, strict=True)}
+        maps = {one.name: bus for one, bus in zip(bench.injectors, mapped.injectors, strict=True)}
         findings += of_each(
             bench, lambda alone: mapping_findings(alone.injector, maps[alone.injector.name], mapped.database_messages)
         )
@@ -92,20 +92,20 @@ def _files(bench: Bench) -> Iterator[Said]:
 
 
 @ruled("files")
-def _injector_file(fitted: BenchInjector) -> Iterator[Said]:
-    yield f"injector {fitted.parameters_path}, SHA-256 {file_hash(fitted.parameters_path)}"
-    values = model_hash(fitted.parameters)
+def _injector_file(injector: BenchInjector) -> Iterator[Said]:
+    yield f"injector {injector.parameters_path}, SHA-256 {file_hash(injector.parameters_path)}"
+    values = model_hash(injector.parameters)
     yield f"its values, however they are written, SHA-256 {values}; ModelHash on the bus is {values[:8].upper()}"
 
 
 @ruled("learned state")
-def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> Iterator[Said]:
+def _kept(injector: BenchInjector, state: Path | None, journal: Path | None) -> Iterator[Said]:
     """Findings about the learned state and the journal, as `run` would take them."""
-    path = kept_files(fitted, state, journal).state
+    path = kept_files(injector, state, journal).state
     if path is None:
         return
     try:
-        knowledge = load_knowledge(path, fitted.parameters, set_aside=False).knowledge
+        knowledge = load_knowledge(path, injector.parameters, set_aside=False).knowledge
     except StateDoesNotFitError as error:
         remedy = "`run` would set it aside and begin anew: name the model file it belongs to, or another state"
         yield False, f"{error.location} {error.problem}", remedy
@@ -118,9 +118,9 @@ def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> It
 
 
 @ruled("effects")
-def _effects(fitted: BenchInjector) -> Iterator[Said]:
+def _effects(injector: BenchInjector) -> Iterator[Said]:
     """The effects and terms that the injector file adds to the nominal model."""
-    yield from fitted.parameters.in_force
+    yield from injector.parameters.in_force
 
 
 @ruled("injector")

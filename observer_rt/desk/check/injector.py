@@ -75,11 +75,11 @@ def optional_findings(bus: bus_map.BusMap) -> Iterator[Said]:
 
 
 @ruled("fuel")
-def fuel_findings(fitted: BenchInjector) -> Iterator[Said]:
+def fuel_findings(injector: BenchInjector) -> Iterator[Said]:
     """Density and bulk modulus of the fuel over its temperature, where a bench measures that."""
-    if fitted.config.signals.fuel_temperature is None:
+    if injector.config.signals.fuel_temperature is None:
         return
-    fluids = {at: at_temperature(fitted.parameters, at + ZERO_CELSIUS).fluid for at in SHOWN_TEMPERATURES}
+    fluids = {at: at_temperature(injector.parameters, at + ZERO_CELSIUS).fluid for at in SHOWN_TEMPERATURES}
     yield "; ".join(
         f"{celsius:.0f} degC: {fluid.density_nozzle:.0f} kg/m3, {fluid.bulk_modulus_line / 1e9:.2f} GPa"
         for celsius, fluid in fluids.items()
@@ -124,16 +124,16 @@ def _energizing(energizing: "EnergizingLayout") -> Iterator[Said]:
         yield graded("time", False, text)
 
 
-def mapping_findings(fitted: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]) -> list[Finding]:
+def mapping_findings(injector: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]) -> list[Finding]:
     """All findings about the mapping of an injector; messages: the messages of all databases."""
-    findings = [_mapping(fitted, bus, role) for role in ROLES] + optional_findings(bus)
-    return findings + _protection(fitted, bus) + _sample_periods(fitted, bus, messages)
+    findings = [_mapping(injector, bus, role) for role in ROLES] + optional_findings(bus)
+    return findings + _protection(injector, bus) + _sample_periods(injector, bus, messages)
 
 
 @ruled("protection")
-def _protection(fitted: BenchInjector, bus: bus_map.BusMap) -> Iterator[Said]:
+def _protection(injector: BenchInjector, bus: bus_map.BusMap) -> Iterator[Said]:
     """Lists the inputs with and without end-to-end protection."""
-    limits = fitted.config.e2e
+    limits = injector.config.e2e
     protected = [layout for layout in bus.received if layout.e2e_profile is not None]
     bare = [bus.name_of(layout) for layout in bus.received if layout.e2e_profile is None]
     if protected:
@@ -144,17 +144,17 @@ def _protection(fitted: BenchInjector, bus: bus_map.BusMap) -> Iterator[Said]:
         yield f"not protected: {', '.join(bare)}; a damaged frame cannot be distinguished from a good one"
 
 
-def _mapping(fitted: BenchInjector, bus: bus_map.BusMap, role: Role) -> Finding:
-    if role is Role.NEEDLE_LIFT and not fitted.has_lift:
+def _mapping(injector: BenchInjector, bus: bus_map.BusMap, role: Role) -> Finding:
+    if role is Role.NEEDLE_LIFT and not injector.has_lift:
         return graded("mapping", True, WITHOUT_LIFT)
     number = bus_map.message_of(bus, role)
     layout, message = bus.input_layouts[number], bus.inputs.messages[number]
     is_lift = role is Role.NEEDLE_LIFT
-    needed = fitted.parameters.seat.max_lift if is_lift else HIGHEST_PRESSURE
+    needed = injector.parameters.seat.max_lift if is_lift else HIGHEST_PRESSURE
     unit, factor = ("um", MICROMETRE) if is_lift else ("MPa", MEGAPASCAL)
     limits = bus_map.role_range(bus, role)
     resolution = bus_map.role_resolution(bus, role, needed)
-    noise: float = getattr(configured_noise(fitted), role.value)
+    noise: float = getattr(configured_noise(injector), role.value)
     units = LENGTH_UNITS if is_lift else PRESSURE_UNITS
     code = bus_map.role_factor(bus, role)
     coded = next((name for name, known in units.items() if known == code), f"units of {code:g} {next(iter(units))}")
@@ -174,8 +174,8 @@ def _mapping(fitted: BenchInjector, bus: bus_map.BusMap, role: Role) -> Finding:
 
 
 @ruled("sampling")
-def _sample_periods(fitted: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]) -> Iterator[Said]:
-    rate = fitted.config.sampling.rate_hz
+def _sample_periods(injector: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]) -> Iterator[Said]:
+    rate = injector.config.sampling.rate_hz
     yield f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns"
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
@@ -183,7 +183,7 @@ def _sample_periods(fitted: BenchInjector, bus: bus_map.BusMap, messages: Sequen
         periods = _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
         if _is_of_the_user(layout, messages) and _is_another(layout.sample_period_ns, expected):
             _, problem, remedy = next(periods)
-            yield UserError(fitted.location("sampling.rate_hz"), f"is {rate:g}, but {problem}", remedy)
+            yield UserError(injector.location("sampling.rate_hz"), f"is {rate:g}, but {problem}", remedy)
         yield from periods
     for sent in (bus.rate, bus.corrected):
         if sent is not None and _is_of_the_user(sent.layout, messages):
@@ -251,21 +251,21 @@ def _joined(timing: np.void) -> str:
     return ""
 
 
-def observer_findings(fitted: BenchInjector) -> list[Finding]:
+def observer_findings(injector: BenchInjector) -> list[Finding]:
     """All findings about the observer of an injector; none with too many cells to be stable."""
-    integration = _integration(fitted)
+    integration = _integration(injector)
     is_stable = integration[0].error is None
-    steps_itself = fitted.coefficients.line.fastest == 0.0
-    fuel = fuel_findings(fitted) if is_stable else []
-    observer = _observer(fitted) if is_stable or not steps_itself else []
-    return [*integration, *fuel, *_fitted_model(fitted), *level_findings(fitted), *observer]
+    steps_itself = injector.coefficients.line.fastest == 0.0
+    fuel = fuel_findings(injector) if is_stable else []
+    observer = _observer(injector) if is_stable or not steps_itself else []
+    return [*integration, *fuel, *_fitted_model(injector), *level_findings(injector), *observer]
 
 
 @ruled("integration")
-def _integration(fitted: BenchInjector) -> Iterator[Said]:
+def _integration(injector: BenchInjector) -> Iterator[Said]:
     """Steps that integrate a sample, and how near the limits they are."""
-    substeps = bench_constants(fitted).substeps
-    model, rate = effective_model(fitted.parameters), fitted.config.sampling.rate_hz
+    substeps = bench_constants(injector).substeps
+    model, rate = effective_model(injector.parameters), injector.config.sampling.rate_hz
     if stepping := model.coefficients.line.stepping(1.0 / rate):
         yield f"{substeps} steps a sample at {rate:g} Hz; {stepping}"
         return
@@ -276,25 +276,25 @@ def _integration(fitted: BenchInjector) -> Iterator[Said]:
 
 
 @ruled("fitted model")
-def _fitted_model(fitted: BenchInjector) -> Iterator[Said]:
+def _fitted_model(injector: BenchInjector) -> Iterator[Said]:
     """Findings about the fit that the injector file states; none where it was not fitted."""
-    baseline = fitted.parameters.baseline
+    baseline = injector.parameters.baseline
     if baseline is None:
         return
-    doubt = doubt_about_fit(fitted)
+    doubt = doubt_about_fit(injector)
     if doubt is not None:
         yield False, doubt.text, doubt.remedy
         return
     yield (
-        f"{fitted.parameters_path.name}: adequate, by {baseline.injections} healthy injections at "
+        f"{injector.parameters_path.name}: adequate, by {baseline.injections} healthy injections at "
         f"{baseline.sample_rate_Hz:g} Hz; {_LEVEL[baseline.level]}"
     )
 
 
 @ruled("level")
-def level_findings(fitted: BenchInjector) -> Iterator[Said]:
+def level_findings(injector: BenchInjector) -> Iterator[Said]:
     """How well the level of all masses is known, and what would make it better known."""
-    calibration = calibration_of(fitted)
+    calibration = calibration_of(injector)
     if calibration.is_calibrated:
         if text := calibration.as_text():
             yield text
@@ -312,27 +312,27 @@ def level_findings(fitted: BenchInjector) -> Iterator[Said]:
 
 
 @ruled("mass")
-def mass_findings(fitted: BenchInjector) -> Iterator[Said]:
+def mass_findings(injector: BenchInjector) -> Iterator[Said]:
     """How well the line pressure of one injection tells its mass, where all but the nozzle's flow is known."""
-    schedule, rate = make_schedule([REFERENCE_PRESSURE], 1, 30 * MILLISECOND, [SHORT]), fitted.config.sampling.rate_hz
-    wider = sized("orifice_area", v_H=WIDER)
-    file, other = (simulate(fitted.parameters, schedule, rate, effects).truth for effects in ((), (wider,)))
-    moved = (other.line_pressure - file.line_pressure) / (WIDER * configured_noise(fitted).line_pressure)
-    if not moved.any():
+    schedule = make_schedule([REFERENCE_PRESSURE], 1, 30 * MILLISECOND, [SHORT])
+    rate, wider = injector.config.sampling.rate_hz, sized("orifice_area", v_H=WIDER)
+    file, other = (simulate(injector.parameters, schedule, rate, effects).truth for effects in ((), (wider,)))
+    gap = (other.line_pressure - file.line_pressure) / (WIDER * configured_noise(injector).line_pressure)
+    if not gap.any():
         return
-    mass, share = file.injection_rate.sum() / rate * fitted.coefficients.density, Z_95 / float(np.linalg.norm(moved))
+    mass, share = file.injection_rate.sum() / rate * injector.coefficients.density, Z_95 / float(np.linalg.norm(gap))
     text = f"one injection of {mass / 1e-6:.2g} mg at 100 MPa shows its mass to ±{share:.1%} at best (95 %)"
     yield share < SHOWN, text, "a quieter line-pressure sensor, or one nearer to the injector, shows more"
 
 
-def _observer(fitted: BenchInjector) -> list[Finding]:
-    rate = fitted.config.sampling.rate_hz
-    stated = effects_after_alignment(fitted.config.signals)
-    constants = constants_for(fitted.parameters, rate, Durations(), events_required=0, stated=stated)
+def _observer(injector: BenchInjector) -> list[Finding]:
+    rate = injector.config.sampling.rate_hz
+    stated = effects_after_alignment(injector.config.signals)
+    constants = constants_for(injector.parameters, rate, Durations(), events_required=0, stated=stated)
     lookahead = constants.timing.lookahead + constants.undoing.ahead
     line_mode = constants.coefficients.line.mode / (2 * math.pi)
-    opens, shuts = dead_band(configured_noise(fitted).needle_lift * noise_gain(constants.undoing.lift_lag))
-    gap, delay = fitted.config.learning.event_gap_ms, fitted.config.learning.learning_delay_ms
+    opens, shuts = dead_band(configured_noise(injector).needle_lift * noise_gain(constants.undoing.lift_lag))
+    gap, delay = injector.config.learning.event_gap_ms, injector.config.learning.learning_delay_ms
     longest = MAX_EVENT / rate / MILLISECOND
     return [
         graded(
@@ -343,7 +343,7 @@ def _observer(fitted: BenchInjector) -> list[Finding]:
         ),
         graded(
             "dead band",
-            opens <= LARGEST_DEAD_BAND * fitted.parameters.seat.max_lift,
+            opens <= LARGEST_DEAD_BAND * injector.parameters.seat.max_lift,
             f"opens above {opens / MICROMETRE:.3g} um of lift, shuts below {shuts / MICROMETRE:.3g} um",
             f"above {LARGEST_DEAD_BAND:.0%} of the full lift short injections are missed: "
             "lower the noise of the needle lift",

@@ -52,9 +52,9 @@ class DaemonReader:
 
     def __init__(self, alone: Bench) -> None:
         """alone: the bench with this injector only."""
-        fitted = alone.injector
-        self.name = fitted.name
-        self._places = socket_places(fitted)
+        injector = alone.injector
+        self.name = injector.name
+        self._places = socket_places(injector)
         which = f" --injector {self.name}" if self.name else ""
         self._start = f"start `observer-rt run --bench {alone.path}{which}`, or see its log"
         self._begin = time.time_ns()

@@ -73,7 +73,7 @@ class Core:
 
     def __init__(
         self,
-        fitted: BenchInjector,
+        bench_injector: BenchInjector,
         bus: BusMap,
         knowledge: Knowledge | None = None,
         executor: Executor | None = None,
@@ -92,19 +92,19 @@ class Core:
         as in the injector file until they are measured, else nothing is valid. writes_summaries: among the frames
         to send. commanded: whether a pilot valve goes by commands; None: where the bus tells their samples.
         """
-        config = fitted.config
+        config = bench_injector.config
         is_restored = knowledge is not None
-        constants = injector.bench_constants(fitted, is_restored)
+        constants = injector.bench_constants(bench_injector, is_restored)
         if assumes_filed:
-            constants = constants._replace(surroundings=filed(fitted.parameters, config.signals.surroundings))
+            constants = constants._replace(surroundings=filed(bench_injector.parameters, config.signals.surroundings))
         if bus.tells_commands if commanded is None else commanded:
             constants = constants.by_commands()
-        noise = injector.configured_noise(fitted)
+        noise = injector.configured_noise(bench_injector)
         start = knowledge or no_knowledge(noise, constants.coefficients.pressure_scale)
-        learner = learner_of(fitted, constants, start)
+        learner = learner_of(bench_injector, constants, start)
         self._bus = bus
-        self._max_lift = fitted.parameters.seat.max_lift
-        healthy = injector.healthy_injector(fitted)
+        self._max_lift = bench_injector.parameters.seat.max_lift
+        healthy = injector.healthy_injector(bench_injector)
         may_learn = healthy.adequate and (config.learning.enabled if learning is None else learning)
         observer = make_observer(constants, start, learner, healthy)
         self.compiled = messages.CompiledPipeline(
@@ -135,7 +135,7 @@ class Core:
             ),
         )
         self._writes_summaries = writes_summaries
-        self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
+        self.optional = OptionalInputs(bench_injector, bus, self.compiled, self._tell, is_restored)
         """Energizing, surroundings and learning enable as received."""
         self.second_sender = SecondSender(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
         """Whether another node sends the same results."""

@@ -51,9 +51,9 @@ SIGNALS = {  # short name, unit, its size
 }
 
 
-def configured_noise(fitted: BenchInjector) -> NoiseLevels:
+def configured_noise(injector: BenchInjector) -> NoiseLevels:
     """Noise levels of the bench file, SI."""
-    noise = fitted.config.noise
+    noise = injector.config.noise
     return NoiseLevels(
         rail_pressure=noise.rail_pressure_MPa * MEGAPASCAL,
         line_pressure=noise.line_pressure_MPa * MEGAPASCAL,
@@ -62,85 +62,85 @@ def configured_noise(fitted: BenchInjector) -> NoiseLevels:
 
 
 def bench_constants(
-    fitted: BenchInjector, restored: bool = False, surroundings: Surroundings | None = None
+    injector: BenchInjector, restored: bool = False, surroundings: Surroundings | None = None
 ) -> Constants:
     """Constants of the observer for an injector in surroundings; None: in those of its file, before any is measured.
 
     Raises `UserError` when its sample rate is too low to integrate, or its file does not say how the fuel changes
     with a temperature that the bench measures.
     """
-    if surroundings is None and (roles := fitted.config.signals.surroundings):
+    if surroundings is None and (roles := injector.config.signals.surroundings):
         for extremes in product(*(OPTIONAL_SIGNALS[role].possible for role in roles)):
-            _constants(fitted, Surroundings(**dict(zip(roles, extremes, strict=True))), restored)
-    return _constants(fitted, surroundings or Surroundings(), restored)
+            _constants(injector, Surroundings(**dict(zip(roles, extremes, strict=True))), restored)
+    return _constants(injector, surroundings or Surroundings(), restored)
 
 
-def _constants(fitted: BenchInjector, surroundings: Surroundings, restored: bool) -> Constants:
+def _constants(injector: BenchInjector, surroundings: Surroundings, restored: bool) -> Constants:
     try:
-        injector = in_surroundings(fitted.parameters, surroundings)
+        parameters = in_surroundings(injector.parameters, surroundings)
     except UserError as error:
-        raise UserError(f"{fitted.parameters_path}: {error.location}", error.problem, error.remedy) from None
-    learning = fitted.config.learning
+        raise UserError(f"{injector.parameters_path}: {error.location}", error.problem, error.remedy) from None
+    learning = injector.config.learning
     durations = Durations(
         learning.event_gap_ms * MILLISECOND,
         learning.learning_delay_ms * MILLISECOND,
-        fitted.config.sampling.bridge_ms * MILLISECOND,
+        injector.config.sampling.bridge_ms * MILLISECOND,
     )
     events_required = EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
-    rate = fitted.config.sampling.rate_hz
-    means = fitted.config.sampling.meaning is Meaning.MEAN
-    stated = effects_after_alignment(fitted.config.signals)
-    calibration = calibration_of(fitted)
-    every = rail_every(fitted)
-    constants = constants_for(injector, rate, durations, events_required, every, means, stated, calibration)
-    _require_integrable(fitted, injector, constants)
-    needle = None if fitted.has_lift else effective_model(injector).injector.needle_law
+    rate = injector.config.sampling.rate_hz
+    means = injector.config.sampling.meaning is Meaning.MEAN
+    stated = effects_after_alignment(injector.config.signals)
+    calibration = calibration_of(injector)
+    every = rail_every(injector)
+    constants = constants_for(parameters, rate, durations, events_required, every, means, stated, calibration)
+    _require_integrable(injector, parameters, constants)
+    needle = None if injector.has_lift else effective_model(parameters).injector.needle_law
     return constants._replace(needle=needle, surroundings=surroundings)
 
 
-def calibration_of(fitted: BenchInjector) -> StatedAccuracy:
+def calibration_of(injector: BenchInjector) -> StatedAccuracy:
     """How well level and pressure sensors are known, as bench and injector file state it."""
-    signals = fitted.config.signals
+    signals = injector.config.signals
     line, rail = signals.line_pressure.accuracy_percent, signals.rail_pressure.accuracy_percent
-    return StatedAccuracy.of(line, rail, fitted.parameters.accuracy)
+    return StatedAccuracy.of(line, rail, injector.parameters.accuracy)
 
 
-def rail_every(fitted: BenchInjector) -> float:
+def rail_every(injector: BenchInjector) -> float:
     """Samples to one of the rail pressure."""
-    rate = fitted.config.sampling.rate_hz
-    return rate / (fitted.config.signals.rail_pressure.rate_hz or rate)
+    rate = injector.config.sampling.rate_hz
+    return rate / (injector.config.signals.rail_pressure.rate_hz or rate)
 
 
-def _require_integrable(fitted: BenchInjector, injector: InjectorParameters, constants: Constants) -> None:
+def _require_integrable(injector: BenchInjector, parameters: InjectorParameters, constants: Constants) -> None:
     substeps = constants.substeps
-    rate = fitted.config.sampling.rate_hz
-    refuse_unstable_cells(str(fitted.parameters_path), injector, constants.coefficients, constants.interval)
+    rate = injector.config.sampling.rate_hz
+    refuse_unstable_cells(str(injector.parameters_path), parameters, constants.coefficients, constants.interval)
     if substeps <= MAX_SUBSTEPS or constants.coefficients.line.resolved > 0.0:
         return
-    model = effective_model(injector)
+    model = effective_model(parameters)
     fastest = fastest_rate(model.injector, model.departures)
     raise UserError(
-        fitted.location("sampling.rate_hz"),
+        injector.location("sampling.rate_hz"),
         f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS}), "
-        f"for the sac of {fitted.parameters_path.name} relaxes at up to {fastest:.3g} 1/s",
+        f"for the sac of {injector.parameters_path.name} relaxes at up to {fastest:.3g} 1/s",
         f"sample at {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give line.model = 'wave', beside which a sac "
         "of any volume will do",
     )
 
 
-def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
+def make_learner(injector: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
     """The learner of an injector."""
-    return Learner(constants, knowledge, healthy=healthy_injector(fitted))
+    return Learner(constants, knowledge, healthy=healthy_injector(injector))
 
 
-def healthy_injector(fitted: BenchInjector) -> Healthy:
+def healthy_injector(injector: BenchInjector) -> Healthy:
     """Residuals of the healthy injector under its fitted model, and under terms that were accepted in part."""
-    config, rate = fitted.config, fitted.config.sampling.rate_hz
-    healthy = healthy_of(fitted.parameters.baseline, rate, config.learning.on_inadequate_model)
-    ranges = [term.range_seen.get(Variable.LINE_PRESSURE) for term in fitted.parameters.terms]
+    config, rate = injector.config, injector.config.sampling.rate_hz
+    healthy = healthy_of(injector.parameters.baseline, rate, config.learning.on_inadequate_model)
+    ranges = [term.range_seen.get(Variable.LINE_PRESSURE) for term in injector.parameters.terms]
     lows, highs = zip((-math.inf, math.inf), *(one for one in ranges if one is not None), strict=True)
     seen = MEGAPASCAL * max(lows), MEGAPASCAL * min(highs)
-    return with_remainder(replace(healthy, seen=seen), fitted.parameters.remainder, rate)
+    return with_remainder(replace(healthy, seen=seen), injector.parameters.remainder, rate)
 
 
 class FitDoubt(NamedTuple):
@@ -150,16 +150,16 @@ class FitDoubt(NamedTuple):
     remedy: str
 
 
-def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
+def doubt_about_fit(injector: BenchInjector) -> FitDoubt | None:
     """Objection to an injector's fitted model on this bench; None without an objection, or without a fit."""
-    baseline, rate = fitted.parameters.baseline, fitted.config.sampling.rate_hz
-    name = fitted.parameters_path.name
+    baseline, rate = injector.parameters.baseline, injector.config.sampling.rate_hz
+    name = injector.parameters_path.name
     if baseline is None:
         return None
     if not baseline.adequate:
         so = (
             "it is learned with all the same, as learning.on_inadequate_model says"
-            if fitted.config.learning.on_inadequate_model
+            if injector.config.learning.on_inadequate_model
             else "nothing is learned, and no injection is valid (MODEL_INADEQUATE)"
         )
         return FitDoubt(
@@ -268,8 +268,8 @@ References = Callable[[InjectionReport, NDArray[np.void]], Sequence[ComparedRate
 class NominalInjection:
     """The model as given, run over an injection's own inputs."""
 
-    def __init__(self, fitted: BenchInjector) -> None:
-        self._constants = bench_constants(fitted)
+    def __init__(self, injector: BenchInjector) -> None:
+        self._constants = bench_constants(injector)
         self.coefficients: Coefficients = self._constants.coefficients
 
     def __call__(self, report: InjectionReport, rows: NDArray[np.void]) -> Sequence[ComparedRate]:

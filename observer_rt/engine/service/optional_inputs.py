@@ -30,10 +30,10 @@ class OptionalInputs:
     """
 
     def __init__(
-        self, fitted: BenchInjector, bus: BusMap, compiled: CompiledPipeline, tell: Listener, is_restored: bool
+        self, injector: BenchInjector, bus: BusMap, compiled: CompiledPipeline, tell: Listener, is_restored: bool
     ) -> None:
         """tell: of measured masses and missing injections."""
-        self._fitted = fitted
+        self._injector = injector
         self._is_restored = is_restored
         self._compiled = compiled
         self._rows = bus.inputs.optional
@@ -88,7 +88,7 @@ class OptionalInputs:
         memory, is_known = self._memory, ~np.isnan(self._memory["measured"])
         wanted = np.where(is_known, memory["measured"], memory["in_force"])
         surroundings = Surroundings(*(None if math.isnan(value) else value for value in wanted.tolist()))
-        self._compiled.change_constants(bench_constants(self._fitted, self._is_restored, surroundings))
+        self._compiled.change_constants(bench_constants(self._injector, self._is_restored, surroundings))
         is_missing = np.any(memory["is_input"] > (is_known | memory["is_assumed"]))
         self._compiled.observer.memory["input_fault"] = Reason.INPUT_STALE if is_missing else Reason.NONE
         memory["in_force"], memory["since_change"], memory["is_due"] = wanted, 0.0, False

@@ -149,7 +149,7 @@ def test_a_reload_goes_on_where_what_was_learned_cannot_be_saved(
     command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The log and the answer say so; it is saved again once there is room."""
-    log, state, fitted = tmp_path / "run.log", tmp_path / "learned.json", load_bench(bench).injector
+    log, state, injector = tmp_path / "run.log", tmp_path / "learned.json", load_bench(bench).injector
     is_full = threading.Event()
 
     def save(path: Path, *knowledge: Any) -> None:
@@ -163,8 +163,8 @@ def test_a_reload_goes_on_where_what_was_learned_cannot_be_saved(
     def reload() -> bool:
         is_full.set()
         bench.write_text(bench.read_text().replace("bridge_ms = 0.5", "bridge_ms = 0.75"))
-        asked = {"request": "reload", "model": model_hash(fitted.parameters)}
-        answers.extend(filter(None, (ask(file, asked) for file in socket_places(fitted, state))))
+        asked = {"request": "reload", "model": model_hash(injector.parameters)}
+        answers.extend(filter(None, (ask(file, asked) for file in socket_places(injector, state))))
         until(lambda: log.read_text().count("start: ready") == 2)
         is_full.clear()
         return True

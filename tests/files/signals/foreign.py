@@ -56,9 +56,9 @@ def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
     return path
 
 
-def read(path: Path, fitted: Bench) -> Recording:
+def read(path: Path, user_bench: Bench) -> Recording:
     """All of a file, put on one grid."""
-    return open_recording(path, fitted.injector).collected()
+    return open_recording(path, user_bench.injector).collected()
 
 
 def write_rows(folder: Path, time: NDArray[np.float64], digits: int = 7, **changes: NDArray[np.float64]) -> Path:

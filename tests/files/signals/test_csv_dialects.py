@@ -117,10 +117,10 @@ def test_columns_go_by_number_and_a_rate_of_mass_by_the_models_density(
     text = COLUMNS + f'[recording.injection_rate]\ncolumn = "dm_dt"\nunit = "{unit[0]}"\n'
     for number, name in enumerate(order, 1):
         text = text.replace(f'column = "{name}"', f"column = {number}")
-    fitted = bench(tmp_path, text=text)
-    recording = read(path, fitted)
+    user_bench = bench(tmp_path, text=text)
+    recording = read(path, user_bench)
     np.testing.assert_allclose(recording.line_pressure, signals(30)["p_Line"] * 1e6, rtol=1e-12)
-    rate = unit[1] * (np.arange(30) % 9 + 0.5) / fitted.injector.parameters.fluid.density_nozzle
+    rate = unit[1] * (np.arange(30) % 9 + 0.5) / user_bench.injector.parameters.fluid.density_nozzle
     np.testing.assert_allclose(recording.signals["injection_rate"], rate, rtol=1e-12)
 
 
@@ -177,13 +177,13 @@ def test_separators_of_thousands_are_refused(tmp_path: Path, cell: str, decimal:
 
 @given(cut=st.integers(1, 60), encoding=st.sampled_from(("utf-8", "utf-16", "utf-16-be", "cp1252")))
 def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(tmp_path: Path, cut: int, encoding: str) -> None:
-    path, fitted = tmp_path / "foreign.csv", bench(tmp_path)
+    path, user_bench = tmp_path / "foreign.csv", bench(tmp_path)
     text = named(*lines())
     mark = codecs.BOM_UTF16_BE if encoding == "utf-16-be" else b""
     path.write_bytes(mark + text.encode(encoding))
-    complete = read(path, fitted)
+    complete = read(path, user_bench)
     path.write_bytes(mark + text[:-cut].encode(encoding))
-    stream = open_recording(path, fitted.injector)
+    stream = open_recording(path, user_bench.injector)
     ended = text[:-cut].count("\n") + 40 - text.count("\n")
     np.testing.assert_array_equal(stream.collected().line_pressure, complete.line_pressure[:ended])
     assert [note.endswith("is left out: it may be cut short") for note in stream.notes] == [True] * (

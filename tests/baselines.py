@@ -5,7 +5,7 @@ from typing import Any
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.model.baseline import Baseline
 
-WHITE = {phase.name.lower(): 1.0 for phase in Phase}
+WHITE = {phase.label: 1.0 for phase in Phase}
 """Of a model that leaves nothing but noise."""
 
 

@@ -24,9 +24,8 @@ from observer_rt.bus.mapping.timing import GridRelation
 from observer_rt.core.frames import frames as core
 from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.core.stream.stream import Break
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECOND
 
-LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
 SECOND = 1e9  # ns
 LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
 
@@ -101,7 +100,7 @@ def jitter_of(clock: np.void) -> Jitter:
         return Jitter(0, math.nan, math.nan)
     mean = float(clock["delay_sum"]) / frames
     variance = max(0.0, float(clock["delay_squares"]) / frames - mean * mean)
-    return Jitter(frames, math.sqrt(variance) * 1e-9, float(clock["delay_max"]) * 1e-9)
+    return Jitter(frames, math.sqrt(variance) * NANOSECOND, float(clock["delay_max"]) * NANOSECOND)
 
 
 class Timekeeping(NamedTuple):
@@ -164,9 +163,8 @@ def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:
     grid = keeping.clocks[int(keeping.memory[0]["leading"])]
     result = []
     for stream, (timing, clock) in enumerate(zip(keeping.timing, keeping.clocks, strict=True)):
-        unknown = 0.0
-        if timing["joining"] == Joining.CLOCK:
-            unknown = float(grid["residual"] + clock["residual"]) / SECOND
+        by_clock = timing["joining"] == Joining.CLOCK
+        unknown = float(grid["residual"] + clock["residual"]) / SECOND if by_clock else 0.0
         drift = float(clock["drift"]) / float(clock["interval"])
         name, lately = bus.name_of(layout_of(bus, stream)), float(clock["spread"]) / SECOND
         result.append(MessageTiming(name, jitter_of(clock), drift, unknown, lately))

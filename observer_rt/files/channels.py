@@ -19,8 +19,8 @@ def chosen_channels(
 ) -> Mapping[int, str | None]:
     """The channel of each bus, None: any of the log, for a bench with one bus. Buses that are not needed may lack.
 
-    texts: `CHANNEL` or `LINK=CHANNEL`, of `--from-channel`; other channels are found by reading the log. One with
-    names: by the channels of the bench file. One with numbers: by those our own recorder would give these channels.
+    texts: `CHANNEL` or `LINK=CHANNEL`, of `--from-channel`; other channels are found by reading the log. Several
+    buses: matched by channel names of the bench file, else by the numbers our recorder gives them.
     Raises `UserError` for a needed bus that none of this finds.
     """
     said = of_links(OPTION, texts, links, "can3")

@@ -1,9 +1,10 @@
 """Hydraulics of the injector, (21)-(23): coefficients of pilot valve, seat, sac and nozzle, of laws in core.model.
 
-The pilot valve of a servo injector takes fuel out of the line's end: it drains the control chamber into the return, c
-G(t) sqrt(p_L / 100 MPa), from before the needle leaves its seat to before it begins to fall: both earlier the lower
-the rail pressure, as (p_R / 100 MPa)^-n. Where the injector's command is known, it opens and shuts some time after
-its edges. The equations are `core/model/valve.pxd` and `core/model/servo.pxi`; none of that fuel is injected.
+The pilot valve of a servo injector takes fuel out of the line's end: it drains the control chamber into the return,
+    c G(t) sqrt(p_L / 100 MPa),
+from before the needle leaves its seat to before it begins to fall: both earlier the lower the rail pressure, as
+(p_R / 100 MPa)^-n. Where the injector's command is known, it opens and shuts some time after its edges. The equations
+are `core/model/valve.pxd` and `core/model/servo.pxi`; none of that fuel is injected.
 """
 
 import math
@@ -14,9 +15,9 @@ from observer_rt.core.model.model import Nozzle, Sac, Seat
 from observer_rt.model.fuel import parabola
 from observer_rt.model.parameters import Departures, InjectorParameters
 
-START, END = 0.25e-3, 0.20e-3  # s, of an injector whose file does not state them
-DELAY = 0.1e-3  # s, after both edges of the injector's command
-AT = 100e6  # Pa, of the line and of the rail, to which flow and times belong
+CONTROL_START, CONTROL_END = 0.25e-3, 0.20e-3  # s, of an injector whose file does not state them
+COMMAND_DELAY = 0.1e-3  # s, after both edges of the injector's command
+CONTROL_REFERENCE = 100e6  # Pa, of the line and of the rail, to which flow and times belong
 TRANSITION_PRESSURE = 0.5e6  # Pa, below which the orifice laws turn linear
 
 
@@ -27,7 +28,7 @@ class Valve(model.Valve):
 
     def by_commands(self) -> "Valve":
         """The valve of an injector whose commands are known."""
-        return Valve(-DELAY, -DELAY, self.hold, exponent=0.0, commanded=1.0)
+        return Valve(-COMMAND_DELAY, -COMMAND_DELAY, self.hold, exponent=0.0, commanded=1.0)
 
 
 def valve_of(parameters: InjectorParameters) -> Valve:
@@ -35,8 +36,8 @@ def valve_of(parameters: InjectorParameters) -> Valve:
     line = parameters.line
     start, end = line.control_start, line.control_end
     return Valve(
-        START if start is None else start,
-        END if end is None else end,
+        CONTROL_START if start is None else start,
+        CONTROL_END if end is None else end,
         line.control_hold or 0.0,
         line.control_exponent or 0.0,
         commanded=0.0,
@@ -45,7 +46,7 @@ def valve_of(parameters: InjectorParameters) -> Valve:
 
 def control_flow_at_scale(parameters: InjectorParameters) -> float:
     """c at the pressure scale p_0 [m3/s]."""
-    return (parameters.line.control_flow or 0.0) * math.sqrt(parameters.scaling.pressure / AT)
+    return (parameters.line.control_flow or 0.0) * math.sqrt(parameters.scaling.pressure / CONTROL_REFERENCE)
 
 
 def jet_velocity(parameters: InjectorParameters) -> float:
@@ -56,10 +57,10 @@ def jet_velocity(parameters: InjectorParameters) -> float:
 
 def seat_of(parameters: InjectorParameters, departures: Departures) -> Seat:
     """The seat of an injector."""
-    fuel, scale = parameters.fluid.in_sac, parameters.scaling.pressure
-    _, *denser = parabola(lambda pressure: math.sqrt(fuel.density(pressure)), parameters.chamber.pressure, scale)
+    p_0, p_c = parameters.scaling.pressure, parameters.chamber.pressure
+    _, *denser = parabola(lambda pressure: math.sqrt(parameters.fluid.in_sac.density(pressure)), p_c, p_0)
     return Seat(
-        transition=TRANSITION_PRESSURE / parameters.scaling.pressure,
+        transition=TRANSITION_PRESSURE / p_0,
         area_scale=parameters.scaling.area,
         diameter=parameters.seat.diameter,
         half_cone_angle=math.radians(parameters.seat.cone_angle / 2),
@@ -83,19 +84,16 @@ def full_lift_area(parameters: InjectorParameters) -> float:
 
 def nozzle_of(parameters: InjectorParameters, departures: Departures) -> Nozzle:
     """The nozzle of an injector."""
-    p_0, p_c = parameters.scaling.pressure, parameters.chamber.pressure
+    p_0, p_c, area = parameters.scaling.pressure, parameters.chamber.pressure, parameters.scaling.area
     nozzle = parameters.nozzle
     _, *jet = parabola(lambda pressure: parameters.fluid.in_sac.jet(p_c, pressure), p_c, p_0)
     return Nozzle(
         transition=TRANSITION_PRESSURE / p_0,
         flow=nozzle.flow_coefficient * nozzle.area * jet_velocity(parameters),
         critical_excess=departures.critical_excess,
-        vapour_margin=(parameters.chamber.pressure - parameters.fluid.vapour_pressure) / p_0,
+        vapour_margin=(p_c - parameters.fluid.vapour_pressure) / p_0,
         chamber_rise=departures.chamber_rise / p_0,
-        chamber_rise_with_seat=departures.chamber_rise_with_seat
-        / p_0
-        * parameters.scaling.area
-        / full_lift_area(parameters),
+        chamber_rise_with_seat=departures.chamber_rise_with_seat / p_0 * area / full_lift_area(parameters),
         jet_slope=jet[0],
         jet_bend=jet[1],
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.alignment import LINE_SLOPE
+from observer_rt.bus.mapping.timing import LINE_SLOPE
 from observer_rt.engine.stream.state import State
 from tests.daemon import time_scenarios
 from tests.daemon.time_frames import Clock, Outcome, merged, observe, send, write_time_bench

@@ -19,10 +19,11 @@ from observer_rt.config.injector import Meaning
 from observer_rt.config.signals import Role, undone_in_alignment
 from observer_rt.core.frames import frames
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
 
 LONGEST_COUNTER = 16  # bits
 HELD_CYCLES = 2.5  # of a slower signal, where the bench file states no max_hold_ms: one may be lost
+LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
 SHORTEST = 0.5  # of the time a frame takes on the bus
 TOLERANCE = 2e-6  # s that the time of lift or line pressure may be unknown by: 0.25 MPa of the line pressure
 RAIL_TOLERANCE = 20e-6  # s, the same of the rail pressure, which changes slowly

@@ -79,7 +79,7 @@ cdef double raw_number(uint64_t bits, const Signal* signal) noexcept nogil:
 
 
 cdef uint64_t _bits(double value, const Signal* signal) noexcept nogil:
-    """The field that stands for a physical value; for a signed one the bits above the field are set too."""
+    """Bits of the field, low-aligned, that stand for a physical value [unit of the database]."""
     cdef uint64_t bits
     cdef uint32_t low
     cdef float single

@@ -25,6 +25,7 @@ cpdef enum:
     MAX_INTERPOLATED = 2  # samples that a gap may have without being a loss
 
 cdef int64_t INDEX_MASK = 0xFFFFFFFF  # of a sample index as sent
+cdef int64_t NANOSECONDS = 1000000000  # of a second
 
 cdef enum:  # Placing
     PLACING_ACCEPTED = 0

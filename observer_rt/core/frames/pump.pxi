@@ -17,7 +17,6 @@ cpdef enum:
     LATENCIES = 64  # four to an octave
     SHORTEST_LATENCY = 10  # bits of those [ns] that come before them: 1 us
 
-cdef int64_t NANOSECONDS = 1000000000
 cdef int64_t LARGEST_LATENCY = 10000000000  # ns: longer ago a frame was recorded, not received
 
 cdef extern from *:

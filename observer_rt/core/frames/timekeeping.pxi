@@ -54,8 +54,8 @@ cdef double place_of(const Timekeeping* keeping, int64_t message, int64_t index)
         return <double> (index * timing.steps)
     leading = keeping.memory.leading
     grid = &keeping.clocks[leading]
-    sampled = time_of(&keeping.clocks[message], index, grid.first_stamp) - 1e9 * timing.delay
-    return index_at(grid, sampled + 1e9 * keeping.timing[leading].delay, grid.first_stamp)
+    sampled = time_of(&keeping.clocks[message], index, grid.first_stamp) - NANOSECONDS * timing.delay
+    return index_at(grid, sampled + NANOSECONDS * keeping.timing[leading].delay, grid.first_stamp)
 
 
 cdef double place_at(const Timekeeping* keeping, int64_t time) noexcept nogil:
@@ -64,7 +64,7 @@ cdef double place_at(const Timekeeping* keeping, int64_t time) noexcept nogil:
     grid = &keeping.clocks[leading]
     if not grid.begun:
         return NAN
-    sent = time - grid.first_stamp + 1e9 * keeping.timing[leading].delay
+    sent = time - grid.first_stamp + NANOSECONDS * keeping.timing[leading].delay
     return index_at(grid, sent, grid.first_stamp)
 
 
@@ -72,7 +72,7 @@ cdef bint is_prompt(const Timekeeping* keeping, double tolerance) noexcept nogil
     """Whether the latest frames of the grid came when its clock says, within `tolerance` [s]."""
     grid = &keeping.clocks[keeping.memory.leading]
     early = grid.offset + grid.drift * grid.lowest_at - grid.lowest
-    return max(early, grid.latest) < 1e9 * tolerance
+    return max(early, grid.latest) < NANOSECONDS * tolerance
 
 
 cdef int64_t doubt_of(const Timekeeping* keeping) noexcept nogil:
@@ -88,7 +88,7 @@ cdef int64_t doubt_of(const Timekeeping* keeping) noexcept nogil:
             return DOUBT_TIME_BASE
         if timing.joining == JOINING_CLOCK:
             unknown = grid.residual + keeping.clocks[m].residual
-            if not unknown <= 1e9 * timing.tolerance:
+            if not unknown <= NANOSECONDS * timing.tolerance:
                 return DOUBT_TIME_BASE
     return DOUBT_NONE
 

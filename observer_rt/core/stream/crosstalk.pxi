@@ -26,6 +26,18 @@ cdef inline double _swing(Observer* observer, double line_pressure) noexcept nog
     return 0.0
 
 
+cdef inline void gather_crosstalk(Observer* observer, double swing, double lift) noexcept nogil:
+    """Take a shut needle's lift [m] about its zero, at a swing of the line pressure, into the regression."""
+    regression = &observer.memory.crosstalk
+    pressed = abs(swing) * observer.constants.pressure_scale
+    if pressed > LEAST_SWING and abs(lift) < observer.memory.dead_band.lift_on + MOST_CROSSTALK * pressed:
+        regression.swing_squares += swing * swing - FADE * regression.swing_squares
+        regression.swing_lifts += swing * lift - FADE * regression.swing_lifts
+        regression.squares_lately += swing * swing - FADE_LATELY * regression.squares_lately
+        regression.lifts_lately += swing * lift - FADE_LATELY * regression.lifts_lately
+        regression.count += 1
+
+
 cdef void _find_crosstalk(Observer* observer) noexcept nogil:
     """Set the crosstalk to the slope of the shut needle's lift over the line pressure, 0 if it is not significant."""
     cdef bint is_there

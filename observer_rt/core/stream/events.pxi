@@ -2,7 +2,7 @@
 
 
 cdef inline void shut_needle(Observer* observer, int64_t index) noexcept nogil:
-    """From the sample `index` on."""
+    """Shut the needle from the sample `index` on."""
     observer.memory.needle.is_open = False
     observer.memory.needle.shut_index = index
 
@@ -59,9 +59,9 @@ cdef void part_events(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void forget_opening(Observer* observer) noexcept nogil:
-    """The opening under way was none, nor its event where it has no other; another is not to be learned from.
+    """Take back the opening under way, and its event if it has no other; otherwise that event teaches nothing.
 
-    Since when the needle is shut, whoever calls it says.
+    The caller sets since when the needle is shut.
     """
     memory = observer.memory
     under_way = &memory.event

@@ -71,9 +71,7 @@ cdef void _begin_live(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef inline bint _tells(Stepping* s) noexcept nogil:
-    """Whether the line pressure tells of the flow as the filters take it: by white innovations, which neither coloured
-    noise nor a line of cells leaves, nor a pilot valve that is seen later.
-    """
+    """Whether innovations are white: a lump line, without coloured noise or a pilot valve seen late."""
     cdef bint is_white
     memory = s.observer.memory
     is_white = memory.judgement.offset_moves and memory.prior.healthy_variance < WHITE  # an offset under colour is held
@@ -109,7 +107,7 @@ cdef void _advance_live(Stepping* s, int64_t position) noexcept nogil:
     cdef double[4] x
     cdef double shown, y, innovation, indicated, largest, total = 0.0
     cdef double flow_noise
-    cdef int64_t i, j, n = s.coefficients.states
+    cdef int64_t i, j
     cdef bint is_open, is_measured
     observer, live, point = s.observer, &s.live, &s.observer.memory.operating_point
     if not (live.has_widened or point.in_learned_range):
@@ -169,7 +167,7 @@ cdef void _advance_live(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef void _delay_needle(Live* live, double falls_by, double samples, Interval* interval) noexcept nogil:
-    """Shift an interval's area by the delay at the filters' mean; samples: in a unit of it; falls_by: the area, so far."""
+    """Shift an interval's area by the delay. falls_by: the area's drop over it; samples: the delay's unit in samples."""
     cdef int64_t i, k
     if falls_by != 0.0 and (falls_by > 0.0) != live.falls:  # another edge
         live.falls = not live.falls

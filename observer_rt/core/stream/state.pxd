@@ -243,7 +243,7 @@ cdef struct Judgement:
     int64_t doubtful_events  # of these
     int64_t events_taken
     unsigned char waiting  # the head of `events` is due and must be judged before going on: step.pxi
-    int64_t halted_in  # event in which a needle stopped too low (step.pxi, lift_zero.pxi), 0 once one has passed
+    int64_t halted_in  # event in which a needle stopped too low (step.pxi, false_openings.pxi), 0 once one has passed
     int64_t phi_version
     unsigned char differed  # the last event, from what was believed while it ran
     unsigned char flow_differs  # .. and by its flow, as its own fit says
@@ -284,8 +284,8 @@ cdef struct EventUnderWay:
     unsigned char in_event
     int64_t number
     int64_t opening_position  # of its first opening
-    unsigned char learnable  # not after what step.pxi and lift_zero.pxi find
-    signed char fault  # Reason its samples are not to be trusted (step.pxi, lift_zero.pxi), 0 when they are
+    unsigned char learnable  # not after what step.pxi and false_openings.pxi find
+    signed char fault  # Reason its samples are not to be trusted (step.pxi, false_openings.pxi), 0 when they are
     unsigned char differs  # from what was believed, by the filters (judgement.pxi)
 
 # events.pxi

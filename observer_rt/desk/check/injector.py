@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from observer_rt.bus.alignment import LINE_SLOPE
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping import bus_map
 from observer_rt.bus.mapping.bench_map import KnownMessage
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.bus.mapping.timing import TOLERANCE
+from observer_rt.bus.mapping.timing import LINE_SLOPE, TOLERANCE
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_alignment
 from observer_rt.core.frames.frames import Joining, Numbering

@@ -40,7 +40,7 @@ def fit(
     from observer_rt.desk.library.fit import fitted_model
     from observer_rt.engine.service.injector import calibration_of
     from observer_rt.identification.fit.calibrate import write_fitted
-    from observer_rt.identification.fit.cross_validation import refuse_clipped, warnings
+    from observer_rt.identification.fit.folds import refuse_clipped, warnings
     from observer_rt.identification.fit.masses import read_masses
     from observer_rt.identification.fit.report import draw_fit, print_fit
     from observer_rt.identification.likelihood import reading

@@ -36,7 +36,7 @@ from observer_rt.identification.discovery.law_words import law_text
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.fit.calibrate import write_fitted
-from observer_rt.identification.fit.cross_validation import refuse_clipped
+from observer_rt.identification.fit.folds import refuse_clipped
 from observer_rt.identification.fit.masses import read_masses
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement

@@ -70,11 +70,14 @@ class _Channel(_GuardedHandler, WebSocketHandler):
 
     async def on_message(self, message: str | bytes) -> None:
         """A button was pressed, or something drawn. The next message waits until others had their turn."""
-        said = pressed(message)
-        if said is None:
-            self.close(1008, "not of this page")
-            return
-        self._session.take(*said)
+        match pressed(message):
+            case None:
+                self.close(1008, "not of this page")
+                return
+            case "drawn", number, _:
+                self._session.take_drawn(number)
+            case button, injector, count:
+                self._session.take(button, injector, count)
         self._draw()
         await asyncio.sleep(0)
 

@@ -29,12 +29,12 @@ _VALUES = (
 def pressed(message: str | bytes) -> tuple[str, int, int] | None:
     """Reads a browser's message: a button, and its values; None: it is no page of ours."""
     try:
-        said = json.loads(message)
+        parsed = json.loads(message)
     except (ValueError, RecursionError):
         return None
-    match said:
-        case [str(button), int(of), int(count)]:
-            return button, of, count
+    match parsed:
+        case [str(button), int(number), int(count)]:
+            return button, number, count
     return None
 
 
@@ -51,48 +51,49 @@ class Session:
         self._number = self._drawn = 0  # of messages: the last one sent, the last one drawn
         self._due = 0.0  # s
 
-    def take(self, button: str, of: int, count: int) -> None:
-        """Take a message of the browser. of: the injector, count: its injection; `drawn`: of is the message drawn."""
-        if button == "drawn":
-            self._drawn = min(max(of, self._drawn), self._number)
+    def take_drawn(self, number: int) -> None:
+        """The browser has drawn a message."""
+        self._drawn = min(max(number, self._drawn), self._number)
+
+    def take(self, button: str, injector: int, count: int) -> None:
+        """A button was pressed. count: of an injection."""
+        if injector not in range(len(self._sent)):
             return
-        if of not in range(len(self._sent)):
-            return
-        reader = self._watching.readers[of]
+        reader = self._watching.readers[injector]
         injection = next((injection for injection in reader.injections(count - 1) if injection.count == count), None)
         self._due = 0.0  # who presses a button waits for nothing
         if button == "save" and injection is None:
-            self._answer["said"] = "there is no injection yet"
+            self._answer["notice"] = "there is no injection yet"
         elif button == "save" and injection is not None:
             self._saving = self._saving or self._saver.save(injection, reader.name)
-        elif button == "curves" and injection is not None and count <= self._sent[of]:
-            self._asked[of, count] = injection
+        elif button == "curves" and injection is not None and count <= self._sent[injector]:
+            self._asked[injector, count] = injection
 
     def message(self) -> bytes | None:
         """Changes since the last message; None: nothing, or the browser is not through with those before."""
         readers, now = self._watching.readers, time.monotonic()
         if self._saving is not None and self._saving.done():
-            self._answer["said"], self._saving, self._due = self._saving.result(), None, 0.0
+            self._answer["notice"], self._saving, self._due = self._saving.result(), None, 0.0
         has_news = any(reader.count > sent for reader, sent in zip(readers, self._sent, strict=True))
         if self._number - self._drawn >= _AHEAD or not (has_news or now >= self._due):
             return None
         self._due = now + _STATUS_EVERY
         self._number += 1
-        said: list[dict[str, Any]] = []
+        injectors: list[dict[str, Any]] = []
         curves: list[bytes] = []
         for number, reader in enumerate(readers):
             seen, news = reader.seen(), reader.injections(self._sent[number])
             self._sent[number] = news[-1].count if news else self._sent[number]
-            asked = [injection for (of, _), injection in self._asked.items() if of == number]
+            asked = [injection for (owner, _), injection in self._asked.items() if owner == number]
             without_curves = (replace(injection, curves={}) for injection in news[:-_WITH_CURVES])
             sent = [*asked, *without_curves, *news[-_WITH_CURVES:]]
-            said.append({**asdict(seen), "news": [_shown(injection) for injection in sent]})
+            injectors.append({**asdict(seen), "news": [_shown(injection) for injection in sent]})
             curves += [injection.data for injection in sent]
         content = {
             "number": self._number,
             "now": time.time_ns(),
             "buses": [asdict(bus) for bus in self._watching.buses()],
-            "injectors": said,
+            "injectors": injectors,
             **self._answer,
         }
         self._answer, self._asked = {}, {}
@@ -104,9 +105,9 @@ def _shown(injection: ShownInjection) -> dict[str, Any]:
     return {**injection.text, "values": values, "nominal": injection.references.get("nominal")}
 
 
-def packed(said: dict[str, Any], curves: Sequence[bytes]) -> bytes:
+def packed(content: dict[str, Any], curves: Sequence[bytes]) -> bytes:
     """A message: the length of the text, the text as JSON, the values of all curves as float32, little-endian."""
-    text = json.dumps(said, allow_nan=False).encode()
+    text = json.dumps(content, allow_nan=False).encode()
     text += b" " * (-len(text) % 4)  # values stand at multiples of their width
     return b"".join([len(text).to_bytes(4, "little"), text, *curves])
 

@@ -28,8 +28,21 @@ class Phase(IntEnum):
     CLOSING = 3
     AFTER = 4
 
+    @property
+    def label(self) -> str:
+        """Its name in the documents of a fit."""
+        return self.name.lower()
+
 
 PHASES = len(Phase)
+PHASE_NAMES = {phase: phase.label for phase in Phase} | {Phase.STANDSTILL: "closed"}  # in findings
+PHASE_WORDS = {
+    Phase.STANDSTILL: "while the needle is shut",
+    Phase.OPENING: "while the needle opens",
+    Phase.OPEN: "while the needle is open",
+    Phase.CLOSING: "while the needle closes",
+    Phase.AFTER: "right after the needle has closed",
+}
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, NeedleStrok
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import EVERY, SENSOR_LAW, LearnedModel, Parameter, by_theta, learned_of
 from observer_rt.model.effective import LAG_UNIT, NO_CLOCK, NO_PROGRAM, Clock, Coefficients
-from observer_rt.model.hydraulics import AT
+from observer_rt.model.hydraulics import CONTROL_REFERENCE
 from observer_rt.model.right_hand_side import ByTheta, Tangent, tangent_of
 
 NO_RATE = np.empty(0)
@@ -91,7 +91,7 @@ class Window(NamedTuple):
     def _pressures(self, c: Coefficients) -> NDArray[np.float64]:
         """Of the rail at each command (k,), over 100 MPa."""
         begun = np.clip(self.commands[:, 0], 0, len(self.inputs) - 1).astype(np.int64)
-        return np.asarray((self.inputs[begun, 0] * c.pressure_scale + c.chamber_pressure) / AT)
+        return np.asarray((self.inputs[begun, 0] * c.pressure_scale + c.chamber_pressure) / CONTROL_REFERENCE)
 
     @property
     def shot_columns(self) -> int:

@@ -16,7 +16,7 @@ from observer_rt.core.model.needle import NEEDLE_NUMBERS
 from observer_rt.engine.estimation.gating import Gate
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MM3_PER_MS
 from observer_rt.model.effective import LAG_UNIT, LIFT_UNIT, Coefficients
-from observer_rt.model.hydraulics import AT, Valve
+from observer_rt.model.hydraulics import CONTROL_REFERENCE, Valve
 from observer_rt.model.line import stiffened
 from observer_rt.model.network import (
     BASIS,
@@ -242,7 +242,7 @@ _MM3_PER_MS = MM3_PER_MS / 6e-5  # in units of the usual Q_0; of an area [mm2], 
 
 def _control_flow(c: Coefficients) -> float:
     """Control flow [m3/s] at 100 MPa by theta = 1."""
-    return c.flow_scale * math.sqrt(AT / c.pressure_scale)
+    return c.flow_scale * math.sqrt(CONTROL_REFERENCE / c.pressure_scale)
 
 
 def _later(effect: str, label: str) -> ShownIndicator:

@@ -1,6 +1,6 @@
-"""Energizing of the injector: its commands, from levels or durations as they come, and the openings they have.
+"""Collects the injector's commands, from levels or durations as they come, and finds the opening of each.
 
-Delays, and injections missing.
+By these it tells the delays of the injector, and which injections are missing.
 """
 
 import math
@@ -64,10 +64,7 @@ class CommandReader:
 
     def read(self, reading: EnergizingSignal) -> list[Command]:
         """Commands that start in a frame."""
-        if reading.first is not None:
-            first = reading.first
-        else:
-            first = reading.taken - round((self._samples - 1) * self._units)
+        first = reading.taken - round((self._samples - 1) * self._units) if reading.first is None else reading.first
         since = math.inf if self._last is None else self._distance(self._last, first)
         if self.by_index and -OVERTAKEN * self._sample_rate < since <= 0:
             return []  # repeated, or overtaken
@@ -83,12 +80,9 @@ class CommandReader:
         if steady and not math.isnan(reading.values.sum()):
             self._last = first + round((self._samples - 1) * self._units)
             return []
-        commands = []
-        for number, value in enumerate(reading.values.tolist()):
-            command = self._read_level(first + round(number * self._units), value)
-            if command is not None:
-                commands.append(command)
-        return commands
+        levels = enumerate(reading.values.tolist())
+        starts = (self._read_level(first + round(number * self._units), value) for number, value in levels)
+        return [command for command in starts if command is not None]
 
     def _distance(self, earlier: int, later: int) -> float:
         """Distance in samples."""
@@ -250,8 +244,7 @@ class EnergizingWatch:
         _, last = min(started, key=itemgetter(0), default=(math.inf, None))
         if last is not None and not last.has_opened:
             return last
-        late = [each for each in since if -self._late <= each[0] < 0.0]
-        late = [each for each in late if not each[1].has_opened]
+        late = [each for each in since if -self._late <= each[0] < 0.0 and not each[1].has_opened]
         return max(late, key=itemgetter(0))[1] if late else None
 
     def _forget(self, before: int) -> None:

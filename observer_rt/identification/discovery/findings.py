@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PlainSerializer, TypeAdapter, computed_field
 
+from observer_rt.engine.estimation.phases import PHASE_NAMES
 from observer_rt.engine.learning.adequacy import looks_like_inertance
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.learned_curves import LearnedCurve
@@ -20,7 +21,6 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.gaps import RATE, Disagreement, ModelGaps
 from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
 from observer_rt.identification.discovery.search.candidates import Candidate, Size
-from observer_rt.identification.discovery.search.proposal import PHASE_NAMES
 from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
 from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure

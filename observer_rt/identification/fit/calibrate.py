@@ -17,10 +17,11 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.fit.causes import TriedCause, tried_causes
-from observer_rt.identification.fit.cross_validation import by_meter, folds_of, share_between_samples, thinned
+from observer_rt.identification.fit.folds import by_meter, folds_of, share_between_samples, thinned
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import INERTANCE, NEEDLE, NOZZLE, STRUCTURES, FreeParameter, Structure
-from observer_rt.identification.fit.residuals import Comparison, compared, pooled, rate_meter, rate_misfit
+from observer_rt.identification.fit.rate import rate_meter, rate_misfit
+from observer_rt.identification.fit.residuals import Comparison, compared, pooled
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
     ROUGH_EVENTS,
@@ -198,9 +199,8 @@ def calibrate(
     tried = tried_structures(structures, file, further, coarse, lambda share: progress(ROUGH * share))
     choice = choose(tried)
     if choice is None:
-        reasons = "; ".join(
-            f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, FailedStructure)
-        )
+        failed = (one for one in tried if isinstance(one, FailedStructure))
+        reasons = "; ".join(f"{one.structure.name}: {one.reason}" for one in failed)
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
     misfit = rate_misfit(choice.best.calibration, choice.best.judged)
     meter = recordings[0].recording.meter
@@ -239,8 +239,7 @@ def write_fitted(path: Path, file: InjectorFile, done: CalibrationResult, baseli
                 section[key] = value
         for parameter in done.fitted.calibration.free:
             value = parameter.of(injector)
-            number = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
-            content[parameter.section][parameter.key] = number
+            content[parameter.section][parameter.key] = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
         if done.measurements[0].is_answered:
             content["needle"] = section_of({key: rounded(value) for key, value in dict(injector.needle).items()})
         if (share := done.level_share) is not None:
@@ -286,9 +285,8 @@ def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
 
 
 def _largest(figures: Sequence[Mapping[Phase, float]]) -> PhaseFigures:
-    return PhaseFigures.of(
-        {phase.name: rounded(float(np.fmax.reduce([one[phase] for one in figures]))) for phase in Phase}
-    )
+    largest = {phase.name: rounded(float(np.fmax.reduce([one[phase] for one in figures]))) for phase in Phase}
+    return PhaseFigures.of(largest)
 
 
 def _remainder(done: CalibrationResult) -> HealthyRemainder:

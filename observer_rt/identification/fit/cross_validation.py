@@ -1,192 +1,57 @@
-"""Prepares recordings for a fit: folds of few events, the gain of the line-pressure sensor; refuses clipped ones."""
+"""Judges every fold by what the others say of the parameters."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.likelihood.measurement import Measurement, open_time, rail_pressure_before
-from observer_rt.identification.likelihood.operating_points import POINT_DURATION, distinct, events_by_point
-from observer_rt.model.accuracy import StatedAccuracy
-
-T = TypeVar("T")
-
-RING_DOWN = 5e-3  # s after the last closing that count: the line forgets within less
-_RUN = 5  # equal samples at the edge of a range that are no chance
-_FINE = 0.2  # share of equal neighbours, below which a signal is so noisy that a run of them is none
-_FEW = 6  # injections, below which intervals are wide
-BETWEEN_SAMPLES = 0.005  # of a mass, by instants SLOW apart: of the richer plant, every fifth sample
-FAST, SLOW = 10e-6, 50e-6  # s between samples: edges of the lift lost nothing, and that
-WORTH_A_WORD = 0.001  # of a mass
-OFFSET = 2.5 * MEGAPASCAL  # standard deviation of the sensor's offset
-DRIFT = 0.05 * MEGAPASCAL  # and of what it differs by from recording to recording
+from observer_rt.identification.fit.problem import INERTANCE, Calibration
+from observer_rt.identification.fit.residuals import UnexplainedSignal, pooled
+from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 
 
-@dataclass(frozen=True, eq=False)
-class Fold:
-    """Data that are left out to judge a fit by: a recording, or some events of the only one.
+@dataclass(frozen=True)
+class HeldOut:
+    """Every fold judged by what the others say of the parameters.
 
-    measurement: its events shortened; recording: number of its recording; weights: how
-    many injections of the recording each event stands for (events,); weighed: mean mass, None: not measured;
-    rate_shape: whether a measured rate counts sample by sample, and not by its integrals alone.
+    unexplained: of the line pressure; mass_shift: by what share the mass of its injections moves when a fold is left
+    out (folds,), which is how sure masses are at operating points nobody fitted.
     """
 
-    measurement: Measurement
-    recording: int
-    weights: NDArray[np.float64]
-    weighed: MeanMass | None = None
-    rate_shape: bool = False
-
-    def mass_residuals(self, masses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean of modelled masses (events,) [kg] beside the measured one, in standard deviations (1,), or (0,)."""
-        if self.weighed is None:
-            return np.zeros(0)
-        mean = np.average(masses, weights=self.weights)
-        return np.array([(mean - self.weighed.mass) / self.weighed.sigma])
+    unexplained: UnexplainedSignal
+    mass_shift: NDArray[np.float64]
 
 
-def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeanMass]) -> tuple[Fold, ...]:
-    """Every recording as a fold; of a single one its operating points, or else its events by halves.
+def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
+    """Judges every fold so, by the minimum of all; None for a single one, or where without one there is no solution.
 
-    A single one whose mass was measured stays whole: the mass is that of all its injections. weighed: by the number
-    of the recording.
+    theta without a fold is one Newton step from the minimum: it is near, and all slopes are known there.
     """
-    short = []
-    for recording in recordings:
-        tail = round(RING_DOWN * recording.recording.sample_rate)
-        events = tuple(replace(e, end=min(e.end, e.openings[-1].last + tail)) for e in recording.events)
-        short.append(replace(recording, events=events))
-    if len(short) > 1 or len(short[0].events) == 1 or weighed:
-        groups = [(number, list(recording.events)) for number, recording in enumerate(short)]
-    else:
-        points = events_by_point(short[0])
-        if len(points) == 1:
-            half = (len(points[0]) + 1) // 2
-            points = [points[0][:half], points[0][half:]]
-        groups = [(0, events) for events in points]
-    return tuple(
-        Fold(replace(short[n], events=tuple(events)), n, np.ones(len(events)), weighed.get(n)) for n, events in groups
-    )
+    folds = len(calibration.folds)
+    if folds < 2:
+        return None
+    left_out, shifts = [], []
+    for number in range(folds):
+        theta = without(calibration, at, number)
+        judged_model, all_in = calibration.judge(theta, number), calibration.judge(at.theta, number)
+        if judged_model is None or all_in is None:
+            return None
+        left_out.append(judged_model)
+        shifts.append(float(np.sum(judged_model.masses) / np.sum(all_in.masses)) - 1.0)
+    return HeldOut(pooled(calibration.recordings, left_out), np.array(shifts))
 
 
-def by_meter(fold: Fold, meter: tuple[float, ...]) -> Fold:
-    """A fold whose rate has a meter of these time constants [s]."""
-    recording = replace(fold.measurement.recording, meter=meter)
-    return replace(fold, measurement=replace(fold.measurement, recording=recording))
-
-
-def thinned(fold: Fold, most: int) -> Fold:
-    """At most so many events of each operating point, spread evenly."""
-    kept = [
-        (event, len(point) / min(most, len(point)))
-        for point in events_by_point(fold.measurement)
-        for event in spread(point, most)
-    ]
-    kept.sort(key=lambda item: item[0].start)
-    events = tuple(event for event, _ in kept)
-    return replace(
-        fold, measurement=replace(fold.measurement, events=events), weights=np.array([share for _, share in kept])
-    )
-
-
-def spread(items: Sequence[T], most: int) -> list[T]:
-    """At most so many items, spread evenly."""
-    return [items[n] for n in np.linspace(0, len(items) - 1, min(most, len(items))).round().astype(int)]
-
-
-def standstill(measurement: Measurement) -> tuple[float, float]:
-    """Means of line minus rail pressure, and of rail pressure, before the injections [Pa]."""
-    recording = measurement.recording
-    shut = [slice(event.start, event.openings[0].first) for event in measurement.events]
-    line, rail = (
-        float(np.mean([np.mean(pressure[each]) for each in shut]))
-        for pressure in (recording.line_pressure, recording.rail_pressure)
-    )
-    return line - rail, rail
-
-
-def refuse_clipped(recordings: Sequence[Measurement]) -> None:
-    """Raise `UserError` for a signal that stays at the edge of its range."""
-    for measurement in recordings:
-        recording = measurement.recording
-        signals = (
-            ("rail_pressure", recording.rail_pressure, MEGAPASCAL, "MPa", True),
-            ("line_pressure", recording.line_pressure, MEGAPASCAL, "MPa", True),
-            ("needle_lift", recording.needle_lift, MICROMETRE, "um", False),  # clipped at 0 it serves
-        )
-        for name, values, unit, symbol, both in signals:
-            if (clipped := _clipped(values, both)) is not None:
-                level, count = clipped
-                raise UserError(
-                    f"{recording.path or 'recording'}, {name}",
-                    f"is clipped: {count} samples in a row are exactly {level / unit:.6g} {symbol}, the edge of "
-                    "its range",
-                    "record with a wider range",
-                )
-
-
-def _clipped(values: NDArray[np.float64], both: bool) -> tuple[float, int] | None:
-    """The edge at which a noisy signal stays, and its longest run there; None where it does not."""
-    present = values[np.isfinite(values)]
-    if present.size < 2 or float(np.mean(np.diff(present) == 0.0)) > _FINE:
-        return None  # so coarse, or so smooth, that equal samples say nothing
-    for edge in (np.max, np.min)[: 2 if both else 1]:
-        level = float(edge(present))
-        steps = np.flatnonzero(np.diff(np.concatenate(([False], present == level, [False]))))
-        longest = int(np.max(steps[1::2] - steps[::2]))
-        if longest >= _RUN:
-            return level, longest
-    return None
-
-
-def share_between_samples(measurement: Measurement) -> float:
-    """Standard deviation of a mass, as a share: instants far apart miss where the needle leaves and meets its seat.
-
-    A mean over the sample period does not, for it holds what flowed in between.
-    """
-    return 0.0 if measurement.means else BETWEEN_SAMPLES * max(0.0, (measurement.interval - FAST) / (SLOW - FAST))
-
-
-def warnings(recordings: Sequence[Measurement]) -> list[str]:
-    """Reasons why a result is less sure, in sentences."""
-    result = []
-    events = [(one, event) for one in recordings for event in one.events]
-    pressures = distinct(rail_pressure_before(event, one.recording) for one, event in events)
-    durations = np.array([open_time(event, one.recording) for one, event in events])
-    lacking = ["one rail pressure"] * (pressures == 1)
-    lacking += ["one energizing time"] * bool(np.ptp(durations) < POINT_DURATION)
-    if lacking:
-        result.append(
-            f"{' and '.join(lacking)} only: what is fitted holds there and nowhere else for sure; add recordings at "
-            "others, such as 60, 100 and 140 MPa by 0.6 and 1.9 ms"
-        )
-    if len(events) < _FEW:
-        result.append(f"{len(events)} injections only: intervals are wide; record {_FEW} or more")
-    between = max(map(share_between_samples, recordings))
-    if between > WORTH_A_WORD:
-        result.append(
-            f"samples are instants at {recordings[0].recording.sample_rate:g} Hz: between them the edges of the lift "
-            f"are lost, and masses are {between:.1%} (1 sigma) less sure, even if the verdict is adequate. Fit at "
-            "the full rate of the bench (100 kHz); if samples are means over the sample period, state it: "
-            'meaning = "mean" in [sampling] of the bench file (--bench)'
-        )
-    return result
-
-
-def sensor_gain(recordings: Sequence[Measurement], calibration: StatedAccuracy) -> float:
-    """The gain g of y = (1 + g) p_L + o by rest at the pressures of the recordings; 0 of sensors without any.
-
-    From all together: with one pressure a recording the offsets of the recordings would absorb it, and the level with
-    it; with several no model explains it.
-    """
-    if calibration.gain == 0.0:
-        return 0.0
-    offsets, pressures = np.array([standstill(one) for one in recordings]).T
-    by = np.column_stack((np.ones_like(pressures), pressures))
-    information = by.T @ by / DRIFT**2 + np.diag([OFFSET**-2, calibration.gain**-2])
-    return float(np.linalg.solve(information, by.T @ offsets / DRIFT**2)[1])
+def without(calibration: Calibration, at: Quadratic, number: int) -> NDArray[np.float64]:
+    """theta by all folds but one, its own offset as it is, and the level, which may be measured in that one."""
+    own = calibration.residuals_of(at.theta, number)
+    assert own is not None  # the minimum has it
+    alone = linearise(partial(calibration.residuals_of, number=number), at.theta, own, calibration.ranges)
+    information, gradient = at.information - alone.information, at.gradient - alone.gradient
+    held = [len(calibration.free) + number]
+    held += [place for place, one in enumerate(calibration.free) if one is INERTANCE]
+    kept = np.setdiff1d(np.arange(at.theta.size), held)
+    theta = at.theta.copy()
+    theta[kept] -= np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True) @ gradient[kept]
+    lowest, highest = np.array([(range_.lowest, range_.highest) for range_ in calibration.ranges]).T
+    return np.clip(theta, lowest, highest)

@@ -70,7 +70,7 @@ def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[
         schema=1,
         verdict="adequate" if baseline.adequate else "inadequate",
         verdict_words=verdict_words(done),
-        inadequate_phases=tuple(map(phase_name, done.inadequate)),
+        inadequate_phases=tuple(phase.label for phase in done.inadequate),
         causes=tuple(one.words for one in done.causes),
         structure={
             "name": structure.name,
@@ -100,15 +100,10 @@ def _tried(structure: Trial) -> TriedStructure:
     return TriedStructure(
         name=structure.structure.name,
         held_out=structure.held_out is not None,
-        chi2={phase_name(phase): left.chi2[phase] for phase in Phase},
+        chi2={phase.label: left.chi2[phase] for phase in Phase},
         chi2_mean=left.mean,
         free=tuple(parameter.name for parameter in structure.calibration.free),
     )
-
-
-def phase_name(phase: Phase) -> str:
-    """In lower case."""
-    return phase.name.lower()
 
 
 def level_words(done: CalibrationResult) -> str:
@@ -147,7 +142,7 @@ def _fit_words(done: CalibrationResult) -> str:
     if not done.inadequate and done.not_observed:
         return f"INADEQUATE: the observer cannot learn with this model ({done.not_observed})"
     if not done.inadequate:
-        words = f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({phase_name(left.worst)})"
+        words = f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({left.worst.label})"
         if done.above_gate:
             most = max(map(done.comparison.share, done.above_gate))
             words += (
@@ -155,7 +150,7 @@ def _fit_words(done: CalibrationResult) -> str:
                 f"interval. {_disagreement(done)}. {_causes(done)}"
             )
         return words
-    where = ", ".join(f"{phase_name(phase)} {left.chi2[phase]:.3g}" for phase in done.inadequate)
+    where = ", ".join(f"{phase.label} {left.chi2[phase]:.3g}" for phase in done.inadequate)
     share = max(map(done.comparison.share, done.inadequate))
     return (
         f"INADEQUATE: chi2 above {GATE:g} in {where}, up to {share:.1%} of the swing of the line pressure. "
@@ -188,7 +183,7 @@ def _disagreement(done: CalibrationResult) -> str:
     noise = after.innovation / MEGAPASCAL
     size = f"{noise * math.sqrt(square):.3g} MPa one sample ahead (noise alone {noise:.3g})"
     sign = "above" if mean > 0.0 else "below"
-    return f"Most is left in {phase_name(phase)} at {pressure:.0f} MPa: {size}, measured more often {sign} the model"
+    return f"Most is left in {phase.label} at {pressure:.0f} MPa: {size}, measured more often {sign} the model"
 
 
 def oddities(done: CalibrationResult) -> list[str]:

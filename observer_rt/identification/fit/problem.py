@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import STEP
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROSECOND, MILLIMETRE, MM3_PER_MS
-from observer_rt.identification.fit.cross_validation import Fold, standstill
+from observer_rt.identification.fit.folds import Fold, standstill
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, Quadratic, Range, Residuals
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel, coefficients
 from observer_rt.model.effects import VOCABULARY, effective_model
-from observer_rt.model.hydraulics import END as END_BEFORE
-from observer_rt.model.hydraulics import START
+from observer_rt.model.hydraulics import CONTROL_END, CONTROL_START
 from observer_rt.model.parameters import FEWEST_CELLS, EffectInForce, EffectValue, InjectorParameters, LineOutflow
 from observer_rt.model.wave_line import DAMPING, RESOLVED, STABLE, cells_for
 
@@ -139,8 +138,8 @@ _TIME = 1e-4  # s
 CONTROL_FLOW = FreeParameter("c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 30e-6, 0.0, 4.0, MM3_PER_MS)
 CONTROL = (
     CONTROL_FLOW,
-    FreeParameter("t_on", "line", "control_start", "us", MICROSECOND, -0.2e-3, 0.8e-3, START, 0.8, _TIME),
-    FreeParameter("t_off", "line", "control_end", "us", MICROSECOND, -0.4e-3, 0.8e-3, END_BEFORE, 0.8, _TIME),
+    FreeParameter("t_on", "line", "control_start", "us", MICROSECOND, -0.2e-3, 0.8e-3, CONTROL_START, 0.8, _TIME),
+    FreeParameter("t_off", "line", "control_end", "us", MICROSECOND, -0.4e-3, 0.8e-3, CONTROL_END, 0.8, _TIME),
     FreeParameter("h", "line", "control_hold", "-", 1.0, -1.0, 1.0, 0.0, 0.3, 1.0),
     FreeParameter("n", "line", "control_exponent", "-", 1.0, -2.0, 2.0, 0.0, 0.4, 1.0),
 )
@@ -227,9 +226,8 @@ def with_values(
             injector = parameter.in_force(injector, float(value))
             continue
         sections.setdefault(parameter.section, {})[parameter.key] = float(value)
-    return injector.model_copy(
-        update={name: getattr(injector, name).model_copy(update=keys) for name, keys in sections.items()}
-    )
+    changed = {name: getattr(injector, name).model_copy(update=keys) for name, keys in sections.items()}
+    return injector.model_copy(update=changed)
 
 
 def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> NDArray[np.float64]:
@@ -251,12 +249,9 @@ class Calibration:
         self.recordings = [RecordingLikelihood(fold.measurement, effective_model(start)) for fold in folds]
         """Likelihoods of the folds, in their order."""
         self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in folds]
-        self.centre = np.concatenate(
-            [
-                [parameter.theta_of(parameter.of(start)) for parameter in free],
-                [standstill(fold.measurement)[0] / MEGAPASCAL for fold in folds],
-            ]
-        )
+        numbers = [parameter.theta_of(parameter.of(start)) for parameter in free]
+        offsets = [standstill(fold.measurement)[0] / MEGAPASCAL for fold in folds]
+        self.centre = np.concatenate([numbers, offsets])
         """Where a search begins, (p + folds,)."""
         self.prior_mean = self.centre.copy()
         """The same, but what is usual of parameters on a linear scale."""

@@ -16,8 +16,8 @@ from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, MEASURED, NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, Z_95
 from observer_rt.identification.fit.calibrate import CalibrationResult
-from observer_rt.identification.fit.cross_validation import spread
-from observer_rt.identification.fit.document import FitDocument, phase_name, verdict_words
+from observer_rt.identification.fit.document import FitDocument, verdict_words
+from observer_rt.identification.fit.folds import spread
 from observer_rt.identification.likelihood.measurement import Measurement, open_time, rail_pressure_before
 from observer_rt.identification.likelihood.open_loop import SimulatedInjection, simulated
 from observer_rt.identification.likelihood.operating_points import point_name
@@ -34,14 +34,14 @@ def print_fit(fit: FitDocument, console: Console) -> None:
     structures = [
         (
             one.name,
-            *(_figure(one.chi2[phase_name(phase)]) for phase in Phase),
+            *(_figure(one.chi2[phase.label]) for phase in Phase),
             str(len(one.free)),
             "chosen" if one.name == fit.structure["name"] else "",
         )
         for one in fit.structures
         if one.chi2 is not None
     ]
-    names = ("structure", *map(phase_name, Phase), "free", "")
+    names = ("structure", *(phase.label for phase in Phase), "free", "")
     console.print(plain_table(names, structures, right=range(1, 7), folds=(0,)))
     for structure in fit.structures:
         if structure.failed:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.fit import problem
-from observer_rt.identification.fit.cross_validation import Fold, thinned
-from observer_rt.identification.fit.residuals import HeldOut, UnexplainedSignal, held_out, pooled
+from observer_rt.identification.fit.cross_validation import HeldOut, held_out
+from observer_rt.identification.fit.folds import Fold, thinned
+from observer_rt.identification.fit.residuals import UnexplainedSignal, pooled
 from observer_rt.identification.likelihood.bounded_fit import Minimum, fit
 from observer_rt.identification.likelihood.likelihood import JudgedModel
 from observer_rt.model.parameters import InjectorParameters
@@ -130,8 +131,7 @@ def settled(
     others may be determined.
     """
     left_out: list[problem.FreeParameter] = []
-    free = list(best.calibration.free)
-    now = best
+    free, now = list(best.calibration.free), best
     while True:
         numbers = problem.with_values(now.injector, left_out, problem.values_of(best.structure.of(start), left_out))
         again = fitted(best.structure, numbers, free, folds, FINE_ITERATIONS)

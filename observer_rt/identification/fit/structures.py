@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.fit.cross_validation import Fold
+from observer_rt.identification.fit.folds import Fold
 from observer_rt.identification.fit.problem import (
     OPTIONAL_GROUPS,
     STIFFENING,
@@ -200,7 +200,7 @@ def _reason(best: FittedStructure, as_good: Sequence[FittedStructure]) -> str:
     where = "of recordings left out" if best.held_out is not None else "of all there is"
     words = (
         f"{best.structure.name}: chi2 {where} {unseen.mean:.2f} in the mean of the phases, "
-        f"{unseen.chi2[unseen.worst]:.2f} at worst ({unseen.worst.name.lower()})"
+        f"{unseen.chi2[unseen.worst]:.2f} at worst ({unseen.worst.label})"
     )
     others = [f"{one.structure.name} ({judged_by(one).mean:.2f})" for one in as_good if one is not best]
     return words + (f"; no simpler, and hardly better: {', '.join(others)}" if others else "")

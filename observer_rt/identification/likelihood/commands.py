@@ -10,7 +10,7 @@ from observer_rt.core.model.needle import CORNER_ROUNDING, NeedleStroke, lift_of
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
-from observer_rt.model.hydraulics import AT
+from observer_rt.model.hydraulics import CONTROL_REFERENCE
 from observer_rt.model.parameters import InjectorParameters
 
 Vector = NDArray[np.float64]
@@ -44,7 +44,8 @@ def commanded_lift(injector: InjectorParameters, recording: Recording, commands:
     """A recording with the lift by which an injector's needle would answer commands (k, 2) [samples]."""
     lift, rate = np.zeros(recording.samples), recording.sample_rate
     needle = effective_model(injector).injector.needle_law
-    pressures = np.nan_to_num(recording.rail_pressure[commands[:, 0].astype(np.int64)], nan=AT) / AT
+    rail_pressures = recording.rail_pressure[commands[:, 0].astype(np.int64)]
+    pressures = np.nan_to_num(rail_pressures, nan=CONTROL_REFERENCE) / CONTROL_REFERENCE
     for (start, end), pressure in zip(commands / rate, pressures, strict=True):
         answer = stroke_of(start, end - start, pressure, needle)
         if answer is None:

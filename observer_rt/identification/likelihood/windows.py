@@ -24,7 +24,7 @@ from observer_rt.identification.likelihood.measurement import START_MEAN, Judged
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
-from observer_rt.model.hydraulics import AT
+from observer_rt.model.hydraulics import CONTROL_REFERENCE
 
 RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
@@ -145,10 +145,10 @@ def _answered_areas(
     measurement: Measurement, commands: NDArray[np.float64], needle: NeedleLaw, c: Coefficients
 ) -> NDArray[np.float64]:
     """Normalised seat areas (n,) by commands (k, 2), as a needle answers them."""
-    n, interval, nothing = measurement.recording.samples, measurement.interval, np.zeros(NEEDLE_NUMBERS)
-    pressures = np.nan_to_num(measurement.recording.rail_pressure[commands[:, 0].astype(np.int64)] / AT, nan=1.0)
+    recording, n, nothing = measurement.recording, measurement.recording.samples, np.zeros(NEEDLE_NUMBERS)
+    pressures = np.nan_to_num(recording.rail_pressure[commands[:, 0].astype(np.int64)] / CONTROL_REFERENCE, nan=1.0)
     area, slopes, shots = np.zeros(n), np.zeros((n, NEEDLE_NUMBERS)), np.zeros(n, np.int64)
-    commanded_areas(commands, pressures, needle, nothing, c.seat, interval, area, slopes, shots)
+    commanded_areas(commands, pressures, needle, nothing, c.seat, measurement.interval, area, slopes, shots)
     return area
 
 

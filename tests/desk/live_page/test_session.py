@@ -65,13 +65,13 @@ def sent_until_behind(session: Session) -> list[bytes]:
 
 def test_a_browser_that_does_not_answer_or_claims_to_be_ahead_is_sent_no_more(watching: Watching) -> None:
     session = Session(watching, Saver(Path()))
-    session.take("drawn", 10**9, 0)
+    session.take_drawn(10**9)
     for _ in range(3):
         sent = sent_until_behind(session)
         assert len(sent) in (1, 2, 3)
-        said = text_of(sent[-1])
-        session.take("drawn", said["number"], 0)
-    assert said["said"] == "there is no injection yet"
+        content = text_of(sent[-1])
+        session.take_drawn(content["number"])
+    assert content["notice"] == "there is no injection yet"
     assert session.message() is not None
     assert session.message() is None  # nothing new
 
@@ -122,7 +122,7 @@ def test_a_browser_saves_one_at_a_time_and_hears_of_it_once_it_is_done(tmp_path:
         saver.results[0].set_result("saved: there")
         second = session.message()
         assert second is not None
-        assert ("said" in text_of(first), text_of(second)["said"]) == (False, "saved: there")
+        assert ("notice" in text_of(first), text_of(second)["notice"]) == (False, "saved: there")
         session.take("save", 0, 1)
         assert len(saver.results) == 2
 

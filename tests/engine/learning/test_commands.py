@@ -17,7 +17,7 @@ from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.model.effective import LAG_UNIT
 from observer_rt.model.effects import sized
-from observer_rt.model.hydraulics import DELAY
+from observer_rt.model.hydraulics import COMMAND_DELAY
 from tests.benches import SAMPLE_RATE, sample_bench
 from tests.daemon.pulses import EnergizingBy, Pulses, blocks, durations, on_change, pulse_bench, samples
 from tests.device import merged, run
@@ -45,7 +45,7 @@ def learned(
     history = evaluate(bench_at(bench.sample_rate), [commanded(bench, outcome, *before, late=late)])
     masses = windows_of(outcome, bench.sample_rate).masses(outcome.truth.injection_rate, bench.injector.density)
     changes = VALVE_LAW.of(history.knowledge.in_force)[:2]
-    return ObservedRun(history.evaluations[0].reports, masses)[FIRST:], [DELAY - each for each in changes]
+    return ObservedRun(history.evaluations[0].reports, masses)[FIRST:], [COMMAND_DELAY - each for each in changes]
 
 
 @pytest.mark.parametrize(

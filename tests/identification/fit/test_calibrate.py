@@ -11,8 +11,8 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation
 from observer_rt.files.signals.recording import Recording, shown_slowly
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.fit.calibrate import RATE_MISFIT, CalibrationResult, FlowLevel, calibrate
-from observer_rt.identification.fit.cross_validation import folds_of
 from observer_rt.identification.fit.document import level_words, verdict_words
+from observer_rt.identification.fit.folds import folds_of
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import (
     INERTANCE,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from observer_rt.identification.fit.calibrate import calibrate
-from observer_rt.identification.fit.document import oddities, phase_name, verdict_words
+from observer_rt.identification.fit.document import oddities, verdict_words
 from observer_rt.identification.fit.problem import LOSS, NOZZLE, SAC, SEAT, STIFFNESS, with_values
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import LUMPS, NOMINAL, of_independent_plant, off_by_ten_percent, simulations
@@ -27,7 +27,7 @@ def test_what_disagrees_is_said_and_no_cause_that_a_refit_did_not_show() -> None
     figures = r"Most is left in (\w+) at (\d+) MPa: ([\d.]+) MPa one sample ahead \(noise alone ([\d.]+)\)"
     match = re.search(figures, words)
     assert match is not None
-    assert match[1] in {phase_name(phase) for phase in done.inadequate}
+    assert match[1] in {phase.label for phase in done.inadequate}
     assert match[2] in ("60", "100")
     assert float(match[3]) > 3.0 * float(match[4])
     assert re.search("measured more often (above|below) the model", words)

@@ -364,12 +364,12 @@ function draw(atOnce = false) {
 function take(message) {
   let from = 4 + new DataView(message).getUint32(0, true);
   const text = new TextDecoder().decode(new Uint8Array(message, 4, from - 4));
-  const said = JSON.parse(text);
-  if (said.names) build(said.names);
-  if (said.said !== undefined) element("said").textContent = said.said;
-  now = said.now;
-  showTop(said.buses);
-  said.injectors.forEach(({ news, ...told }, k) => {
+  const content = JSON.parse(text);
+  if (content.names) build(content.names);
+  if (content.notice !== undefined) element("said").textContent = content.notice;
+  now = content.now;
+  showTop(content.buses);
+  content.injectors.forEach(({ news, ...told }, k) => {
     injectors[k].told = told;
     const { list } = injectors[k];
     for (const { curves, samples, ...one } of news) {
@@ -388,7 +388,7 @@ function take(message) {
     }
     list.splice(0, list.length - KEPT);
   });
-  return said.number;
+  return content.number;
 }
 
 // Stand still at the newest injection, or go on.

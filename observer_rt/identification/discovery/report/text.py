@@ -2,7 +2,7 @@
 
 import math
 
-from observer_rt.engine.estimation.phases import Phase
+from observer_rt.engine.estimation.phases import PHASE_WORDS
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, sign
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.law_words import law_text
@@ -12,13 +12,6 @@ from observer_rt.identification.discovery.search.results import Discovery, Small
 from observer_rt.model.effects import VOCABULARY
 
 MANY = 3.0  # times the noise: what a model leaves that does not explain recordings
-PHASE_WORDS = {
-    Phase.STANDSTILL: "while the needle is shut",
-    Phase.OPENING: "while the needle opens",
-    Phase.OPEN: "while the needle is open",
-    Phase.CLOSING: "while the needle closes",
-    Phase.AFTER: "right after the needle has closed",
-}
 
 
 def as_text(findings: Findings) -> str:
@@ -92,7 +85,7 @@ def _verdict_words(discovery: Discovery) -> str:
 def standing_words(proposal: Proposal) -> str:
     """Rates a proposal: how far it explains the recordings, and whether a model may have it."""
     before, after = (value / MEGAPASCAL for value in proposal.held_out)
-    apart = f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
+    apart = "" if math.isnan(before) else f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after"
     moved = f"injected mass {proposal.candidate.moves.mass / MILLIGRAM:+.2g} mg"
     fit = f"explains all (probability {proposal.probability:.2f})" if proposal.adequate else ""
     if proposal.refusal is not None:

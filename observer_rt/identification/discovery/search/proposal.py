@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import PlainSerializer, computed_field
 
-from observer_rt.engine.estimation.phases import Phase
+from observer_rt.engine.estimation.phases import PHASE_NAMES, Phase
 from observer_rt.foundation.documents import DocumentPart, Entry, Figure, Figures, Inside, Number, key, unit
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.law_words import as_if
@@ -17,13 +17,6 @@ from observer_rt.model.terms.term import Term
 
 MOST_ENTERING = 2  # terms and effects that a model may be given: more explain anything
 _MORE_POINTS = "record more rail pressures and durations"
-PHASE_NAMES = {
-    Phase.STANDSTILL: "closed",
-    Phase.OPENING: "opening",
-    Phase.OPEN: "open",
-    Phase.CLOSING: "closing",
-    Phase.AFTER: "after",
-}
 PhaseName = Annotated[Phase, PlainSerializer(PHASE_NAMES.__getitem__, str)]
 
 
@@ -66,8 +59,10 @@ def _stated(term: Term) -> tuple[Number | str, ...]:
 
 
 class ProposedTerm(DocumentPart):
-    """A law added to an equation. sentence: in words, behind `as if`;
-    coefficient: value, ends of its 95 % interval, unit."""
+    """A law added to an equation.
+
+    sentence: in words, behind `as if`; coefficient: value, ends of its 95 % interval, unit.
+    """
 
     equation: str
     law: str

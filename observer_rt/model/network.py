@@ -24,7 +24,7 @@ from observer_rt.core.model.model import (
     inputs_along,
 )
 
-NEGLIGIBLE = 1e-6  # weight, up to which a curve along two inputs is none: what is left of one out of use
+NEGLIGIBLE = 7e-7  # weight, up to which a curve along two inputs is none: what is left of one out of use
 OVERLAP = 0.7  # width of a neuron, in distances between their centres
 
 

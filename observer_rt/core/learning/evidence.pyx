@@ -52,8 +52,9 @@ def weigh_scales(
     """Add to logs (k^g,) how likely weights are to be 0 by a mean (m,) and a covariance (m, m), for all noises of groups.
 
     ends (g + 1,): of the weights that always have the first noise, then of the groups, of which the last changes its
-    noise fastest; noises (k,). weights (w,): columns of theta; sizes (w,): of their priors, in whose units noises are variances. Returns the mean (m,) once they
-    were measured to be 0 with the likeliest noises. Raises numpy.linalg.LinAlgError when not positive definite.
+    noise fastest; noises (k,). weights (w,): columns of theta; sizes (w,): of their priors, in whose units noises are
+    variances. Returns the mean (m,) once they were measured to be 0 with the likeliest noises. Raises
+    numpy.linalg.LinAlgError when not positive definite.
     """
     cdef int64_t w = weights.shape[0], k = noises.shape[0], groups = ends.shape[0] - 1, count = logs.shape[0], size = whole(w + 1)
     # a table a group: upper half of the weights' covariance, beside it their mean, in units of the sizes

@@ -42,9 +42,7 @@ cdef inline double curve_at(int curve, const double* z, const double* curves, do
     return cubic[0] + t * (cubic[1] + t * (cubic[2] + t * cubic[3]))
 
 
-cdef inline double change_of(
-    bint is_seat, const double* z, const Network* network, double* slopes
-) noexcept nogil:
+cdef inline double change_of(bint is_seat, const double* z, const Network* network, double* slopes) noexcept nogil:
     """N_H or N_S, a row of W sigma(V z) + b (7), at the inputs z (INPUTS,), and its slopes by them."""
     cdef double change = network.bias[is_seat]
     cdef int first = FIRST_OF_SEAT if is_seat else 0, end = CURVES if is_seat else FIRST_OF_SEAT, curve

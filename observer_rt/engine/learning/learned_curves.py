@@ -113,6 +113,7 @@ def learned_curves(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedCurve,
 
 def learned_surfaces(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedSurface, ...]:
     """Surfaces of the pairs that are rather in use than not."""
+    is_in_use = IS_PAIR & (law_probabilities(knowledge.state.learned.belief) > IN_USE)
     return tuple(
         LearnedSurface(
             flow,
@@ -123,8 +124,7 @@ def learned_surfaces(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedSurf
             (axes[0].is_seen[:, :, None] & axes[1].is_seen[:, None, :]).any(axis=0),
             probability,
         )
-        for flow, axes, change, half_width, probability in _laws(knowledge, c, IS_PAIR)
-        if probability > IN_USE
+        for flow, axes, change, half_width, probability in _laws(knowledge, c, is_in_use)
     )
 
 

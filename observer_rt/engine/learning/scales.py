@@ -81,10 +81,8 @@ class ScaleChoice(NamedTuple):
 def _measured(belief: Belief, weights: NDArray[np.int64], noise: Vector | float) -> Belief:
     """The belief after weights (k,) were measured to be 0, with variances (k,) in units of their prior's."""
     columns, prior = WEIGHTS[weights], _PRIOR[weights]
-    across = belief.covariance[columns] / prior[:, None]
-    variance = across[:, columns] / prior
-    variance[np.diag_indices(columns.size)] += noise
-    gain = (inverse_of(variance)[0] @ across).T
+    across, information = _information(belief.covariance, weights, noise)
+    gain = (information @ across).T
     by_error = gain @ (belief.error_covariance[columns] / prior[:, None])
     error = belief.error_covariance - by_error - by_error.T
     error += (by_error[:, columns] / prior + gain * noise) @ gain.T
@@ -92,15 +90,25 @@ def _measured(belief: Belief, weights: NDArray[np.int64], noise: Vector | float)
     return Belief(mean, symmetric(belief.covariance - gain @ across), symmetric(error))
 
 
+def _information(covariance: Matrix, weights: NDArray[np.int64], noise: Vector | float) -> tuple[Matrix, Matrix]:
+    """Covariance (k, m) of weights with theta, in units of their prior; inverse (k, k) of their own with noise."""
+    across = covariance[WEIGHTS[weights]] / _PRIOR[weights, None]
+    variance = across[:, WEIGHTS[weights]] / _PRIOR[weights]
+    variance[np.diag_indices(weights.size)] += noise
+    return across, inverse_of(variance)[0]
+
+
 @lru_cache(32)
-def _out_of_use(pairs: Pairs) -> NDArray[np.int64]:
-    """Weights of all pairs but these."""
-    return _OF_PAIR[~np.isin(_PAIRS, list(pairs))].ravel()
+def _measured_in_turn(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Weights of all pairs but these, then those of curves along one input; where these and each of those end."""
+    others = _OF_PAIR[~np.isin(_PAIRS, list(pairs))].ravel()
+    return np.concatenate((others, _OF_SINGLE)), np.cumsum([others.size, *NEURONS[_SINGLE]])
 
 
 def without_others(belief: Belief, pairs: Pairs) -> Belief:
     """The belief with no pairs but these: their weights vary for themselves, by as little as those of no law."""
-    others = _out_of_use(pairs)
+    weights, ends = _measured_in_turn(pairs)
+    others = weights[: ends[0]]
     narrow, columns = _measured(belief, others, float(_NOISES[0])), WEIGHTS[others]
     narrow.mean[columns] = 0.0
     for covariance in (narrow.covariance, narrow.error_covariance):
@@ -117,24 +125,20 @@ def weigh_choices(
     Both with the whole prior; log_priors (k,): of choices beyond what `_BEFORE` says. And the mean (m,) at the
     likeliest. Raises numpy.linalg.LinAlgError when not positive definite.
     """
-    others = _out_of_use(pairs)
-    order, ends = np.concatenate((others, _OF_SINGLE)), np.cumsum([others.size, *NEURONS[_SINGLE]])
+    weights, ends = _measured_in_turn(pairs)
     logs = _BEFORE + len(pairs) * math.log(c.PAIRED) + log_priors
-    return logs, weigh_scales(mean, covariance, WEIGHTS[order], _PRIOR[order], ends, _NOISES, logs)
+    return logs, weigh_scales(mean, covariance, WEIGHTS[weights], _PRIOR[weights], ends, _NOISES, logs)
 
 
 def _gains(mean: Vector, covariance: Matrix, choice: ScaleChoice) -> dict[int, float]:
     """Nats by which a choice is likelier with each of the other pairs, too: that its weights need not be 0."""
-    variance = covariance[WEIGHTS[:, None], WEIGHTS] / (_PRIOR[:, None] * _PRIOR)
-    variance[_ALL, _ALL] += choice.noise
-    information = inverse_of(variance)[0]
+    _, information = _information(covariance, _ALL, choice.noise)
     blocks = information[_OF_PAIR[:, :, None], _OF_PAIR[:, None, :]]
     pulls = (information @ (mean[WEIGHTS] / _PRIOR))[_OF_PAIR]
     squares = (pulls * np.linalg.solve(blocks, pulls[..., None])[..., 0]).sum(axis=1)
     gains = 0.5 * (squares - np.linalg.slogdet(blocks)[1]) + math.log(c.PAIRED)
-    return {
-        pair: gain for pair, gain in zip(_PAIRS.tolist(), gains.tolist(), strict=True) if pair not in choice.pairs
-    }
+    of_pairs = zip(_PAIRS.tolist(), gains.tolist(), strict=True)
+    return {pair: gain for pair, gain in of_pairs if pair not in choice.pairs}
 
 
 @lru_cache(8)

@@ -74,7 +74,7 @@ class Status:
 
     run: tells it from other daemons. moment: when it last looked at itself [ns since 1970]. words: state or reason
     in words. model: file in force. lost: samples and frames so far. learned: curves of the laws of nozzle and seat,
-    as `LearnedCurve.columns`.
+    as `LearnedLaw.columns`.
     """
 
     run: int

@@ -182,9 +182,10 @@ class SnapshotKeeper:
     def _laws(self, knowledge: Knowledge) -> tuple[Mapping[str, Any], ...]:
         """Curves of what was learned, worked out once for each event."""
         if knowledge is not self._learned[0]:
-            from observer_rt.engine.learning.learned_curves import learned_curves  # where a page asks for them
+            from observer_rt.engine.learning.learned_laws import learned_laws  # where a page asks for them
 
-            self._learned = knowledge, tuple(curve.columns for curve in learned_curves(knowledge, self._c))
+            laws = learned_laws(knowledge, self._c)
+            self._learned = knowledge, tuple(law.columns for law in laws if not law.is_surface)
         return self._learned[1]
 
     def _of_state(self, moment: int, state: State, reasons: Sequence[Reason], faults: tuple[Fault, ...]) -> Status:

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.gridspec import SubplotSpec
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.learned_curves import LearnedCurve, LearnedSurface
+from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.foundation.figures import svg_figure
 
 FLOWS = {NOZZLE: ("nozzle", "#d62728"), SEAT: ("seat", "#9467bd")}  # name and colour
@@ -16,30 +16,30 @@ LEAST_RANGE = 2.0  # %, that is drawn at least: smaller changes look as small as
 _PERCENT = 100.0
 
 
-def draw_learned(part: SubplotSpec, curves: Sequence[LearnedCurve], surfaces: Sequence[LearnedSurface] = ()) -> None:
+def draw_learned(part: SubplotSpec, laws: Sequence[LearnedLaw]) -> None:
     """Draw the curves of both flows in part of a figure, all on one scale, and after them the surfaces."""
-    count = len(curves) + len(surfaces)
-    panels = part.subgridspec(_rows(count), COLUMNS).subplots(squeeze=False)
+    panels = part.subgridspec(_rows(laws), COLUMNS).subplots(squeeze=False)
+    curves = [law for law in laws if not law.is_surface]
     values = [_PERCENT * value for curve in curves for value in (*curve.change, 0.0)]
     margin = max(0.15 * (max(values) - min(values)), LEAST_RANGE)
     for axes, curve in zip(panels.flat, curves, strict=False):
         change, half = _PERCENT * curve.change, _PERCENT * curve.half_width
         flow, colour = FLOWS[curve.flow]
         axes.axhline(0, color="#222222", lw=0.8)
-        axes.fill_between(curve.inputs, change - half, change + half, color=colour, alpha=0.18, lw=0)
-        axes.plot(curve.inputs, change, color=colour, lw=1.4)
-        axes.set_xlabel(f"{_label(curve.variable)}, {flow}", fontsize=8)
+        axes.fill_between(*curve.inputs, change - half, change + half, color=colour, alpha=0.18, lw=0)
+        axes.plot(*curve.inputs, change, color=colour, lw=1.4)
+        axes.set_xlabel(f"{_label(*curve.variables)}, {flow}", fontsize=8)
         axes.set_ylim(min(values) - margin, max(values) + margin)
         axes.grid(alpha=0.3)
     for axes in panels.flat[: len(curves) : COLUMNS]:
         axes.set_ylabel("learned change\nof the flow [%]")
-    for axes, surface in zip(panels.flat[len(curves) :], surfaces, strict=False):
+    for axes, surface in zip(panels.flat[len(curves) :], laws[len(curves) :], strict=False):
         _draw_surface(axes, surface)
-    for axes in panels.flat[count:]:
+    for axes in panels.flat[len(laws) :]:
         axes.remove()
 
 
-def _draw_surface(axes: Axes, surface: LearnedSurface) -> None:
+def _draw_surface(axes: Axes, surface: LearnedLaw) -> None:
     """Draw a surface in colours, hatched where no event was."""
     change, seen = _PERCENT * surface.change.T, surface.is_seen.T
     most = max(np.abs(change[seen]).max(initial=0.0), LEAST_RANGE)
@@ -57,17 +57,17 @@ def _label(variable: str) -> str:
     return f"{name.replace('_', ' ')} [{unit}]"
 
 
-def height_of(curves: Sequence[LearnedCurve], surfaces: Sequence[LearnedSurface] = ()) -> float:
-    """Inches that curves and surfaces take."""
-    return ROW * _rows(len(curves) + len(surfaces))
+def height_of(laws: Sequence[LearnedLaw]) -> float:
+    """Inches that laws take."""
+    return ROW * _rows(laws)
 
 
-def _rows(count: int) -> int:
-    return -(-count // COLUMNS)
+def _rows(laws: Sequence[LearnedLaw]) -> int:
+    return -(-len(laws) // COLUMNS)
 
 
-def learned_figure(curves: Sequence[LearnedCurve]) -> str:
-    """SVG of the curves alone."""
-    with svg_figure(10.4, height_of(curves)) as (figure, svg):
-        draw_learned(figure.add_gridspec(1, 1)[0], curves)
+def learned_figure(laws: Sequence[LearnedLaw]) -> str:
+    """SVG of the laws alone."""
+    with svg_figure(10.4, height_of(laws)) as (figure, svg):
+        draw_learned(figure.add_gridspec(1, 1)[0], laws)
     return svg()

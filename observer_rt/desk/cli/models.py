@@ -110,7 +110,7 @@ def discover(
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.desk.discover_inputs import task_of_evidence, task_of_recordings
-    from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
+    from observer_rt.desk.evaluation.healthy_events import learn_laws, observer_remainder
     from observer_rt.identification.discovery import amend, folder
     from observer_rt.identification.discovery import discover as discovery
     from observer_rt.identification.discovery.findings import FINDINGS
@@ -133,7 +133,7 @@ def discover(
         model, task = task_of_recordings(recordings, healthy, model, decoder, from_channel, messages)
     folder.check_answer_folder(out, model, force)
     amendable = InjectorFile.read(model)
-    task = replace(task, chosen=chosen, accepted=accept_term or 0, observed=observer_remainder, learned=learned_laws)
+    task = replace(task, chosen=chosen, accepted=accept_term or 0, observed=observer_remainder, learned=learn_laws)
     discovery.refuse_incomparable(task, str(model))
     make_folder("--out", out)
     for measurement in (*task.measured, *task.healthy):

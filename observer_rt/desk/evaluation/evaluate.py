@@ -15,7 +15,7 @@ from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.run import ObserverRun, Progress
 from observer_rt.desk.evaluation.trace import open_trace
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.learning.learned_curves import learned_curves, learned_surfaces
+from observer_rt.engine.learning.learned_laws import learned_laws
 from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.injector import LearnerFactory, make_learner
@@ -85,8 +85,7 @@ def evaluate(
                 run.finish()
             evaluation.counters, evaluation.standstill = core.counters.since(before), core.standstill
             evaluation.has_energizing = core.optional.energizing is not None
-            evaluation.learned = learned_curves(core.knowledge, core.coefficients)
-            evaluation.surfaces = learned_surfaces(core.knowledge, core.coefficients)
+            evaluation.learned = learned_laws(core.knowledge, core.coefficients)
             before = core.counters
     return History(tuple(evaluations), core.knowledge, tuple(run.frames))
 

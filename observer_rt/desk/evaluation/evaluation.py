@@ -8,7 +8,7 @@ import numpy as np
 
 from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
 from observer_rt.desk.evaluation.trace import SAMPLE, InjectionSamples, Trace, trace_arrays, trace_of
-from observer_rt.engine.learning.learned_curves import LearnedCurve, LearnedSurface
+from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass
 from observer_rt.engine.service.messages import Counters
@@ -27,10 +27,8 @@ class Evaluation:
     standstill: Standstill
     has_energizing: bool
     """Whether the bench has this input, so that reports and counters include commands."""
-    learned: tuple[LearnedCurve, ...]
+    learned: tuple[LearnedLaw, ...]
     """Laws of nozzle and seat as they were known at its end."""
-    surfaces: tuple[LearnedSurface, ...]
-    """Those of two inputs at once."""
 
     def __init__(self, source: SignalStream, curves_of: Coefficients | None = None, keeps_all: bool = False) -> None:
         """curves_of: the nominal model, where curves are drawn; keeps_all: the trace, and curves of all injections,

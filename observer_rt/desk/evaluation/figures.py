@@ -18,7 +18,7 @@ from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.hypotheses import BEFORE
 from observer_rt.engine.learning.indicators import Estimate
-from observer_rt.engine.learning.learned_curves import LearnedCurve, LearnedSurface
+from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.files.learned_picture import FLOWS, draw_learned, height_of
 from observer_rt.foundation.figures import NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95
@@ -45,8 +45,7 @@ class Picture:
     title: str
     curves: Mapping[int, RateCurves]
     masses: Sequence[MassRow]
-    learned: Sequence[LearnedCurve] = ()
-    surfaces: Sequence[LearnedSurface] = ()
+    learned: Sequence[LearnedLaw] = ()
 
 
 def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> None:
@@ -194,13 +193,13 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
         panels.append((1.6, lambda axes: draw_posterior(axes, recordings[0].masses)))
     heights = [height for height, _ in panels]
     rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))
-    learned, surfaces = (recordings[0].learned, recordings[0].surfaces) if len(recordings) == 1 else ((), ())
-    sections = [sum(of_each)] * rows + [sum(heights)] + [height_of(learned, surfaces)] * bool(learned)
+    learned = recordings[0].learned if len(recordings) == 1 else ()
+    sections = [sum(of_each)] * rows + [sum(heights)] + [height_of(learned)] * bool(learned)
     size = max(8.8, 4.1 * columns), sum(sections) + 0.8
     figure = NotebookFigure(figsize=size, layout="constrained")
     parts = figure.add_gridspec(len(sections), 1, height_ratios=sections)
     if learned:
-        draw_learned(parts[-1], learned, surfaces)
+        draw_learned(parts[-1], learned)
     for row in range(rows):
         grid = parts[row].subgridspec(len(of_each), columns, height_ratios=of_each)
         for column, number in enumerate(numbers[row * COLUMNS : (row + 1) * COLUMNS]):
@@ -321,4 +320,4 @@ def _picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:
         for result in evaluation.injections
         for report in (result.report,)
     ]
-    return Picture(str(evaluation.path), curves, masses, evaluation.learned, evaluation.surfaces)
+    return Picture(str(evaluation.path), curves, masses, evaluation.learned)

@@ -22,7 +22,7 @@ from observer_rt.engine.learning.account import TemperedEvent, overdispersion_of
 from observer_rt.engine.learning.adequacy import BURN_IN, Innovations, event_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, EventStretch, Healthy, ShapeFit, stretch_of
 from observer_rt.engine.learning.knowledge import Knowledge, Outcome
-from observer_rt.engine.learning.learned_curves import LearnedCurve
+from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.learning.posterior.reader import setting_of
 from observer_rt.engine.stream.standstill import Standstill
@@ -102,7 +102,7 @@ def observer_remainder(
     return _remainder(collected) if collected else None
 
 
-def learned_laws(injector: InjectorParameters, recordings: Sequence[Recording]) -> tuple[LearnedCurve, ...]:
+def learn_laws(injector: InjectorParameters, recordings: Sequence[Recording]) -> tuple[LearnedLaw, ...]:
     """Laws of nozzle and seat that the network learns from recordings; none where the observer refuses them."""
     alike = [recording for recording in recordings if recording.sample_rate == recordings[0].sample_rate]
     try:

@@ -14,7 +14,7 @@ from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.desk.evaluation.curves import SHOWN, InjectionResult, in_words, injection_json
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
-from observer_rt.engine.learning.learned_curves import furthest
+from observer_rt.engine.learning.learned_laws import furthest
 from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned
 from observer_rt.engine.service.injector import SIGNALS
 from observer_rt.engine.stream.state import Reason
@@ -110,8 +110,8 @@ def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
             **_level_json(evaluation),
             **_energizing_json(evaluation),
         },
-        "learned": [curve.columns for curve in evaluation.learned],
-        "learned_surfaces": [surface.columns for surface in evaluation.surfaces],
+        "learned": [law.columns for law in evaluation.learned if not law.is_surface],
+        "learned_surfaces": [law.columns for law in evaluation.learned if law.is_surface],
     }
 
 
@@ -182,8 +182,9 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
     for flow in (NOZZLE, SEAT):
         if (curve := furthest(law for law in evaluation.learned if law.flow == flow)) is not None:
             say(console, curve.words)
-    for surface in evaluation.surfaces:
-        say(console, surface.words)
+    for law in evaluation.learned:
+        if law.is_surface:
+            say(console, law.words)
     if count:
         for line in _line_side(evaluation.injections[-1], c):
             say(console, line)

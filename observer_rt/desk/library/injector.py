@@ -16,7 +16,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_inje
 from observer_rt.config.effects import effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.config.signals import effects_on_one_raster
-from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
+from observer_rt.desk.evaluation.healthy_events import learn_laws, observer_remainder
 from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run
 from observer_rt.desk.library.fit import FitResult, fitted_model
 from observer_rt.desk.library.notes import CallNotes, naming_parameters, noted, screen
@@ -227,7 +227,7 @@ class Injector:
                 effects_named("choose", choose),
                 accept_term,
                 observer_remainder,
-                learned_laws,
+                learn_laws,
             )
             refuse_incomparable(task, self.file.name)
             with progress_bar(screen, "looking for what is missing", 1.0) as progress:

@@ -103,7 +103,8 @@ class EvaluationResult(KnowledgeHolder):
     @cached_property
     def learned(self) -> pd.DataFrame:
         """Laws of nozzle and seat as learned, a point a row: relative change of a flow over a variable."""
-        curves = [{RECORDING: _name(run), **curve.columns} for run in self.evaluations for curve in run.learned]
+        laws = ((_name(run), law) for run in self.evaluations for law in run.learned if not law.is_surface)
+        curves = [{RECORDING: name, **law.columns} for name, law in laws]
         table = pd.DataFrame(curves, columns=[RECORDING, "flow", "variable", *_OF_POINTS])
         return table.explode(_OF_POINTS, ignore_index=True).astype(dict.fromkeys(_OF_POINTS, float))
 

@@ -8,7 +8,7 @@ from datetime import date
 from functools import partial
 
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, is_same_rate
-from observer_rt.engine.learning.learned_curves import LearnedCurve, furthest
+from observer_rt.engine.learning.learned_laws import LearnedLaw, leading
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL
@@ -68,7 +68,7 @@ class DiscoveryTask:
     chosen: tuple[str, ...] = ()
     accepted: int = 0
     observed: ObserverRemainder | None = None
-    learned: Callable[[InjectorParameters, Sequence[Recording]], tuple[LearnedCurve, ...]] | None = None
+    learned: Callable[[InjectorParameters, Sequence[Recording]], tuple[LearnedLaw, ...]] | None = None
 
 
 def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
@@ -110,7 +110,7 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
         lambda done: progress(begin + (_NAMED - begin) * done),
         baseline,
         task.chosen,
-        furthest(learned),
+        leading(learned),
     )
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
     accepted_term = task.accepted if task.accepted <= len(discovery.proposals) else 0

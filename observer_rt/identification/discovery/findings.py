@@ -15,7 +15,7 @@ from pydantic import Field, PlainSerializer, TypeAdapter, computed_field
 from observer_rt.engine.estimation.phases import PHASE_NAMES
 from observer_rt.engine.learning.adequacy import looks_like_inertance
 from observer_rt.engine.learning.healthy import Healthy
-from observer_rt.engine.learning.learned_curves import LearnedCurve
+from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.foundation.documents import DocumentPart, Entry, Figures, Inside, Number, key
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.gaps import RATE, Disagreement, ModelGaps
@@ -42,8 +42,8 @@ LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a 
 _COUNTED = {Variable.INJECTION_NUMBER, Variable.TIME}
 RECORD_MORE = "record at least three rail pressures and two durations"
 GapEntry = dict[str, dict[str, Number | bool] | None]
-LearnedEntry = dict[str, str | float | list[float]]
-"""`LearnedCurve.columns`."""
+LearnedEntry = dict[str, str | float | list[str] | list[float] | list[list[float]] | list[list[bool]]]
+"""`LearnedLaw.columns`."""
 
 
 @dataclass(frozen=True)
@@ -283,7 +283,7 @@ class Findings(Discovery):
     remainder: Annotated[Remainder | None, Entry(lambda one, _: one is not None, bool), key("in_part")] = None
     injections: tuple[InjectionGap, ...] = ()
     masses: tuple[MassChange, ...] = ()
-    learned: tuple[Annotated[LearnedCurve, Entry(lambda curve, _: curve.columns, LearnedEntry)], ...] = ()
+    learned: tuple[Annotated[LearnedLaw, Entry(lambda law, _: law.columns, LearnedEntry)], ...] = ()
     folder: Inside[str] = ""
 
     @property

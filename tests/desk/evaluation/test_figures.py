@@ -13,7 +13,7 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.figures import LEAST_SHOWN, Picture, draw_masses, injections_figure, pictures_of
 from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.engine.learning.learned_curves import LearnedCurve
+from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 TIME = np.linspace(0.0, 2.0, 50) * MILLISECOND
@@ -81,7 +81,8 @@ def test_what_the_events_were_is_drawn_where_one_was_not_as_before(changed: floa
 @pytest.mark.parametrize("recordings", [1, 2])
 def test_laws_learned_are_drawn_of_a_single_recording(recordings: int) -> None:
     drop = np.linspace(10.0, 100.0, 5)
-    curve = LearnedCurve("orifice_area", "pressure_drop_MPa", drop, np.full(5, -0.1), np.full(5, 0.01), 0.97)
+    change, half, seen = np.full(5, -0.1), np.full(5, 0.01), np.ones(5, bool)
+    curve = LearnedLaw("orifice_area", ("pressure_drop_MPa",), (drop,), change, half, seen, 0.97)
     shown = replace(picture("one"), learned=(curve,))
     axes = injections_figure([shown] * recordings, "measured").axes
     drawn = [panel for panel in axes if panel.get_xlabel() == "pressure drop [MPa], nozzle"]

@@ -1,10 +1,10 @@
 """Laws beside a candidate: of one linearised pass the best are refitted; others are made for its residuals.
 
-The first guess, the law of nozzle or seat that stands out of what the network learned, says which law is refitted
-first, and no more: it comes of the same recordings, and as prior odds would count them twice.
+The first guess, the law of nozzle or seat that stands out of what the network learned, says which law, or product
+of two, is refitted first, and no more: it comes of the same recordings, and as prior odds would count them twice.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property, partial
 from itertools import combinations
 from operator import attrgetter
@@ -12,7 +12,7 @@ from operator import attrgetter
 import numpy as np
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.learned_curves import LearnedCurve, furthest
+from observer_rt.engine.learning.learned_laws import LearnedLaw, leading
 from observer_rt.identification.discovery.search.adequacy import Adequacy
 from observer_rt.identification.discovery.search.candidates import UNNAMED, Candidate, Hypothesis, equation_of
 from observer_rt.identification.discovery.search.curves import (
@@ -64,7 +64,7 @@ VARIABLES = {
 }
 
 
-Guess = LearnedCurve | None
+Guess = LearnedLaw | None
 
 
 class Laws:
@@ -138,7 +138,8 @@ class Laws:
         score = partial(self._fits.scores, about)
         curves = free_curves([one for one in _EVERY if one[0] in where], score)
         fits = self._fitted_beside(about, made_to_measure(curves, self._waves(about), score))
-        if about.ids or any(map(self._is_adequate, fits)):
+        is_pair_guessed = self._guess is not None and self._guess.is_surface
+        if about.ids or (any(map(self._is_adequate, fits)) and not is_pair_guessed):
             return fits
         fits += self._products_alone
         return fits if any(map(self._is_adequate, fits)) else fits + self._fitted_beside(about, tables(curves, score))
@@ -164,7 +165,8 @@ class Laws:
     @cached_property
     def _products_alone(self) -> list[Candidate]:
         """Fits with a single law of two variables at once."""
-        return self._fitted_beside(self._nothing, products(partial(self._fits.scores, self._nothing)))
+        guessed = partial(is_guessed, guess=self._guess)
+        return self._fitted_beside(self._nothing, products(partial(self._fits.scores, self._nothing), guessed))
 
     def stand_ins(self, best: Candidate) -> list[Candidate]:
         """Laws that a single effect may stand for.
@@ -234,12 +236,13 @@ def is_guessed(effect: Effect, guess: Guess) -> bool:
     law = effect.apply
     if guess is None or not isinstance(law, TermLaw) or law.equation is not EQUATIONS[guess.flow]:
         return False
-    return VARIABLES[guess.variable] in law.law.variables
+    return {VARIABLES[variable] for variable in guess.variables} <= law.law.variables
 
 
-def guess_words(curves: Iterable[LearnedCurve]) -> str:
+def guess_words(laws: Sequence[LearnedLaw]) -> str:
     """Names the law that the search began with."""
-    guess = furthest(curves)
+    guess = leading(laws)
     if guess is None:
         return "None is further from level than its interval."
-    return f"The search began with {EQUATIONS[guess.flow].words} over {VARIABLES[guess.variable].word}."
+    over = " and ".join(VARIABLES[variable].word for variable in guess.variables)
+    return f"The search began with {EQUATIONS[guess.flow].words} over {over}."

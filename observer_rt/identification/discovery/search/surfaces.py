@@ -4,7 +4,7 @@ A surface is a sum of products of hats, each a term of its own, as a curve is a 
 innovations, linearised, says what any product of a law over the one and a law over the other variable would gain.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -49,12 +49,12 @@ class _Factor:
     values: Floats
 
 
-def products(score: Score) -> list[Effect]:
-    """Products of two forms as terms, the best over each pair of variables, the one that would gain most first."""
+def products(score: Score, is_guessed: Callable[[Effect], bool]) -> list[Effect]:
+    """Products of two forms as terms, the best over each two variables: guessed ones, then by what they gain."""
     pairs = [(equation, *axes) for equation, surfaces in SURFACES.items() for axes in surfaces]
     parts = curves.parts_of([_hats(*pair) for pair in pairs], score)
     made = [_nearest(*pair, part) for pair, part in zip(pairs, parts, strict=True) if part.numbers.size]
-    made.sort(key=lambda item: -item[0])
+    made.sort(key=lambda item: (not is_guessed(item[1]), -item[0]))
     return [effect for _, effect in made[:MOST_PRODUCTS]]
 
 

@@ -120,7 +120,7 @@ def name_effects(
     """The missing effects, fitted to all recordings.
 
     workers: threads; baseline: of healthy recordings; chosen: effects that are to lead where they are among those
-    that explain the recordings as well as the best; guess: curve whose law is refitted first.
+    that explain the recordings as well as the best; guess: learned law that is refitted first.
 
     Raises `RunError` when the nominal model has no finite solution on them, `UserError` when the chosen effects are
     no answer to them.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.engine.learning.learned_curves import LearnedCurve
+from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.identification.discovery.findings import ModelSource
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
@@ -73,14 +73,17 @@ def test_the_page_stands_alone_with_size_confidence_and_amended_model_first(worn
     assert page.loaded == []
 
 
-def test_what_the_network_learned_is_the_first_figure(worn: Worn) -> None:
-    drop = np.linspace(10.0, 100.0, 5)
-    curve = LearnedCurve("orifice_area", "pressure_drop_MPa", drop, 1e-3 * drop, np.full(5, 0.01), 0.97)
-    findings = replace(worn.findings, learned=(curve,))
-    first = report(findings).partition("</figure>")[0]
-    assert "pressure drop [MPa], nozzle" in first
-    assert "sac_pressure" in first
-    assert findings.as_json()["learned"] == [curve.columns]
+def test_what_the_network_learned_is_the_first_figure_and_a_law_of_two_inputs_leads(worn: Worn) -> None:
+    inputs, names = np.linspace(10.0, 100.0, 5), ("pressure_drop_MPa", "time_since_opening_ms")
+    change, half, seen = 1e-3 * np.outer(inputs, inputs), np.full((5, 5), 0.01), np.eye(5, dtype=bool)
+    curve = LearnedLaw("orifice_area", names[:1], (inputs,), change[0], half[0], seen.any(axis=0), 0.97)
+    surface = LearnedLaw("seat_area", names, (inputs, inputs), change, half, seen, 0.6)
+    for learned, over in (((curve,), "sac_pressure"), ((curve, surface), "sac_pressure and time_since_opening")):
+        findings = replace(worn.findings, learned=learned)
+        first = report(findings).partition("</figure>")[0]
+        assert "pressure drop [MPa], nozzle" in first
+        assert f" over {over}." in first
+        assert findings.as_json()["learned"] == [law.columns for law in learned]
 
 
 def test_effects_and_laws_of_a_candidate_are_set_apart(worn: Worn) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.desk.evaluation.healthy_events import learned_laws
+from observer_rt.desk.evaluation.healthy_events import learn_laws
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.learned_curves import LearnedCurve, furthest
+from observer_rt.engine.learning.learned_laws import LearnedLaw, furthest
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.identification.discovery.search.candidates import Candidate
@@ -203,10 +203,10 @@ def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:
 
 def test_the_law_that_the_network_learned_is_near_the_truth_and_tried_first() -> None:
     made, tried = recorded(with_laws(coking=0.3)), list[Candidate]()
-    guess = furthest(learned_laws(NOMINAL, made))
+    guess = furthest(learn_laws(NOMINAL, made))
     assert guess is not None
-    assert (guess.flow, guess.variable) == (NOZZLE, "time_since_opening_ms")
-    true = 0.3 * np.expm1(-guess.inputs * MILLISECOND / COKING_TIME)
+    assert (guess.flow, *guess.variables) == (NOZZLE, "time_since_opening_ms")
+    true = 0.3 * np.expm1(-guess.inputs[0] * MILLISECOND / COKING_TIME)
     assert np.abs(guess.change - true).max() < 0.1 * np.ptp(true)
 
     def stop_at(candidate: Candidate) -> None:
@@ -225,7 +225,7 @@ def test_the_law_that_the_network_learned_is_near_the_truth_and_tried_first() ->
 def test_a_curve_that_may_be_level_is_no_guess() -> None:
     inputs, half = np.linspace(10.0, 100.0, 5), np.full(5, 0.01)
     level, slight, rising = (
-        LearnedCurve(SEAT, "seat_area_mm2", inputs, np.linspace(-rise, rise, 5), half, 0.9)
+        LearnedLaw(SEAT, ("seat_area_mm2",), (inputs,), np.linspace(-rise, rise, 5), half, half > 0.0, 0.9)
         for rise in (0.0, 0.009, 0.03)
     )
     assert furthest((level, slight)) is None
@@ -236,4 +236,4 @@ def test_what_the_observer_refuses_teaches_nothing() -> None:
     (usual,) = recordings(points=((60e6, 1.9e-3),))
     rail, lift, line = (values[::20] for values in usual.signals.values())
     slow = Recording(usual.time[::20], rail, lift, line)
-    assert learned_laws(NOMINAL, [slow]) == ()
+    assert learn_laws(NOMINAL, [slow]) == ()

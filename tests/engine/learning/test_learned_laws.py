@@ -1,4 +1,4 @@
-"""Laws that the network learned, as curves with intervals, against those of plants by other equations."""
+"""Laws that the network learned, with their intervals, against those of plants by other equations."""
 
 from collections.abc import Callable, Mapping
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.learning.knowledge import no_knowledge
-from observer_rt.engine.learning.learned_curves import LearnedCurve, furthest, learned_curves, learned_surfaces
+from observer_rt.engine.learning.learned_laws import LearnedLaw, furthest, leading, learned_laws
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.model.effects import effective_model
 from tests.engine.plant_runs import DURATIONS, HEALTHY, RAIL_PRESSURES, in_turn
@@ -23,14 +23,15 @@ Curve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 def curves_after(
     laws: Laws, rail_pressures: tuple[float, ...] = RAIL_PRESSURES
-) -> Mapping[tuple[str, str], LearnedCurve]:
+) -> Mapping[tuple[str, str], LearnedLaw]:
     """Curves learned from 15 injections of an injector with such laws, by flow and variable."""
     plant = Bench(Injector(), Needle(), in_turn(15, lambda _: HEALTHY, rail_pressures), seed=37, laws=laws)
     bench = bench_at(plant.sample_rate)
     knowledge = evaluate(bench, [recording_of(record(plant))]).knowledge
     c = effective_model(bench.injector.parameters).coefficients
-    assert not learned_surfaces(knowledge, c)  # of one input each
-    return {(curve.flow, curve.variable): curve for curve in learned_curves(knowledge, c)}
+    laws = learned_laws(knowledge, c)
+    assert not any(law.is_surface for law in laws)
+    return {(curve.flow, *curve.variables): curve for curve in laws}
 
 
 @pytest.mark.parametrize(
@@ -44,7 +45,7 @@ def test_a_law_of_the_nozzle_is_within_its_interval(laws: Laws, variable: str, t
     curves = curves_after(laws)
     curve = furthest(curves.values())
     assert curve is curves["orifice_area", variable]
-    true = truth(curve.inputs)
+    true = truth(*curve.inputs)
     assert np.ptp(true) > 0.1
     assert np.mean(np.abs(curve.change - true) <= curve.half_width) > 0.8
     assert np.abs(curve.change - true).max() < 0.25 * np.ptp(true)
@@ -60,8 +61,7 @@ def test_a_healthy_injector_has_flat_curves_over_what_varied() -> None:
 
 def test_there_are_none_before_an_event() -> None:
     c = effective_model(bench_at(100e3).injector.parameters).coefficients
-    assert learned_curves(no_knowledge(NOISE, c.pressure_scale), c) == ()
-    assert learned_surfaces(no_knowledge(NOISE, c.pressure_scale), c) == ()
+    assert learned_laws(no_knowledge(NOISE, c.pressure_scale), c) == ()
 
 
 def test_a_law_of_two_inputs_at_once_is_learned_as_a_surface() -> None:
@@ -71,9 +71,9 @@ def test_a_law_of_two_inputs_at_once_is_learned_as_a_surface() -> None:
     (evaluation,) = evaluate(bench_at(plant.sample_rate), [recording_of(record(plant))]).evaluations
     assert all(report.valid for report in evaluation.reports[12:])
     assert np.mean([abs(late.remainder) <= 2.0 * late.relative_sigma for late in evaluation.reports[12:]]) > 0.8
-    (surface,) = (
-        one for one in evaluation.surfaces if one.variables == ("rail_pressure_MPa", "time_since_opening_ms")
-    )
+    surface = leading(evaluation.learned)
+    assert surface is not None
+    assert surface.variables == ("rail_pressure_MPa", "time_since_opening_ms")
     rails, times = np.meshgrid(*surface.inputs, indexing="ij")
     true = laws.nozzle_product * np.tanh((rails - 100.0) / 30.0) * np.tanh((times - 0.8) / 0.4)
     assert 0.3 < np.mean(surface.is_seen) < 1.0

@@ -24,7 +24,6 @@ from observer_rt.core.model.model import (
     inputs_along,
 )
 
-NEGLIGIBLE = 7e-7  # weight, up to which a curve along two inputs is none: what is left of one out of use
 OVERLAP = 0.7  # width of a neuron, in distances between their centres
 
 
@@ -95,7 +94,6 @@ def network_with(weights: NDArray[np.float64]) -> Network:
     """The network with these weights (HIDDEN,) of its neurons, group by group, and nothing beside."""
     padded = np.zeros((CURVES, MOST_NEURONS, 1))
     padded[_USED, 0] = weights
-    padded[IS_PAIR & (np.abs(padded).max(axis=(1, 2)) < NEGLIGIBLE)] = 0.0
     curves = BASIS.reshape(CURVES, -1, MOST_NEURONS) @ padded
     return Network(curves.reshape(CURVES, PIECES, 4), np.zeros(2), np.zeros(NOZZLE_NUMBERS))
 

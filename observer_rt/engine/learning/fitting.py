@@ -9,7 +9,7 @@ fault leaves them as loud, in some phase and over some length of blocks, as they
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -79,11 +79,12 @@ class EventFit:
 
 @dataclass(frozen=True)
 class EventFitter:
-    """Fits one event from any prior; active: the gated columns in use."""
+    """Fits one event from any prior; active: the gated columns in use; unused: columns that stay 0."""
 
     cost: EventCost
     active: frozenset[int]
     limits: Limits
+    unused: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     def fit(self, start: Linearisation, prior: Belief, iterations: int) -> EventFit:
         """Minimise cost and distance from the prior, at most so many steps from `start`.
@@ -103,6 +104,7 @@ class EventFitter:
             covariance, _ = inverse_of(prior_information + here.information)
             joint = covariance @ (prior_vector + here.vector)
             best, active = best_subset(joint, covariance, self.limits.gate, active)
+            best[self.unused] = 0.0
             target = self._within_reach(here.theta, best)
             value = self.cost.value(target)
             as_expected = abs(value - here.expected(target)) < AGREEMENT and self._has_delays_of(here)

@@ -99,22 +99,37 @@ def _information(covariance: Matrix, weights: NDArray[np.int64], noise: Vector |
 
 
 @lru_cache(32)
+def _others(pairs: Pairs) -> NDArray[np.int64]:
+    """Weights of all pairs but these."""
+    return _OF_PAIR[~np.isin(_PAIRS, list(pairs))].ravel()
+
+
+def other_columns(pairs: Pairs) -> NDArray[np.int64]:
+    """Columns of theta that are weights of all pairs but these."""
+    return WEIGHTS[_others(pairs)]
+
+
+@lru_cache(32)
 def _measured_in_turn(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Weights of all pairs but these, then those of curves along one input; where these and each of those end."""
-    others = _OF_PAIR[~np.isin(_PAIRS, list(pairs))].ravel()
+    others = _others(pairs)
     return np.concatenate((others, _OF_SINGLE)), np.cumsum([others.size, *NEURONS[_SINGLE]])
 
 
 def without_others(belief: Belief, pairs: Pairs) -> Belief:
-    """The belief with no pairs but these: their weights vary for themselves, by as little as those of no law."""
-    weights, ends = _measured_in_turn(pairs)
-    others = weights[: ends[0]]
-    narrow, columns = _measured(belief, others, float(_NOISES[0])), WEIGHTS[others]
-    narrow.mean[columns] = 0.0
-    for covariance in (narrow.covariance, narrow.error_covariance):
+    """The belief with no pairs but these."""
+    narrow = _measured(belief, _others(pairs), float(_NOISES[0]))
+    _level(narrow, pairs)
+    return narrow
+
+
+def _level(belief: Belief, pairs: Pairs) -> None:
+    """Set the weights of all pairs but these to 0, round which they vary by as little as those of no law."""
+    others, columns = _others(pairs), other_columns(pairs)
+    belief.mean[columns] = 0.0
+    for covariance in (belief.covariance, belief.error_covariance):
         covariance[columns] = covariance[:, columns] = 0.0
         covariance[columns, columns] = _NOISES[0] * _PRIOR[others] ** 2
-    return narrow
 
 
 def weigh_choices(
@@ -123,11 +138,13 @@ def weigh_choices(
     """Logarithms (k,) of how likely each choice with these pairs is by a mean (m,) and covariance (m, m).
 
     Both with the whole prior; log_priors (k,): of choices beyond what `_BEFORE` says. And the mean (m,) at the
-    likeliest. Raises numpy.linalg.LinAlgError when not positive definite.
+    likeliest, without other pairs. Raises numpy.linalg.LinAlgError when not positive definite.
     """
     weights, ends = _measured_in_turn(pairs)
     logs = _BEFORE + len(pairs) * math.log(c.PAIRED) + log_priors
-    return logs, weigh_scales(mean, covariance, WEIGHTS[weights], _PRIOR[weights], ends, _NOISES, logs)
+    theta = weigh_scales(mean, covariance, WEIGHTS[weights], _PRIOR[weights], ends, _NOISES, logs)
+    theta[other_columns(pairs)] = 0.0
+    return logs, theta
 
 
 def _gains(mean: Vector, covariance: Matrix, choice: ScaleChoice) -> dict[int, float]:
@@ -190,4 +207,6 @@ def shrink(belief: Belief) -> Belief:
     between = (shares * away.T) @ away
     covariance = sum((share * part.covariance for share, part in zip(shares, parts, strict=True)), between)
     error = sum((share * part.error_covariance for share, part in zip(shares, parts, strict=True)), between)
-    return Belief(mean, symmetric(covariance), symmetric(error))
+    likely = Belief(mean, symmetric(covariance), symmetric(error))
+    _level(likely, frozenset().union(*(tried[number] for number in (order // len(_CHOICES)).tolist())))
+    return likely

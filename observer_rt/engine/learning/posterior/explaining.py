@@ -36,7 +36,14 @@ from observer_rt.engine.learning.hypotheses import (
 )
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
-from observer_rt.engine.learning.scales import Pairs, ScaleChoice, pairs_in_use, weigh_choices, without_others
+from observer_rt.engine.learning.scales import (
+    Pairs,
+    ScaleChoice,
+    other_columns,
+    pairs_in_use,
+    weigh_choices,
+    without_others,
+)
 from observer_rt.model.effective import LAG_UNIT
 
 NEEDLE_STARTS, LATE_STARTS = np.zeros((9, PARAMETERS)), np.zeros((len(c.LIFT_DELAYS), PARAMETERS))
@@ -132,7 +139,7 @@ class _KindEvidence:
 
 def fitter_of(before: LearnedInjector, reading: EventReading, reader: EventReader) -> EventFitter:
     """The fitter of an event that starts from a belief."""
-    return EventFitter(reading.cost, before.active, reader.limits)
+    return EventFitter(reading.cost, before.active, reader.limits, other_columns(pairs_in_use(before.belief)))
 
 
 def kind_log_priors(account: Account, has_lift: bool) -> Mapping[Kind, float]:

@@ -39,7 +39,7 @@ NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset
 
 EXACTLY = 1e-6  # standard deviation of a gain that is none
 GAIN_DRIFT = 1e-3  # from event to event, of the gain's prior
-WEIGHT_DRIFT = 0.006  # of their prior: drift of the network's weights
+WEIGHT_DRIFT = 0.002  # of their prior: drift of the network's weights
 _TINY = 1e-100  # step of a complex derivative, which loses nothing by being small
 
 _several = lru_cache(maxsize=8, typed=True)

@@ -11,6 +11,7 @@ from observer_rt.bus.mapping.bus_map import BusMap, RoleRange, message_of, role_
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.core.frames.frames import IMPOSSIBLE
+from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.daemon.arrivals import WatchedMessage
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.reports.news import Notice
@@ -208,7 +209,7 @@ class UnitWatch:
         self._looks += 1
         if self._looks < SURVEYED:
             return
-        doubts = [*implausible(self._survey), *unshut(self._survey)]  # of several of a signal the first counts
+        doubts = [*implausible(self._survey), *unshut(self._survey, FURTHEST_ZERO)]  # the first of a signal counts
         odd = {doubt.signal: f"{doubt.problem}\n  remedy: {doubt.remedy}" for doubt in doubts[::-1]}
         if self._survey.signals[Role.NEEDLE_LIFT.value].highest >= OPEN:
             self._mixed_up = "\n  remedy: ".join(swapped(self._swings) or ())

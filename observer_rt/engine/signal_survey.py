@@ -179,10 +179,10 @@ def implausible(survey: Survey) -> Iterator[Implausible]:
     yield from _beside_each_other(rail, line)
 
 
-def unshut(survey: Survey) -> Iterator[Implausible]:
-    """A lift that moves, and is never near zero: a doubt, because a sensor may have such a zero."""
+def unshut(survey: Survey, zero: float = OPEN) -> Iterator[Implausible]:
+    """A lift that moves, and stays above `zero` [m]: a doubt, because a sensor may be so far off."""
     lift = survey.signals.get("needle_lift")
-    if lift is not None and lift.swing > OPEN < lift.lowest:
+    if lift is not None and lift.swing > OPEN and lift.lowest > zero:
         yield Implausible(
             "needle_lift",
             f"is never below {lift.lowest / MICROMETRE:.4g} um, as if the needle never shut",

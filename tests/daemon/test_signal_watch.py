@@ -52,5 +52,6 @@ def test_swapped_pressures_and_a_needle_that_never_shuts_are_named_live() -> Non
     assert looks(line, rail, 0.0 * lift) == []  # a needle that stays shut tells nothing
     (over,) = looks(rail, line, lift)
     assert "is well again" in over
+    assert looks(rail, line, lift + 30e-6) == []  # a zero that the observer follows
     (message,) = looks(rail, line, lift + 50e-6)  # by a database of another scale
     assert "needle_lift is never below 50 um, as if the needle never shut\n  remedy: check its zero" in message

@@ -25,7 +25,7 @@ from observer_rt.engine.reports.news import MeasuredMass, MissingInjection, News
 from observer_rt.engine.stream.state import Reason
 from observer_rt.engine.stream.validity import OF_MODEL
 from observer_rt.engine.words import TOPICS, Topic, named
-from observer_rt.foundation.console import say
+from observer_rt.foundation.console import say, visible
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.model.effective import Coefficients
 
@@ -110,8 +110,8 @@ def is_journal(stream: IO[str], environment: Mapping[str, str]) -> bool:
 
 
 def one_line(text: str) -> str:
-    """A message of several lines on one."""
-    return "; ".join(part.strip() for part in text.splitlines())
+    """A message of several lines on one, its control characters as escapes."""
+    return visible("; ".join(part.strip() for part in text.splitlines()))
 
 
 def _now() -> str:

@@ -11,11 +11,12 @@ from observer_rt.bus.mapping.bus_map import BusMap, RoleRange, message_of, role_
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.core.frames.frames import IMPOSSIBLE
+from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.daemon.arrivals import WatchedMessage
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.injector import SIGNALS
-from observer_rt.engine.signal_survey import OPEN, SignalSurvey, Survey, implausible, swapped
+from observer_rt.engine.signal_survey import OPEN, SignalSurvey, Survey, implausible, swapped, unshut
 from observer_rt.engine.stream.standstill import LiftFigures
 from observer_rt.engine.stream.state import Reason
 from observer_rt.engine.words import TOPICS, Topic
@@ -208,9 +209,8 @@ class UnitWatch:
         self._looks += 1
         if self._looks < SURVEYED:
             return
-        odd = {  # of several of a signal the first
-            doubt.signal: f"{doubt.problem}\n  remedy: {doubt.remedy}" for doubt in [*implausible(self._survey)][::-1]
-        }
+        doubts = [*implausible(self._survey), *unshut(self._survey, FURTHEST_ZERO)]  # the first of a signal counts
+        odd = {doubt.signal: f"{doubt.problem}\n  remedy: {doubt.remedy}" for doubt in doubts[::-1]}
         if self._survey.signals[Role.NEEDLE_LIFT.value].highest >= OPEN:
             self._mixed_up = "\n  remedy: ".join(swapped(self._swings) or ())
         if not odd and self._mixed_up:

@@ -35,11 +35,11 @@ _PRESSURE_FACTORS = (
     (1e-3, "kPa"),
     (0.1, "bar"),
     (0.00689476, "psi"),
-    (10.0, "MPa, read as bar"),
-    (1e3, "MPa, read as kPa"),
-    (1e6, "MPa, read as Pa"),
+    (10.0, "MPa, if read as bar"),
+    (1e3, "MPa, if read as kPa"),
+    (1e6, "MPa, if read as Pa"),
 )
-_LIFT_FACTORS = ((1e-3, "um"), (1e-6, "nm"), (1e3, "mm, read as um, or m, read as mm"))
+_LIFT_FACTORS = ((1e-3, "um"), (1e-6, "nm"), (1e3, "mm, if read as um, or m, if read as mm"))
 
 
 @dataclass
@@ -66,7 +66,7 @@ class SignalSurvey:
         if present.size:
             self.lowest = min(self.lowest, float(present.min()))
             self.highest = max(self.highest, float(present.max()))
-            with np.errstate(invalid="ignore"):  # what is infinite is refused for that
+            with np.errstate(over="ignore", invalid="ignore"):  # what is infinite, or so large, is refused
                 self.total += float(present.sum())
                 self.change += float(np.abs(np.diff(present)).sum())
 
@@ -84,11 +84,6 @@ class SignalSurvey:
     def swing(self) -> float:
         """Between the lowest and the highest; 0 of nothing."""
         return max(0.0, self.highest - self.lowest)
-
-    @property
-    def mean_change(self) -> float:
-        """Mean change from sample to sample; NaN of nothing."""
-        return self.change / self.count if self.count else math.nan
 
 
 class Openings:
@@ -184,6 +179,17 @@ def implausible(survey: Survey) -> Iterator[Implausible]:
     yield from _beside_each_other(rail, line)
 
 
+def unshut(survey: Survey, zero: float = OPEN) -> Iterator[Implausible]:
+    """A lift that moves, and stays above `zero` [m]: a doubt, because a sensor may be so far off."""
+    lift = survey.signals.get("needle_lift")
+    if lift is not None and lift.swing > OPEN and lift.lowest > zero:
+        yield Implausible(
+            "needle_lift",
+            f"is never below {lift.lowest / MICROMETRE:.4g} um, as if the needle never shut",
+            "check its zero, and scale and offset of its column or signal: of the right bus database?",
+        )
+
+
 def _exchanged(name: str, pressure: SignalSurvey, lift: SignalSurvey) -> Iterator[Implausible]:
     """A pressure that rests at nothing and opens, where the lift never does."""
     opens = pressure.lowest < NEAR_ZERO * pressure.highest and pressure.mean < pressure.highest / 2.0
@@ -266,7 +272,7 @@ def _lift(lift: SignalSurvey) -> Iterator[Implausible]:
             f"rests at {lift.mean / MILLIMETRE:.4g} mm and goes down to {lowest / MILLIMETRE:.4g} mm: it is inverted",
             "give 0 for the shut needle; in [recording.needle_lift] of a bench file: factor = -1, and an offset",
         )
-    elif 0.0 < highest < SMALLEST_LIFT and lift.mean_change > 0.0 and highest > SHAPE * lift.mean_change:
+    elif 0.0 < highest < SMALLEST_LIFT and highest * lift.count > SHAPE * lift.change > 0.0:
         yield Implausible(
             "needle_lift",
             f"reaches {highest / MILLIMETRE:.4g} mm only",

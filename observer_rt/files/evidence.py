@@ -34,7 +34,7 @@ SUFFIX = ".parquet"
 _BELIEF = "observer_rt_evidence"
 MODEL_DIGITS = 8  # of the SHA-256 of a model, in the names of its files
 _MIB = 1 << 20
-_LARGEST = 64 * _MIB  # bytes of an event's file, far more than the observer remembers
+_LARGEST, _MOST_SAMPLES = 64 * _MIB, 1 << 20  # of an event's file [B], far more than the observer remembers
 _NAME = re.compile(
     rf"\.?({'|'.join(EvidenceKind)})_-?\d+MPa_\d+us_[0-9a-f]{{8}}_\d{{8}}T\d{{12}}"
     rf"(\.[0-9a-f]{{8}}\.part)?{re.escape(SUFFIX)}"
@@ -88,23 +88,21 @@ def read_evidence(path: Path) -> KeptEvent:
 
     remedy = "move it out of the folder; the others are used"
     try:
+        if not path.is_file():  # a pipe never ends
+            raise ValueError
         with path.open("rb") as file:  # a name may look like an address to the library
             content = file.read(_LARGEST)
         reader = parquet.ParquetFile(pyarrow.BufferReader(content), page_checksum_verification=True)
+        if reader.metadata.num_rows > _MOST_SAMPLES:  # equal ones take no room in a file
+            raise ValueError
         said = json.loads(reader.schema_arrow.metadata[_BELIEF.encode()])
         table = reader.read([column.header for column in SI[:4]])
         time, rail, lift, line = (column.to_numpy() for column in table.columns)
         recording = Recording(time, rail, lift, line, path=path)
-        return KeptEvent(
-            path,
-            hashlib.sha256(content).hexdigest(),
-            EvidenceKind(said["kind"]),
-            str(said["time"]),
-            float(said["open_time_s"]),
-            float(said["opening_pressure_Pa"]),
-            dict(said["belief"]),
-            recording,
-        )
+        kind, judged, belief = EvidenceKind(said["kind"]), str(said["time"]), dict(said["belief"])
+        open_time, pressure = float(said["open_time_s"]), float(said["opening_pressure_Pa"])
+        sha256 = hashlib.sha256(content).hexdigest()
+        return KeptEvent(path, sha256, kind, judged, open_time, pressure, belief, recording)
     except OSError as error:  # also of a page whose checksum is another
         raise UserError(str(path), f"is damaged: {error}", remedy) from None
     except (pyarrow.ArrowException, KeyError, ValueError, TypeError, RecursionError):
@@ -178,10 +176,8 @@ def main(path: str, most_mib: str, per_point: str) -> None:
             folder = folder or EvidenceFolder(Path(path), limits)
             name = folder.take(evidence, datetime.now(UTC))
             answer = f"kept {name}" if name else "passed"
-        except OSError as error:
-            answer = f"failed {error.strerror or error}"
-        except ObserverError as error:
-            answer = f"failed {error}"
+        except (OSError, ObserverError) as error:
+            answer = f"failed {getattr(error, 'strerror', None) or error}"
         print(" ".join(answer.split()), flush=True)
 
 

@@ -41,6 +41,7 @@ _ADVICE = {  # what to do with other kinds of files
     (".mdf", ".dat"): 'in Python: asammdf.MDF("{0}{1}").convert("4.10").save("{0}.mf4")',
     (".pcap", ".pcapng"): "open it in SavvyCAN and save it as Candump/Kayak: {0}.log",
     (".mfc", ".mfe", ".mfm"): "make an .mf4 of it by mdf2finalized, of CSS Electronics",
+    (".lvm",): "name it {0}.txt",
     (".gz",): "unpack it first: gunzip {0}{1}",
     (".zst", ".zip", ".7z", ".bz2", ".xz"): "unpack it first",
 }

@@ -69,10 +69,10 @@ def progress_bar(console: Console, text: str, total: float | None) -> Iterator[C
     """A bar that takes the progress so far, out of `total` (None: unknown); it disappears at the end."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
     is_seen = console.is_terminal or (console.is_jupyter and find_spec("ipywidgets") is not None)
     with Progress(*columns, console=console, transient=True, disable=not is_seen) as progress:
-        task = progress.add_task(text, total=total)
+        task = progress.add_task(visible(text), total=total)
         said = monotonic()
 
         def update(done: float) -> None:

@@ -176,11 +176,7 @@ def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(watched: WatchedInp
     ("unit", "problem", "likely"),
     [
         ("10 MPa", "reaches 1", "which is likely bar"),
-        (
-            "bar",
-            "MPa in the mean, rail_pressure 120 MPa: 0.1 times as much",
-            "line_pressure is likely MPa, read as bar",
-        ),
+        ("bar", "rail_pressure 120 MPa: 0.1 times as much", "line_pressure is likely MPa, if read as bar"),
     ],
 )
 def test_a_pressure_in_another_unit_is_named_as_it_is_in_files(

@@ -135,6 +135,7 @@ def test_a_reader_that_is_gone_is_told_once(tmp_path: Path, err: Console) -> Non
 @given(st.text())
 def test_a_message_is_one_line_whatever_it_holds(text: str) -> None:
     assert len(one_line(text).splitlines()) <= 1
+    assert "\x1b" not in one_line(f"{text}\x1b[2J")
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Another sample rate, and pressures that are swapped, are named live."""
+"""Another sample rate, pressures that are swapped and a lift that never shuts are named live."""
 
 import numpy as np
 
@@ -33,7 +33,7 @@ def test_the_report_at_the_stop_names_another_rate() -> None:
     assert "sent at 2 times sampling.rate_hz" in timing(-0.5)[0].as_text()
 
 
-def test_swapped_pressures_are_named_live() -> None:
+def test_swapped_pressures_and_a_needle_that_never_shuts_are_named_live() -> None:
     watch = UnitWatch(Arrivals(map_bus(load_bench())).sources)
     time = np.linspace(0.0, 1.0, 200)
     rail, line = 100e6 + 1e3 * np.arange(200) % 3, 100e6 - 15e6 * np.sin(40.0 * time)
@@ -52,3 +52,6 @@ def test_swapped_pressures_are_named_live() -> None:
     assert looks(line, rail, 0.0 * lift) == []  # a needle that stays shut tells nothing
     (over,) = looks(rail, line, lift)
     assert "is well again" in over
+    assert looks(rail, line, lift + 30e-6) == []  # a zero that the observer follows
+    (message,) = looks(rail, line, lift + 50e-6)  # by a database of another scale
+    assert "needle_lift is never below 50 um, as if the needle never shut\n  remedy: check its zero" in message

@@ -17,10 +17,7 @@ from observer_rt.foundation.errors import UserError
 from tests.bus.extended_bench import IDENTIFIER, write_extended_bench
 from tests.files.canlog.log_cases import START, write_log
 
-BENCH = [
-    NamedLink(name, LinkConfig(channel=channel))
-    for name, channel in (("", "can0"), ("lift", "can1"), ("out", "can2"))
-]
+BENCH = [NamedLink(name, LinkConfig(channel=f"can{n}")) for n, name in enumerate(("", "lift", "out"))]
 INPUTS = {0, 1}
 
 
@@ -71,17 +68,6 @@ def test_where_it_is_not_clear_the_remedy_says_how(tmp_path: Path, suffix: str, 
 OTHER = 0x18FEF2FE
 
 
-def input_frames(folder: Path, *identifiers: int) -> InputFrames:
-    """The input frames of a log with one frame of each identifier."""
-    bench = load_bench(write_extended_bench(folder))
-    frames = [
-        LogFrame(Frame(identifier, bytes(8), START + n * 1000, True, False), "1")
-        for n, identifier in enumerate(identifiers)
-    ]
-    write_log(folder / "bus.blf", frames)
-    return InputFrames(folder / "bus.blf", map_bus(bench), {0: None})
-
-
 @pytest.mark.parametrize(
     ("identifier", "remedy"),
     [
@@ -91,8 +77,10 @@ def input_frames(folder: Path, *identifiers: int) -> InputFrames:
     ],
 )
 def test_a_log_without_frames_of_a_bench_says_what_it_has(tmp_path: Path, identifier: int, remedy: str) -> None:
+    write_log(tmp_path / "bus.blf", [LogFrame(Frame(identifier, bytes(8), START, True, False), "1")])
+    frames = InputFrames(tmp_path / "bus.blf", map_bus(load_bench(write_extended_bench(tmp_path))), {0: None})
     with pytest.raises(UserError, match=rf"holds no frame of Daq \(0x18FEF1FE\); it has 0x{identifier:X}") as refused:
-        list(input_frames(tmp_path, identifier))
+        list(frames)
     assert re.search(remedy, refused.value.remedy)
 
 

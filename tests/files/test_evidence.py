@@ -1,10 +1,13 @@
 """A folder of evidence: bounded, by kind and operating point, whole files only, and read as any recording."""
 
+import os
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+import pyarrow
 import pytest
+from pyarrow import parquet
 
 from observer_rt.config.injector import EvidenceConfig
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
@@ -114,6 +117,10 @@ def test_what_a_killed_writer_left_is_gone_and_what_is_damaged_is_refused(tmp_pa
     path.write_bytes(content)
     with pytest.raises(UserError, match="damaged"):
         read_evidence(path)
+    table = pyarrow.table({name: np.arange(2 << 20) / 1e5 for name in parquet.read_schema(path).names})
+    parquet.write_table(table.replace_schema_metadata(parquet.read_schema(path).metadata), tmp_path / "long")
     path.write_bytes(b"something else")
-    with pytest.raises(UserError, match="no evidence"):
-        read_evidence(path)
+    os.mkfifo(tmp_path / "pipe")
+    for other in (path, tmp_path / "long", tmp_path / "pipe", tmp_path):
+        with pytest.raises(UserError, match="no evidence"):
+            read_evidence(other)

@@ -1,4 +1,4 @@
-"""Progress of long work, where no bar is seen."""
+"""Progress of long work, with a bar and where none is seen."""
 
 import io
 
@@ -16,3 +16,10 @@ def test_long_work_says_how_far_it_is_where_there_is_no_terminal(monkeypatch: py
         for done in (1.0, 2.0, 3.0, 4.0):
             update(done)
     assert text.getvalue() == "fitting: 50%\nfitting: 100%\n"
+
+
+def test_a_terminal_obeys_no_name_of_a_file() -> None:
+    text = io.StringIO()
+    with progress_bar(Console(file=text, force_terminal=True), "reading [red]\x1b[2J", None):
+        pass
+    assert r"reading [red]\x1b[2J" in text.getvalue()

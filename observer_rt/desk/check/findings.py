@@ -9,6 +9,7 @@ from typing import Any, ParamSpec
 from rich.table import Table
 from rich.text import Text
 
+from observer_rt.foundation.console import visible
 from observer_rt.foundation.errors import UserError
 
 SCHEMA = 1
@@ -101,7 +102,7 @@ def as_table(findings: Sequence[Finding]) -> Table:
     for finding in findings:
         shown = "" if finding.topic == topic else finding.topic
         topic = finding.topic
-        table.add_row(shown, Text(finding.level, _STYLES[finding.level]), Text(finding.text))
+        table.add_row(shown, Text(finding.level, _STYLES[finding.level]), Text(visible(finding.text)))
     return table
 
 

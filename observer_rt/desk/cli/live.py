@@ -179,11 +179,8 @@ def take_over(
         raise UserError(
             "AMENDED", "is missing" if amended is None else "and --undo exclude each other", "give one of them"
         )
-    done = (
-        taking.undo(bench, injector or "")
-        if amended is None
-        else taking.take_over(bench, injector or "", amended, accept_changes)
-    )
+    name = injector or ""
+    done = taking.undo(bench, name) if amended is None else taking.take_over(bench, name, amended, accept_changes)
     before, words = done.step.before or "the nominal injector", done.step.as_text
     say(results(), f"{bench}: " + (f"{done.step.after} -> {before}" if undo else f"{before} -> {words}"))
     for change in done.changes:

@@ -116,11 +116,11 @@ def serve_page(bench: Bench, address: str, port: int, folder: Path, console: Con
 async def _serve(handlers: list[Any], address: str, port: int, console: Console) -> None:
     """Serve until asked to stop."""
     try:
-        is_local = ip_address(socket.gethostbyname(address)).is_loopback
-        token = None if is_local else secrets.token_urlsafe(12)
+        ip = ip_address(socket.gethostbyname(address))
+        token = None if ip.is_loopback else secrets.token_urlsafe(12)
         application = Application(token=token, websocket_max_message_size=_LONGEST, log_function=lambda _: None)
         # a foreign page whose name leads here by its own name server is not served
-        names = rf"(localhost|127\.0\.0\.1|{re.escape(address)})" if is_local else ".*"
+        names = rf"(localhost|127\.0\.0\.1|{re.escape(address)})" if ip.is_loopback else ".*"
         application.add_handlers(names, handlers)
         sockets = bind_sockets(port, address, socket.AF_INET)
     except OSError as error:
@@ -134,8 +134,7 @@ async def _serve(handlers: list[Any], address: str, port: int, console: Console)
     server.add_sockets(sockets)
     with stop_on_signals() as stop:
         asked = "" if token is None else f"?token={token}"
-        is_any = ip_address(socket.gethostbyname(address)).is_unspecified
-        host = socket.gethostname() if is_any else address
+        host = socket.gethostname() if ip.is_unspecified else address
         say(console, f"http://{host}:{sockets[0].getsockname()[1]}/{asked} (Ctrl-C ends it)")
         gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
         while not stop.is_set():

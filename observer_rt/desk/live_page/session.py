@@ -130,13 +130,14 @@ class Saver:
 
     def _save(self, injection: ShownInjection, name: str) -> str:
         path = self._saved.get((name, injection.count))
-        if path is None or not path.exists():
-            if len(self._saved) >= MOST_SAVED:
-                return f"not saved: {MOST_SAVED} injections are already; start `observer-rt monitor` anew"
-            try:
-                path = self._saved[name, injection.count] = save_injection(injection, self._folder, name)
-            except ObserverError as error:
-                return str(error)
+        try:
+            with file_errors(self._folder):
+                if path is None or not path.exists():
+                    if len(self._saved) >= MOST_SAVED:
+                        return f"not saved: {MOST_SAVED} injections are already; start `observer-rt monitor` anew"
+                    path = self._saved[name, injection.count] = save_injection(injection, self._folder, name)
+        except ObserverError as error:
+            return str(error)
         return f"saved: {path}, .json"
 
 

@@ -15,6 +15,7 @@ from observer_rt.foundation.errors import UserError, file_errors
 NANOSECONDS = 1_000_000_000  # in a second
 REORDERED = 1_000_000  # ns by which drivers are seen to hand over frames in the wrong order
 PAUSE = NANOSECONDS  # between two parts of a log whose clock was set back
+YEAR = 365 * 86_400 * NANOSECONDS  # no pause within a log is so long
 FRAMES_TO_JUDGE_STAMPS = 100
 LATEST_STAMP = (1 << 63) - 1  # ns since 1970, in 2262
 _LENGTHS = {True: frozenset(FD_LENGTHS), False: frozenset(range(CLASSIC_LENGTH + 1))}  # by whether FD
@@ -42,7 +43,7 @@ class LogReader(ABC):
     Iterating raises `UserError` that names file and place for a malformed entry, for a frame no bus can carry and for
     stamps that are whole seconds only. A file that ends within a frame was cut while it was written: the frames
     before are read. Where time steps back on a channel, a new part of the log begins, `PAUSE` after the one before.
-    `notes` reports both.
+    `notes` reports both, and steps ahead by more than a `YEAR`.
 
     remote_frames, error_frames: left out, as are other_entries, which are no frames, such as bus statistics;
     lost_frames: by the log's own record.
@@ -133,13 +134,13 @@ class LogReader(ABC):
             stamp += shift
             back = latest.get(channel, stamp) - stamp
             if back > REORDERED:
-                self._steps_back.append(
-                    f"{self.unit} {number}: time on {channel} steps back by {back / NANOSECONDS:.9g} s"
-                )
+                self._steps_back.append(f"{self.unit} {number}: time on {channel} steps back by {back / 1e9:.9g} s")
                 step = max(latest.values()) + PAUSE - stamp
                 shift, stamp = shift + step, stamp + step
             elif back > 0:
                 self._reordered, self._most_reordered = self._reordered + 1, max(self._most_reordered, back)
+            elif back < -YEAR:
+                self.remarks.append(f"{self.unit} {number}: time on {channel} steps ahead by {-back / 1e9:.9g} s")
             latest[channel] = max(stamp, latest.get(channel, 0))
             yield entry._replace(frame=frame._replace(stamp_ns=stamp)) if shift else entry
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.config.signals import Role
-from observer_rt.engine.signal_survey import OPEN, SWAPPED, Implausible, Survey, swapped
+from observer_rt.engine.signal_survey import OPEN, SWAPPED, Implausible, Survey, swapped, unshut
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE
 from observer_rt.model.baseline import Baseline
 
 DIPS = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
@@ -65,11 +65,7 @@ def doubts(
     lift = survey.signals.get("needle_lift")
     # Not computed without noise.
     is_measured = lift is not None and lift.highest > OPEN and lift.lowest != 0.0
-    if lift is not None and lift.swing > OPEN < lift.lowest:
-        yield SignalDoubt(
-            f"needle_lift is never below {lift.lowest / MICROMETRE:.4g} um, as if the needle never shut",
-            "check its zero, and scale and offset of its column or signal: of the right bus database?",
-        )
+    yield from (SignalDoubt(f"{odd.signal} {odd.problem}", odd.remedy) for odd in unshut(survey))
     for name in ("rail_pressure", "line_pressure"):
         signal = survey.signals.get(name)
         if signal is not None and is_measured and signal.count and signal.swing == 0.0:

@@ -132,18 +132,15 @@ def test_the_interface_is_looked_at_for_socketcan_only(findings_of: FindingsOf) 
 
 
 def test_for_programs_and_for_the_screen() -> None:
-    findings = [
-        Finding("a", Level.OK, "fine"),
-        Finding("b", Level.WARNING, "[red]x[/red]"),
-        Finding("b", Level.ERROR, "y"),
-    ]
+    odd = "[red]\x1bx[/red]"
+    findings = [Finding("a", Level.OK, "fine"), Finding("b", Level.WARNING, odd), Finding("b", Level.ERROR, "y")]
     document = json.loads(json.dumps(as_json_document(findings)))
     assert (document["schema"], document["warnings"], document["errors"]) == (1, 1, 1)
-    assert document["findings"][1] == {"topic": "b", "level": "warning", "text": "[red]x[/red]"}
+    assert document["findings"][1] == {"topic": "b", "level": "warning", "text": odd}
     console = Console(width=100)
     with console.capture() as capture:
         console.print(as_table(findings))
-    assert "[red]x[/red]" in capture.get()
+    assert r"[red]\x1bx[/red]" in capture.get()
     assert "error" in capture.get()
 
 

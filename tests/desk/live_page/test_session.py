@@ -139,3 +139,9 @@ def test_an_injection_is_saved_once_and_no_more_of_them_than_a_disk_bears(
     assert said_of[3].startswith("not saved: 2 injections are already")
     assert said_of[4] == first
     assert len(list(tmp_path.iterdir())) == 4
+
+
+def test_a_folder_that_cannot_be_looked_into_is_told(tmp_path: Path) -> None:
+    saver = Saver(tmp_path / ("x" * 300))
+    assert "File name too long" in saver.save(SHOWN, "").result(20.0)
+    saver.close()

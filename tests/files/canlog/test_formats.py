@@ -149,6 +149,10 @@ def test_time_that_steps_back_begins_a_part_and_a_swap_is_told(tmp_path: Path, s
     assert result[-2] - max(result[:3]) == pytest.approx(1_000_000_000, abs=1000)
     assert result[-1] - result[-2] == pytest.approx(5_000_000, abs=1000)
     assert sum("steps back by 0.00" in note and "split there" in note for note in log.notes()) == 1
+    assert not any("ahead" in note for note in log.notes())
+    write_log(path, [frames[0]._replace(frame=frames[0].frame._replace(stamp_ns=10**9)), *frames])  # 1 s after 1970
+    list(log)
+    assert sum("steps ahead by 1.7e+09 s" in note for note in log.notes()) == 1
 
 
 def test_kinds_of_files() -> None:

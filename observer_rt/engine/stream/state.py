@@ -1,12 +1,6 @@
 """The observer: rings of samples, events and injections, constants with those of its front end, what works on them.
 
-A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
-extended to where the needle leaves or meets its seat. So it is in the first and the last sample of a lift that are
-means, for they hold only a part of a ramp.
-
-Stated lags are undone sample by sample. A rail pressure that is late is taken from later samples, on a straight line
-between two. A lift y whose sensor has the time constant tau is y + tau y', by central differences: they leave ramps
-as straight as they are, and what they take from one sample beside a corner they give to the next.
+core/stream/front_end.pxi says how the ramps of a lift are completed, compensation.pxi how stated lags are undone.
 """
 
 import math
@@ -69,6 +63,9 @@ class Reason(IntEnum):
     OUTSIDE_LEARNED_RANGE = 28  # what was learned does not tell the flow of such an injection well enough
     LIFT_DEAD = 29  # the line pressure shows injections, the lift none
     PRELIMINARY = 30  # the needle's lift is not recorded: the rate is known when the needle is shut
+
+
+assert all(Reason(reason).name == reason.name for reason in core.OwnReason)  # those that the core finds
 
 
 def sample_dtype(states: int) -> np.dtype[np.void]:

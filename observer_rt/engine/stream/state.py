@@ -65,9 +65,6 @@ class Reason(IntEnum):
     PRELIMINARY = 30  # the needle's lift is not recorded: the rate is known when the needle is shut
 
 
-assert all(Reason(reason).name == reason.name for reason in core.OwnReason)  # those that the core finds
-
-
 def sample_dtype(states: int) -> np.dtype[np.void]:
     """A sample with x~ and x^ of a model of so many states, as Python is given it."""
     pair = [("x_tilde", np.float64, (states,)), ("x_hat", np.float64, (states,))]
@@ -153,3 +150,6 @@ def undoing_of(inputs: InputTerms, interval: float) -> core.Undoing:
 def noise_gain(lag: float) -> float:
     """Factor on the white noise of a lift where a lag of its sensor [samples] is undone."""
     return math.sqrt(1.0 + 0.5 * lag**2)  # of central differences
+
+
+assert all(Reason(reason).name == reason.name for reason in core.OwnReason)  # those that the core finds

@@ -25,6 +25,7 @@ from observer_rt.foundation.errors import UserError
 ROLES = tuple(Role)
 OPTIONAL_ROLES = tuple(OptionalRole)
 ENERGIZING = len(OPTIONAL_ROLES)  # number of this input, after those of the optional roles
+assert OPTIONAL_ROLES[core.LEARNING_ENABLE] is OptionalRole.LEARNING_ENABLE  # the core knows it by its number
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ cdef void decide_until(Alignment* alignment, int64_t frontier) noexcept nogil:
 
 
 cdef bint _begin_grid(Alignment* alignment) noexcept nogil:
-    """The first sample to decide on is the first that every message has; False while one has none."""
+    """Decide first on the first sample that every message has; False while a message has sent none."""
     memory = alignment.memory
     for m in range(memory.stream_count):
         stream = &alignment.streams[m]
@@ -89,7 +89,7 @@ cdef bint _begin_grid(Alignment* alignment) noexcept nogil:
 
 
 cdef int64_t _frontier_of(Alignment* alignment, Follower* follower, int64_t others) noexcept nogil:
-    """The index before which a follower has said all it will, when the others have sent what is before `others`."""
+    """The index up to which a follower has sent all it will, when the others have sent theirs up to `others`."""
     cdef double patience = follower.reach if follower.holds else <double> PATIENCE
     if others <= follower.position + patience:
         if (follower.roles >> LIFT) & 1:
@@ -106,7 +106,7 @@ cdef int64_t _frontier_of(Alignment* alignment, Follower* follower, int64_t othe
 
 
 cdef void _pass_on(Alignment* alignment, Slot* slot) noexcept nogil:
-    """Write a complete sample to the ring, with what its distance from the last one means."""
+    """Write a complete sample to the ring, with the `Break` by its distance from the last one."""
     memory = alignment.memory
     gap = slot.index - memory.last_index - 1
     cdef int64_t broken = BREAK_NONE

@@ -21,7 +21,7 @@ from observer_rt.core.stream.validity cimport REASON_INPUT_STALE, REASON_NONE
 
 cpdef enum:
     SLOTS = 4096  # samples that may wait for another message
-    SLOT_MASK = 4095
+    SLOT_MASK = SLOTS - 1
     MAX_INTERPOLATED = 2  # samples that a gap may have without being a loss
 
 cdef int64_t INDEX_MASK = 0xFFFFFFFF  # of a sample index as sent

@@ -25,7 +25,7 @@ cdef void _fill_column(
     double* column, int64_t frames, const double* values, int64_t rows, int64_t position, int64_t index, int64_t samples,
     int64_t counter, int64_t counter_step, const Inputs* inputs, const Timing* timings, const InputGroup* group
 ) noexcept nogil:
-    """What one signal of a group says in all frames."""
+    """Write the values of one signal of a group for all frames into a column."""
     cdef int64_t role, inside, frame, row
     timing = &timings[group.stream]
     for role in range(<int64_t> MAX_INPUTS):

@@ -13,7 +13,7 @@ cdef double PERIOD = 0.1  # s between two changes of the model
 cdef void take_inputs(
     InputMemory* input_memory, const Inputs* inputs, Observer* observer, int64_t number, const uint8_t* payload, int64_t status, int64_t stamp
 ) noexcept nogil:
-    """Take what a good frame of a message says, before its samples; what stays away grows older with them.
+    """Take the optional inputs in a good frame of a message, before its samples; absent values grow older with these.
 
     status: by its protection, OK without. A frame with the counter of the one before brings nothing new.
     """
@@ -31,7 +31,7 @@ cdef void take_inputs(
 
 
 cdef void _grow_older(InputMemory* input_memory, Observer* observer) noexcept nogil:
-    """Time is that of the samples, whose index may begin anew."""
+    """Let values grow older by the time of the samples, whose index may begin anew."""
     memory = input_memory.memory
     received = observer.memory.positions.received
     if received == 0:
@@ -83,7 +83,7 @@ cdef void _read(
 
 
 cdef void _take_effect(InputMemory* input_memory, const Inputs* inputs, Observer* observer) noexcept nogil:
-    """What counts now, of what is known and of what was for too long: whether to learn, and the surroundings wanted.
+    """Apply the values that count now: whether to learn, and the surroundings that the model should have.
 
     The model changes outside events only; nothing is valid while one of its surroundings is not known.
     """

@@ -25,7 +25,7 @@ cdef bint listen(Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_
 
 
 cdef bint proceed(Pipeline* pipeline) noexcept nogil:
-    """Observe what is aligned and publish what is observed.
+    """Observe the samples that are aligned, and publish their rates.
 
     Returns True when to go on it needs a new model or the command of a needle without a lift (`InputMemory`), or the
     judgement of an event (`engine.service.judging`).
@@ -98,7 +98,7 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
 cdef int64_t judge(
     const uint8_t* payload, int64_t size, const InputMessage* message, Supervision* supervised
 ) noexcept nogil:
-    """What a frame is worth by its length and its protection, which takes note of it; OK without protection."""
+    """E2EStatus of a frame by its length and its protection, which takes note of it; OK without protection."""
     profile = message.protection.profile
     cdef int64_t status = E2E_OK
     if size != message.length and size != message.padded_length:
@@ -178,7 +178,7 @@ cdef int64_t _raw_index(Pipeline* pipeline, const InputGroup* group, int64_t cou
 
 
 cdef void _store(Pipeline* pipeline, const InputGroup* group, const uint8_t* payload, int64_t start) noexcept nogil:
-    """The decoded samples of a group, the first of which is `start`, onto the grid; how far they reach."""
+    """Put the decoded samples of a group, from the index `start` on, onto the grid, and note how far they reach."""
     receiver = pipeline.receiver
     roles = pipeline.inputs.streams[group.stream].roles
     on_grid = pipeline.alignment.streams[group.stream].on_grid

@@ -46,7 +46,7 @@ cdef int64_t place_block(
 
 
 cdef int64_t _unwrapped(Alignment* alignment, int64_t message, int64_t raw_index) noexcept nogil:
-    """The index nearest to what is expected that equals `raw_index` modulo 2^32."""
+    """The index nearest to the expected one that equals `raw_index` modulo 2^32."""
     cdef int64_t expected = 0
     memory = alignment.memory
     stream = &alignment.streams[message]

@@ -7,7 +7,7 @@ cpdef enum:
 
 
 cdef void publish(Publisher* publisher, Observer* observer) noexcept nogil:
-    """Frames of all blocks completed by the samples processed since the last call."""
+    """Make frames of all blocks that the samples processed since the last call complete."""
     memory = publisher.memory
     samples = memory.samples
     if samples == 0:
@@ -33,7 +33,7 @@ cdef void publish(Publisher* publisher, Observer* observer) noexcept nogil:
 
 
 cdef void flush(Publisher* publisher) noexcept nogil:
-    """The block under way into a frame, not valid if anything is missing of it; nothing without a block."""
+    """Make a frame of the block under way, if there is one; it is not valid if anything is missing of it."""
     cdef bint is_complete
     memory = publisher.memory
     if memory.filled == 0:
@@ -55,6 +55,6 @@ cdef void flush(Publisher* publisher) noexcept nogil:
 
 
 cdef void _put(Publisher* publisher, int64_t place, double value) noexcept nogil:
-    """One signal of the header, where the message has it."""
+    """Write one signal of the header, where the message has it."""
     if place >= 0:
         publisher.values[place] = value

@@ -136,7 +136,7 @@ cdef bint run_pump(Pumped* pump, Pipeline* pipeline, int wake) noexcept nogil:
 
 
 cdef void _send_results(Pumped* pump, Publisher* publisher) noexcept nogil:
-    """Send the frames that the publisher has ready; what there is no room for waits, the oldest are given up."""
+    """Send the frames that the publisher has ready; frames without room wait, and the oldest are given up."""
     cdef uint8_t* frame
     cdef OutFrame* row
     cdef uint32_t identifier
@@ -159,7 +159,7 @@ cdef void _send_results(Pumped* pump, Publisher* publisher) noexcept nogil:
 
 
 cdef void _send_waiting(Pumped* pump) noexcept nogil:
-    """Send in order, as far as there is room; what waits when the bus goes down would be old when it is back."""
+    """Send in order, as far as there is room; frames that wait when the bus goes down would be old afterwards."""
     memory = pump.memory
     bus = &pump.buses[memory.bus]
     while memory.first_waiting < memory.end_waiting and bus.failure == 0:
@@ -175,7 +175,7 @@ cdef void _send_waiting(Pumped* pump) noexcept nogil:
 
 
 cdef void _sleep(Pumped* pump, Pipeline* pipeline) noexcept nogil:
-    """Until the frame is due that completes a block of rates, if another comes before: by what the last one brought."""
+    """Sleep until the frame is due that completes a block of rates, if others come before, by the last block."""
     cdef timespec length
     cdef int64_t samples, left
     memory, rates = pump.memory, pipeline.publisher.memory
@@ -320,7 +320,7 @@ cdef bint _take_frame(Pumped* pump, Pipeline* pipeline, int64_t number) noexcept
 
 
 cdef void _note_latency(Pumped* pump, int64_t latency) noexcept nogil:
-    """Of rates, from the stamp of the frame that caused them until they are sent [ns]."""
+    """Note the latency of rates [ns], from the stamp of the frame that caused them until they are sent."""
     cdef int64_t bits, place = 0
     if not 0 <= latency < LARGEST_LATENCY:  # a recording, or a clock that was set
         return
@@ -332,7 +332,7 @@ cdef void _note_latency(Pumped* pump, int64_t latency) noexcept nogil:
 
 
 cdef void _note_arrival(Pumped* pump, int64_t key) noexcept nogil:
-    """Of a frame that is watched; once its rates are sent, for asking for the time may be a system call."""
+    """Note when a watched frame came, once its rates are sent, for asking for the time may be a system call."""
     cdef int64_t watched
     for watched in range(pump.arrival_count):
         arrival = &pump.arrivals[watched]

@@ -48,7 +48,7 @@ def protect_frame(uint8_t[::1] payload, int64_t length, protection, int64_t coun
 
 
 def judge_frame(const uint8_t[::1] payload, message, Supervision[::1] supervised) -> int:
-    """E2EStatus of a frame of a message, a row `INPUT_MESSAGE`, of which its state machine (1,) takes note."""
+    """E2EStatus of a frame of a message, a row `INPUT_MESSAGE`; its state machine, `supervised` (1,), notes it."""
     cdef const InputMessage[::1] row = atleast_1d(message)
     return judge(&payload[0] if payload.shape[0] else NULL, payload.shape[0], &row[0], &supervised[0])
 
@@ -199,14 +199,14 @@ cdef class FramePath:
         return number, waits
 
     def proceed(self) -> bool:
-        """Observe what is aligned and publish it; whether Python must do something first."""
+        """Observe the samples that are aligned, and publish their rates; whether Python must do something first."""
         cdef bint waits
         with nogil:
             waits = proceed(&self.lent)
         return waits
 
     def flush(self) -> None:
-        """The block of rates under way into a frame, not valid if anything is missing of it."""
+        """Make a frame of the block of rates under way, not valid if anything is missing of it."""
         flush(&self.lent.publisher)
 
     def place_at(self, int64_t time) -> float:

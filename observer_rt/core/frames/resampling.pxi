@@ -56,7 +56,7 @@ cdef void follow(Alignment* alignment, int64_t message, double position, const d
 cdef void _follow_lift(
     Alignment* alignment, Follower* follower, double position, double lift, int64_t first
 ) noexcept nogil:
-    """The lift [m] of a follower that lies at `position`, with those missed before it, from the index `first` on.
+    """Store the lift [m] of a follower at `position`, and those missed before it, from the index `first` on.
 
     Two clocks drift: now and then a sample of the grid has two lifts, or none. That is settled while the needle is
     closed, where it means nothing; while it moves, one lift belongs to one sample.
@@ -92,7 +92,7 @@ cdef int64_t _end_of_grid(Alignment* alignment) noexcept nogil:
 
 
 cdef void _begin_follower(Follower* follower, double position) noexcept nogil:
-    """Nothing is known before this sample."""
+    """Begin a follower anew, of which nothing is known before this sample."""
     if not follower.begun:
         follower.first_index = <int64_t> ceil(position)
     follower.begun = True

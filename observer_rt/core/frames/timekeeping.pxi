@@ -27,7 +27,7 @@ cdef void note_frame(const Timekeeping* keeping, int64_t message, int64_t last, 
 
 
 cdef void begin_anew(const Timekeeping* keeping, int64_t message) noexcept nogil:
-    """A message begins a new index; if it is the index of the grid, every message must find its place anew."""
+    """Begin a new index of a message; if it is the index of the grid, every message must find its place anew."""
     forget(&keeping.clocks[message])
     keeping.shifts[message].is_known = False
     if keeping.timing[message].joining != JOINING_INDEX:

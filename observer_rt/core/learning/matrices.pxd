@@ -27,7 +27,7 @@ cdef inline void propagate(
 
 
 cdef inline void multiply(double[:, ::1] left, double[:, ::1] right, double[:, ::1] result) noexcept nogil:
-    """left @ right into `result`, another array; what is 0 in `left` costs nothing."""
+    """left @ right into `result`, another array; zeros in `left` cost nothing."""
     cdef int64_t i, j, k
     cdef double factor
     for i in range(result.shape[0]):

@@ -7,6 +7,8 @@ from numpy import empty, zeros
 cdef enum:  # engine.estimation.phases.Phase
     STANDSTILL, OPENING, OPEN, CLOSING, AFTER
 
+globals().update(STANDSTILL=STANDSTILL, OPENING=OPENING, OPEN=OPEN, CLOSING=CLOSING, AFTER=AFTER)
+
 
 def phases_of(window, int64_t edge, int64_t afterglow) -> NDArray[np.int8]:
     """`Phase` of every sample of a window (n,); edge and afterglow in samples.
@@ -67,7 +69,7 @@ def sum_innovations(
     cdef double[::1] totals = zeros(lengths.shape[0])
     cdef int64_t[::1] counts = zeros(lengths.shape[0], "i8")
     cdef int64_t before = -1, phase, k, i  # before: phase of the sample before, of those that count
-    cdef double value, z
+    cdef double z
     if phases.shape[0] != innovations.shape[0] or is_left_out.shape[0] != innovations.shape[0]:
         raise ValueError("as many phases and marks as innovations are wanted")
     with nogil:
@@ -75,12 +77,7 @@ def sum_innovations(
             if is_left_out[k]:
                 continue
             phase = phases[k]
-            value = innovations[k]
-            if value > limit * sigma:
-                value = limit * sigma
-            elif value < -limit * sigma:
-                value = -limit * sigma
-            z = value / sigma
+            z = min(max(innovations[k], -limit * sigma), limit * sigma) / sigma
             squares[phase] += z * z
             samples[phase] += 1.0
             for i in range(lengths.shape[0]):

@@ -46,13 +46,11 @@ cdef class _Followed:
             raise ValueError("slopes by the needle do not fit the window")
         self.model, self.weights, self.terms = Model(learned.coefficients), Weights(learned.network), terms
         self.forced.coefficients, self.forced.network = self.model.coefficients, self.weights.network
-        self.servos = servos_over(
-            self.inputs, window.commands, samples, &self.model.coefficients, setting.interval
-        )
+        self.servos = servos_over(self.inputs, window.commands, samples, &self.model.coefficients, setting.interval)
         self.interval.length, self.interval.substeps = setting.interval, setting.substeps
 
     cdef void force(self, const double* x, int64_t k) noexcept nogil:
-        """Between sample k and the one before it, from a state x (n,) on, under the terms in force."""
+        """Set up the interval before sample k, from a state x (n,) on, under the terms in force."""
         cdef Knot knot
         cdef int64_t number
         cdef const Servo* servo = <const Servo*> &self.servos[k - 1, 0]
@@ -74,7 +72,7 @@ cdef class _Followed:
 
 
 cdef class _FlowRecord:
-    """An `engine.estimation.open_loop.OpenLoop` of zeros, lent."""
+    """An `engine.estimation.predictor.OpenLoop` of zeros, lent."""
 
     cdef double[::1] rate, relaxation, by_area, fullness
     cdef double[:, ::1] slopes, gradient
@@ -93,7 +91,7 @@ cdef class _FlowRecord:
                 t.by[i * t.m + m + j] = 1.0 if i == j else 0.0
 
     cdef void take(self, int64_t k, const double* x, const Forced* forced, Tangent* t) noexcept nogil:
-        """Sample k, one after `begin`: its rate by its flows, their slopes and the state's; whichever line there is."""
+        """Note the rate of sample k, one after `begin`, with slopes by flows and state, whichever line there is."""
         cdef int64_t n = t.n, m = self.slopes.shape[1], i, j
         cdef FlowSlopes flows
         cdef Inputs u = forced.interval.end
@@ -128,7 +126,7 @@ def follow(
     window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, ::1] slopes,
     Terms terms=None, run=None
 ) -> NDArray[np.float64]:
-    """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
+    """Follow a window by x~ before sample `corrected`, from there on by x^ in open loop; returns the last state (n,).
 
     window, setting, learned, gradient: named tuples of engine.estimation.predictor. terms: go on with these; None: they
     begin at the window's clock. errors: (n,) y - o - (indicated pressure), before the correction, errors[0] is 0; rate:
@@ -213,7 +211,7 @@ def follow(
 def move_lift(
     const double[:, :] inputs, const double[:, :] knots, double samples
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Inputs (n, 2) and knots (n, 2), or (0, 2), of a window whose lift comes so many samples earlier.
+    """Move the lift in a window's inputs (n, 2) and knots (n, 2), or (0, 2), earlier by so many samples.
 
     It is straight between samples and knots, and stays beyond them as it is at either end.
     """
@@ -242,7 +240,7 @@ def propagate_noise(
     const double[:] areas, int64_t opening, run, double interval, seat, start, const double[::1] rail, double lift,
     double[::1] rate, double[::1] volume
 ) -> None:
-    """Covariance of [x, A_S, volume] from sample to sample, whichever line there is: see `input_variance`.
+    """Propagate the covariance of [x, A_S, volume], whichever line there is: see `input_variance`.
 
     areas: (n,) A_S; run: an `OpenLoop`; start: variances of x~_1 and x~_2; rail: sigma of the rail pressure's noise in x
     (states,); lift: sigma. rate, volume (n,): variances, filled from the opening on.
@@ -267,8 +265,7 @@ def propagate_noise(
     with nogil:
         for k in range(max(opening, <int64_t> 1), rate.shape[0]):
             if k >= transitions.shape[0]:  # drained: x^ was followed no further
-                for i in range(k, volume.shape[0]):
-                    volume[i] = covariance[end, end]
+                volume[k:] = covariance[end, end]
                 break
             by_start, by_end = 0.0, 0.0
             if relaxations[k] > 0.0:
@@ -276,9 +273,7 @@ def propagate_noise(
                 by_start, by_end = lag.by_start, lag.by_end
             for i in range(end):
                 half[i] = 0.5 * interval * gradients[k, i]
-            for i in range(states):
-                for j in range(states):
-                    change[i, j] = transitions[k, i, j]
+            change[:states, :states] = transitions[k]
             change[2, area] = areas_by[k] * by_start
             by_area[2] = areas_by[k] * by_end
             for j in range(end):
@@ -286,18 +281,16 @@ def propagate_noise(
                 for i in range(states):
                     change[end, j] += half[i] * change[i, j]
             change[end, end] = 1.0
-            total = 0.0
+            by_rail[end] = 0.0
             for i in range(states):
-                total += half[i] * rail[i]
-            by_rail[end] = total
+                by_rail[end] += half[i] * rail[i]
             by_area[end] = half[2] * by_area[2] + half[area]
             opened = lift * seat_area_slope(areas[k], &of_seat)
             propagate(change, covariance, moved, scratch)
             for i in range(size):
                 for j in range(size):
                     covariance[i, j] += by_rail[i] * by_rail[j] + opened * opened * by_area[i] * by_area[j]
-            for i in range(end):
-                gradient[i] = gradients[k, i]
+            gradient[:end] = gradients[k, :end]
             for i in range(end):
                 total = 0.0
                 for j in range(size):
@@ -305,6 +298,5 @@ def propagate_noise(
                 rate[k] += gradient[i] * total
             volume[k] = covariance[end, end]
             if areas[k] > 0.0 and areas[k - 1] <= 0.0:
-                for i in range(size):
-                    covariance[end, i] = 0.0
-                    covariance[i, end] = 0.0
+                covariance[end, :] = 0.0
+                covariance[:, end] = 0.0

@@ -62,7 +62,7 @@ def whiten(
 def robust_cost(const double[:] e, int64_t first, double sigma, int64_t together=1) -> float:
     """Huber cost of e[first:] / sigma: half the square up to HUBER, linear beyond.
 
-    together: so many samples count as one, their mean; what is left over at the end does not.
+    together: so many samples count as one, their mean; fewer at the end do not count.
     """
     cdef double total = 0.0, spread = sigma * sqrt(<double> together), error, z
     cdef int64_t start = first, k

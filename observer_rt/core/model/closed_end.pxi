@@ -13,7 +13,7 @@ cdef double SPARE = 0.1  # of p_0, by which p_S may leave the range of the press
 cdef void move_end(
     double* x, Inputs mean, Inputs end, double step, const Coefficients* c, const Network* network, Tangent* t
 ) noexcept nogil:
-    """The end cell's pressure and p_S a step [s] on, with the flow into the cell as it is.
+    """Move the end cell's pressure and p_S by a step [s], with the flow into the cell as it is.
 
     mean, end: inputs over the step and at its end.
     """
@@ -61,7 +61,7 @@ cdef double _solve_end(
     cdef double p_0 = x[0], flow = x[1], s_0 = x[SAC], p = x[0], s = x[SAC]
     cdef double inflow = line.a1 * (flow - line.outflow)
     cdef double lowest = min(s_0, p_0, 0.0) - SPARE, highest = max(s_0, p_0, 0.0) + SPARE
-    cdef double[INPUTS] z = [0.0, u.area, u.since, u.rail, 0.0]
+    cdef double[INPUTS] z
     cdef double[INPUTS] h_z
     cdef double[INPUTS] s_z
     cdef double nozzle, seat, through_nozzle, through_seat, q_h, q_s, fill, soften, seat_by_sac
@@ -70,7 +70,7 @@ cdef double _solve_end(
     cdef int64_t iteration
     inflow -= drained(p_0, &line.softness, line.servo, line.displaced, u)  # explicit: the root hardly changes in a step
     for iteration in range(<int64_t> MOST_ITERATIONS):
-        z[NOZZLE_DROP], z[SEAT_DROP] = s, p - s
+        gather_inputs(p, s, u, z)
         nozzle, seat = 1.0 + change_of(False, z, network, h_z), 1.0 + change_of(True, z, network, s_z)
         through_nozzle = nozzle_law(s, u.area, network.nozzle, &c.nozzle)
         through_seat = seat_law(p, s, u.area, &c.seat)
@@ -150,17 +150,18 @@ cdef void _end_rows(
         net = line.a1 * inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
         net -= drained(x[0], &line.softness, line.servo, line.displaced, u)
         by_pressure = stiffness_slopes(x[0], &line.softness, &by_air, &by_slope)
-        t.by_coefficient[WAVE_A1] = fill * inflow
-        t.by_coefficient[WAVE_A2_NOZZLE] = -fill * q_h
-        t.by_coefficient[WAVE_A2_SEAT] = -fill * q_s
-        t.by_coefficient[WAVE_LEAK] = -fill * p
-        t.by_coefficient[WAVE_DISPLACED] = -fill * u.servo.speed
-        t.by_coefficient[WAVE_SERVO] = 0.0
+        by_line = <WaveLine*> t.by_coefficient
+        by_line.a1 = fill * inflow
+        by_line.a2_nozzle = -fill * q_h
+        by_line.a2_seat = -fill * q_s
+        by_line.leak = -fill * p
+        by_line.displaced = -fill * u.servo.speed
+        by_line.servo = 0.0
         if u.servo.opening != 0.0:
-            t.by_coefficient[WAVE_SERVO] = -fill * u.servo.opening * servo_root(x[0], &line.softness)
+            by_line.servo = -fill * u.servo.opening * servo_root(x[0], &line.softness)
             add_valve(line_row, -fill, x[0], &line.softness, line.servo, u, &t.theta)
-        t.by_coefficient[WAVE_AIR] = line_step * by_air * net
-        t.by_coefficient[WAVE_STIFFNESS_SLOPE] = line_step * by_slope * net
+        by_line.softness.air = line_step * by_air * net
+        by_line.softness.stiffness_slope = line_step * by_slope * net
         add_coefficients(t, t.moved, 0, 1)  # its first row is that of the line
         soften = line_step * by_pressure * net - fill * drained_slope(x[0], &line.softness, line.servo, u)
         by_flow = fill * (line.a1 - line.a2_nozzle * h_flow - line.a2_seat * s_flow)
@@ -180,7 +181,7 @@ cdef void _end_rows(
 
 
 cdef void _beyond_middle(Tangent* t) noexcept nogil:
-    """The derivatives of p_L from the middle of the step to its end; row 2 of the scratch holds those before it."""
+    """Move the derivatives of p_L from the middle of the step to its end; row 2 of the scratch: those before it."""
     cdef const double* before = t.moved + 2 * t.m
     cdef int64_t j
     for j in range(t.m):

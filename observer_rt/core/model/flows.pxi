@@ -58,6 +58,12 @@ cdef inline bint is_at_rest(const double* x, Inputs u) noexcept nogil:
     return u.area <= 0.0 and x[SAC] == 0.0 and u.by_needle[OF_BOUNCE] == 0.0
 
 
+cdef inline void gather_inputs(double p_line, double p_sac, Inputs u, double* z) noexcept nogil:
+    """Fill z (INPUTS,), by which the network of (7) goes, with pressures and inputs."""
+    z[NOZZLE_DROP], z[SEAT_DROP] = p_sac, p_line - p_sac
+    z[NEEDLE_AREA], z[NEEDLE_TIME], z[RAIL_PRESSURE] = u.area, u.since, u.rail
+
+
 cdef inline void model_flows(const double* x, Inputs u, const Coefficients* c, double* q_h, double* q_s) noexcept nogil:
     """Normalised flows of the model alone: q_H of (23) through the nozzle, q_S of (21) through the seat."""
     q_h[0] = nozzle_law(x[SAC], u.area, NOTHING_LEARNED, &c.nozzle)
@@ -68,8 +74,9 @@ cdef inline void changed_flows(
     const double* x, Inputs u, const Coefficients* c, const Network* network, double* q_h, double* q_s
 ) noexcept nogil:
     """Normalised flows with phi: (N_H, N_S) = W sigma(V z) + b (7), with z = [x u since 1], are their relative changes."""
-    cdef double[INPUTS] z = [x[SAC], u.area, u.since, u.rail, x[0] - x[SAC]]
+    cdef double[INPUTS] z
     cdef double[INPUTS] unused
+    gather_inputs(x[0], x[SAC], u, z)
     q_h[0] = nozzle_law(x[SAC], u.area, network.nozzle, &c.nozzle) * (1.0 + change_of(False, z, network, unused))
     q_s[0] = seat_law(x[0], x[SAC], u.area, &c.seat) * (1.0 + change_of(True, z, network, unused))
 
@@ -89,8 +96,7 @@ cdef double fault_and_rate(
     """The injection rate Q_H^ [m3/s], and phi(x, u) = G(x, u) N of (2), (27), its three rows [1/s].
 
     Q_H^ is the model's nozzle flow plus what phi says of it. Nozzle form: Q_H,model - (V_L p0/K_L) phi_1; seat form:
-    Q_H,model - (V_S p0/K_C) phi_3 - (V_L p0/K_L) phi_1. Both balances give Q_H,model (1 + N_H) when phi = G N, which
-    is what is computed.
+    Q_H,model - (V_S p0/K_C) phi_3 - (V_L p0/K_L) phi_1. With phi = G N both are Q_H,model (1 + N_H), as here.
     """
     cdef double nozzle_flow, seat_flow, q_h, q_s, d_q_h, d_q_s
     phi[0] = phi[1] = phi[2] = 0.0
@@ -113,9 +119,10 @@ cdef void flow_slopes(
     cdef double nozzle_flow = nozzle_law(x[SAC], u.area, network.nozzle, &c.nozzle)
     cdef NozzleSlopes of_nozzle = nozzle_law_slopes(x[SAC], u.area, network.nozzle, &c.nozzle)
     cdef double seat_flow = seat_law(x[0], x[SAC], u.area, &c.seat)
-    cdef double[INPUTS] z = [x[SAC], u.area, u.since, u.rail, x[0] - x[SAC]]
+    cdef double[INPUTS] z
     cdef double[INPUTS] h_z
     cdef double[INPUTS] s_z
+    gather_inputs(x[0], x[SAC], u, z)
     cdef double by_area, by_sac
     cdef double nozzle = 1.0 + change_of(False, z, network, h_z), seat = 1.0 + change_of(True, z, network, s_z)
     cdef double by_line = seat_law_slopes(x[0], x[SAC], u.area, &c.seat, &by_area, &by_sac) * seat + seat_flow * s_z[SEAT_DROP]
@@ -136,7 +143,7 @@ cdef void flow_numbers(
     const double* x, Inputs u, const FlowSlopes* flows, const Tangent* t, double* of_h, double* of_s
 ) noexcept nogil:
     """Partial derivatives of q_H and q_S by the learned numbers of phi, at fixed x: into two rows (m,) by theta."""
-    cdef double[INPUTS] z = [x[SAC], u.area, u.since, u.rail, x[0] - x[SAC]]
+    cdef double[INPUTS] z
     cdef double within, change
     cdef double* column = of_h + t.theta.nozzle_weight
     cdef const double* cubic
@@ -145,6 +152,7 @@ cdef void flow_numbers(
     cdef int64_t part, number
     cdef int curve
     theta = &t.theta
+    gather_inputs(x[0], x[SAC], u, z)
     of_h[theta.nozzle_bias], of_s[theta.seat_bias] = flows.h_change, flows.s_change
     for curve in range(<int> CURVES):
         change = flows.h_change if curve < FIRST_OF_SEAT else flows.s_change

@@ -30,10 +30,10 @@ cdef double MM3_PER_MS = 1e-6
 
 
 cdef void begin_forcing(Forcing* f, double time, double injections) noexcept nogil:
-    """The program is about to begin, the needle shut."""
+    """Let a program begin anew with the needle shut, at a time [s] after so many injections."""
     cdef int64_t i
     f.first_of_sensor = sensor_rows(f.program, f.rows)
-    for i in range(8):
+    for i in range(<int64_t> PAST_NUMBERS):
         f.past[i] = 0.0
     f.past[PAST_OF_SENSOR] = 1.0 if f.first_of_sensor < f.rows else 0.0
     f.past[PAST_OF_FLOWS] = (
@@ -52,7 +52,7 @@ cdef void under_terms(
     const double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Forcing* f,
     Forced* forced
 ) noexcept nogil:
-    """The interval from a state x (n,) on as the terms in force change it; as it is where there are none.
+    """Fill `forced` with the interval from a state x (n,) on as the terms in force, if there are any, change it.
 
     Without terms, coefficients and network of `forced` are left: they must be those given, once for all samples.
     """
@@ -66,6 +66,7 @@ cdef void _force(
     const double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Forcing* f,
     Forced* forced
 ) noexcept nogil:
+    """Apply the terms in force to line, network and inputs of an interval."""
     cdef double pressure = MEGAPASCAL / c.pressure_scale, flow = MM3_PER_MS / c.flow_scale, more, lift, area
     cdef double* totals = f.totals  # in the order of `TermEquation`
     cdef bint moves, bends
@@ -93,7 +94,7 @@ cdef void _force(
 cdef void _change_line(
     Coefficients* c, double stiffness_share, double inertance_share, double outflow, double loss
 ) noexcept nogil:
-    """The line with stiffness and inertance times 1 + a share, and with an outflow of its end and a loss along it."""
+    """Multiply the line's stiffness and inertance by 1 + a share; set the outflow of its end, and its loss."""
     cdef double less = 1.0 / (1.0 + inertance_share) - 1.0
     cdef double* values = c.line.values
     cdef int64_t i
@@ -111,7 +112,7 @@ cdef double rate_after(const double* x, const Forced* forced) noexcept nogil:
 
 
 cdef double shown_under_terms(double shown, const Forced* forced, Forcing* f) noexcept nogil:
-    """What is recorded at the end of an interval of a line pressure that the sensor would show, in units of p_0.
+    """The pressure [p_0] recorded at the end of an interval, with terms of the sensor, of that which it would show.
 
     Terms of the sensor see that pressure: for what rings it must not be late.
     """
@@ -146,9 +147,9 @@ cdef double trusted_under_terms(double innovation, double interval, Forcing* f) 
 cdef void _observe(
     const double* x, const Interval* interval, const Coefficients* c, const Network* network, Forcing* f
 ) noexcept nogil:
-    """The variables of laws, in printed units, by the state x (n,) at the start of an interval, the inputs in its middle.
+    """Work out the variables of laws, in printed units, by the state x (n,) at the start of an interval.
 
-    Pressure and flow of a lump are those in its middle. One of no length is an instant: what changes with time stays.
+    Inputs are those in its middle, as pressure and flow of a lump. In an interval of no length rates and times stay.
     """
     cdef double duration = interval.length / MILLISECOND
     cdef double* past = f.past
@@ -239,6 +240,7 @@ cdef double lift_at(double u_2, const Seat* seat) noexcept nogil:
 
 
 cdef inline double _lift_of_area(double area, const Seat* seat) noexcept nogil:
+    """The lift [m] that opens a flow area [m2] of the seat."""
     cdef double bend = sin(2.0 * seat.half_cone_angle)
     cdef double scaled = area / (pi * sin(seat.half_cone_angle))
     return 2.0 * scaled / (seat.diameter + sqrt(max(seat.diameter * seat.diameter - 2.0 * bend * scaled, 0.0)))
@@ -247,7 +249,7 @@ cdef inline double _lift_of_area(double area, const Seat* seat) noexcept nogil:
 cdef double lifted(double u_2, double lift, bint moves, const Seat* seat) noexcept nogil:
     """A normalised seat area with so much lift [m] added; a needle seen to be shut may stay so, or be held open.
 
-    moves: whether the needle is on a ramp, of which a negative area is the foot, see `between`.
+    moves: whether the needle is on a ramp, whose foot a negative area is, see `between`.
     """
     cdef double measured, true
     if lift == 0.0:

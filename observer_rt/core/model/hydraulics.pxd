@@ -127,9 +127,9 @@ cdef inline double normalised_area_slope(double lift, const Seat* seat) noexcept
 cdef inline double nozzle_law(double x_3, double u_2, const double* learned, const Nozzle* nozzle) noexcept nogil:
     """Normalised nozzle flow q_H of (23), against a chamber pressure that rises while the needle is open (u_2 > 0).
 
-    It rises by what the model knows and by what is `learned` (NOZZLE_NUMBERS,), in units of p_0.
-    Where the cavitation number N = (p_S - p_v)/(p_S - p_C) is below N_crit, the flow coefficient falls by
-    sqrt(N/N_crit): the flow then follows sqrt(p_S - p_v) (Nurick 1976, J. Fluids Eng. 98, 681).
+    It rises by the model's numbers and the `learned` ones (NOZZLE_NUMBERS,), in units of p_0. Where the cavitation
+    number N = (p_S - p_v)/(p_S - p_C) is below N_crit, the flow coefficient falls by sqrt(N/N_crit): the flow then
+    follows sqrt(p_S - p_v) (Nurick 1976, J. Fluids Eng. 98, 681).
     """
     cdef double difference = x_3, margin = nozzle.vapour_margin, flow
     cdef double rise = nozzle.chamber_rise + nozzle.chamber_rise_with_seat * u_2 + (learned[0] + learned[1] * u_2)
@@ -145,7 +145,7 @@ cdef inline double nozzle_law(double x_3, double u_2, const double* learned, con
 cdef inline NozzleSlopes nozzle_law_slopes(
     double x_3, double u_2, const double* learned, const Nozzle* nozzle
 ) noexcept nogil:
-    """Derivatives of `nozzle_law` with respect to x_3, u_2 and what is learned."""
+    """Derivatives of `nozzle_law` with respect to x_3, u_2 and the learned numbers."""
     cdef NozzleSlopes result
     cdef double difference = x_3, margin = nozzle.vapour_margin, rise, slope, critical, loss, flow, by_margin, by_rise
     if u_2 > 0.0:

@@ -14,10 +14,10 @@ cpdef enum:
 cdef void advance_over(
     double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Tangent* t
 ) noexcept nogil:
-    """State x (n,) one sample interval later, in place, where the area may bend at a knot.
+    """Move the state x (n,) by a sample interval, in place, in which the area may bend at a knot.
 
-    knot: the share (0..1) of the interval it comes after, and the normalised area there; a share of 0 is none. It
-    means nothing where the needle is shut all through the interval. t: the tangent that moves with it, NULL for none.
+    knot: the share (0..1) of the interval it comes after, and the normalised area there; a share of 0: no
+    bend, nor where the needle is shut all through the interval. t: the tangent that moves with it, NULL for none.
     """
     if c.kind == LUMP and c.is_mean:
         if t == NULL:
@@ -36,7 +36,7 @@ cdef void advance_over(
 cdef void fine_step(
     double* x, Inputs start, Inputs middle, Inputs end, double step, const Coefficients* c, const Network* network
 ) noexcept nogil:
-    """A single step [s], in place, its inputs known in its middle too."""
+    """Move the state by a single step [s], in place, whose inputs are known in its middle, too."""
     if c.kind == LUMP and c.is_mean:
         _runge_kutta_step(x, start, middle, end, step, c, network, NULL, 4)
     elif c.kind == LUMP:
@@ -52,7 +52,7 @@ cdef void rates_at(const double* x, Inputs u, const Coefficients* c, const Netwo
 
 
 cdef void rest_line(double* x, double pressure, const Coefficients* c) noexcept nogil:
-    """No flow, one normalised pressure; p_S is left."""
+    """Set a line to rest at a normalised pressure, without flow; p_S is left."""
     cdef int64_t i
     if c.kind == LUMP:
         x[0], x[1] = pressure, 0.0

@@ -42,7 +42,7 @@ def lagged_slopes(
 def recorded_mean(
     double indicated_before, double indicated, double pressure_mean, double lag_share, double fraction
 ) -> float:
-    """What is recorded of the mean over a sample interval of a lagged signal, a `fraction` of a sample late."""
+    """The recorded mean over a sample interval of a lagged signal, a `fraction` of a sample late."""
     return sensor.recorded_mean(indicated_before, indicated, pressure_mean, lag_share, fraction)
 
 

@@ -1,18 +1,5 @@
 # The feed line as one lump, (19)-(20): a flow with inertia and friction into one volume, by classical Runge-Kutta.
 
-cdef enum:
-    # places of the lump's coefficients
-    LUMP_A1 = 0
-    LUMP_A2_NOZZLE = 1
-    LUMP_A2_SEAT = 2
-    LUMP_A3 = 3
-    LUMP_A4 = 4
-    LUMP_LEAK = 5
-    LUMP_AIR = 6
-    LUMP_STIFFNESS_SLOPE = 7
-    LUMP_SERVO = 11
-    LUMP_DISPLACED = 12
-
 cdef double LOWEST_PRESSURE = 0.01  # of p_0, at which entrained air is taken to soften the line no further
 cdef double LOWEST_STIFFNESS = 0.05  # of K_L, below which a pressure-dependent bulk modulus does not fall
 cdef double LINE_STEP = 0.1  # radians of the line's fastest motion an RK4 step may span while nothing flows
@@ -72,8 +59,7 @@ cdef inline void lump_slopes(
     cdef double soft = stiffness(x[0], &line.softness)
     cdef double by_pressure = stiffness_slopes(x[0], &line.softness, &by_air, &by_slope)
     cdef double inflow = line.a1 * (x[1] - line.outflow) - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]
-    cdef double* first = t.by_coefficient
-    cdef double* second = t.by_coefficient + t.size
+    of_pressure, of_flow = <LumpLine*> t.by_coefficient, <LumpLine*> (t.by_coefficient + t.size)
     inflow = inflow - drained(x[0], &line.softness, line.servo, line.displaced, u)
     by_state[0] = by_pressure * inflow - soft * (line.leak + drained_slope(x[0], &line.softness, line.servo, u))
     by_state[1] = soft * line.a1
@@ -81,16 +67,16 @@ cdef inline void lump_slopes(
     by_state[WIDTH + 1] = -2.0 * line.a4 * fabs(x[1])
     by_flow[0] = -soft * line.a2_nozzle
     by_flow[1] = -soft * line.a2_seat
-    first[LUMP_A1] = soft * (x[1] - line.outflow)
-    first[LUMP_A2_NOZZLE] = -soft * q_h
-    first[LUMP_A2_SEAT] = -soft * q_s
-    first[LUMP_LEAK] = -soft * x[0]
-    first[LUMP_SERVO] = -soft * u.servo.opening * servo_root(x[0], &line.softness) if u.servo.opening != 0.0 else 0.0
-    first[LUMP_DISPLACED] = -soft * u.servo.speed
-    first[LUMP_AIR] = by_air * inflow
-    first[LUMP_STIFFNESS_SLOPE] = by_slope * inflow
-    second[LUMP_A3] = u.rail - line.loss - x[0]
-    second[LUMP_A4] = -x[1] * fabs(x[1])
+    of_pressure.a1 = soft * (x[1] - line.outflow)
+    of_pressure.a2_nozzle = -soft * q_h
+    of_pressure.a2_seat = -soft * q_s
+    of_pressure.leak = -soft * x[0]
+    of_pressure.servo = -soft * u.servo.opening * servo_root(x[0], &line.softness) if u.servo.opening != 0.0 else 0.0
+    of_pressure.displaced = -soft * u.servo.speed
+    of_pressure.softness.air = by_air * inflow
+    of_pressure.softness.stiffness_slope = by_slope * inflow
+    of_flow.a3 = u.rail - line.loss - x[0]
+    of_flow.a4 = -x[1] * fabs(x[1])
     if n == 4:
         by_state[3 * WIDTH] = 1.0
 
@@ -143,11 +129,8 @@ cdef inline void tangent_rates(
             for i in range(3):
                 by_state[row * WIDTH + i] += by_flow[2 * row] * flows.h_x[i] + by_flow[2 * row + 1] * flows.s_x[i]
     for k in range(theta.pairs):  # each acts on the flow or on the pressure, nothing of the line on the sac
-        i = theta.coefficients[k]
-        if i == LUMP_A3 or i == LUMP_A4:
-            of_flow += t.by_coefficient[t.size + i] * theta.slopes[k]
-        else:
-            of_pressure += t.by_coefficient[i] * theta.slopes[k]
+        of_pressure += t.by_coefficient[theta.coefficients[k]] * theta.slopes[k]
+        of_flow += t.by_coefficient[t.size + theta.coefficients[k]] * theta.slopes[k]
         if k + 1 == theta.pairs or theta.columns[k + 1] != theta.columns[k]:
             by_number[theta.columns[k]], by_number[t.m + theta.columns[k]] = of_pressure, of_flow
             of_pressure = of_flow = 0.0
@@ -301,7 +284,7 @@ cdef inline int64_t _steps_in(const double* x, const Interval* interval, const C
 cdef inline void _advance(
     double* x, const Interval* interval, const Coefficients* c, const Network* network, Tangent* t, int n
 ) noexcept nogil:
-    """State x (n,) one sample interval later, in place, in RK4 steps."""
+    """Move the state x (n,) by an interval, in place, in RK4 steps."""
     cdef int64_t steps = _steps_in(x, interval, c), i
     cdef double count = <double> steps
     for i in range(steps):
@@ -309,13 +292,13 @@ cdef inline void _advance(
             x, between(interval.start, interval.end, i / count), between(interval.start, interval.end, (i + 0.5) / count),
             between(interval.start, interval.end, (i + 1.0) / count), interval.length / count, c, network, t, n,
         )
-    empty_if_drained(x, interval, t)
+    empty_if_drained(x, interval.start.area, interval.end.area, t)
 
 
 cdef inline void _advance_lump(
     double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Tangent* t, int n
 ) noexcept nogil:
-    """The same up to a knot, at which the area may bend, and from it on."""
+    """Move the state up to a knot, at which the area may bend, and from it on."""
     cdef Interval part = interval[0]
     cdef Inputs bend
     cdef bint flows = interval.start.area > 0.0 or knot.area > 0.0 or interval.end.area > 0.0

@@ -46,7 +46,6 @@ cdef void fine_step(
     double* x, Inputs start, Inputs middle, Inputs end, double step, const Coefficients* c, const Network* network
 ) noexcept nogil
 cdef void rest_line(double* x, double pressure, const Coefficients* c) noexcept nogil
-cdef void begin_mean(double* x, Tangent* t, const Coefficients* c) noexcept nogil
 cdef double needle_speed(double before, double area, double interval, const Seat* seat) noexcept nogil
 cdef double above_100_mpa(double rail, const Coefficients* c) noexcept nogil
 cdef bint follow_lift(
@@ -61,6 +60,7 @@ cdef servos_over(
     const double[:, :] inputs, const double[:, :] commands, int64_t samples, const Coefficients* c, double interval
 )
 cdef void empty_sac(double* x, Tangent* t) noexcept nogil
+cdef void empty_if_drained(double* x, double area_before, double area, Tangent* t) noexcept nogil
 cdef void begin_forcing(Forcing* f, double time, double injections) noexcept nogil
 cdef void under_terms(
     const double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Forcing* f,

@@ -30,15 +30,15 @@ cdef double EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chambe
 
 
 cdef void empty_sac(double* x, Tangent* t) noexcept nogil:
-    """p_S is at chamber pressure, whatever the parameters."""
+    """Set p_S to chamber pressure, whatever the parameters."""
     x[SAC] = 0.0
     if t != NULL:
         memset(t.by + SAC * t.m, 0, t.m * sizeof(double))
 
 
-cdef inline void empty_if_drained(double* x, const Interval* interval, Tangent* t) noexcept nogil:
-    """A sac that has drained behind a shut needle is at exactly chamber pressure."""
-    if interval.start.area <= 0.0 and interval.end.area <= 0.0 and fabs(x[SAC]) < EMPTY_SAC:
+cdef void empty_if_drained(double* x, double area_before, double area, Tangent* t) noexcept nogil:
+    """Have a sac that has drained behind a shut needle be at exactly chamber pressure."""
+    if area_before <= 0.0 and area <= 0.0 and fabs(x[SAC]) < EMPTY_SAC:
         empty_sac(x, t)
 
 

@@ -103,7 +103,7 @@ cdef inline double rounded_lift(double time, double window, const NeedleStroke* 
 
 
 cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, double* by_number) noexcept nogil:
-    """Derivatives of `rounded_lift` by what is learned."""
+    """Derivatives of `rounded_lift` by the learned numbers."""
     cdef double rise = _mean_ramp(time - s.opening, window) - _mean_ramp(time - s.top, window)
     cdef double fall = _mean_ramp(time - s.closing, window) - _mean_ramp(time - s.closed, window)
     cdef double begins = _mean_step(time - s.opening, window), turns = _mean_step(time - s.top, window)

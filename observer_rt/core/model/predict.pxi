@@ -31,7 +31,7 @@ cdef void _predict_gradient(
     Gradient* g, const LaggedSlopes* slopes, double late, double interval, const double* numbers, double rise,
     double shown, bint is_mean
 ) noexcept nogil:
-    """Advance the gradient through the sensor, of these numbers, by its slopes; what is recorded is linear in all it is of.
+    """Advance the gradient through the sensor, of these numbers, by its slopes; its law is linear in the pressures.
 
     rise: of the indicated pressure in this sample; shown: pressure recorded at a gain of 0.
     """

@@ -32,13 +32,14 @@ cdef class Terms:
 
     def __init__(self, program, double time=0.0, double injections=0.0) -> None:
         cdef const double[:, ::1] rows = program
-        memory, scratch = full(3 * len(program), NAN), zeros(10 + NOZZLE_NUMBERS + VARIABLES + TOTALS)
+        memory, scratch = full(3 * len(program), NAN), zeros(PAST_NUMBERS + 2 + NOZZLE_NUMBERS + VARIABLES + TOTALS)
         cdef double[::1] of_memory = memory, of_scratch = scratch
         f = &self.forcing
         f.rows = rows.shape[0]
         if f.rows:
             f.program, f.memory = &rows[0, 0], &of_memory[0]
-        f.past, f.bias, f.nozzle = &of_scratch[0], &of_scratch[8], &of_scratch[10]
+        f.past, f.bias = &of_scratch[0], &of_scratch[PAST_NUMBERS]
+        f.nozzle = f.bias + 2
         f.variables = f.nozzle + NOZZLE_NUMBERS
         f.totals = f.variables + VARIABLES
         self.lent = (program, memory, scratch)
@@ -217,8 +218,9 @@ def totals_of_terms(
 
 globals().update(
     BY_LINE=BY_LINE, BY_NOZZLE=BY_NOZZLE, BY_SEAT=BY_SEAT, COLUMNS=WIDTH, CURVES=CURVES,
-    FIRST_OF_SEAT=FIRST_OF_SEAT, FORGETTING=tuple(FORGETTING), INPUTS=INPUTS, MEMORIES=MEMORIES, MOST_NEURONS=MOST_NEURONS,
-    NOZZLE_NUMBERS=NOZZLE_NUMBERS, PIECES=PIECES, REACH=tuple(REACH), SENSOR_NUMBERS=SENSOR_NUMBERS, STEP=WAVE_STEP, WEIGHTS=tuple(WEIGHTS),
+    FIRST_OF_SEAT=FIRST_OF_SEAT, FORGETTING=tuple(FORGETTING), HIGHEST_TOTAL=tuple(HIGHEST_TOTAL), INPUTS=INPUTS,
+    LOWEST_TOTAL=tuple(LOWEST_TOTAL), MEMORIES=MEMORIES, MOST_NEURONS=MOST_NEURONS, NOZZLE_NUMBERS=NOZZLE_NUMBERS,
+    PIECES=PIECES, REACH=tuple(REACH), SENSOR_NUMBERS=SENSOR_NUMBERS, STEP=WAVE_STEP, WEIGHTS=tuple(WEIGHTS),
 )
 
 

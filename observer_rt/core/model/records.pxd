@@ -11,6 +11,8 @@ cdef enum:
     MOST_COEFFICIENTS = 24  # of a line
     SAC = 2  # place of p_S in x
     MEMORIES = 3  # states of a wave's line that remember its flow
+    TOTALS = 10  # equations that terms may correct
+    PAST_NUMBERS = 8  # remembered from sample to sample, whatever the terms
     WIDTH = 4  # columns of a tangent reckoned together, as a register holds; tangents are a multiple of it wide
 
 cdef extern from *:
@@ -195,9 +197,9 @@ cdef struct Forcing:
     int64_t first_of_sensor  # row from which on the program is the sensor's
     const double* program  # (rows, 2)
     double* memory  # (3 rows,): what rows remember of laws and of innovations; the stack
-    double* past  # (8,)
+    double* past  # (PAST_NUMBERS,)
     double* variables  # in the order of `Variable`
-    double* totals  # by `TermEquation`, in its units
+    double* totals  # (TOTALS,), by `TermEquation`, in its units
     double* bias  # (2,)
     double* nozzle  # (NOZZLE_NUMBERS,)
 

@@ -36,7 +36,7 @@ cdef struct LaggedSlopes:
 
 
 cdef inline double recorded(double indicated_before, double indicated, double fraction) noexcept nogil:
-    """What is recorded of a signal a `fraction` of a sample late, linear between samples; also of its slopes."""
+    """A signal as recorded a `fraction` of a sample late, linear between samples; likewise its slopes."""
     return indicated - fraction * (indicated - indicated_before)
 
 

@@ -4,7 +4,7 @@
 
 
 cdef inline double drained(double x_1, const Softness* line, double servo, double displaced, Inputs u) noexcept nogil:
-    """What leaves the line beside nozzle and seat, as a rate [1/s] of an incompressible one."""
+    """Outflow of the line beside nozzle and seat, as a rate of pressure [1/s] in an incompressible one."""
     cdef double total = displaced * u.servo.speed
     if servo != 0.0 and u.servo.opening != 0.0:
         total += servo * u.servo.opening * servo_root(x_1, line)
@@ -26,7 +26,7 @@ cdef inline double drained_slope(double x_1, const Softness* line, double servo,
 cdef inline void add_valve(
     double* row, double factor, double x_1, const Softness* line, double servo, Inputs u, const ByTheta* theta
 ) noexcept nogil:
-    """Set in a row what the numbers of the valve change of `drained`, times a factor."""
+    """Add to a row the derivatives of `drained` by the numbers of the valve, times a factor."""
     cdef double flow = factor * servo * servo_root(x_1, line) if servo != 0.0 else 0.0
     cdef int64_t number
     for number in range(<int64_t> VALVE_NUMBERS):
@@ -58,7 +58,7 @@ cdef double above_100_mpa(double rail, const Coefficients* c) noexcept nogil:
 cdef bint follow_lift(
     Strokes* s, int64_t position, double before, double area, double pressure, double interval, const Seat* seat
 ) noexcept nogil:
-    """Go on to a sample; whether it shows that the valve opened or shut, or did not shut.
+    """Follow the lift to a sample; whether it shows that the valve opened or shut, or did not shut.
 
     before, area: normalised, of the sample before and of this one; pressure: of the rail over 100 MPa.
     """
@@ -95,7 +95,7 @@ cdef bint follow_lift(
 
 
 cdef void begin_strokes(Strokes* s) noexcept nogil:
-    """No needle has lifted yet."""
+    """Begin before any stroke of the needle."""
     memset(s, 0, sizeof(Strokes))
     s.last.lifts = s.last.falls = s.before.lifts = s.before.falls = -INFINITY
     s.last.pressure = s.before.pressure = 1.0
@@ -105,7 +105,7 @@ cdef double valve_at(
     int64_t position, double area, const Stroke* before, const Stroke* last, const Strokes* s, const Valve* valve,
     double interval
 ) noexcept nogil:
-    """Opening of the valve at a sample, by the last two strokes or commands; what is known of them may change."""
+    """Opening of the valve at a sample, by the last two strokes or commands as known so far."""
     cdef double edge = valve_edge(interval)
     cdef Servo servo
     memset(&servo, 0, sizeof(Servo))

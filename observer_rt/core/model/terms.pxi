@@ -27,7 +27,6 @@ cpdef enum:  # Operation of a law on one or two arguments, and what a program ha
     OP_END = 21  # of a term of this equation
 
 cdef enum:
-    TOTALS = 10  # equations that terms may correct
     VARIABLES = 19
     EQUATION_SENSOR = 7
 
@@ -117,7 +116,7 @@ cdef double _lagged_by(double before, double now, double intervals) noexcept nog
 
 
 cdef double _rung(double* memory, double now, double kilohertz, double damping, double interval_ms) noexcept nogil:
-    """What a resonance adds at the end of an interval over which its input is a straight line.
+    """The oscillation that a resonance adds at the end of an interval, over which its input is a straight line.
 
     memory: the input, what is added to it, and how fast the sum changes; begun anew where one is not finite.
     """

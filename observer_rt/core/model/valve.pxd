@@ -95,7 +95,7 @@ cdef inline void join_valve(
 
 
 cdef inline void hold_valve(Servo* servo, double at_stop, const Valve* valve) noexcept nogil:
-    """Have the flow be another while the needle is at its stop, by a share 0..1 of it."""
+    """Change the flow while the needle is at its stop, by a share 0..1 of the change."""
     cdef double factor = 1.0 + valve.hold * at_stop
     servo.by_number[2] = servo.opening * at_stop
     servo.opening *= factor

@@ -5,21 +5,6 @@
 # sac are stepped implicitly (closed_end.pxi). What remembers is the wall friction: a boundary layer still thin.
 
 cdef enum:
-    # places of the wave line's coefficients
-    WAVE_A1 = 0
-    WAVE_A2_NOZZLE = 1
-    WAVE_A2_SEAT = 2
-    WAVE_A3 = 3
-    WAVE_A3_NEAR = 4
-    WAVE_A4 = 5
-    WAVE_B = 8
-    WAVE_B_NEAR = 9
-    WAVE_DAMPING = 10
-    WAVE_LEAK = 11
-    WAVE_AIR = 12
-    WAVE_STIFFNESS_SLOPE = 13
-    WAVE_SERVO = 19
-    WAVE_DISPLACED = 20
     # rows of a tangent's scratch, of which the flows' take 0 and 1
     CHANGE_ROW = 2
     BEFORE_ROW = 3
@@ -106,7 +91,7 @@ cdef double mean_flow(const double* x, int64_t cells) noexcept nogil:
 
 
 cdef void mean_flow_row(Tangent* t, int64_t cells, int64_t row) noexcept nogil:
-    """The derivatives of the mean flow into a row of the scratch."""
+    """Write the derivatives of the mean flow into a row of the scratch."""
     cdef double* result = t.moved + row * t.m
     cdef const double* flow
     cdef double share = 1.0 / cells
@@ -120,7 +105,7 @@ cdef void mean_flow_row(Tangent* t, int64_t cells, int64_t row) noexcept nogil:
 
 
 cdef void drag(double* x, int64_t cells, double mean_before, double step, double memory, Tangent* t) noexcept nogil:
-    """What friction that remembers does to all flows in a step [s], by the mean in its middle; what it remembers."""
+    """Apply friction that remembers to all flows in a step [s], by the mean in its middle, and to its memory."""
     cdef double change = mean_flow(x, cells) - mean_before, pull = 0.0, by_change = 0.0
     cdef double by_memory, by_flow, push, shift, keep, take
     cdef int64_t i, k
@@ -140,7 +125,7 @@ cdef void drag(double* x, int64_t cells, double mean_before, double step, double
 
 
 cdef void _drag_rows(Tangent* t, int64_t cells, double step, double memory) noexcept nogil:
-    """The derivatives of what `drag` does; row BEFORE_ROW of the scratch holds those of the mean flow before."""
+    """Move the derivatives as `drag` does the state; BEFORE_ROW of the scratch has those of the mean flow before."""
     cdef double* change = t.moved + CHANGE_ROW * t.m
     cdef double* before = t.moved + BEFORE_ROW * t.m
     cdef double* of_row
@@ -229,18 +214,18 @@ cdef void leapfrog(
             between_needles(&interval.start, &interval.end, first + 0.5 * part, &mean)
             between_needles(&interval.start, &interval.end, first + part, &last)
             move_end(x, mean, last, step / ends, c, network, t)
-    empty_if_drained(x, interval, t)
+    empty_if_drained(x, interval.start.area, interval.end.area, t)
 
 
 cdef void move_line(double* x, double rail, double step, const Coefficients* c, Tangent* t) noexcept nogil:
-    """All flows a step [s] on, then all pressures but that of the end cell."""
+    """Move all flows by a step [s], then all pressures but that of the end cell."""
     line = &c.line.wave
     cdef int64_t cells = c.cells, i, place, here, behind, inflow, outflow
     cdef double mean_before = mean_flow(x, cells) if line.memory > 0.0 else 0.0
     cdef double ahead_flow = x[flow_at(1, cells)], ahead_pressure = rail, loss = line.loss / cells
     cdef double flow, pressure, drop, inertia, uneven, resistance, slowed, new_flow, friction, keep, push, far, near
     cdef double compliance, soft, net, by_pressure, by_air, by_slope
-    cdef double* by_coefficient
+    cdef WaveLine* by_line
     if t != NULL and line.memory > 0.0:
         mean_flow_row(t, cells, BEFORE_ROW)
     for i in range(1, cells + 1):
@@ -262,12 +247,12 @@ cdef void move_line(double* x, double rail, double step, const Coefficients* c, 
                 t, place, -1 if i == 1 else pressure_at(i - 1, cells), here, behind, keep, push * line.damping,
                 push * inertia,
             )
-            by_coefficient = t.by_coefficient + place * t.size
+            by_line = <WaveLine*> (t.by_coefficient + place * t.size)
             far = across_joint_slopes(line.joint - (i - 1), line.a3, line.a3_near, &near)
-            by_coefficient[WAVE_A3] = push * far * drop
-            by_coefficient[WAVE_A3_NEAR] = push * near * drop
-            by_coefficient[WAVE_A4] = -push * fabs(flow) * new_flow
-            by_coefficient[WAVE_DAMPING] = push * uneven
+            by_line.a3 = push * far * drop
+            by_line.a3_near = push * near * drop
+            by_line.a4 = -push * fabs(flow) * new_flow
+            by_line.damping = push * uneven
         x[place] = new_flow
         ahead_flow, ahead_pressure = flow, pressure
     _stress_end(x, cells, line, t)
@@ -285,18 +270,18 @@ cdef void move_line(double* x, double rail, double step, const Coefficients* c, 
             keep = 1.0 + compliance * by_pressure * net
             _pressure_row(t, place, inflow, outflow, keep, compliance * soft)
             far = across_joint_slopes(line.joint - (i - 0.5), line.b, line.b_near, &near)
-            by_coefficient = t.by_coefficient + place * t.size
-            by_coefficient[WAVE_B] = step * soft * far * net
-            by_coefficient[WAVE_B_NEAR] = step * soft * near * net
-            by_coefficient[WAVE_AIR] = compliance * by_air * net
-            by_coefficient[WAVE_STIFFNESS_SLOPE] = compliance * by_slope * net
+            by_line = <WaveLine*> (t.by_coefficient + place * t.size)
+            by_line.b = step * soft * far * net
+            by_line.b_near = step * soft * near * net
+            by_line.softness.air = compliance * by_air * net
+            by_line.softness.stiffness_slope = compliance * by_slope * net
         x[place] += compliance * soft * net
     if t != NULL:
         add_coefficients(t, t.by, 3, cells + 2)
 
 
 cdef void _stress_end(double* x, int64_t cells, const WaveLine* line, Tangent* t) noexcept nogil:
-    """What the end cell's compression in the step before does to the flow into it."""
+    """Apply the end cell's compression in the step before to the flow into it."""
     cdef int64_t before = before_at(cells), j
     cdef double stress = line.damping / line.b_near, rise = x[0] - x[before]
     cdef double* end
@@ -307,8 +292,9 @@ cdef void _stress_end(double* x, int64_t cells, const WaveLine* line, Tangent* t
         for j in range(t.m):
             flow[j] -= stress * (end[j] - of_before[j])
             of_before[j] = end[j]
-        t.by_coefficient[t.size + WAVE_DAMPING] -= rise / line.b_near
-        t.by_coefficient[t.size + WAVE_B_NEAR] = rise * stress / line.b_near
+        by_line = <WaveLine*> (t.by_coefficient + t.size)
+        by_line.damping -= rise / line.b_near
+        by_line.b_near = rise * stress / line.b_near
     x[1] -= stress * rise
     x[before] = x[0]
 
@@ -316,7 +302,7 @@ cdef void _stress_end(double* x, int64_t cells, const WaveLine* line, Tangent* t
 cdef void _flow_row(
     Tangent* t, int64_t place, int64_t there, int64_t here, int64_t behind, double keep, double even, double push
 ) noexcept nogil:
-    """The derivatives of a face's flow; there: place of the pressure ahead, -1 of the rail's.
+    """Move the derivatives of a face's flow; there: place of the pressure ahead, -1 of the rail's.
 
     Row 0 of the scratch holds those of the flow ahead as it was.
     """
@@ -340,7 +326,7 @@ cdef void _flow_row(
 
 
 cdef void _pressure_row(Tangent* t, int64_t place, int64_t inflow, int64_t outflow, double keep, double fill) noexcept nogil:
-    """The derivatives of a cell's pressure."""
+    """Move the derivatives of a cell's pressure."""
     cdef double* pressure = t.by + place * t.m
     cdef const double* into = t.by + inflow * t.m
     cdef const double* out = t.by + outflow * t.m
@@ -350,7 +336,7 @@ cdef void _pressure_row(Tangent* t, int64_t place, int64_t inflow, int64_t outfl
 
 
 cdef void add_coefficients(Tangent* t, double* by, int64_t first, int64_t last) noexcept nogil:
-    """What theta does to rows first .. last - 1 by the line's coefficients."""
+    """Add the effects of theta by the line's coefficients to rows first .. last - 1."""
     theta = &t.theta
     cdef int64_t k, row, column, coefficient
     cdef double slope

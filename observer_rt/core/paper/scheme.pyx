@@ -1,12 +1,11 @@
 """The paper's pair over an event, its phi three free rows unit (W tanh(V z) + b)."""
 
-from libc.math cimport fabs
 from libc.stdint cimport int64_t
 
 from numpy import array
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, nozzle_law
-from observer_rt.core.model.model cimport Model, Weights, empty_sac, rates_at
+from observer_rt.core.model.model cimport Model, Weights, empty_if_drained, rates_at
 from observer_rt.core.model.network cimport fast_tanh
 from observer_rt.core.model.records cimport SAC, Coefficients, Inputs, Network, inputs_of
 
@@ -17,7 +16,7 @@ cdef enum:
     ARGUMENTS = 6
     ROWS = 3  # one output for every state
 
-cdef double EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
+cdef double[4] AHEAD = [0.0, 0.5, 0.5, 1.0]  # of a step, the stages of RK4
 
 
 cdef struct FreeWeights:
@@ -75,33 +74,20 @@ cdef void _integrate(
     double* x, Inputs start, Inputs end, double y_start, double y_end, double interval, int64_t steps, const System* s
 ) noexcept nogil:
     """RK4 steps over an interval [s], x (n,) in place; inputs and measured pressure are linear between the samples."""
-    cdef double[4] first
-    cdef double[4] second
-    cdef double[4] third
-    cdef double[4] fourth
-    cdef double[4] there
-    cdef double step = interval / steps, count = <double> steps, y_0, y_1, y_2
-    cdef Inputs u_0, u_1, u_2
-    cdef int64_t i, j, n = s.coefficients.states
+    cdef double[4][4] rate
+    cdef double[4] predicted
+    cdef double step = interval / steps, share
+    cdef int64_t i, j, stage, n = s.coefficients.states
     for i in range(steps):
-        u_0, u_1 = _between(start, end, i / count), _between(start, end, (i + 0.5) / count)
-        u_2 = _between(start, end, (i + 1.0) / count)
-        y_0, y_1 = y_start + i / count * (y_end - y_start), y_start + (i + 0.5) / count * (y_end - y_start)
-        y_2 = y_start + (i + 1.0) / count * (y_end - y_start)
-        _rates(x, u_0, y_0, s, first)
+        for stage in range(4):
+            for j in range(n):
+                predicted[j] = x[j] + AHEAD[stage] * step * rate[stage - 1][j] if stage > 0 else x[j]
+            share = (i + AHEAD[stage]) / <double> steps
+            _rates(predicted, _between(start, end, share), y_start + share * (y_end - y_start), s, rate[stage])
         for j in range(n):
-            there[j] = x[j] + 0.5 * step * first[j]
-        _rates(there, u_1, y_1, s, second)
-        for j in range(n):
-            there[j] = x[j] + 0.5 * step * second[j]
-        _rates(there, u_1, y_1, s, third)
-        for j in range(n):
-            there[j] = x[j] + step * third[j]
-        _rates(there, u_2, y_2, s, fourth)
-        for j in range(n):
-            x[j] = x[j] + step / 6.0 * ((first[j] + 2.0 * (second[j] + third[j])) + fourth[j])
-    if s.phi == NULL and start.area <= 0.0 and end.area <= 0.0 and fabs(x[SAC]) < EMPTY_SAC:
-        empty_sac(x, NULL)
+            x[j] = x[j] + step / 6.0 * ((rate[0][j] + 2.0 * (rate[1][j] + rate[2][j])) + rate[3][j])
+    if s.phi == NULL:
+        empty_if_drained(x, start.area, end.area, NULL)
 
 
 cdef inline Inputs _between(Inputs start, Inputs end, double share) noexcept nogil:

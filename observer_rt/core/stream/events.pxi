@@ -8,43 +8,43 @@ cdef inline void shut_needle(Observer* observer, int64_t index) noexcept nogil:
 
 
 cdef void begin_injection(Observer* observer, int64_t position) noexcept nogil:
-    """The needle opens at `position`: an injection begins, and an event with it unless one is under way."""
+    """Begin an injection with the needle that opens at `position`, and an event unless one is under way."""
     memory = observer.memory
-    needle, under_way, counts = &memory.needle, &memory.event, &memory.counts
-    positions, in_force = &memory.positions, &memory.in_force
-    timing = &observer.constants.timing
-    row = &observer.ring[position & MASK]
-    needle.is_open = True
-    needle.opening_position = position
+    counts, start, row = &memory.counts, memory.positions.segment_start, &observer.ring[position & MASK]
+    memory.needle.is_open, memory.needle.opening_position = True, position
     memory.monitor.falls = 0
-    if not under_way.in_event:
-        under_way.in_event = True
-        under_way.number += 1
-        under_way.opening_position = position
-        under_way.learnable = memory.synchronisation.synchronised
-        under_way.fault = 0
-        under_way.differs = False
+    if not memory.event.in_event:
+        _begin_event(memory, position)
     if counts.injections_begun - counts.injections_reported == INJECTIONS:
         counts.injections_reported += 1
     injection = &observer.injections[counts.injections_begun % INJECTIONS]
     counts.injections_begun += 1
-    injection.number = counts.injections_begun
-    injection.event = under_way.number
-    injection.start_position = max(position - timing.window_lead, positions.segment_start)
+    injection.number, injection.event = counts.injections_begun, memory.event.number
+    injection.start_position = max(position - observer.constants.timing.window_lead, start)
     injection.end_position = -1
     injection.start_index = observer.ring[injection.start_position & MASK].index
-    injection.opening_index = row.index
-    injection.opening_seen = position > positions.segment_start
+    injection.opening_index, injection.opening_seen = row.index, position > start
     injection.rail_pressure = row.rail_pressure
-    injection.known_from, injection.known_to = in_force.rail_from, in_force.rail_to
+    injection.known_from, injection.known_to = memory.in_force.rail_from, memory.in_force.rail_to
+
+
+cdef inline void _begin_event(ObserverMemory* memory, int64_t position) noexcept nogil:
+    """Begin an event with the opening at `position`."""
+    under_way = &memory.event
+    under_way.in_event = True
+    under_way.number += 1
+    under_way.opening_position = position
+    under_way.learnable = memory.synchronisation.synchronised
+    under_way.fault = 0
+    under_way.differs = False
 
 
 cdef void part_events(Observer* observer, int64_t position) noexcept nogil:
-    """The shut needle is about to open at `position`: an event that has lasted its gap ends here.
+    """End an event that has lasted its gap before the shut needle opens at `position`.
 
-    Not while the sac may still be filled: only after a needle that was shut long enough for x^ to follow x~. One that
-    goes on without such a pause ends when it is too long to be learned from. The first ones, before which nothing is
-    valid, need not last: openings every 4 ms would make three of them an event, and the learning wait for it.
+    The sac must be empty, so the needle must have been shut long enough for x^ to follow x~. An event without such a
+    pause ends when it is too long to be learned from. The first events, before which nothing is valid, need not last:
+    of openings every 4 ms three would be an event, and the learning would wait for it.
     """
     cdef bint is_at_rest, is_first, is_over
     memory = observer.memory
@@ -91,9 +91,9 @@ cdef void follow_injection(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void _part_injections(Observer* observer, int64_t position) noexcept nogil:
-    """Where the tail of the injection before reaches into this opening, one ends and the other begins at the least flow.
+    """End an injection whose tail reaches into the next opening at the least flow, where the next one begins.
 
-    So each sample belongs to one, and their masses sum to what was injected.
+    So every sample belongs to one injection, and their masses sum to what was injected.
     """
     cdef int64_t number = observer.memory.counts.injections_begun - 2, meet, k
     if number < 0 or observer.injections[number % INJECTIONS].end_position >= 0:
@@ -109,7 +109,7 @@ cdef void _part_injections(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void close_event(Observer* observer, int64_t position) noexcept nogil:
-    """The event ends; `position` is the last sample of its learning window. It waits to be judged."""
+    """End the event with `position` as the last sample of its learning window, and have it wait to be judged."""
     cdef bint long_enough
     memory = observer.memory
     counts, under_way, needle = &memory.counts, &memory.event, &memory.needle
@@ -141,7 +141,7 @@ cdef void close_event(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void break_event(Observer* observer, int64_t position) noexcept nogil:
-    """The stream breaks after `position`: an event under way ends here, unlearnable if the needle was open."""
+    """End an event under way where the stream breaks after `position`; it is unlearnable if the needle was open."""
     memory = observer.memory
     under_way = &memory.event
     if not under_way.in_event:
@@ -153,7 +153,7 @@ cdef void break_event(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void note_closed_late(Observer* observer, int64_t index) noexcept nogil:
-    """That the last event was over, only the sample `index` showed."""
+    """Note that only the sample `index` showed that the last event was over."""
     observer.events[(observer.memory.counts.events_closed - 1) % PENDING_EVENTS].closed_index = index
 
 
@@ -165,10 +165,10 @@ cdef void make_all_due(Observer* observer) noexcept nogil:
 
 
 cdef bint judgement_due(Observer* observer, int64_t index) noexcept nogil:
-    """Whether the oldest closed event must be judged before the sample `index`, at which the needle does not
-    open.
+    """Whether the oldest closed event must be judged before the sample `index`, at which the needle does not open.
 
-    Outside every event, or where x^ follows x~ or is not available: nothing that is being integrated changes.
+    A verdict must change no flow that is being integrated: it is due outside events, and where x^ follows x~ or is
+    missing.
     """
     cdef bint is_at_rest
     memory = observer.memory
@@ -179,27 +179,27 @@ cdef bint judgement_due(Observer* observer, int64_t index) noexcept nogil:
     return observer.events[memory.judgement.events_taken % PENDING_EVENTS].due_index <= index
 
 
-cdef void _end_window(Observer* observer, int64_t injections_before, int64_t position) noexcept nogil:
-    """Integrate an injection up to the processed sample `position` if its window is still open: trapezoidal rule."""
-    if injections_before < 0:
+cdef void _end_window(Observer* observer, int64_t number, int64_t position) noexcept nogil:
+    """End the window of the injection that follows `number` others at the sample `position`, unless it has ended."""
+    if number < 0 or observer.injections[number % INJECTIONS].end_position >= 0:
         return
-    injection = &observer.injections[injections_before % INJECTIONS]
-    if injection.end_position >= 0:
-        return
-    injection.end_position = position
-    injection.end_index = observer.ring[position & MASK].index
-    injection.phi_version = observer.memory.judgement.phi_version
-    injection.state = observer.ring[position & MASK].state
+    injection, row = &observer.injections[number % INJECTIONS], &observer.ring[position & MASK]
+    injection.end_position, injection.end_index = position, row.index
+    injection.phi_version, injection.state = observer.memory.judgement.phi_version, row.state
     place = ((injection.start_position + position) // 2) & MASK
-    middle = &observer.ring[place]
     copy_numbers(observer.x_hat + place * observer.states, injection.middle_x, 3)
-    injection.middle_u[0] = middle.rail_pressure
-    injection.middle_u[1] = middle.seat_area
+    injection.middle_u[0] = observer.ring[place].rail_pressure
+    injection.middle_u[1] = observer.ring[place].seat_area
+    _integrate(observer, injection)
+
+
+cdef void _integrate(Observer* observer, Injection* injection) noexcept nogil:
+    """Integrate an injection's rates over its window by the trapezoidal rule; note their peak and first reason."""
+    cdef int64_t reason = REASON_NONE
     volume = predicted = peak = 0.0
-    reason = 0
-    for k in range(max(injection.start_position, position - MAX_EVENT), position + 1):
+    for k in range(max(injection.start_position, injection.end_position - MAX_EVENT), injection.end_position + 1):
         row = &observer.ring[k & MASK]
-        if reason == 0:
+        if reason == REASON_NONE:
             reason = row.reason
         peak = max(peak, row.injection_rate)
         if k > injection.start_position:
@@ -208,8 +208,5 @@ cdef void _end_window(Observer* observer, int64_t injections_before, int64_t pos
             predicted += 0.5 * (previous.open_loop_rate + row.open_loop_rate)
     injection.volume = volume * observer.constants.interval
     injection.predicted_volume = predicted * observer.constants.interval
-    if isnan(volume):
-        peak = NAN
-    injection.peak_rate = peak
-    injection.reason = reason
-    injection.valid = reason == 0
+    injection.peak_rate = NAN if isnan(volume) else peak
+    injection.reason, injection.valid = reason, reason == REASON_NONE

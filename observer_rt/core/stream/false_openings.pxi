@@ -1,12 +1,23 @@
-# Openings that were none: the zero of the lift stepped, and the line pressure tells that the needle is shut.
+# False openings: the zero of the lift has stepped, and the line pressure tells that the needle is shut.
 
 cdef int64_t EDGE = 3  # samples in which a lift steps
 cdef double CALM = 0.7e6  # Pa, rms of a line pressure in which no injection rings
 cdef double AS_CALM = 1.5  # times the mean square before: a calm line rings no more than that
 
 
-cdef void look_at_start(Observer* observer, int64_t position) noexcept nogil:
-    """A moment after the samples began: in a line at rest the needle was shut before, whatever lift it showed."""
+cdef inline void look_for_false_opening(Observer* observer, int64_t position) noexcept nogil:
+    """Look whether the zero of the lift has stepped in place of a motion, at the samples that can tell."""
+    needle, timing = &observer.memory.needle, &observer.constants.timing
+    if position == observer.memory.positions.segment_start + timing.good:
+        _look_at_start(observer, position)
+    if needle.is_open and position == needle.opening_position + timing.good:
+        _look_at_opening(observer, position)
+    if (position - needle.opening_position) % timing.settle == 0:
+        _look_at_rest(observer, position)
+
+
+cdef void _look_at_start(Observer* observer, int64_t position) noexcept nogil:
+    """A moment after the first sample, take a needle beside a line at rest for shut, whatever lift it shows."""
     cdef bint has_opened
     memory = observer.memory
     under_way, needle = &memory.event, &memory.needle
@@ -34,15 +45,14 @@ cdef void look_at_start(Observer* observer, int64_t position) noexcept nogil:
             return
         forget_opening(observer)
         shift_zero(observer, start, lifts / count)
-        observer.ring[position & MASK].lift_area = 0.0
-        observer.ring[position & MASK].seat_area = 0.0
+        observer.ring[position & MASK].lift_area = observer.ring[position & MASK].seat_area = 0.0
     shut_needle(observer, observer.ring[start & MASK].index - observer.constants.timing.settle)
 
 
-cdef void look_at_opening(Observer* observer, int64_t position) noexcept nogil:
-    """A while after an opening: a low lift that stepped and stays, in a line as calm as before, is of a shut needle.
+cdef void _look_at_opening(Observer* observer, int64_t position) noexcept nogil:
+    """A while after an opening, take a low lift that stepped and stays, beside a line still calm, for the zero.
 
-    A connection that moved, or a drift that is gone: had the needle opened, the line pressure would have fallen.
+    A connection has moved, or a drift has gone: had the needle opened, the line pressure would have fallen.
     """
     cdef bint is_steady
     memory = observer.memory
@@ -67,17 +77,16 @@ cdef void look_at_opening(Observer* observer, int64_t position) noexcept nogil:
     forget_opening(observer)
     shift_zero(observer, opening, lifts)
     row = &observer.ring[position & MASK]
-    row.lift_area = 0.0
-    row.seat_area = 0.0
+    row.lift_area = row.seat_area = 0.0
     shut_needle(observer, row.index)
 
 
-cdef void look_at_rest(Observer* observer, int64_t position) noexcept nogil:
-    """Now and then: a low lift that has stayed is of a shut needle, if the line pressure has it so.
+cdef void _look_at_rest(Observer* observer, int64_t position) noexcept nogil:
+    """Now and then, take a low lift that has stayed for the zero of a shut needle, if the line feeds nothing.
 
-    Its zero stepped while it was open, or while nothing was heard of it. Of a needle that sticks just off its seat
-    the line pressure is as the model has it. Where nothing is valid, time tells.
-    A lift below its zero is never a motion.
+    The zero stepped while the needle was open, or while no samples came. Beside a needle that sticks off its seat the
+    line pressure is as the model says. Where nothing is valid, the time for which the lift has stayed decides. A lift
+    below its zero is never a motion.
     """
     cdef bint needs_time, is_steady
     memory, timing = observer.memory, &observer.constants.timing
@@ -108,16 +117,16 @@ cdef void look_at_rest(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef bint _is_line_full(Observer* observer, int64_t begin, int64_t end) noexcept nogil:
-    """Whether the line pressure's mean over samples [begin, end) is the rail pressure's: the line feeds nothing."""
+    """Whether the means of line and rail pressure over samples [begin, end) are the same: the line feeds nothing."""
     by_gain = observer.memory.in_force.sensor[SENSOR_GAIN] * observer.ring[(end - 1) & MASK].rail_pressure
     drop = _mean_drop(observer, begin, end) + observer.memory.pair.offset + by_gain
     return abs(drop) * observer.constants.pressure_scale < CALM
 
 
 cdef void _shut_at_rest(Observer* observer, int64_t begin) noexcept nogil:
-    """The needle was shut from `begin` on: what the lift showed before is forgotten.
+    """Shut the needle from `begin` on, and forget what the lift showed before.
 
-    If nothing but time told so, an event must pass before anything is valid.
+    If nothing but time has decided so, an event must pass before anything is valid.
     """
     memory = observer.memory
     under_way, stop = &memory.event, &memory.stop
@@ -127,8 +136,7 @@ cdef void _shut_at_rest(Observer* observer, int64_t begin) noexcept nogil:
     under_way.learnable = False
     under_way.fault = REASON_LIFT_ZERO
     _forget_crosstalk(observer)
-    stop.lift = 0.0
-    stop.openings = 0
+    stop.lift, stop.openings = 0.0, 0
 
 
 cdef double _mean_drop(Observer* observer, int64_t start, int64_t end) noexcept nogil:
@@ -140,7 +148,7 @@ cdef double _mean_drop(Observer* observer, int64_t start, int64_t end) noexcept 
 
 
 cdef double _square_drop(Observer* observer, int64_t start, int64_t end, double about) noexcept nogil:
-    """Mean square of the same about a value."""
+    """Mean square of rail less line pressure about a value, over samples [start, end)."""
     total = 0.0
     for k in range(start, end):
         drop = observer.ring[k & MASK].rail_pressure - observer.ring[k & MASK].line_pressure - about

@@ -20,22 +20,20 @@ cdef double OFF_SEAT = 40e-6  # m, that a lift may leap at its seat, because the
 
 
 cdef double commanded_lift(Observer* observer, int64_t position) noexcept nogil:
-    """Lift [m] at a sample, by the commands up to it and what was learned, of a needle whose lift is not recorded."""
+    """Lift [m] at a sample of a needle whose lift is not recorded, by the commands up to it and what was learned."""
     cdef NeedleStroke s
     cdef double interval = observer.constants.interval, window = max(CORNER_ROUNDING, 2.0 * interval), lift = 0.0
     cdef double pressure
     cdef int64_t number, since
-    cdef bint lifts
     c, commands, in_force = &observer.constants, &observer.memory.commands, &observer.memory.in_force
     commands.answered = max(commands.answered, commands.count - COMMANDS)
     for number in range(commands.answered, commands.count):
         since = <int32_t> (observer.ring[position & MASK].index - commands.starts[number % COMMANDS])
         if since < 0:
             continue
-        pressure = observer.ring[(position - min(since, MASK)) & MASK].rail_pressure * c.pressure_scale + c.chamber_pressure
-        pressure = max(pressure / 1e8, 0.1)
-        lifts = answers(0.0, commands.lengths[number % COMMANDS] * interval, pressure, &c.needle, in_force.needle, &s)
-        if lifts:
+        pressure = observer.ring[(position - min(since, MASK)) & MASK].rail_pressure * c.pressure_scale
+        pressure = max((pressure + c.chamber_pressure) / 1e8, 0.1)
+        if answers(0.0, commands.lengths[number % COMMANDS] * interval, pressure, &c.needle, in_force.needle, &s):
             lift = max(lift, rounded_lift(since * interval, window, &s))
         if number == commands.answered and since * interval > lands(&s) + window:
             commands.answered += 1
@@ -48,7 +46,7 @@ cdef double opening_band(double lift_noise) noexcept nogil:
 
 
 cdef int64_t lookahead_at(Observer* observer, int64_t position) noexcept nogil:
-    """How many samples after `position` are received and follow it without a break (at most the look-ahead)."""
+    """How many samples after `position` are received and follow it without a break, at most the look-ahead."""
     positions = &observer.memory.positions
     count = min(positions.received - 1 - position, observer.constants.timing.lookahead)
     if positions.newest_break <= position:
@@ -60,7 +58,7 @@ cdef int64_t lookahead_at(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef bint opens_at(Observer* observer, int64_t position) noexcept nogil:
-    """Whether the needle counts as open from `position` on: it is recorded so, or its ramp begins before."""
+    """Whether the needle counts as open from `position` on, as recorded, or because its ramp begins before."""
     foot = _foot_ahead(observer, position, 0)
     if foot <= 0:
         return foot == 0
@@ -68,7 +66,7 @@ cdef bint opens_at(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void open_from(Observer* observer, int64_t position) noexcept nogil:
-    """Note the ramp of a needle that opens at `position`: where it is first recorded, and how it gets there."""
+    """Note the ramp of a needle that opens at `position`: where it is first recorded, at which lift and slope."""
     ramp = &observer.memory.ramp
     foot = max(_foot_ahead(observer, position, 0), 0)
     ramp.foot = position + foot
@@ -78,7 +76,7 @@ cdef void open_from(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef int64_t _foot_ahead(Observer* observer, int64_t position, int64_t nearest) noexcept nogil:
-    """Samples from `position` to the first recorded as open, from `nearest` to a toe beyond; -1 if there is none.
+    """Samples from `position` to the first recorded as open, from `nearest` to a toe beyond; -1: no such sample.
 
     The distance is one sample more if that sample is a mean over only a part of the ramp.
     """
@@ -99,12 +97,12 @@ cdef int64_t _is_partial(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef inline int64_t _reach(Observer* observer) noexcept nogil:
-    """`samples_ahead`."""
+    """Samples that must be known beyond the first recorded as open (`samples_ahead` of engine.stream.state)."""
     return LOOK_BACK + observer.constants.timing.confirm - 1
 
 
 cdef bint _opens_within(Observer* observer, int64_t position, int64_t samples) noexcept nogil:
-    """Whether `position` is recorded as open: it crosses the dead band there, or within the next `samples`.
+    """Whether the lift is recorded as open at `position`: it crosses the dead band there or in the next `samples`.
 
     Up to LOOK_BACK samples before the crossing belong to the opening while they stand out of the noise.
     """
@@ -122,10 +120,10 @@ cdef bint _opens_within(Observer* observer, int64_t position, int64_t samples) n
 
 
 cdef bint stays_low(Observer* observer, int64_t position, double highest) noexcept nogil:
-    """Whether a needle long at rest that is recorded as open from `position` on does not rise on.
+    """Whether the lift of a needle long at rest crosses the dead band after `position`, but rises no further.
 
-    highest [m]: lifts above it are not examined. True means that the sensor's zero has stepped, because no needle
-    stops just off its seat. To be called at an opening only: the search is slow.
+    Then the sensor's zero has stepped, because no needle stops just off its seat. highest [m]: lifts above it are not
+    examined. To be called at an opening only: the search is slow.
     """
     memory = observer.memory
     band = &memory.dead_band
@@ -133,8 +131,7 @@ cdef bint stays_low(Observer* observer, int64_t position, double highest) noexce
     ring = observer.ring
     if ring[position & MASK].index - memory.needle.shut_index <= timing.bounce:
         return False
-    ahead = lookahead_at(observer, position)
-    first = 0
+    ahead, first = lookahead_at(observer, position), 0
     while first < ahead and not ring[(position + first) & MASK].lift > band.lift_on:
         first += 1
     last = min(first + timing.confirm - 1, ahead)
@@ -244,28 +241,31 @@ cdef double _lift_before_end(Observer* observer, int64_t position) noexcept nogi
 
 
 cdef bint keep_sinking(Observer* observer, int64_t position) noexcept nogil:
-    """Whether a needle recorded as shut has still to sink to its seat; moves it down its ramp by a sample."""
-    memory = observer.memory
-    ramp = &memory.ramp
-    timing = &observer.constants.timing
-    if timing.toe == 0:
+    """Move a needle recorded as shut down its ramp by a sample; whether it has still to sink to its seat."""
+    ramp = &observer.memory.ramp
+    if observer.constants.timing.toe == 0:
         return False
     if ramp.fall > 0.0:
         ramp.sinking_lift -= ramp.fall
     else:
-        beyond = 2 if observer.constants.means else 1
-        last = position - beyond  # its interval may be cut, as at the foot of the opening
-        length = min(timing.ramp, last - max(memory.event.opening_position, ramp.foot))
-        final = 1 if length > 1 else 0
-        if length > 0:
-            fall = _recorded_lift(observer, last - length) - _recorded_lift(observer, last - final)
-            ramp.fall = max(fall / (length - final), 0.0)
-        highest = max(_recorded_lift(observer, position), observer.constants.inputs.lift_shift)
-        ramp.sinking_lift = min(_recorded_lift(observer, last) - beyond * ramp.fall, highest)
-    if ramp.fall == 0.0 or ramp.sinking_lift <= 0.0:
+        _begin_sinking(observer, position)
+    if ramp.sinking_lift <= 0.0:
         ramp.fall = 0.0
-        return False
-    return True
+    return ramp.fall != 0.0
+
+
+cdef void _begin_sinking(Observer* observer, int64_t position) noexcept nogil:
+    """Note slope and lift of a needle that is recorded as shut at `position`, by the ramp before."""
+    ramp = &observer.memory.ramp
+    beyond = 2 if observer.constants.means else 1
+    last = position - beyond  # its interval may be cut, as at the foot of the opening
+    length = min(observer.constants.timing.ramp, last - max(observer.memory.event.opening_position, ramp.foot))
+    final = 1 if length > 1 else 0
+    if length > 0:
+        fall = _recorded_lift(observer, last - length) - _recorded_lift(observer, last - final)
+        ramp.fall = max(fall / (length - final), 0.0)
+    highest = max(_recorded_lift(observer, position), observer.constants.inputs.lift_shift)
+    ramp.sinking_lift = min(_recorded_lift(observer, last) - beyond * ramp.fall, highest)
 
 
 cdef double area_at(Observer* observer, int64_t position) noexcept nogil:

@@ -15,8 +15,8 @@ cdef double FALL = 3e6  # Pa by which an injection lets the line pressure fall a
 cdef inline void watch(Observer* observer, double innovation, int64_t doubt) noexcept nogil:
     """Take in an innovation of x~ [p_0]; what contradicts the model stays so until an event after it has passed.
 
-    doubt: `Doubt` of its sample; one that is not to be trusted contradicts nothing. Squares, for the line swings:
-    innovations of both signs would make up for each other.
+    doubt: `Doubt` of its sample; a sample with a doubt contradicts nothing. Squares are watched, because in a line
+    that swings innovations of both signs would make up for each other.
     """
     cdef bint is_beyond
     memory = observer.memory
@@ -32,16 +32,16 @@ cdef inline void watch(Observer* observer, double innovation, int64_t doubt) noe
 
 
 cdef inline void contradict(Observer* observer, int64_t event) noexcept nogil:
-    """The model is contradicted, and no event before that number can tell otherwise."""
+    """Note that the model is contradicted, which no event before that number can refute."""
     monitor = &observer.memory.monitor
     monitor.contradicted, monitor.alarm_at_standstill = True, False
     monitor.contradicted_in = event
 
 
 cdef void end_contradiction(Observer* observer, bint is_resting, bint is_new) noexcept nogil:
-    """A contradiction that came with the needle long shut is a channel's, and over when that is well again.
+    """End a contradiction that came with the needle long shut, a channel's, when the channel is well again.
 
-    is_new: it came with this sample. One that lasts until an opening lasts until an event has passed.
+    is_new: it came with this sample. A contradiction at an opening lasts until an event has passed.
     """
     monitor = &observer.memory.monitor
     if is_new:
@@ -54,9 +54,9 @@ cdef void end_contradiction(Observer* observer, bint is_resting, bint is_new) no
 
 
 cdef inline void count_falls(Observer* observer, Sample* row, bint is_new) noexcept nogil:
-    """At a contradiction with the needle long shut: whether the line pressure fell and came back, as by an injection.
+    """Count falls of the line pressure that came back, as by an injection, with the needle long shut.
 
-    is_new: it came with this sample. Not while the line still swings from an opening.
+    is_new: the contradiction came with this sample. Nothing is counted while the line still swings from an opening.
     """
     memory = observer.memory
     monitor = &memory.monitor

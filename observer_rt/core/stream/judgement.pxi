@@ -1,6 +1,6 @@
 # Applies the verdict on an event to the samples after it.
 
-cdef double SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
+cdef double SLOW_PEAK = 5.0  # times its own mean square: with the watch's limit, five standard deviations
 
 
 cdef bint judged(Observer* observer) noexcept nogil:
@@ -36,7 +36,7 @@ cdef double BELIEVED = 0.5  # weight of the filter by which the injector is as b
 
 
 cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows) noexcept nogil:
-    """For how long the flow is known at the rail pressure of a sample: when either may have changed."""
+    """Look up for how long the flow is known at the rail pressure of a sample, when either may have changed."""
     cdef int64_t place = <int64_t> (observer.ring[position & MASK].rail_pressure / RAIL_BIN)
     point = &observer.memory.operating_point
     place = min(max(place, <int64_t> 0), <int64_t> RAIL_BINS - 1)
@@ -48,10 +48,10 @@ cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows
 cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
     """Whether the flow, if there is any, is known well enough at a sample.
 
-    It is where events showed it; a needle that falls is no news. Filters that follow must find it as believed, and know
-    it sharply; they cannot yet at the opening, where the last event must have been as believed, too. If they say that
-    it is not, a fault of the line or of a sensor looks alike while it runs: then the last event's own fit must have
-    said that it was the flow.
+    It is known where events have shown it; a needle that falls shows nothing new. Filters that follow must find the
+    injector as believed, and know the flow sharply. They cannot yet at the opening, where the last event must have
+    been as believed, too. If they find another injector, a fault of the line or of a sensor looks alike while it
+    runs: then the last event's own fit must have said that it was the flow.
     """
     cdef bint is_as_believed, is_early
     cdef double sharp
@@ -77,7 +77,7 @@ cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef bint given_up(Observer* observer) noexcept nogil:
-    """Leave the oldest closed event, which is due, not judged; False, with nothing done, if a verdict may still come.
+    """Give up the oldest closed event, which is due; False, with nothing done, if a verdict may still come.
 
     An event that only the next window of the source showed to be over, long due, has until two more have closed.
     """
@@ -93,6 +93,7 @@ cdef bint given_up(Observer* observer) noexcept nogil:
 
 
 cdef void _count(Observer* observer) noexcept nogil:
+    """Count an event as taken."""
     judgement = &observer.memory.judgement
     judgement.waiting = False
     judgement.events_judged += 1
@@ -100,7 +101,7 @@ cdef void _count(Observer* observer) noexcept nogil:
 
 
 cdef void _note(Observer* observer, Event* event, Finding* finding) noexcept nogil:
-    """What was found of an event."""
+    """Apply what was found of an event."""
     observer.memory.judgement.offset_moves = not finding.is_coloured
     _note_reason(observer, event, finding.reason)
     if not isnan(finding.at_rest):
@@ -108,11 +109,11 @@ cdef void _note(Observer* observer, Event* event, Finding* finding) noexcept nog
 
 
 cdef void _note_reason(Observer* observer, Event* event, int64_t reason) noexcept nogil:
-    """Whether an event passed.
+    """Apply the reason for which an event did not pass, 0 if it did.
 
-    An event with samples that were not to be trusted, or that could not be tested, makes nothing valid; a second in a
-    row that could not be tested, though its samples were to be trusted, ends what was known. A contradiction is over
-    with an event that passed, or with the one it came in, if that was of samples that were not to be trusted.
+    An event of faulty samples, or without a test, makes nothing valid; a second one in a row without a test, though
+    its samples were good, ends what was known. A contradiction is over with an event that passed, or with the event
+    it came in, if that was of faulty samples.
     """
     cdef bint is_faulty, is_untested, is_passed, is_explained
     judgement, monitor = &observer.memory.judgement, &observer.memory.monitor
@@ -136,7 +137,7 @@ cdef void _note_reason(Observer* observer, Event* event, int64_t reason) noexcep
 
 
 cdef void _put_learned_into_force(Observer* observer, int64_t slot, bint is_coloured) noexcept nogil:
-    """What was learned, but for an offset that the standstill has moved meanwhile."""
+    """Put what was learned into force, but for an offset that the standstill has moved meanwhile."""
     cdef bint has_followed
     memory = observer.memory
     pair = &memory.pair
@@ -167,9 +168,9 @@ cdef void carry_on(Observer* observer, int64_t slot) noexcept nogil:
 
 
 cdef void expect(Observer* observer, double at_rest) noexcept nogil:
-    """What innovations of a standard deviation are to be like; at_rest: mean square of coloured ones, needle shut.
+    """Set the mean square that is expected of innovations; at_rest: that of coloured ones, needle shut [p_0^2].
 
-    What is slow does not average out in the watch's mean of squares: it may be SLOW_PEAK times its own mean.
+    Slow noise does not average out in the watch's mean of squares: it may be SLOW_PEAK times its own mean.
     """
     memory = observer.memory
     noise = &memory.innovation_noise

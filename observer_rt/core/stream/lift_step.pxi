@@ -1,16 +1,14 @@
-# The lift of a shut needle that steps: a connection that moved, or the current through the coil.
+# Steps of the lift of a shut needle: a connection has moved, or a current flows through the coil.
 #
 # The coil is energized some tenths of a millisecond before the needle opens, and no more when it closes: a step so
 # shortly before an opening is gone when the needle sinks. At the lifts in between, which limit no flow, it matters
 # little.
 #
-# A needle that has come down and lingers just off its seat: it is shut, and its lift's zero is there.
-#
-# Sensors creep: after a long opening a shut needle shows some micrometres for milliseconds. Taken for an open one, the
-# injection would go on for as long.
+# A needle that has come down and lingers just off its seat is shut, and its lift's zero is there: sensors creep, and
+# show some micrometres of a shut needle for milliseconds after a long opening, for which the injection would go on.
 
 cpdef enum:
-    FEWEST = 2  # samples of that
+    FEWEST = 2  # samples of a step
     BEGINNING = 256  # squares of the noise, before a step is told from it
     LONG_PAST = -RING  # position of a step that there was not
 
@@ -52,7 +50,7 @@ cdef inline void follow_step(Observer* observer, int64_t position, double share)
 
 
 cdef void expect_steps(Observer* observer) noexcept nogil:
-    """How far the noise at rest moves the mean that shows a step."""
+    """Set the limit of the mean that shows a step, beyond what the noise at rest does."""
     memory = observer.memory
     resting = &memory.resting_lift
     noise = max(resting.lift_variance, memory.lift_zero.spread)
@@ -61,11 +59,12 @@ cdef void expect_steps(Observer* observer) noexcept nogil:
 
 
 cdef int64_t _samples(Observer* observer) noexcept nogil:
+    """How many samples a step lasts at least."""
     return max(<int64_t> rint(LASTS / observer.constants.interval), FEWEST)
 
 
 cdef void _take_step(Observer* observer, int64_t position) noexcept nogil:
-    """The lift has been another one for some samples up to a position: from there on that is the zero."""
+    """Move the zero by the mean of the last lifts up to a position, if they have stepped and stay."""
     cdef bint is_steady
     memory = observer.memory
     lift_step = &memory.lift_step
@@ -86,12 +85,12 @@ cdef void _take_step(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef inline double since_step(Observer* observer, int64_t position) noexcept nogil:
-    """Share of a sample in a mean over those since the last step of the zero."""
+    """Share of a sample in a mean over the samples since the last step of the zero."""
     return 1.0 / (1.0 + _samples(observer) + 0.5 * (position - observer.memory.lift_step.stepped))
 
 
 cdef inline void forget_step(Observer* observer, int64_t position) noexcept nogil:
-    """At a sample with the needle open: once it sinks, the zero is that from before the current."""
+    """Take back a step by the coil's current, which has ended once the open needle sinks."""
     cdef bint is_of_current
     memory = observer.memory
     needle, lift_step = &memory.needle, &memory.lift_step
@@ -115,7 +114,7 @@ cdef inline bint lingers(Observer* observer, int64_t position) noexcept nogil:
 cdef bint come_to_rest(Observer* observer, int64_t position) noexcept nogil:
     """Shut a needle that lingers at a lift just off its seat, and move the zero there; False if it still moves.
 
-    Flat over the look-ahead and the samples before it: the top of a bounce is too short for that.
+    The lift must be flat over the look-ahead and the samples before it: the top of a bounce is shorter.
     """
     memory = observer.memory
     band = &memory.dead_band
@@ -140,8 +139,7 @@ cdef bint come_to_rest(Observer* observer, int64_t position) noexcept nogil:
         return False
     for k in range(begin, position):
         row = &observer.ring[k & MASK]
-        row.lift_area = 0.0
-        row.seat_area = 0.0
+        row.lift_area = row.seat_area = 0.0
     shut_needle(observer, observer.ring[begin & MASK].index)
     shift_zero(observer, position, level)
     return True

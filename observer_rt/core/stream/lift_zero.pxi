@@ -20,9 +20,9 @@ cdef double FALLEN = 4.0
 
 
 cdef inline void take_out_zero(Observer* observer, int64_t position) noexcept nogil:
-    """Work out the lift of all samples known at `position`: the recorded one without what a shut needle shows.
+    """Work out the lift of all samples known at `position`: the recorded one without its zero and crosstalk.
 
-    Not when they are received: how many come at once must not matter.
+    It is done here and not when samples are received, because how many come at once must not matter.
     """
     memory = observer.memory
     zero, resting = &memory.lift_zero, &memory.resting_lift
@@ -40,10 +40,10 @@ cdef inline void take_out_zero(Observer* observer, int64_t position) noexcept no
 
 
 cdef void _begin(Observer* observer, int64_t end) noexcept nogil:
-    """At the first samples, up to `end`: what was known before them of the lift is a start.
+    """Begin with the zero and crosstalk that were known before the first samples, which end before `end`.
 
-    Forgotten where it would make a needle open that else is shut. The line's mean is that of the rail until it is
-    known: it may ring, or fill.
+    The zero is forgotten where it would open a needle that is shut without it. The line pressure's mean begins at the
+    rail pressure, because the line may still ring, or fill.
     """
     memory = observer.memory
     resting, band = &memory.resting_lift, &memory.dead_band
@@ -62,30 +62,29 @@ cdef inline bint is_beyond_limit(Observer* observer) noexcept nogil:
 
 
 cdef void follow_lift(Observer* observer, int64_t position) noexcept nogil:
-    """Take the lift at `position` into its zero, its noise and its crosstalk, if the needle is shut and at rest.
-
-    Else into what is known of its stop.
-    """
-    cdef bint has_begun
+    """Take the lift at `position` into the stop of an open needle, or into zero and noise of one at rest."""
     memory = observer.memory
-    needle, zero, resting = &memory.needle, &memory.lift_zero, &memory.resting_lift
-    regression, band = &memory.crosstalk, &memory.dead_band
-    interval = observer.constants.interval
-    row = &observer.ring[position & MASK]
-    shut_for = row.index - needle.shut_index
-    if needle.is_open:
+    if memory.needle.is_open:
         _move_on(observer, position)
         follow_opening(observer, position)
         forget_step(observer, position)
         return
     if memory.stop.highest > 0.0:
         take_opening(observer)
-    if shut_for <= observer.constants.timing.bounce:
+    row = &observer.ring[position & MASK]
+    if row.index - memory.needle.shut_index <= observer.constants.timing.bounce:
         _move_on(observer, position)
-        return
+    elif not (row.interpolated or (memory.lift_zero.count >= _BEGINNING and row.index % 2)):
+        _follow_at_rest(observer, position)
+
+
+cdef void _follow_at_rest(Observer* observer, int64_t position) noexcept nogil:
+    """Take the lift of a needle at rest into its zero, steps of it, its noise and its crosstalk."""
+    cdef bint has_begun
+    memory = observer.memory
+    zero, resting, regression = &memory.lift_zero, &memory.resting_lift, &memory.crosstalk
+    row, interval = &observer.ring[position & MASK], observer.constants.interval
     has_begun = zero.count >= _BEGINNING
-    if row.interpolated or (has_begun and row.index % 2):
-        return
     follow_step(observer, position, min((2.0 if has_begun else 1.0) * QUICK_RATE * interval, 1.0))
     lift = row.needle_lift - resting.zero
     if not isfinite(lift):
@@ -96,24 +95,31 @@ cdef void follow_lift(Observer* observer, int64_t position) noexcept nogil:
     if not has_begun:
         share = max(1.0 / zero.count, 0.5 * share)
     regression.line_mean += share * swing
-    clip = CLIP * band.lift_on
+    clip = CLIP * memory.dead_band.lift_on
     # what was known of the crosstalk before these samples moves no zero until they confirm it
     added = resting.crosstalk * swing if regression.count >= CROSSTALK_SAMPLES else 0.0
     left = min(max(lift - added, -clip), clip)
     _follow(observer, position, resting.zero + left, share)
     gather_crosstalk(observer, swing, lift)
+    shut_for = row.index - memory.needle.shut_index
     if shut_for > observer.constants.timing.bounce + 4 and (zero.count % 2 == 0 or not has_begun):
         _gather_noise(observer, position, left)
     if zero.count % _LOOK == 0:
-        opens = opening_band(sqrt(max(resting.lift_variance, zero.spread)))
-        if resting.lift_count >= ENOUGH_SAMPLES or opens > band.lift_on:
-            band.lift_on, band.lift_off = opens, 0.5 * opens
+        _follow_dead_band(memory)
         expect_steps(observer)
         _find_crosstalk(observer)
 
 
+cdef inline void _follow_dead_band(ObserverMemory* memory) noexcept nogil:
+    """Widen the dead band to the lift's noise at once, and narrow it when enough samples show less."""
+    resting, band = &memory.resting_lift, &memory.dead_band
+    opens = opening_band(sqrt(max(resting.lift_variance, memory.lift_zero.spread)))
+    if resting.lift_count >= ENOUGH_SAMPLES or opens > band.lift_on:
+        band.lift_on, band.lift_off = opens, 0.5 * opens
+
+
 cdef inline void _follow(Observer* observer, int64_t position, double lift, double share) noexcept nogil:
-    """The zero after a shut needle's lift [m], taken into its mean by a share: the mean, or where it moves to."""
+    """Take a shut needle's lift [m] into the mean by a share; the zero is the mean, or ahead of one that moves."""
     memory = observer.memory
     zero, resting = &memory.lift_zero, &memory.resting_lift
     interval = observer.constants.interval
@@ -136,16 +142,16 @@ cdef inline void _follow(Observer* observer, int64_t position, double lift, doub
 
 
 cdef inline void _move_on(Observer* observer, int64_t position) noexcept nogil:
-    """The zero at a sample that does not show it."""
+    """Move the zero on as before at a sample that does not show it, for a short time."""
     zero = &observer.memory.lift_zero
     if zero.slope != 0.0 and (position - zero.followed) * observer.constants.interval < MOVES_ON:
         shift_zero(observer, zero.lifted, zero.slope)
 
 
 cdef void shift_zero(Observer* observer, int64_t begin, double step) noexcept nogil:
-    """The zero, and what it is worked out from, is another one by a step [m], within its limits.
+    """Move the zero, and the means that it comes from, by a step [m], within its limits.
 
-    It was at the samples from `begin` on, too, whose lift is known already.
+    The lifts that are known already from the position `begin` on are corrected by the step.
     """
     resting, zero = &observer.memory.resting_lift, &observer.memory.lift_zero
     if not abs(resting.zero + step) <= FURTHEST_ZERO:
@@ -159,9 +165,8 @@ cdef void shift_zero(Observer* observer, int64_t begin, double step) noexcept no
 
 
 cdef void _gather_noise(Observer* observer, int64_t position, double left) noexcept nogil:
-    """From a sample whose lift is `left` [m] about the zero."""
-    resting, zero = &observer.memory.resting_lift, &observer.memory.lift_zero
-    ring = observer.ring
+    """Take a sample whose lift is `left` [m] about the zero into the noise of the lift."""
+    resting, zero, ring = &observer.memory.resting_lift, &observer.memory.lift_zero, observer.ring
     square = square_of_difference(
         ring[(position - 4) & MASK].needle_lift, ring[(position - 3) & MASK].needle_lift,
         ring[(position - 2) & MASK].needle_lift, ring[(position - 1) & MASK].needle_lift,

@@ -31,7 +31,7 @@ cdef double LEAP = 10.0  # of e~ from one sample to the next; a wrong model's gr
 
 
 cdef inline int64_t inspect(Observer* observer, int64_t position) noexcept nogil:
-    """Look at a sample after those before it, and again at those; why it is not to be trusted (`Doubt`)."""
+    """Look for faults that a sample shows, also of the samples before it; returns the sample's `Doubt`."""
     cdef bint is_fast
     channels = observer.channels
     row = &observer.ring[position & MASK]
@@ -41,7 +41,7 @@ cdef inline int64_t inspect(Observer* observer, int64_t position) noexcept nogil
             doubt = _look(observer, position, LINE, row.line_pressure)
         if _is_odd(&channels[LIFT], position, row.needle_lift, 0.0):
             doubt = max(doubt, _look(observer, position, LIFT, row.needle_lift))
-        # of a slower rail pressure most values are made up
+        # most values of a slower rail pressure are interpolated
         is_fast = observer.constants.rail_every <= 1.0
         if is_fast and _is_odd(&channels[RAIL], position, row.rail_pressure, RESTLESS):
             doubt = max(doubt, _look(observer, position, RAIL, row.rail_pressure))
@@ -49,9 +49,9 @@ cdef inline int64_t inspect(Observer* observer, int64_t position) noexcept nogil
 
 
 cdef inline bint _is_odd(Channel* channel, int64_t position, double value, double restless) noexcept nogil:
-    """Take in a value of a channel; whether there is more to be done than for most of them, and for the next.
+    """Take in a value of a channel; whether it must be examined because it repeats, steps, or follows such a value.
 
-    restless: means of its changes that are no step either, 0 for a lift.
+    restless: multiple of the channel's mean change that is no step either, 0 for a lift.
     """
     last = channel.last
     channel.last = value
@@ -68,9 +68,7 @@ cdef inline bint _is_odd(Channel* channel, int64_t position, double value, doubl
         channel.went_below = True
     step = abs(value - last)
     limit = max(STEP * channel.noise, restless * channel.change)
-    channel.change += (
-        (step if step < limit else limit) - channel.change
-    ) / CHANGE_MEMORY  # no number is not taken in
+    channel.change += ((step if step < limit else limit) - channel.change) / CHANGE_MEMORY  # NaN counts as the limit
     if step > limit:
         channel.until = max(channel.until, position + 2)
         return True
@@ -92,7 +90,7 @@ cdef inline bint accepted(ObserverMemory* memory, int64_t longest, double innova
 
 
 cdef int64_t _look(Observer* observer, int64_t position, int64_t number, double value) noexcept nogil:
-    """Do what is to be done about a channel whose value at a position is odd; its `Doubt`."""
+    """Examine a channel whose value at a position is odd, bridge or mend what is wrong; returns its `Doubt`."""
     channel = &observer.channels[number]
     if channel.run > 0:
         _follow_run(observer, position, number, value)
@@ -110,7 +108,7 @@ cdef int64_t _look(Observer* observer, int64_t position, int64_t number, double 
 
 
 cdef bint _was_held(Observer* observer, double value) noexcept nogil:
-    """Whether a lift that moves again has moved while it was held: a needle cannot be bridged."""
+    """Whether a lift that moves again had moved while its value was held: a needle's motion cannot be bridged."""
     cdef bint has_moved
     memory = observer.memory
     channel = &observer.channels[LIFT]
@@ -122,14 +120,14 @@ cdef bint _was_held(Observer* observer, double value) noexcept nogil:
 
 
 cdef bint _is_wide_open(ObserverMemory* memory, double lift) noexcept nogil:
-    """Whether at a lift, as recorded [m], the seat limits no flow."""
+    """Whether the seat is so wide open at a recorded lift [m] that it limits no flow."""
     return memory.stop.openings >= ENOUGH_OPENINGS and lift - memory.resting_lift.zero > WIDE * memory.stop.lift
 
 
 cdef bint _was_let_go(Observer* observer, int64_t position) noexcept nogil:
-    """Whether the lift leapt from where it stayed, some samples before a position, quicker than a needle, for good.
+    """Whether the lift leapt, some samples before a position, quicker than a needle from where it stayed, for good.
 
-    So it is with one that was held ahead of its noise.
+    So leaps a lift that was held before noise was added to it.
     """
     cdef bint is_repeated
     memory = observer.memory
@@ -157,7 +155,7 @@ cdef bint _was_let_go(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef inline double _lowest(Observer* observer, int64_t position) noexcept nogil:
-    """Of the recorded lifts [m] at a position and the one after it."""
+    """The lower of the recorded lifts [m] at a position and the one after it."""
     ring = observer.ring
     return min(ring[position & MASK].needle_lift, ring[(position + 1) & MASK].needle_lift)
 
@@ -167,8 +165,9 @@ cdef inline double _lift_over(Observer* observer, int64_t begin, int64_t end) no
     return observer.ring[end & MASK].needle_lift - observer.ring[begin & MASK].needle_lift
 
 
-cdef double value_of(Sample* row, int64_t channel) noexcept nogil:
-    """Of a sample, by number of the channel."""
+cdef double _value(Observer* observer, int64_t position, int64_t channel) noexcept nogil:
+    """Value that a channel has at a position."""
+    row = &observer.ring[position & MASK]
     if channel == RAIL:
         return row.rail_pressure
     if channel == LIFT:
@@ -177,6 +176,7 @@ cdef double value_of(Sample* row, int64_t channel) noexcept nogil:
 
 
 cdef void _replace(Sample* row, int64_t channel, double value) noexcept nogil:
+    """Put another value in the place of a channel's."""
     if channel == RAIL:
         row.rail_pressure = value
     elif channel == LIFT:
@@ -187,7 +187,7 @@ cdef void _replace(Sample* row, int64_t channel, double value) noexcept nogil:
 
 
 cdef void _follow_run(Observer* observer, int64_t position, int64_t number, double value) noexcept nogil:
-    """A channel has the value of the sample before: bridge it, once that is no chance."""
+    """Bridge a channel that repeats the value of the sample before, once so many repeats are no chance."""
     cdef bint longest, is_again
     channel = &observer.channels[number]
     longest = observer.constants.timing.bridge
@@ -211,18 +211,18 @@ cdef void _follow_run(Observer* observer, int64_t position, int64_t number, doub
 
 
 cdef void _note_run(Observer* observer, int64_t position, int64_t number, double value) noexcept nogil:
-    """Two samples, the second at `position`, have one value: how many must follow, and what it was before them."""
+    """Note of the second of two equal values how many must follow to be no chance, and the value before both."""
     channel = &observer.channels[number]
     channel.needed = MOST_SAMPLES
     if position <= observer.memory.positions.segment_start + 1 or not isfinite(value):
         return
-    channel.instead = value_of(&observer.ring[(position - 2) & MASK], number)
+    channel.instead = _value(observer, position - 2, number)
     channel.is_dropout = abs(value - channel.instead) > DROPOUT * channel.noise
     channel.needed = repeats_needed(channel.repeats, position, channel.is_dropout)
 
 
 cdef int64_t repeats_needed(int64_t repeats, int64_t samples, bint is_dropout) noexcept nogil:
-    """Equal neighbours in a row that are no chance, where so many of all samples had one; fewer after a leap."""
+    """How many equal neighbours in a row are no chance, by the repeats among all samples; fewer after a leap."""
     if samples < WELL_KNOWN:
         return MOST_SAMPLES
     chance = (repeats + 1.0) / (samples + 1.0)
@@ -234,7 +234,7 @@ cdef int64_t repeats_needed(int64_t repeats, int64_t samples, bint is_dropout) n
 
 
 cdef int64_t _doubt(Channel* channel, int64_t number, int64_t longest) noexcept nogil:
-    """Of a channel, so many of whose last samples were bridged; inputs that are clipped are wrong from the start."""
+    """The `Doubt` of a channel that is bridged, for longer than may be; a clipped input is wrong from the start."""
     if channel.is_clipped and number != LINE:
         longest = 0
     if channel.bridged <= longest:
@@ -243,7 +243,7 @@ cdef int64_t _doubt(Channel* channel, int64_t number, int64_t longest) noexcept 
 
 
 cdef void _bridge(Observer* observer, int64_t position, int64_t number) noexcept nogil:
-    """Do not use a value: of an input, hold the one before a dropout."""
+    """Mark a value as not to be used; an input keeps the value from before a dropout."""
     channel = &observer.channels[number]
     row = &observer.ring[position & MASK]
     row.bridged |= 1 << number
@@ -255,29 +255,27 @@ cdef void _bridge(Observer* observer, int64_t position, int64_t number) noexcept
 
 cdef void _mend(Observer* observer, int64_t position, int64_t number) noexcept nogil:
     """Put a straight line in the place of the few values before a position that leapt away from it and came back."""
-    memory = observer.memory
+    cdef bint is_spike
     if not observer.constants.timing.filtered or not _follows(observer, position, 2 * REACH + 1):
         return
     limit = max(STEP * observer.channels[number].noise, RESTLESS * observer.channels[number].change)
-    here = value_of(&observer.ring[position & MASK], number)
-    back = abs(here - value_of(&observer.ring[(position - 1) & MASK], number))
+    here = _value(observer, position, number)
+    back = abs(here - _value(observer, position - 1, number))
     if back <= limit or not isfinite(back):
         return
     for width in range(1, REACH + 1):
         last = position - width - 1
-        before = value_of(&observer.ring[last & MASK], number)
-        away = abs(value_of(&observer.ring[(last + 1) & MASK], number) - before)
+        before = _value(observer, last, number)
+        away, rise = abs(_value(observer, last + 1, number) - before), here - before
         close = CLOSE * min(away, back)
-        rise = here - before
-        if away > limit and (
-            _is_steady(observer, last, number, close)
-            and min(abs(rise), abs(rise - (width + 1) * _slope(observer, last, number))) < close
-        ):
+        slope = 0.5 * (before - _value(observer, last - 2, number))
+        is_spike = away > limit and _is_steady(observer, last, number, close)
+        if is_spike and min(abs(rise), abs(rise - (width + 1) * slope)) < close:
             for k in range(1, width + 1):
                 row = &observer.ring[(last + k) & MASK]
                 _replace(row, number, before + rise * k / (width + 1))
                 row.bridged |= 1 << number
-            memory.outliers.spikes += width
+            observer.memory.outliers.spikes += width
             return
 
 
@@ -290,19 +288,18 @@ cdef void _mend_open_lift(Observer* observer, int64_t position) noexcept nogil:
     cdef bint is_straight, is_leap
     if not observer.constants.timing.filtered or not _follows(observer, position, REACH + 4):
         return
-    memory = observer.memory
-    after, last = _lift(observer, position - 1), _lift(observer, position)
-    quickest = observer.constants.quickest + memory.dead_band.lift_on
+    memory, noise = observer.memory, observer.channels[LIFT].noise
+    after, beyond = _lift(observer, position - 1), _lift(observer, position)
+    back = abs(after - _lift(observer, position - 2))
+    quickest, close = observer.constants.quickest + memory.dead_band.lift_on, STRAIGHT * noise
     for width in range(1, REACH + 1):
         first = position - 1 - width
         before = _lift(observer, first - 1)
         if min(before, after) < memory.dead_band.lift_on:
             continue
         slope = (after - before) / (width + 1)
-        noise = observer.channels[LIFT].noise
-        close = STRAIGHT * noise
-        is_straight = abs(before - _lift(observer, first - 2) - slope) < close and abs(last - after - slope) < close
-        is_leap = abs(_lift(observer, first) - before) > quickest and abs(after - _lift(observer, position - 2)) > quickest
+        is_straight = abs(before - _lift(observer, first - 2) - slope) < close and abs(beyond - after - slope) < close
+        is_leap = abs(_lift(observer, first) - before) > quickest and back > quickest
         if (is_straight or is_leap) and _least_away(observer, first, width, before, slope) > AWAY * noise:
             for k in range(width):
                 row = &observer.ring[(first + k) & MASK]
@@ -313,7 +310,7 @@ cdef void _mend_open_lift(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef double _least_away(Observer* observer, int64_t first, int64_t width, double before, double slope) noexcept nogil:
-    """By how much at least so many lifts from `first` on are above a line, or below it."""
+    """The least distance [m] by which so many lifts from `first` on all lie above a line, or all below it."""
     least, most = INFINITY, -INFINITY
     for k in range(width):
         away = _lift(observer, first + k) - before - slope * (k + 1)
@@ -322,30 +319,24 @@ cdef double _least_away(Observer* observer, int64_t first, int64_t width, double
 
 
 cdef double _lift(Observer* observer, int64_t position) noexcept nogil:
-    """As recorded, without its zero [m]."""
+    """The recorded lift without its zero [m]."""
     return observer.ring[position & MASK].needle_lift - observer.memory.resting_lift.zero
 
 
 cdef bint _follows(Observer* observer, int64_t position, int64_t samples) noexcept nogil:
-    """Whether so many samples, `position` the last of them, follow each other."""
+    """Whether so many samples, `position` the last of them, follow each other without a break."""
     if position < samples:
         return False
-    cdef int64_t breaks = 0
     for k in range(samples):
-        breaks += observer.ring[(position - k) & MASK].broken != 0
-    return breaks == 0
-
-
-cdef double _slope(Observer* observer, int64_t position, int64_t number) noexcept nogil:
-    """Of a channel [a sample], at a position and the two before it."""
-    later, earlier = &observer.ring[position & MASK], &observer.ring[(position - 2) & MASK]
-    return 0.5 * (value_of(later, number) - value_of(earlier, number))
+        if observer.ring[(position - k) & MASK].broken != BREAK_NONE:
+            return False
+    return True
 
 
 cdef bint _is_steady(Observer* observer, int64_t position, int64_t number, double close) noexcept nogil:
-    """Whether a channel changed by less than that at a position and the one before it: else it rings."""
-    for k in range(2):
-        later, earlier = &observer.ring[(position - k) & MASK], &observer.ring[(position - k - 1) & MASK]
-        if abs(value_of(later, number) - value_of(earlier, number)) >= close:
-            return False
-    return True
+    """Whether a channel changed by less than a limit at a position and at the one before it: else it rings."""
+    before = _value(observer, position - 1, number)
+    return not (
+        abs(_value(observer, position, number) - before) >= close
+        or abs(before - _value(observer, position - 2, number)) >= close
+    )

@@ -5,7 +5,7 @@ cdef double FURTHEST_OFFSET = 1.5e6  # from the learned one: what moves further 
 
 
 cdef void start_pair(Observer* observer, int64_t position) noexcept nogil:
-    """x~ (and x^ with it) begins anew: p_L = y, Q_L = 0, empty sac."""
+    """Begin x~, and x^ with it, anew: p_L = y, Q_L = 0, empty sac."""
     memory = observer.memory
     pair = &memory.pair
     row = &observer.ring[position & MASK]
@@ -21,10 +21,7 @@ cdef void start_pair(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef bint _is_measured(Observer* observer, int64_t position) noexcept nogil:
-    """Whether the line pressure that belongs to a sample is in the ring, for it may be recorded late or early.
-
-    And is one: an outlier is none.
-    """
+    """Whether the line pressure of a sample, which may be recorded late or early, is in the ring, and no outlier."""
     late = observer.constants.sensor.late
     if (observer.ring[(position + late) & MASK].bridged >> LINE) & 1:
         return False
@@ -36,7 +33,7 @@ cdef bint _is_measured(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void _watch_up_to(Observer* observer, int64_t position) noexcept nogil:
-    """Watch the innovations up to a sample; with control flow they are known later, for the lift tells of the valve."""
+    """Watch the innovations up to a sample; with control flow they are final when the lift has shown the valve."""
     cdef bint was_contradicted
     monitor = &observer.memory.monitor
     for k in range(monitor.watched + 1, position + 1):
@@ -52,7 +49,7 @@ cdef void _watch_up_to(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef bint step_pair(Observer* observer, int64_t position) noexcept nogil:
-    """Both systems from the previous sample to this one; False when a state is no longer finite."""
+    """Step both systems from the previous sample to this one; False when a state is no longer finite."""
     cdef bint is_finite
     constants, memory, row = &observer.constants, observer.memory, &observer.ring[position & MASK]
     pair = &memory.pair
@@ -72,9 +69,9 @@ cdef bint step_pair(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void _follow_offset(Observer* observer, double innovation) noexcept nogil:
-    """Between events, too, the offset of x~ is what the standstill shows: sensors drift, or their gains differ.
+    """Have the offset of x~ follow what the standstill shows between events: sensors drift, or their gains differ.
 
-    Not where the noise is coloured: its slow part has a mean at rest that the next opening does not keep.
+    It stays where the noise is coloured, whose slow part has a mean at rest that the next opening does not keep.
     """
     cdef bint is_settled
     memory = observer.memory

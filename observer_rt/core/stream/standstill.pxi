@@ -55,10 +55,7 @@ cdef void gather(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef bint _is_clipped(Observer* observer, int64_t position) noexcept nogil:
-    """Whether a rest's line pressure stays at the highest value of the run although the rail pressure does not stay.
-
-    Where its range ends, it says nothing.
-    """
+    """Whether the line pressure stays at its highest value, the end of its range, while the rail pressure moves."""
     cdef bint moves
     rest, row = &observer.memory.rest, &observer.ring[position & MASK]
     moves = row.rail_pressure != observer.ring[(position - 1) & MASK].rail_pressure
@@ -68,7 +65,7 @@ cdef bint _is_clipped(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void _halve(Observer* observer) noexcept nogil:
-    """What is long past counts for less."""
+    """Have the sums so far count half."""
     differences, before = &observer.memory.standstill.differences, &observer.memory.rest.before
     differences.count = NOISE_MEMORY
     before.count //= 2
@@ -84,7 +81,7 @@ cdef bint _differ(double one, double other, double factor) noexcept nogil:
 
 
 cdef void forget_other_noise(Observer* observer) noexcept nogil:
-    """An event closes: what was known before it goes where the noise has become another since."""
+    """At the end of an event, forget the sums before it if the noise has become another since."""
     differences, before = &observer.memory.standstill.differences, &observer.memory.rest.before
     since = differences.count - before.count
     if min(before.count, since) >= ENOUGH_SAMPLES:
@@ -98,8 +95,7 @@ cdef void forget_other_noise(Observer* observer) noexcept nogil:
 
 
 cdef double smoothing(double share, double again) noexcept nogil:
-    """By what interpolation with this share of the later neighbour, and another one after it, reduce the square of a
-    fourth difference.
+    """Factor on the square of a fourth difference by two interpolations, with these shares of the later neighbour.
 
     To the line, which follows slowly, an interpolated pressure is as noisy as its neighbours are.
     """
@@ -116,7 +112,7 @@ cdef double square_of_difference(
 ) noexcept nogil:
     """Square of the fourth difference, a spike's limited to what the `count` squares before make plausible.
 
-    smoothed: by what interpolation reduced it.
+    smoothed: factor by which interpolation has reduced it.
     """
     square = (a - 4 * (b + d) + 6 * c + e) ** 2 / smoothed
     if count < _TRUSTED:

@@ -4,16 +4,16 @@ from libc.stdint cimport int64_t
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Seat
 from observer_rt.core.model.needle cimport NEEDLE_NUMBERS, NeedleLaw
-from observer_rt.core.model.network cimport CURVES
+from observer_rt.core.model.network cimport CURVES, PIECES
 from observer_rt.core.model.records cimport MOST_COEFFICIENTS
 from observer_rt.core.model.sensor cimport SENSOR_GAIN, SENSOR_NUMBERS, InputTerms, Sensor
 from observer_rt.core.model.valve cimport Valve
 
 cdef enum:
     RING = 32768  # samples remembered: 0.33 s at 100 kHz
-    MASK = 32767
+    MASK = RING - 1
     RECORDED_RING = 8192
-    RECORDED_MASK = 8191
+    RECORDED_MASK = RECORDED_RING - 1
     MAX_EVENT = 16384  # samples; a longer event is not learned
     PENDING_EVENTS = 512  # closed, not yet judged
     INJECTIONS = 1024  # finished, not yet reported
@@ -23,7 +23,7 @@ cdef enum:
     LIFT = 1
     LINE = 2
     RAIL_BINS = 32  # of the rail pressure
-    CURVE_NUMBERS = 128  # of a curve of the network: its pieces' cubics
+    CURVE_NUMBERS = 4 * PIECES  # of a curve of the network: its pieces' cubics
     OUTPUTS = 2
 
 cdef enum:  # Break: why a sample does not follow its predecessor

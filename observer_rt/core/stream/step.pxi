@@ -5,7 +5,7 @@ cdef enum:
 
 
 cdef void take_recorded(Observer* observer, int64_t end, int64_t doubt) noexcept nogil:
-    """Take the recorded samples up to the number `end`; `doubt` (Doubt) says why they cannot be trusted."""
+    """Take the recorded samples up to the number `end`; doubt: why they cannot be trusted (Doubt)."""
     positions = &observer.memory.positions
     ahead = observer.constants.undoing.ahead
     while positions.recorded < end:
@@ -128,32 +128,17 @@ cdef void _finish(Observer* observer) noexcept nogil:
 cdef bint _process(Observer* observer, int64_t position) noexcept nogil:
     """Process one sample; returns False, with nothing done, if an event must be judged first."""
     cdef bint opens
-    memory = observer.memory
-    needle, judgement = &memory.needle, &memory.judgement
-    row = &observer.ring[position & MASK]
+    needle, row = &observer.memory.needle, &observer.ring[position & MASK]
     if row.broken != BREAK_NONE:
         _end_segment(observer, position)
     take_out_zero(observer, position)
-    opens = not needle.is_open and opens_at(observer, position)
-    if opens and stays_low(observer, position, LOWEST):
-        opens = False
-    while not opens and judgement.events_taken < memory.counts.events_closed and judgement_due(observer, row.index):
-        if judged(observer):
-            continue
-        if memory.mode.waits_for_verdicts:
-            judgement.waiting = True
-            return False
-        if not given_up(observer):
-            break
+    opens = not needle.is_open and opens_at(observer, position) and not stays_low(observer, position, LOWEST)
+    if not (opens or _judge_due_events(observer, row.index)):
+        return False
     if row.broken != BREAK_NONE:
         _begin_segment(observer, position)
     _move_needle(observer, position, opens)
-    if position == memory.positions.segment_start + observer.constants.timing.good:
-        look_at_start(observer, position)
-    if needle.is_open and position == needle.opening_position + observer.constants.timing.good:
-        look_at_opening(observer, position)
-    if (position - needle.opening_position) % observer.constants.timing.settle == 0:
-        look_at_rest(observer, position)
+    look_for_false_opening(observer, position)
     row.resting = not needle.is_open and row.index - needle.shut_index > observer.constants.timing.settle
     if row.broken != BREAK_NONE:
         start_pair(observer, position)
@@ -167,8 +152,23 @@ cdef bint _process(Observer* observer, int64_t position) noexcept nogil:
     return True
 
 
+cdef inline bint _judge_due_events(Observer* observer, int64_t index) noexcept nogil:
+    """Judge the events due before the sample `index`, or give them up; False if a verdict must be waited for."""
+    memory = observer.memory
+    judgement = &memory.judgement
+    while judgement.events_taken < memory.counts.events_closed and judgement_due(observer, index):
+        if judged(observer):
+            continue
+        if memory.mode.waits_for_verdicts:
+            judgement.waiting = True
+            return False
+        if not given_up(observer):
+            break
+    return True
+
+
 cdef void _end_segment(Observer* observer, int64_t position) noexcept nogil:
-    """The stream broke before `position`: finish what was under way (harmless when done twice)."""
+    """Finish the event under way where the stream broke before `position`; harmless when done twice."""
     row = &observer.ring[position & MASK]
     if position > 0 and observer.memory.event.in_event:
         break_event(observer, position - 1)
@@ -178,6 +178,7 @@ cdef void _end_segment(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void _begin_segment(Observer* observer, int64_t position) noexcept nogil:
+    """Begin a stretch of samples that follow each other; nothing is valid before x~ has settled."""
     memory = observer.memory
     synchronisation = &memory.synchronisation
     row = &observer.ring[position & MASK]
@@ -193,7 +194,7 @@ cdef void _begin_segment(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void _move_needle(Observer* observer, int64_t position, bint opens) noexcept nogil:
-    """Dead band and events; the seat area of a closed needle is 0 or, beside an opening, negative."""
+    """Open or shut the needle by its dead band, and work out the seat area, negative just beside an opening."""
     memory = observer.memory
     under_way, needle = &memory.event, &memory.needle
     row = &observer.ring[position & MASK]
@@ -221,30 +222,26 @@ cdef void _move_needle(Observer* observer, int64_t position, bint opens) noexcep
 
 
 cdef void _recover(Observer* observer, int64_t position) noexcept nogil:
-    """A state is not finite: start anew here, valid again only after a standstill."""
-    memory = observer.memory
-    synchronisation = &memory.synchronisation
+    """Start the pair anew where a state is not finite; it is valid again only after a standstill."""
+    synchronisation = &observer.memory.synchronisation
     synchronisation.numerical_resets += 1
     synchronisation.synchronised = False
-    memory.event.learnable = False
+    observer.memory.event.learnable = False
     synchronisation.unsynchronised_by = REASON_NUMERICAL
     start_pair(observer, position)
 
 
 cdef void _settle(Observer* observer, int64_t position) noexcept nogil:
-    """Re-synchronised once x~ is good and the sac at rest; stays so until the stream breaks."""
+    """Note whether the pair has settled: once x~ is good and the sac at rest, until the stream breaks."""
     cdef bint is_stuck
     memory = observer.memory
     needle, synchronisation = &memory.needle, &memory.synchronisation
     if not needle.is_open:
         synchronisation.closed_since_start += 1
-    if observer.ring[position & MASK].resting and (
-        synchronisation.closed_since_start >= observer.constants.timing.good
-    ):
-        synchronisation.synchronised = True
-        synchronisation.unsynchronised_by = REASON_NONE
     if observer.ring[position & MASK].resting:
         synchronisation.rested = position
+        if synchronisation.closed_since_start >= observer.constants.timing.good:
+            synchronisation.synchronised, synchronisation.unsynchronised_by = True, REASON_NONE
     is_stuck = needle.is_open and position - needle.opening_position > MAX_EVENT
     if is_stuck or position - synchronisation.rested > _RESTLESS:
         synchronisation.synchronised = False
@@ -252,26 +249,25 @@ cdef void _settle(Observer* observer, int64_t position) noexcept nogil:
         memory.event.learnable = False
 
 
-cdef bint _is_only_rest_held(Observer* observer, int64_t position) noexcept nogil:
-    """Whether all that is wrong with a sample is that the lift of a needle at rest is held.
+cdef bint _is_faulty(Observer* observer, int64_t position) noexcept nogil:
+    """Whether a sample cannot be trusted, for more than a lift that is held while the needle is at rest.
 
     Had the needle moved meanwhile, the lift would leap when it is let go, or the line would ring.
     """
     cdef bint is_at_rest
-    needle = &observer.memory.needle
+    needle, timing = &observer.memory.needle, &observer.constants.timing
     row = &observer.ring[position & MASK]
-    timing = &observer.constants.timing
+    if row.doubt == DOUBT_NONE:
+        return observer.memory.input_fault != REASON_NONE
     is_at_rest = not needle.is_open and row.index - needle.shut_index > timing.bounce
     others = max(observer.channels[RAIL].bridged, observer.channels[LINE].bridged)
-    return is_at_rest and row.doubt == DOUBT_FROZEN and others <= timing.bridge
+    return not (is_at_rest and row.doubt == DOUBT_FROZEN and others <= timing.bridge)
 
 
 cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
-    """Validity, reason and state of the processed sample; its rate is not available while not synchronised."""
-    cdef bint is_faulty
+    """Note validity, reason and state of the processed sample, whose rate is missing while x~ has not settled."""
     memory = observer.memory
     synchronisation, monitor, judgement = &memory.synchronisation, &memory.monitor, &memory.judgement
-    under_way = &memory.event
     row = &observer.ring[position & MASK]
     facts = SampleFacts(
         synchronisation.unsynchronised_by, synchronisation.synchronised, row.doubt, memory.input_fault,
@@ -285,9 +281,5 @@ cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
     row.state = state_of_sample(&facts, row.reason)
     if not synchronisation.synchronised:
         row.injection_rate = row.open_loop_rate = NAN
-        return
-    is_faulty = row.doubt == DOUBT_NONE and memory.input_fault != REASON_NONE
-    is_faulty = is_faulty or (row.doubt != DOUBT_NONE and not _is_only_rest_held(observer, position))
-    if is_faulty or row.reason == REASON_LIFT_ZERO:
-        under_way.learnable = False
-        under_way.fault = row.reason
+    elif row.reason == REASON_LIFT_ZERO or _is_faulty(observer, position):
+        memory.event.learnable, memory.event.fault = False, row.reason

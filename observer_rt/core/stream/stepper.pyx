@@ -9,13 +9,13 @@ from observer_rt.core.model.model cimport (
     is_shut_under_terms, needle_speed, predict, rest_line, shown_under_terms, trusted_under_terms, under_terms, valve_at
 )
 from observer_rt.core.model.records cimport (
-    BY_NOZZLE, BY_SEAT, SAC, Coefficients, FlowSlopes, Forced, Forcing, Inputs, Interval, Knot, Network, inputs_of,
-    opened_since
+    BY_NOZZLE, BY_SEAT, PAST_NUMBERS, SAC, TOTALS, Coefficients, FlowSlopes, Forced, Forcing, Inputs, Interval, Knot,
+    Network, inputs_of, opened_since
 )
 from observer_rt.core.model.needle cimport NEEDLE_JITTER, NEEDLE_NUMBERS
 from observer_rt.core.model.network cimport CURVES
 from observer_rt.core.model.valve cimport VALVE_NUMBERS, Stroke, valve_edge
-from observer_rt.core.stream.state cimport COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT
+from observer_rt.core.stream.state cimport COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT, OperatingPoint
 from observer_rt.core.stream.stream cimport Stream
 
 cdef double REMEMBERED = 2e-3  # s before a sample, from which on the pair is run again at most
@@ -59,8 +59,9 @@ cdef class Stepper(PairStepper):
 
 
 cdef double step(void* stepper, int64_t what, int64_t position) noexcept nogil:
-    """One of STEPPING_; 0 where that says nothing of a result.
+    """Start the pair at a sample, predict x~ there, or correct x~ and step x^: what, one of STEPPING_.
 
+    PREDICT returns the line pressure that should be recorded, CORRECT NaN if a state is no longer finite, else 0.
     After START and CORRECT the sample's row has injection rate and phi of x^.
     """
     s = <Stepping*> stepper
@@ -81,7 +82,7 @@ cdef inline double* _x_hat(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef inline void _take_line(Stepping* s) noexcept nogil:
-    """The line's coefficients as the observer's memory has them now."""
+    """Take the line's coefficients that are in force now."""
     cdef size_t size = s.coefficients.size * sizeof(double)
     memcpy(s.coefficients.line.values, s.observer.memory.in_force.line, size)
     memcpy(s.forced.coefficients.line.values, s.observer.memory.in_force.line, size)
@@ -90,7 +91,7 @@ cdef inline void _take_line(Stepping* s) noexcept nogil:
 cdef inline void _force(
     Stepping* s, int64_t position, const double* x, const Network* network, Forcing* forcing
 ) noexcept nogil:
-    """The interval before a sample, in which the area may bend, from a state x (n,) on with the terms in force."""
+    """Fill `forced` with the interval before a sample, from a state x (n,) on, under the terms in force."""
     cdef Interval interval
     cdef Knot knot
     before, row = &s.observer.ring[(position - 1) & MASK], &s.observer.ring[position & MASK]
@@ -105,15 +106,15 @@ cdef inline void _force(
 
 
 cdef inline void _go_on_as(Forcing* forcing, const Forcing* other) noexcept nogil:
-    """Have terms remember what they do for another state."""
-    memcpy(forcing.past, other.past, 8 * sizeof(double))
-    memcpy(forcing.totals, other.totals, 10 * sizeof(double))
+    """Have terms go on with what they remember for another state."""
+    memcpy(forcing.past, other.past, PAST_NUMBERS * sizeof(double))
+    memcpy(forcing.totals, other.totals, TOTALS * sizeof(double))
     if other.rows > 0:
         memcpy(forcing.memory, other.memory, 3 * other.rows * sizeof(double))
 
 
 cdef void _start(Stepping* s, int64_t position) noexcept nogil:
-    """x~ and x^ anew: p_L = y, Q_L = 0, empty sac."""
+    """Begin x~ and x^ anew: p_L = y, Q_L = 0, empty sac."""
     cdef int64_t i
     row = &s.observer.ring[position & MASK]
     x_tilde = _x_tilde(s, position)
@@ -126,7 +127,7 @@ cdef void _start(Stepping* s, int64_t position) noexcept nogil:
     memcpy(_x_hat(s, position), x_tilde, s.observer.states * sizeof(double))
     for i in range(3 * s.of_tilde.rows):
         s.of_tilde.memory[i] = NAN
-    for i in range(10):
+    for i in range(<int64_t> TOTALS):
         s.of_tilde.totals[i] = 0.0
     s.live.follows = False
     _read(s, position, &s.coefficients, &s.network)
@@ -134,7 +135,7 @@ cdef void _start(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef double _predict(Stepping* s, int64_t position) noexcept nogil:
-    """x~ from the sample before; what the sensor is to record of it."""
+    """Predict x~ from the sample before; returns the line pressure that should be recorded."""
     _take_line(s)
     if _follow_valve(s, position):
         _run_again(s, position)
@@ -142,7 +143,7 @@ cdef double _predict(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef bint _follow_valve(Stepping* s, int64_t position) noexcept nogil:
-    """The pilot valve at a sample by lift or commands up to it; whether they show that it stood otherwise before."""
+    """Follow the pilot valve to a sample by lift or commands; whether they show that it stood otherwise before."""
     cdef bint is_shown
     ring, in_force = s.observer.ring, &s.observer.memory.in_force
     before, row = &ring[(position - 1) & MASK], &ring[position & MASK]
@@ -191,7 +192,7 @@ cdef inline Stroke _command(Stepping* s, int64_t number, int64_t position) noexc
 
 
 cdef inline double _valve_at(Stepping* s, int64_t position) noexcept nogil:
-    """Opening of the valve at a sample, by what is known of lift or commands."""
+    """Opening of the valve at a sample, by the lift or the commands known so far."""
     cdef double area = s.observer.ring[position & MASK].seat_area
     valve = &s.observer.memory.in_force.valve
     if valve.commanded != 0.0:
@@ -200,9 +201,9 @@ cdef inline double _valve_at(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef void _run_again(Stepping* s, int64_t position) noexcept nogil:
-    """The pair once more over the samples before one at which was seen how the valve had stood; published rates stay.
+    """Run the pair once more over the samples in which the valve, as this sample shows, stood otherwise.
 
-    Not where terms are in force, which remember what they saw.
+    Published rates stay. It is left out where terms are in force, which remember what they saw.
     """
     cdef int64_t earliest = max(s.started + 1, position - <int64_t> (REMEMBERED / s.interval)), k
     cdef double before, shown, pressure
@@ -220,7 +221,7 @@ cdef void _run_again(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef double _predict_sample(Stepping* s, int64_t position) noexcept nogil:
-    """`_predict` with the valve as it is in the samples' rows."""
+    """Predict x~ from the sample before, with the valve as it is in the samples' rows; returns as `_predict`."""
     cdef double indicated = s.observer.ring[(position - 1) & MASK].indicated, shown
     x_tilde = _x_tilde(s, position)
     memcpy(x_tilde, _x_tilde(s, position - 1), s.observer.states * sizeof(double))
@@ -231,7 +232,7 @@ cdef double _predict_sample(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
-    """x~ by the sample's innovation, then x^ and its rate; nan where a state is no longer finite."""
+    """Correct x~ by the sample's innovation, step x^ and note its rate; NaN if a state is no longer finite."""
     cdef double total = 0.0
     cdef int64_t i
     _move_pair(s, position)
@@ -247,7 +248,7 @@ cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef void _move_pair(Stepping* s, int64_t position) noexcept nogil:
-    """x~ by the sample's innovation, then x^.
+    """Correct x~ by the sample's innovation, and step x^.
 
     With the needle long shut x^ := x~, the sac at chamber pressure but for a term; else x^ runs open loop.
     """
@@ -271,7 +272,7 @@ cdef void _move_pair(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Network* network) noexcept nogil:
-    """Injection rate and phi of x^ into a sample's row; both are 0 at rest with an empty sac."""
+    """Write injection rate and phi of x^ into a sample's row; both are 0 at rest with an empty sac."""
     cdef Inputs u
     row, x_hat = &s.observer.ring[position & MASK], _x_hat(s, position)
     row.phi[0] = row.phi[1] = row.phi[2] = 0.0

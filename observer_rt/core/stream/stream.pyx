@@ -46,7 +46,7 @@ globals().update(
 
 
 # Dtypes of the records, of which Python makes arrays, and named tuples of the constants it gives.
-cdef double[2048] _blank  # room for each of them
+cdef double[CURVES * CURVE_NUMBERS + 1024] _blank  # room for each of them, most of it for the network's curves
 globals().update(
     MEMORY=dtype_of(<ObserverMemory[:1:1]> <ObserverMemory*> _blank, (<ObserverMemory*> _blank)[0]),
     RECORDED=dtype_of(<Recorded[:1:1]> <Recorded*> _blank, (<Recorded*> _blank)[0]),
@@ -62,6 +62,12 @@ globals().update(
     ),
     Doubt=enum_of(
         __name__, "Doubt", NONE=DOUBT_NONE, TIME_BASE=DOUBT_TIME_BASE, FROZEN=DOUBT_FROZEN, CLIPPED=DOUBT_CLIPPED
+    ),
+    OwnReason=enum_of(
+        __name__, "OwnReason", NUMERICAL=REASON_NUMERICAL, NEEDLE_STUCK=REASON_NEEDLE_STUCK,
+        TOO_FEW_EVENTS=REASON_TOO_FEW_EVENTS, INPUT_STALE=REASON_INPUT_STALE, NOT_JUDGED=REASON_NOT_JUDGED,
+        CONTRADICTED=REASON_CONTRADICTED, NO_STANDSTILL=REASON_NO_STANDSTILL, LIFT_ZERO=REASON_LIFT_ZERO,
+        OUTSIDE_LEARNED_RANGE=REASON_OUTSIDE_LEARNED_RANGE, LIFT_DEAD=REASON_LIFT_DEAD, PRELIMINARY=REASON_PRELIMINARY
     ),
     State=enum_of(
         __name__, "State", STARTING=STATE_STARTING, WAITING_FOR_DATA=STATE_WAITING_FOR_DATA,
@@ -88,7 +94,7 @@ def reason_and_state(facts) -> tuple[int, int]:
 
 
 cdef class PairStepper:
-    """What steps the pair x~ and x^ from sample to sample: a function, and what it works on."""
+    """A function that steps the pair x~ and x^ from sample to sample, with its argument."""
 
 
 cdef class Stream:
@@ -177,11 +183,11 @@ cdef class Stream:
         expect(&self.observer, at_rest)
 
     def watch(self, double innovation, int64_t doubt) -> None:
-        """Take in an innovation of x~ [p_0], of a sample with such a Doubt; what contradicts the model stays so."""
+        """Take in an innovation of x~ [p_0], of a sample with such a Doubt; a contradiction of the model stays."""
         watch(&self.observer, innovation, doubt)
 
     def end_contradiction(self, bint is_resting, bint is_new) -> None:
-        """Whether a contradiction is over; is_resting: the needle is long shut; is_new: it came with this sample."""
+        """End a contradiction that is over; is_resting: the needle is long shut; is_new: it came with this sample."""
         end_contradiction(&self.observer, is_resting, is_new)
 
 
@@ -189,7 +195,7 @@ def copy_window(
     const Sample[::1] ring, int64_t start, int64_t late, double[:, ::1] inputs, double[::1] output,
     unsigned char[::1] resting, double[:, ::1] knots, unsigned char[::1] masked
 ) -> None:
-    """As many samples as the arrays of a `Window` have, from a position on; late: samples y is recorded late."""
+    """Fill the arrays of a `Window` with samples from a position on; late: by how many y is recorded late."""
     cdef int64_t number
     cdef const Sample* row
     cdef const Sample* recorded

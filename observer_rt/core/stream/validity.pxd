@@ -8,7 +8,7 @@ from observer_rt.core.stream.state cimport (
     DOUBT_NONE, STATE_ADAPTED, STATE_DEGRADED, STATE_RUNNING_NOMINAL, STATE_STARTING
 )
 
-cdef enum:  # Reason, those that the core finds
+cdef enum:  # OwnReason: the reasons that the core finds
     REASON_NONE = 0
     REASON_STARTING = 1
     REASON_JUMPED = 2
@@ -68,7 +68,7 @@ cdef inline int64_t reason_of_sample(const SampleFacts* facts) noexcept nogil:
 
 
 cdef inline int64_t state_of_sample(const SampleFacts* facts, int64_t reason) noexcept nogil:
-    """The State at the sample, which has a reason: degraded by what is wrong, not by what is only not known yet."""
+    """The State at the sample with this reason: faults degrade it, missing knowledge does not."""
     cdef bint is_unsynchronised, is_doubted
     if facts.unsynchronised_by == REASON_STARTING:
         return STATE_STARTING

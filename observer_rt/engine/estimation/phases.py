@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.phases import sum_innovations
+from observer_rt.core.learning import phases as core
 
 EDGE = 0.3e-3  # s after the needle leaves its seat, and before it is back on it
 AFTERGLOW = 0.05e-3  # s after it is shut that still count as closing
@@ -22,11 +22,11 @@ Sums = TypeVar("Sums", float, NDArray[np.float64])
 class Phase(IntEnum):
     """Phase of an event in which a sample lies."""
 
-    STANDSTILL = 0
-    OPENING = 1
-    OPEN = 2
-    CLOSING = 3
-    AFTER = 4
+    STANDSTILL = core.STANDSTILL
+    OPENING = core.OPENING
+    OPEN = core.OPEN
+    CLOSING = core.CLOSING
+    AFTER = core.AFTER
 
     @property
     def label(self) -> str:
@@ -141,7 +141,7 @@ def phase_statistics(
     result = no_statistics()
     if left_out is None:
         left_out = np.zeros(len(phases), np.bool_)
-    sum_innovations(
+    core.sum_innovations(
         innovations[first:],
         sigma,
         limit,

@@ -1,12 +1,6 @@
 """The observer: rings of samples, events and injections, constants with those of its front end, what works on them.
 
-A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
-extended to where the needle leaves or meets its seat. So it is in the first and the last sample of a lift that are
-means, for they hold only a part of a ramp.
-
-Stated lags are undone sample by sample. A rail pressure that is late is taken from later samples, on a straight line
-between two. A lift y whose sensor has the time constant tau is y + tau y', by central differences: they leave ramps
-as straight as they are, and what they take from one sample beside a corner they give to the next.
+core/stream/front_end.pxi says how the ramps of a lift are completed, compensation.pxi how stated lags are undone.
 """
 
 import math
@@ -156,3 +150,6 @@ def undoing_of(inputs: InputTerms, interval: float) -> core.Undoing:
 def noise_gain(lag: float) -> float:
     """Factor on the white noise of a lift where a lag of its sensor [samples] is undone."""
     return math.sqrt(1.0 + 0.5 * lag**2)  # of central differences
+
+
+assert all(Reason(reason).name == reason.name for reason in core.OwnReason)  # those that the core finds

@@ -4,40 +4,36 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Self
 
+from observer_rt.core.model.model import HIGHEST_TOTAL, LOWEST_TOTAL
 from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.variable import FLOW, LIFT, PRESSURE, PURE, Unit
 
 
 class TermEquation(StrEnum):
-    """Equation that a term corrects; unit and meaning of its law, lowest and highest value it is held between."""
+    """Equation that a term corrects; unit and meaning of its law, bounds between which the core holds it."""
 
-    LINE_FLOW = "line_flow", PRESSURE, "pressure lost along the line", -30.0, 30.0
-    LINE_PRESSURE = "line_pressure", FLOW, "outflow from the line's closed end", -15.0, 15.0
-    SEAT_FLOW = "seat_flow", PURE, "share added to the flow through the seat", -0.8, 0.8
-    NOZZLE_FLOW = "nozzle_flow", PURE, "share added to the flow through the nozzle", -0.6, 0.6
-    STIFFNESS = "stiffness", PURE, "share added to the stiffness of the fuel in the line", -0.6, 0.6
-    INERTANCE = "inertance", PURE, "share added to the inertance of the line", -0.6, 4.0
-    CHAMBER_PRESSURE = "chamber_pressure", PRESSURE, "pressure added in the chamber", -20.0, 20.0
-    LINE_PRESSURE_SENSOR = "line_pressure_sensor", PRESSURE, "pressure added to the one recorded", -10.0, 10.0
-    NEEDLE_LIFT = "needle_lift", LIFT, "lift added to the measured one", -0.1, 0.1
-    RAIL_PRESSURE = "rail_pressure", PRESSURE, "pressure added to the measured rail pressure", -10.0, 10.0
+    LINE_FLOW = "line_flow", PRESSURE, "pressure lost along the line"
+    LINE_PRESSURE = "line_pressure", FLOW, "outflow from the line's closed end"
+    SEAT_FLOW = "seat_flow", PURE, "share added to the flow through the seat"
+    NOZZLE_FLOW = "nozzle_flow", PURE, "share added to the flow through the nozzle"
+    STIFFNESS = "stiffness", PURE, "share added to the stiffness of the fuel in the line"
+    INERTANCE = "inertance", PURE, "share added to the inertance of the line"
+    CHAMBER_PRESSURE = "chamber_pressure", PRESSURE, "pressure added in the chamber"
+    LINE_PRESSURE_SENSOR = "line_pressure_sensor", PRESSURE, "pressure added to the one recorded"
+    NEEDLE_LIFT = "needle_lift", LIFT, "lift added to the measured one"
+    RAIL_PRESSURE = "rail_pressure", PRESSURE, "pressure added to the measured rail pressure"
 
     unit: Unit
     words: str
+    number: int  # place in the totals of a program
     bounds: tuple[float, float]
 
-    def __new__(
-        cls, name: str, unit: Unit = PURE, words: str = "", lowest: float = 0.0, highest: float = 0.0
-    ) -> Self:
+    def __new__(cls, name: str, unit: Unit = PURE, words: str = "") -> Self:
         """A member that is its name and knows the rest."""
-        member = str.__new__(cls, name)
-        member._value_, member.unit, member.words, member.bounds = name, unit, words, (lowest, highest)
+        member, count = str.__new__(cls, name), len(cls.__members__)
+        member._value_, member.unit, member.words, member.number = name, unit, words, count
+        member.bounds = LOWEST_TOTAL[count], HIGHEST_TOTAL[count]
         return member
-
-    @property
-    def number(self) -> int:
-        """Place in the totals of a program."""
-        return list(TermEquation).index(self)
 
     @property
     def alike(self) -> tuple["TermEquation", ...]:

@@ -16,7 +16,7 @@ from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_alignment
 from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.core.stream.stream import MAX_EVENT, dead_band
-from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Said, graded, ruled
+from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Statement, graded, ruled, warning
 from observer_rt.desk.simulation.schedule import REFERENCE_PRESSURE, make_schedule
 from observer_rt.desk.simulation.simulate import simulate
 from observer_rt.engine.observer import Durations, constants_for
@@ -63,8 +63,10 @@ _LEVEL = {
 
 
 @ruled("mapping")
-def optional_findings(bus: bus_map.BusMap) -> Iterator[Said]:
-    """Findings about every optional input of a bench."""
+def _inputs(injector: BenchInjector, bus: bus_map.BusMap) -> Iterator[Statement]:
+    """Every input with its message and range, the optional ones behind the others."""
+    for role in ROLES:
+        yield _mapping(injector, bus, role)
     for slow in bus.slow:
         for signal in slow.signals:
             name = f"{signal.role}: {bus.name_of(slow.layout)} 0x{slow.layout.frame_id:X}, {signal.name}"
@@ -74,7 +76,7 @@ def optional_findings(bus: bus_map.BusMap) -> Iterator[Said]:
 
 
 @ruled("fuel")
-def fuel_findings(injector: BenchInjector) -> Iterator[Said]:
+def fuel_findings(injector: BenchInjector) -> Iterator[Statement]:
     """Density and bulk modulus of the fuel over its temperature, where a bench measures that."""
     if injector.config.signals.fuel_temperature is None:
         return
@@ -85,7 +87,7 @@ def fuel_findings(injector: BenchInjector) -> Iterator[Said]:
     )
 
 
-def _optional(name: str, signal: "SlowSignal") -> Said:
+def _optional(name: str, signal: "SlowSignal") -> Finding:
     (lowest, highest), carried = signal.range, OPTIONAL_SIGNALS[signal.role]
     counts = f"a value counts for {signal.timeout:g} s"
     if math.isinf(signal.timeout):
@@ -93,12 +95,12 @@ def _optional(name: str, signal: "SlowSignal") -> Said:
     factor, origin = carried.to_si(carried.shown)
     start, end = (f"{(limit - origin) / factor:{'.0f' if origin else '.6g'}}" for limit in (lowest, highest))
     limits = f"{start} to {end} {carried.shown}" if carried.shown else ""
-    said = (name, limits, carried.use, counts if carried.expires else "")
+    words = (name, limits, carried.use, counts if carried.expires else "")
     least, most = carried.possible
-    return lowest <= most and highest >= least, ", ".join(filter(None, said)), carried.wrong
+    return graded(lowest <= most and highest >= least, ", ".join(filter(None, words)), carried.wrong)
 
 
-def _energizing(energizing: "EnergizingLayout") -> Iterator[Said]:
+def _energizing(energizing: "EnergizingLayout") -> Iterator[Statement]:
     """Mapping of the energizing signal, and the stamps behind opening delays."""
     layout, names = energizing.layout, energizing.names
     signals = names[0] if len(names) == 1 else f"{len(names)} samples a frame, {names[0]} to {names[-1]}"
@@ -110,27 +112,26 @@ def _energizing(energizing: "EnergizingLayout") -> Iterator[Said]:
     cycle = energizing.cycle if energizing.is_level and len(names) == 1 else None
     prefix = f"{layout.name}: opening delays by"
     if energizing.index is not None:
-        yield graded("time", True, f"{prefix} the sample index")
+        yield graded(True, f"{prefix} the sample index", topic="time")
     else:
         text = f"{prefix} receive stamps, too short by the jitter of its frames"
         remedy = "an index of the line pressure's time base would tell them to a sample"
-        yield graded("time", False, text, remedy)
+        yield warning(text, remedy, topic="time")
     if cycle is not None and cycle >= COARSE:
         text = (
             f"{layout.name}: a level every {cycle / MILLISECOND:g} ms misses shorter energizing; "
             "send it faster, on change, or as a duration"
         )
-        yield graded("time", False, text)
+        yield warning(text, topic="time")
 
 
 def mapping_findings(injector: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]) -> list[Finding]:
     """All findings about the mapping of an injector; messages: the messages of all databases."""
-    findings = [_mapping(injector, bus, role) for role in ROLES] + optional_findings(bus)
-    return findings + _protection(injector, bus) + _sample_periods(injector, bus, messages)
+    return _inputs(injector, bus) + _protection(injector, bus) + _sample_periods(injector, bus, messages)
 
 
 @ruled("protection")
-def _protection(injector: BenchInjector, bus: bus_map.BusMap) -> Iterator[Said]:
+def _protection(injector: BenchInjector, bus: bus_map.BusMap) -> Iterator[Statement]:
     """Lists the inputs with and without end-to-end protection."""
     limits = injector.config.e2e
     protected = [layout for layout in bus.received if layout.e2e_profile is not None]
@@ -145,7 +146,7 @@ def _protection(injector: BenchInjector, bus: bus_map.BusMap) -> Iterator[Said]:
 
 def _mapping(injector: BenchInjector, bus: bus_map.BusMap, role: Role) -> Finding:
     if role is Role.NEEDLE_LIFT and not injector.has_lift:
-        return graded("mapping", True, WITHOUT_LIFT)
+        return graded(True, WITHOUT_LIFT)
     number = bus_map.message_of(bus, role)
     layout, message = bus.input_layouts[number], bus.inputs.messages[number]
     is_lift = role is Role.NEEDLE_LIFT
@@ -167,23 +168,21 @@ def _mapping(injector: BenchInjector, bus: bus_map.BusMap, role: Role) -> Findin
         f"{resolution / factor:.3g} {unit}"
     )
     if not (limits.lowest <= 0.0 and limits.highest >= needed):
-        return graded("mapping", False, text, f"cannot hold 0 to {needed / factor:g} {unit}")
-    is_fine = resolution <= noise
-    return graded("mapping", is_fine, text, f"coarser than the noise configured, {noise / factor:g} {unit}")
+        return warning(text, f"cannot hold 0 to {needed / factor:g} {unit}")
+    return graded(resolution <= noise, text, f"coarser than the noise configured, {noise / factor:g} {unit}")
 
 
 @ruled("sampling")
-def _sample_periods(injector: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]) -> Iterator[Said]:
+def _sample_periods(
+    injector: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]
+) -> Iterator[Statement]:
     rate = injector.config.sampling.rate_hz
     yield f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns"
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
         expected = 1e9 * float(bus_map.message_timing(bus, number)["interval"])
-        periods = _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
-        if _is_of_the_user(layout, messages) and _is_another(layout.sample_period_ns, expected):
-            _, problem, remedy = next(periods)
-            yield UserError(injector.location("sampling.rate_hz"), f"is {rate:g}, but {problem}", remedy)
-        yield from periods
+        refusing = injector if _is_of_the_user(layout, messages) else None
+        yield from _periods(layout, int(message["samples"]), int(message["kind_count"]), expected, refusing)
     for sent in (bus.rate, bus.corrected):
         if sent is not None and _is_of_the_user(sent.layout, messages):
             yield from _periods(sent.layout, sent.samples, 1, 1e9 / rate)
@@ -194,42 +193,42 @@ def _is_of_the_user(layout: MessageLayout, messages: Sequence[KnownMessage]) -> 
     return next(message.path for message in messages if message.name == layout.name).parent != PACKAGE_DATA
 
 
-def _is_another(period: int | None, expected: float) -> bool:
-    """Whether a sample period that a database states is not that of the bench file [ns]."""
-    return period is not None and abs(period - expected) > PERIOD_TOLERANCE
+def _periods(
+    layout: MessageLayout, samples: int, frames: int, expected: float, refusing: BenchInjector | None = None
+) -> Iterator[Statement]:
+    """Compare the time between samples [ns] in the database with `expected`, that of the bench file.
 
-
-def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) -> Iterator[tuple[bool, str, str]]:
-    """Compares the time between samples [ns] in the database with `expected`, that of the bench file.
-
-    samples: of every role that `frames` frames together carry.
+    samples: of every role that `frames` frames together carry; refusing: the injector whose sampling rate another
+    sample period contradicts, None: that is a warning.
     """
     period = layout.sample_period_ns
-    if period is not None and _is_another(period, expected):
-        yield (
-            False,
-            f"{layout.name} states a sample period of {period} ns in the bus database",
-            f"set sampling.rate_hz = {1e9 / period:g}, or its SamplePeriodNs to {expected:.0f}",
-        )
+    if period is not None and abs(period - expected) > PERIOD_TOLERANCE:
+        problem = f"{layout.name} states a sample period of {period} ns in the bus database"
+        remedy = f"set sampling.rate_hz = {1e9 / period:g}, or its SamplePeriodNs to {expected:.0f}"
+        if refusing is None:
+            yield warning(problem, remedy)
+        else:
+            stated = f"is {refusing.config.sampling.rate_hz:g}, but {problem}"
+            yield UserError(refusing.location("sampling.rate_hz"), stated, remedy)
     cycle = layout.cycle_time_ns
     if period is None and cycle is not None and abs(cycle * frames - samples * expected) > CYCLE_TOLERANCE:
         meant = f"which means {1e9 * samples / (cycle * frames):g} Hz"
         text = f"{layout.name} states a cycle time of {cycle / 1e6:g} ms in the bus database, {meant}"
-        yield False, text, "correct sampling.rate_hz or its GenMsgCycleTime"
+        yield warning(text, "correct sampling.rate_hz or its GenMsgCycleTime")
     if layout.samples_per_frame not in (None, samples):
         stated = f"{layout.name} states {layout.samples_per_frame} samples a frame in the bus database"
-        yield False, f"{stated}, {samples} are named", "name them all, or correct its SamplesPerFrame"
+        yield warning(f"{stated}, {samples} are named", "name them all, or correct its SamplesPerFrame")
 
 
 @ruled("time")
-def time_findings(bus: bus_map.BusMap) -> Iterator[Said]:
+def time_findings(bus: bus_map.BusMap) -> Iterator[Statement]:
     """One finding for each input message, warnings where something of its time cannot be seen."""
     for stream, timing in enumerate(bus.inputs.timing):
         name = bus.name_of(bus_map.layout_of(bus, stream))
         yield f"{name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
         if timing["numbering"] == Numbering.STAMPS:
             seen = "lost frames are seen, and results valid, only while its jitter stays below a quarter of its cycle"
-            yield False, f"{name} has neither index nor counter: {seen}", "name its counter, if it has one"
+            yield warning(f"{name} has neither index nor counter: {seen}", "name its counter, if it has one")
     if any(timing["joining"] == Joining.CLOCK for timing in bus.inputs.timing):
         yield (
             f"two time bases: not valid while more than {TOLERANCE / MICROSECOND:g} us between line pressure and "
@@ -261,7 +260,7 @@ def observer_findings(injector: BenchInjector) -> list[Finding]:
 
 
 @ruled("integration")
-def _integration(injector: BenchInjector) -> Iterator[Said]:
+def _integration(injector: BenchInjector) -> Iterator[Statement]:
     """Steps that integrate a sample, and how near the limits they are."""
     substeps = bench_constants(injector).substeps
     model, rate = effective_model(injector.parameters), injector.config.sampling.rate_hz
@@ -275,14 +274,14 @@ def _integration(injector: BenchInjector) -> Iterator[Said]:
 
 
 @ruled("fitted model")
-def _fitted_model(injector: BenchInjector) -> Iterator[Said]:
+def _fitted_model(injector: BenchInjector) -> Iterator[Statement]:
     """Findings about the fit that the injector file states; none where it was not fitted."""
     baseline = injector.parameters.baseline
     if baseline is None:
         return
     doubt = doubt_about_fit(injector)
     if doubt is not None:
-        yield False, doubt.text, doubt.remedy
+        yield warning(doubt.text, doubt.remedy)
         return
     yield (
         f"{injector.parameters_path.name}: adequate, by {baseline.injections} healthy injections at "
@@ -291,7 +290,7 @@ def _fitted_model(injector: BenchInjector) -> Iterator[Said]:
 
 
 @ruled("level")
-def level_findings(injector: BenchInjector) -> Iterator[Said]:
+def level_findings(injector: BenchInjector) -> Iterator[Statement]:
     """How well the level of all masses is known, and what would make it better known."""
     calibration = calibration_of(injector)
     if calibration.is_calibrated:
@@ -300,8 +299,7 @@ def level_findings(injector: BenchInjector) -> Iterator[Said]:
         return
     bore, length = 100.0 * calibration.line_diameter, 100.0 * calibration.line_length
     measured = replace(calibration, measured=0.01 * MEASURED_PERCENT)
-    yield (
-        False,
+    yield warning(
         f"{calibration.as_text()}: by the line's bore (known to {bore:g} %) and length ({length:g} %), the pressure "
         f"sensors ({100.0 * calibration.line_sensor:g} and {100.0 * calibration.rail_sensor:g} %) and flow beside "
         "the nozzle",
@@ -311,7 +309,7 @@ def level_findings(injector: BenchInjector) -> Iterator[Said]:
 
 
 @ruled("mass")
-def mass_findings(injector: BenchInjector) -> Iterator[Said]:
+def mass_findings(injector: BenchInjector) -> Iterator[Statement]:
     """How well the line pressure of one injection tells its mass, where all but the nozzle's flow is known."""
     schedule = make_schedule([REFERENCE_PRESSURE], 1, 30 * MILLISECOND, [SHORT])
     rate, wider = injector.config.sampling.rate_hz, sized("orifice_area", v_H=WIDER)
@@ -321,7 +319,7 @@ def mass_findings(injector: BenchInjector) -> Iterator[Said]:
         return
     mass, share = file.injection_rate.sum() / rate * injector.coefficients.density, Z_95 / float(np.linalg.norm(gap))
     text = f"one injection of {mass / 1e-6:.2g} mg at 100 MPa shows its mass to ±{share:.1%} at best (95 %)"
-    yield share < SHOWN, text, "a quieter line-pressure sensor, or one nearer to the injector, shows more"
+    yield graded(share < SHOWN, text, "a quieter line-pressure sensor, or one nearer to the injector, shows more")
 
 
 def _observer(injector: BenchInjector) -> list[Finding]:
@@ -335,24 +333,24 @@ def _observer(injector: BenchInjector) -> list[Finding]:
     longest = MAX_EVENT / rate / MILLISECOND
     return [
         graded(
-            "line mode",
             rate >= SAMPLES_PER_PERIOD * line_mode,
             f"{line_mode:.0f} Hz, {rate / line_mode:.3g} samples a period",
             f"sample at {SAMPLES_PER_PERIOD * line_mode:.0f} Hz or more, for {SAMPLES_PER_PERIOD} a period",
+            "line mode",
         ),
         graded(
-            "dead band",
             opens <= LARGEST_DEAD_BAND * injector.parameters.seat.max_lift,
             f"opens above {opens / MICROMETRE:.3g} um of lift, shuts below {shuts / MICROMETRE:.3g} um",
             f"above {LARGEST_DEAD_BAND:.0%} of the full lift short injections are missed: "
             "lower the noise of the needle lift",
+            "dead band",
         ),
-        graded("look-ahead", True, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us"),
+        graded(True, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us", topic="look-ahead"),
         graded(
-            "events",
             longest >= 2 * gap,
             f"openings within {gap:g} ms are one event; a new correction takes force {gap + delay:g} ms after the "
             f"needle shuts; learned from events up to {longest:.0f} ms, gap included",
             "shorten learning.event_gap_ms or sample slower",
+            "events",
         ),
     ]

@@ -23,7 +23,7 @@ from observer_rt.config.bench_file import (
     refuse_shared_channels,
     require_link,
 )
-from observer_rt.config.injector import InjectorConfig
+from observer_rt.config.injector_sections import InjectorConfig
 from observer_rt.config.signals import with_exact_sensors
 from observer_rt.config.toml_file import place_in, read_toml, validated
 from observer_rt.foundation.documents import Section

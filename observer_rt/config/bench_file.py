@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from observer_rt.config.injector import InjectorConfig, OutputsConfig
+from observer_rt.config.injector_sections import InjectorConfig, OutputsConfig
 from observer_rt.config.toml_file import place_in, unknown_key, validated
 from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError, did_you_mean

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from observer_rt.config.injector import EvidenceConfig
+from observer_rt.config.injector_sections import EvidenceConfig
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.table_writers import SI, ParquetWriter

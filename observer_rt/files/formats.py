@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.injector import Meaning, RecordingConfig
+from observer_rt.config.injector_sections import Meaning, RecordingConfig
 from observer_rt.files.canlog.blf import BLF
 from observer_rt.files.canlog.can_log import LogFormat, LogReader, LogWriter
 from observer_rt.files.canlog.candump import CANDUMP

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from observer_rt.config.injector import RecordingConfig
+from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.config.toml_file import validated
 from observer_rt.files.signals.arrow_table import ArrowTable, headings_of
 from observer_rt.files.signals.mapped_signals import MappedSignals

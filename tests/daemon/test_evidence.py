@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.config.injector import EvidenceConfig
+from observer_rt.config.injector_sections import EvidenceConfig
 from observer_rt.daemon.control_socket import OBSERVER
 from observer_rt.daemon.evidence import evidence_keeper
 from observer_rt.daemon.keeper import is_written

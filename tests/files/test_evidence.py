@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.config.injector import EvidenceConfig
+from observer_rt.config.injector_sections import EvidenceConfig
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
 from observer_rt.files.evidence import EvidenceFolder, read_evidence, write_evidence
 from observer_rt.files.formats import open_recording

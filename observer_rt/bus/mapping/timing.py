@@ -15,7 +15,7 @@ from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.config.signals import Role, undone_in_alignment
 from observer_rt.core.frames import frames
 from observer_rt.foundation.errors import UserError

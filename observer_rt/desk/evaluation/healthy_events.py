@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench, BenchInjector, load_bench
-from observer_rt.config.injector import Meaning, SamplingConfig
+from observer_rt.config.injector_sections import Meaning, SamplingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.prediction_error import EventCost

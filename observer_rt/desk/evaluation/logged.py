@@ -11,7 +11,7 @@ from rich.console import Console
 from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.config.signals import Role, as_sent
 from observer_rt.daemon.signal_watch import OUTSIDE_REMEDY
 from observer_rt.desk.evaluation.log_watch import LogWatch

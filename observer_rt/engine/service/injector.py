@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_alignment
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import Terms

@@ -15,7 +15,7 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import Inputs
 from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, OutputMessage, OutputPage, RateMessage
 from observer_rt.bus.mapping.output_signals import StatusValues, rows_of
-from observer_rt.config.injector import E2EConfig
+from observer_rt.config.injector_sections import E2EConfig
 from observer_rt.config.signals import OPTIONAL_SIGNALS, OptionalRole
 from observer_rt.core.frames import frames as core
 from observer_rt.engine.estimation.scalars import OFFSET

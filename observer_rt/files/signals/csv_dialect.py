@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from observer_rt.config.injector import ColumnConfig, RecordingConfig
+from observer_rt.config.injector_sections import ColumnConfig, RecordingConfig
 from observer_rt.files.signals.naming import is_unit, name_and_unit, signals_named
 from observer_rt.files.signals.recording import is_needed
 from observer_rt.files.signals.table import TIME, Heading

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from observer_rt.config.injector import RecordingConfig
+from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.files.signals.csv_dialect import COMMENT, MISSING, dialect_of, refuse_long, split_line
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values

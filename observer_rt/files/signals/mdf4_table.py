@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from observer_rt.config.injector import ColumnConfig, RecordingConfig
+from observer_rt.config.injector_sections import ColumnConfig, RecordingConfig
 from observer_rt.files.mdf4.reader_process import mdf4_apart
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, TablePart, present

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from observer_rt.config.injector import RecordingConfig
+from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.files.signals.recording import is_needed
 from observer_rt.files.signals.table import TIME, Heading
 from observer_rt.files.signals.table_signals import UNITS

@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.core.plant.plant import show_slowly
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.engine.signal_survey import Survey
 from observer_rt.files.signals.recording import OPTIONAL, Chunk, Recording
 from observer_rt.foundation.errors import UserError

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from observer_rt.config.injector import ColumnConfig
+from observer_rt.config.injector_sections import ColumnConfig
 from observer_rt.files.signals.recording import EQUIDISTANT, OPTIONAL, Chunk, TimeGrid, UnevenTime, refuse_impossible
 from observer_rt.files.signals.stream import SignalStream, Stretch
 from observer_rt.files.signals.table import TIME, Table, TablePart, Values

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.injector import TimeConfig
+from observer_rt.config.injector_sections import TimeConfig
 from observer_rt.files.signals.recording import roundest
 from observer_rt.files.signals.table import Values
 from observer_rt.foundation.errors import UserError

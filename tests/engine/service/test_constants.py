@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench
-from observer_rt.config.injector import SamplingConfig
+from observer_rt.config.injector_sections import SamplingConfig
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.stream.stream import SAMPLE
 from observer_rt.engine.service.injector import Follower, bench_constants

@@ -149,7 +149,7 @@ class InjectorService:
             ", ".join(f"{bus.name_of(layout)} 0x{layout.frame_id:X}" for layout in layouts)
             for layouts in (bus.received, bus.sent)
         )
-        rate = injector.config.sampling.rate_hz
+        rate = injector.sample_rate
         lookahead = constants.timing.lookahead
         say(
             Topic.START,

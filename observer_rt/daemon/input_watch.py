@@ -211,7 +211,7 @@ class InputWatch:
 
     def __init__(self, injector: BenchInjector, bus: BusMap, core: Core) -> None:
         self.arrivals = Arrivals(bus)
-        rate = injector.config.sampling.rate_hz
+        rate = injector.sample_rate
         self._core = core
         self._messages = MessageWatch(bus, self.arrivals)
         self._useless = FrameWatch(self.arrivals, rate, partial(_odd_lengths, bus, core))

@@ -53,7 +53,7 @@ class SnapshotKeeper:
         self._references: References = references or nominal
         self._calibration = calibration_of(injector)
         self._model = injector.parameters_path.name
-        self._rate_hz = injector.config.sampling.rate_hz
+        self._rate_hz = injector.sample_rate
         self._run = time.time_ns()
         self._lines = StatusLines()
         self._daemon: Daemon | None = None  # before it runs

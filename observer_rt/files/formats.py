@@ -124,7 +124,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
             table = kind.table(path, kind.mapping, is_own=True)
             stream = EvenSignals(table) if len(table.rasters) == 1 else MappedSignals(table, 0.0)
         else:
-            rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
+            rate = injector.sample_rate if injector is not None and mapping is not None else 0.0
             layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time, has_shots)
             table = kind.table(path, layout)
             table.mapped_by = table.mapped_by if mapping else "by its heading"

@@ -240,7 +240,7 @@ def _energizing(
         raise UserError(location, problem, "name as many, or one")
     cycle = layout.cycle_time_ns / NANOSECONDS if layout.cycle_time_ns else None
     if companions or len(names) > 1:
-        cycle = expected / injector.config.sampling.rate_hz
+        cycle = expected / injector.sample_rate
     row = np.zeros((), OPTIONAL_INPUT)
     row["role"], row["is_placed"], row["factor"] = input_tables.ENERGIZING, index is not None, factor or 1.0
     row["surrounding"] = -1
@@ -269,7 +269,7 @@ def _index(
     """The signal that places the frames on the grid, None where their stamps must."""
     line = injector.config.signals.of(Role.LINE_PRESSURE)
     on_grid = config.time_base == line.time_base and grid["numbering"] == Numbering.INDEX
-    on_grid = on_grid and all(other.rate_hz in (None, injector.config.sampling.rate_hz) for other in companions)
+    on_grid = on_grid and all(other.rate_hz in (None, injector.sample_rate) for other in companions)
     name = config.index
     if name is None and on_grid:
         usual = lookup.USUAL_INDEX if any(signal.name == lookup.USUAL_INDEX for signal in message.signals) else None

@@ -177,7 +177,7 @@ def _map_message(
         )
     row["numbering"], row["modulus"] = numbering, modulus
     row["steps"] = steps = _steps(injector, message, roles)
-    row["interval"] = steps / injector.config.sampling.rate_hz
+    row["interval"] = steps / injector.sample_rate
     row["tolerance"] = TOLERANCE
     if tuple(roles) == (Role.RAIL_PRESSURE,):
         row["tolerance"] = max(RAIL_TOLERANCE, SLOW_TOLERANCE * row["interval"])
@@ -197,7 +197,7 @@ def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
 
 def _steps(injector: BenchInjector, message: Message, roles: Sequence[Role]) -> int:
     """Samples of the grid from one sample of the message to its next."""
-    rate = injector.config.sampling.rate_hz
+    rate = injector.sample_rate
     location, stated = _agreed(injector, message, roles, "rate_hz")
     if stated is None:
         return 1
@@ -224,7 +224,7 @@ def _set_hold(injector: BenchInjector, message: Message, roles: Sequence[Role], 
             raise UserError(location, problem, "leave it out, or state its rate_hz")
         return
     hold = HELD_CYCLES * cycle if stated is None else stated * MILLISECOND
-    longest = frames.SLOTS // 2 / injector.config.sampling.rate_hz
+    longest = frames.SLOTS // 2 / injector.sample_rate
     if not cycle <= hold:
         problem = f"is shorter than the {cycle / MILLISECOND:g} ms from frame to frame"
         raise UserError(location, problem, "make it longer than that")
@@ -232,7 +232,7 @@ def _set_hold(injector: BenchInjector, message: Message, roles: Sequence[Role], 
         raise UserError(
             location if stated is not None else _agreed(injector, message, roles, "rate_hz")[0],
             f"samples would have to wait {hold / MILLISECOND:g} ms for it, at most {longest / MILLISECOND:.3g} are "
-            f"possible at {injector.config.sampling.rate_hz:g} Hz",
+            f"possible at {injector.sample_rate:g} Hz",
             "state a shorter max_hold_ms" if cycle <= longest else "a faster signal of the rail pressure is needed",
         )
     row["hold"] = hold

@@ -210,9 +210,9 @@ def _traffic(bench: Bench, mapped: BenchMap) -> Iterator[tuple[MessageLayout, fl
             yield layout, often, often
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         if bus.rate is not None:
-            yield bus.rate.layout, *_blocks(bus.rate.samples, injector.config.sampling.rate_hz)
+            yield bus.rate.layout, *_blocks(bus.rate.samples, injector.sample_rate)
         if bus.corrected is not None:
-            often = _blocks(bus.corrected.samples, injector.config.sampling.rate_hz)[1]
+            often = _blocks(bus.corrected.samples, injector.sample_rate)[1]
             yield bus.corrected.layout, often, often
         period = injector.config.outputs.status_period_ms * MILLISECOND
         for key, result in bus.results.items():

@@ -176,7 +176,7 @@ def _mapping(injector: BenchInjector, bus: bus_map.BusMap, role: Role) -> Findin
 def _sample_periods(
     injector: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]
 ) -> Iterator[Statement]:
-    rate = injector.config.sampling.rate_hz
+    rate = injector.sample_rate
     yield f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns"
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
@@ -208,7 +208,7 @@ def _periods(
         if refusing is None:
             yield warning(problem, remedy)
         else:
-            stated = f"is {refusing.config.sampling.rate_hz:g}, but {problem}"
+            stated = f"is {refusing.sample_rate:g}, but {problem}"
             yield UserError(refusing.location("sampling.rate_hz"), stated, remedy)
     cycle = layout.cycle_time_ns
     if period is None and cycle is not None and abs(cycle * frames - samples * expected) > CYCLE_TOLERANCE:
@@ -263,7 +263,7 @@ def observer_findings(injector: BenchInjector) -> list[Finding]:
 def _integration(injector: BenchInjector) -> Iterator[Statement]:
     """Steps that integrate a sample, and how near the limits they are."""
     substeps = bench_constants(injector).substeps
-    model, rate = effective_model(injector.parameters), injector.config.sampling.rate_hz
+    model, rate = effective_model(injector.parameters), injector.sample_rate
     if stepping := model.coefficients.line.stepping(1.0 / rate):
         yield f"{substeps} steps a sample at {rate:g} Hz; {stepping}"
         return
@@ -312,7 +312,7 @@ def level_findings(injector: BenchInjector) -> Iterator[Statement]:
 def mass_findings(injector: BenchInjector) -> Iterator[Statement]:
     """How well the line pressure of one injection tells its mass, where all but the nozzle's flow is known."""
     schedule = make_schedule([REFERENCE_PRESSURE], 1, 30 * MILLISECOND, [SHORT])
-    rate, wider = injector.config.sampling.rate_hz, sized("orifice_area", v_H=WIDER)
+    rate, wider = injector.sample_rate, sized("orifice_area", v_H=WIDER)
     file, other = (simulate(injector.parameters, schedule, rate, effects).truth for effects in ((), (wider,)))
     gap = (other.line_pressure - file.line_pressure) / (WIDER * configured_noise(injector).line_pressure)
     if not gap.any():
@@ -323,7 +323,7 @@ def mass_findings(injector: BenchInjector) -> Iterator[Statement]:
 
 
 def _observer(injector: BenchInjector) -> list[Finding]:
-    rate = injector.config.sampling.rate_hz
+    rate = injector.sample_rate
     stated = effects_after_alignment(injector.config.signals)
     constants = constants_for(injector.parameters, rate, Durations(), events_required=0, stated=stated)
     lookahead = constants.timing.lookahead + constants.undoing.ahead

@@ -87,7 +87,7 @@ class Demo:
         self.bench = _on_link(load_bench().exact, self.link)
         operation = BenchOperation(RAIL_PRESSURES, [ENERGIZING_TIME], injections, PERIOD)
         worn = Departure(nozzle=1.0 + wear)
-        self._truth = record(operation, worn, self.bench.injector.config.sampling.rate_hz, seed)
+        self._truth = record(operation, worn, self.bench.injector.sample_rate, seed)
         self.recording = self._truth.recording
         self._nominal = NominalInjection(self.bench.injector)
         self._compared: dict[int, Sequence[ComparedRate]] = {}  # true and nominal, by the injection

@@ -74,7 +74,7 @@ class LoggedSignals(SignalStream):
         channels = chosen_channels(path, bench.config.buses, needed, from_channels)
         self.frames = InputFrames(path, self._bus, channels)
         """Frames as they are in the log."""
-        self.sample_rate = bench.injector.config.sampling.rate_hz
+        self.sample_rate = bench.injector.sample_rate
         self.logged = self._look_through(path, progress)
         """The log, split where the sample index starts again."""
         self.stretches = tuple(Stretch(0.0, stretch.samples) for stretch in self.logged)

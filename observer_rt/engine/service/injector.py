@@ -87,11 +87,10 @@ def _constants(injector: BenchInjector, surroundings: Surroundings, restored: bo
         injector.config.sampling.bridge_ms * MILLISECOND,
     )
     events_required = EVENTS_REQUIRED_RESTORED if restored else EVENTS_REQUIRED
-    rate = injector.config.sampling.rate_hz
     means = injector.config.sampling.meaning is Meaning.MEAN
     stated = effects_after_alignment(injector.config.signals)
     calibration = calibration_of(injector)
-    every = rail_every(injector)
+    every, rate = rail_every(injector), injector.sample_rate
     constants = constants_for(parameters, rate, durations, events_required, every, means, stated, calibration)
     _require_integrable(injector, parameters, constants)
     needle = None if injector.has_lift else effective_model(parameters).injector.needle_law
@@ -107,13 +106,11 @@ def calibration_of(injector: BenchInjector) -> StatedAccuracy:
 
 def rail_every(injector: BenchInjector) -> float:
     """Samples to one of the rail pressure."""
-    rate = injector.config.sampling.rate_hz
-    return rate / (injector.config.signals.rail_pressure.rate_hz or rate)
+    return injector.sample_rate / (injector.config.signals.rail_pressure.rate_hz or injector.sample_rate)
 
 
 def _require_integrable(injector: BenchInjector, parameters: InjectorParameters, constants: Constants) -> None:
-    substeps = constants.substeps
-    rate = injector.config.sampling.rate_hz
+    substeps, rate = constants.substeps, injector.sample_rate
     refuse_unstable_cells(str(injector.parameters_path), parameters, constants.coefficients, constants.interval)
     if substeps <= MAX_SUBSTEPS or constants.coefficients.line.resolved > 0.0:
         return
@@ -135,7 +132,7 @@ def make_learner(injector: BenchInjector, constants: Constants, knowledge: Knowl
 
 def healthy_injector(injector: BenchInjector) -> Healthy:
     """Residuals of the healthy injector under its fitted model, and under terms that were accepted in part."""
-    config, rate = injector.config, injector.config.sampling.rate_hz
+    config, rate = injector.config, injector.sample_rate
     healthy = healthy_of(injector.parameters.baseline, rate, config.learning.on_inadequate_model)
     ranges = [term.range_seen.get(Variable.LINE_PRESSURE) for term in injector.parameters.terms]
     lows, highs = zip((-math.inf, math.inf), *(one for one in ranges if one is not None), strict=True)
@@ -152,7 +149,7 @@ class FitDoubt(NamedTuple):
 
 def doubt_about_fit(injector: BenchInjector) -> FitDoubt | None:
     """Objection to an injector's fitted model on this bench; None without an objection, or without a fit."""
-    baseline, rate = injector.parameters.baseline, injector.config.sampling.rate_hz
+    baseline, rate = injector.parameters.baseline, injector.sample_rate
     name = injector.parameters_path.name
     if baseline is None:
         return None

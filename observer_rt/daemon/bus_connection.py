@@ -9,7 +9,8 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.links.link import BusState, Link, LinkDownError, condition_messages
+from observer_rt.bus.links.controller import BusState, condition_messages
+from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.opening import RECONNECT_PERIOD, IdleLink, first_heard, open_link
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench

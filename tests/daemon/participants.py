@@ -14,7 +14,8 @@ import can
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.links.link import BusCondition, Frame, Link, LinkDownError
+from observer_rt.bus.links.controller import BusCondition
+from observer_rt.bus.links.link import Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench

@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import can
 
-from observer_rt.bus.links.link import SWITCHED, BusCondition, FdFlags, Frame, Link, LinkDownError, StampSource
+from observer_rt.bus.links.controller import BusCondition
+from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, LinkDownError, StampSource
 from observer_rt.foundation.errors import RunError, UserError
 
 SEND_TIMEOUT_S = 0.5  # how long a driver may wait for a place in its queue

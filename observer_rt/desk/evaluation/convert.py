@@ -72,7 +72,7 @@ def _signals(
                     write(chunk)
                     done += chunk.samples
                     progress(done)
-    origin = f", from sample index {stream.logged[0].first_index} on" if isinstance(stream, LoggedSignals) else ""
+    origin = f", from sample index {stream.logged[0].start} on" if isinstance(stream, LoggedSignals) else ""
     names = f"{targets[0]}" + (f" to {targets[-1].name}" if len(targets) > 1 else "")
     return f"{names}: {stream.samples} samples at {stream.sample_rate:g} Hz{origin}"
 

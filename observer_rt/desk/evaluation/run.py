@@ -84,10 +84,10 @@ class ObserverRun:
             self._observe_recording(source, sink)
 
     def _observe_log(self, log: LoggedSignals, sink: Evaluation) -> None:
-        offset, sink.first_index = 0, log.logged[0].first_index
-        for stretch in log.logged:
-            self._samples.begin(Run(sink, stretch.samples, log.sample_rate, stretch.first_index, offset))
-            offset += stretch.samples
+        offset, sink.first_index = 0, log.logged[0].start
+        for indices in log.logged:
+            self._samples.begin(Run(sink, len(indices), log.sample_rate, indices.start, offset))
+            offset += len(indices)
         self._observe(blocks_of(log.frames))
 
     def _observe_recording(self, stream: SignalStream, sink: Evaluation) -> None:

@@ -12,8 +12,8 @@ from observer_rt.daemon.arrivals import SECOND, Arrivals, WatchedMessage, messag
 from observer_rt.daemon.signal_watch import LiftWatch, RangeWatch, RateWatch, UnitWatch, ValueWatch
 from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.core import Core
-from observer_rt.engine.service.injector import configured_noise
 from observer_rt.engine.service.messages import Counters
+from observer_rt.engine.service.noise import configured_noise
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import COUNTERS, TOPICS, Topic, is_good, named
 

@@ -14,7 +14,7 @@ from observer_rt.core.frames.frames import IMPOSSIBLE
 from observer_rt.daemon.arrivals import WatchedMessage
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.reports.news import Notice
-from observer_rt.engine.service.injector import SIGNALS
+from observer_rt.engine.service.noise import SIGNALS
 from observer_rt.engine.signal_survey import OPEN, SignalSurvey, Survey, implausible, swapped
 from observer_rt.engine.stream.standstill import LiftFigures
 from observer_rt.engine.stream.state import Reason

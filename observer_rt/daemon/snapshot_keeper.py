@@ -30,7 +30,9 @@ from observer_rt.daemon.snapshot import (
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import WITH_BOUND, InjectionReport, Output, none_if_nan, row_of
 from observer_rt.engine.reports.news import MeasuredMass, News, Notice
-from observer_rt.engine.service.injector import ComparedRate, NominalInjection, References, calibration_of, noise_text
+from observer_rt.engine.service.injector import calibration_of
+from observer_rt.engine.service.noise import noise_text
+from observer_rt.engine.service.nominal import ComparedRate, NominalInjection, References
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
 from observer_rt.foundation.errors import REMEDY

@@ -10,7 +10,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Level, Statement, failed, graded, ruled, warning
 from observer_rt.desk.evaluation.logged import LoggedSignals
-from observer_rt.engine.service.injector import SIGNALS
+from observer_rt.engine.service.noise import SIGNALS
 from observer_rt.engine.signal_survey import implausible
 from observer_rt.files.formats import is_log, open_recording
 from observer_rt.files.replay.framing import bench_for

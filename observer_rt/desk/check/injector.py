@@ -20,7 +20,8 @@ from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Statement, gr
 from observer_rt.desk.simulation.schedule import REFERENCE_PRESSURE, make_schedule
 from observer_rt.desk.simulation.simulate import simulate
 from observer_rt.engine.observer import Durations, constants_for
-from observer_rt.engine.service.injector import bench_constants, calibration_of, configured_noise, doubt_about_fit
+from observer_rt.engine.service.injector import bench_constants, calibration_of, doubt_about_fit
+from observer_rt.engine.service.noise import configured_noise
 from observer_rt.engine.stream.state import noise_gain
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import (

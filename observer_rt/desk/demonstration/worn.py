@@ -27,7 +27,7 @@ from observer_rt.desk.demonstration.bench_injector import BenchOperation, Depart
 from observer_rt.desk.evaluation.curves import MassRow, RateCurves
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import News
-from observer_rt.engine.service.injector import ComparedRate, NominalInjection
+from observer_rt.engine.service.nominal import ComparedRate, NominalInjection
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.console import plain_table, stop_on_signals

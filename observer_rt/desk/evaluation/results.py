@@ -16,7 +16,7 @@ from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
 from observer_rt.engine.learning.learned_curves import furthest
 from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned
-from observer_rt.engine.service.injector import SIGNALS
+from observer_rt.engine.service.noise import SIGNALS
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND

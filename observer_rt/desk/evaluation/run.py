@@ -16,8 +16,8 @@ from observer_rt.engine.observer import commands_at, energize, remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.engine.service.core import Core
-from observer_rt.engine.service.injector import Follower
 from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.engine.service.nominal import Follower
 from observer_rt.engine.stream.state import Constants, Observer
 from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.recording import Chunk

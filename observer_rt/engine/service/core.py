@@ -23,7 +23,7 @@ from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.engine.observer import make_observer, samples_at
 from observer_rt.engine.reports.injection_report import report_of
 from observer_rt.engine.reports.news import Listener, Notice, fan_out
-from observer_rt.engine.service import injector, messages
+from observer_rt.engine.service import injector, messages, noise
 from observer_rt.engine.service.judging import InlineExecutor, Judging
 from observer_rt.engine.service.optional_inputs import OptionalInputs
 from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
@@ -85,7 +85,7 @@ class Core:
         writes_summaries: bool = True,
         commanded: bool | None = None,
     ) -> None:
-        """fitted: the injector with its bench; bus: its frames; knowledge: restored from an earlier run, None: none.
+        """bench_injector: with its sections of the bench file; bus: its frames; knowledge: from an earlier run.
 
         executor: where learning runs (None: at once, in lockstep); learning: None: as the bench file states.
         listeners: called with every report and notice. learner_of: makes the learner; what it raises is raised,
@@ -100,8 +100,8 @@ class Core:
             constants = constants._replace(surroundings=filed(bench_injector.parameters, config.signals.surroundings))
         if bus.tells_commands if commanded is None else commanded:
             constants = constants.by_commands()
-        noise = injector.configured_noise(bench_injector)
-        start = knowledge or no_knowledge(noise, constants.coefficients.pressure_scale)
+        levels = noise.configured_noise(bench_injector)
+        start = knowledge or no_knowledge(levels, constants.coefficients.pressure_scale)
         learner = learner_of(bench_injector, constants, start)
         self._bus = bus
         self._max_lift = bench_injector.parameters.seat.max_lift
@@ -117,7 +117,7 @@ class Core:
                 make_timekeeping(
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
                 ),
-                make_alignment(bus.grid_relations, dead_band(noise.needle_lift)[0], observer.recorded),
+                make_alignment(bus.grid_relations, dead_band(levels.needle_lift)[0], observer.recorded),
                 observer,
                 messages.make_publisher(bus.rate, may_learn),
             )
@@ -285,7 +285,7 @@ class Core:
         white = self.standstill.noise
         if white is None:
             return {}
-        return injector.slow_noise_of(self.compiled.observer, self.rows(0, self.processed), white)
+        return noise.slow_noise_of(self.compiled.observer, self.rows(0, self.processed), white)
 
     @property
     def timing(self) -> tuple[MessageTiming, ...]:

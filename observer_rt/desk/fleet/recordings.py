@@ -1,7 +1,6 @@
 """Recordings named by files, folders and patterns: what their paths say, and what says when they were made."""
 
 import re
-import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -13,6 +12,7 @@ from typing import Self
 from observer_rt.config.bench import Bench
 from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.formats import SUFFIXES, is_log, open_log
+from observer_rt.files.signals.mdf4_table import stated_start
 from observer_rt.files.signals.recording import SHOTS_SUFFIX, TRUTH_SUFFIX
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
@@ -22,7 +22,6 @@ _GLOB = re.compile(r"[*?\[]")
 _DATE_FORMATS = {8: "%Y%m%d", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}  # by the number of digits
 _NOTES = {".txt"}  # in folders more often notes than recordings: to be named
 _SINCE_1970 = 1e9  # s, in 2001: time in a recording is never so late unless it counts from 1970
-_MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since 1970]
 
 
 def recordings_in(sources: Sequence[str]) -> list[Path]:
@@ -116,19 +115,9 @@ def zero_of(path: Path, source: SignalStream) -> tuple[datetime, TimeFrom]:
         begin, by = next(iter(open_log(path))).frame.stamp_ns / NANOSECONDS - start, TimeFrom.FRAMES
     elif source.origin + start > _SINCE_1970:
         begin, by = source.origin, TimeFrom.COLUMN
-    elif (stated := _mdf4_start(path)) > 0:
+    elif (stated := stated_start(path)) > 0:
         begin, by = stated / NANOSECONDS, TimeFrom.HEADER
     else:
         begin = path.stat().st_mtime - end.start - end.samples / source.sample_rate
         by = TimeFrom.WRITTEN
     return datetime.fromtimestamp(begin, UTC), by
-
-
-def _mdf4_start(path: Path) -> int:
-    """Start time in the header of an MDF 4 file [ns since 1970]; 0 without one, or of another file."""
-    with path.open("rb") as file:
-        head = file.read(_MDF4_START + 8)
-    if not head.startswith(b"MDF     4") or len(head) < _MDF4_START + 8:
-        return 0
-    (start,) = struct.unpack_from("<Q", head, _MDF4_START)
-    return int(start)

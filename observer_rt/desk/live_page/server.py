@@ -21,7 +21,8 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.reading import Watching
-from observer_rt.desk.live_page.session import Saver, Session, pressed
+from observer_rt.desk.live_page.saver import Saver
+from observer_rt.desk.live_page.session import Session, pressed
 from observer_rt.foundation.console import say, stop_on_signals
 from observer_rt.foundation.errors import RunError
 

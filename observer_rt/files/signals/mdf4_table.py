@@ -1,5 +1,6 @@
 """MDF4: channels by their names; their time is that of their groups, in seconds."""
 
+import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,9 +14,21 @@ from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, TablePart, present
 from observer_rt.foundation.errors import UserError
 
+_START = 64 + 24 + 6 * 8  # byte of the header block's start time
+
+
+def stated_start(path: Path) -> int:
+    """Start time in the header of an MDF 4 file [ns since 1970]; 0 without one, or of another file."""
+    with path.open("rb") as file:
+        head = file.read(_START + 8)
+    if not head.startswith(b"MDF     4") or len(head) < _START + 8:
+        return 0
+    (start,) = struct.unpack_from("<Q", head, _START)
+    return int(start)
+
 
 class Channel(NamedTuple):
-    """A channel as `mdf4.opening.channels` gives it. surplus: samples that no heading states."""
+    """A channel as `mdf4.opening.channels` gives it. surplus: samples beyond the number that its heading states."""
 
     name: str
     unit: str

@@ -219,7 +219,7 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
         history = evaluate(mended.with_parameters(parameters), events, learning=learning, traces=())
     except UserError:  # no evidence, or of another sample rate
         return 0
-    judged = [report for evaluation in history.evaluations for report in evaluation.reports]
+    judged = [report for evaluation in history.evaluations for report in evaluation.injections]
     knowledge = history.knowledge
     if not (knowledge.state.events and judged[-1].valid):
         return 0

@@ -87,15 +87,15 @@ class EvaluationResult(KnowledgeHolder):
         rows = [
             {
                 RECORDING: _name(evaluation),
-                "number": result.report.number,
+                "number": result.number,
                 **{
-                    f"by_{part}_mg": sigma * result.report.density / MILLIGRAM
-                    for part, sigma in result.report.budget._asdict().items()
+                    f"by_{part}_mg": sigma * result.density / MILLIGRAM
+                    for part, sigma in result.budget._asdict().items()
                 },
             }
             for evaluation in self.evaluations
             for result in evaluation.injections
-            if result.report.budget is not None
+            if result.budget is not None
         ]
         columns = [RECORDING, "number", *(f"by_{part}_mg" for part in VolumeBudget._fields)]
         return pd.DataFrame(rows, columns=columns)

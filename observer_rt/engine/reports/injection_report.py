@@ -30,7 +30,7 @@ NOTEWORTHY, SURELY = 0.01, 3.0  # remainder that is put into words: share of the
 SURROUNDINGS = tuple(in_units(Surroundings(*[0.0] * len(Surroundings._fields))))  # names of values
 _NUMBERS = ("number", "event", "start_position", "end_position", "start_index", "end_index", "phi_version")
 
-T = TypeVar("T")
+T = TypeVar("T", contravariant=True)  # a field of a report is one of whatever derives from it
 Value = int | float | str | None
 
 

@@ -69,7 +69,7 @@ class Reloading:
         self._taken: Sequence[_Wish] = ()  # whose bench is being read and made ready
         self._socket = stack.enter_context(ExitStack())
         self._places: tuple[Path, ...] = ()
-        self._snapshot: Answer | None = None
+        self._snapshot: Answer = lambda _: iter(())  # before a bench is served
         self.unsaved = ""
         """Problem of the last write before the bench that is served now, for the answer; empty: none."""
 
@@ -81,7 +81,7 @@ class Reloading:
             return
         self._socket.close()
         self._places = places
-        requests: Requests = {RELOAD: self._reload, SNAPSHOT: self._answer}
+        requests: Requests = {RELOAD: self._reload, SNAPSHOT: lambda request: self._snapshot(request)}
         failures = []
         for file in places:
             try:
@@ -163,10 +163,6 @@ class Reloading:
             said = {"model": model, "version": __version__, "bench": str(bench.path.absolute())}
             wish.answer.set_result(said | {"unsaved": self.unsaved})
         self._taken, self.unsaved = (), ""
-
-    def _answer(self, request: Message) -> Iterator[bytes]:
-        assert self._snapshot is not None
-        return self._snapshot(request)
 
     def _reload(self, request: Message) -> Message:
         wish = _Wish(str(request.get("model")))

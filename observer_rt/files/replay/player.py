@@ -216,9 +216,16 @@ def play(
     """
     stop = stop or threading.Event()
     links = by_bus or {}
-    report = _Progress(progress)
+    next_report = 0
     sent = late = paused = 0
     latest = math.nan
+
+    def reached(moment: float) -> None:
+        nonlocal next_report
+        if progress is not None and (now := time.monotonic_ns()) >= next_report:
+            progress(moment)
+            next_report = now + PROGRESS_PERIOD
+
     stream = iter(frames)
     frame = next(stream, None)  # before the clock starts: opening and encoding take their time
     start = time.monotonic_ns()
@@ -231,7 +238,7 @@ def play(
                 stop.wait(min(left - SLEEP_MARGIN, LONGEST_SLEEP) / NANOSECONDS)
             else:
                 time.sleep(left / NANOSECONDS)  # never busy: other threads need the time
-            report.reached(frame.time - max(0, due - time.monotonic_ns()) / NANOSECONDS * speed)
+            reached(frame.time - max(0, due - time.monotonic_ns()) / NANOSECONDS * speed)
             continue
         flags = FdFlags(frame.bit_rate_switch, frame.error_state_indicator)
         to = links.get(frame.bus, link)
@@ -247,7 +254,7 @@ def play(
             delay = (now - due) / NANOSECONDS
             latest = max(delay, latest) if sent > 1 else delay
             late += delay > LATE
-        report.reached(frame.time)
+        reached(frame.time)
         frame = next(stream, None)
     duration = (time.monotonic_ns() - start + paused) / NANOSECONDS
     return PlayStatistics(sent, duration, latest, late, paused / NANOSECONDS)
@@ -265,16 +272,3 @@ def _wait_until_back(link: Link, error: LinkDownError, stop: threading.Event, te
         tell("the interface is back, going on")
         break
     return time.monotonic_ns() - since
-
-
-class _Progress:
-    """Passes on the time reached, not more often than a screen needs."""
-
-    def __init__(self, callback: Callable[[float], None] | None) -> None:
-        self._callback = callback
-        self._next = 0
-
-    def reached(self, moment: float) -> None:
-        if self._callback is not None and (now := time.monotonic_ns()) >= self._next:
-            self._callback(moment)
-            self._next = now + PROGRESS_PERIOD

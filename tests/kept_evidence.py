@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.evidence import EvidenceKeeper, evidence_keeper
+from observer_rt.daemon.evidence_keeper import EvidenceKeeper, evidence_keeper
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.signals.recording import Recording

@@ -23,7 +23,7 @@ from observer_rt.engine.words import Topic
 from observer_rt.foundation.units import MICROSECOND
 
 if TYPE_CHECKING:
-    from observer_rt.daemon.evidence import EvidenceKeeper
+    from observer_rt.daemon.evidence_keeper import EvidenceKeeper
 
 _TURN = 0.2  # s between two looks at what signals ask for
 

@@ -25,7 +25,7 @@ from observer_rt.foundation.options import RunOptions
 from observer_rt.foundation.outputs import SERVICE_LOG, check_own_file
 
 if TYPE_CHECKING:
-    from observer_rt.daemon.evidence import EvidenceKeeper
+    from observer_rt.daemon.evidence_keeper import EvidenceKeeper
 
 UNSAVED = "the reload goes on; what was learned with the model before is kept by this process only, for the way back"
 
@@ -88,7 +88,7 @@ class Serving:
         keeper = stack.enter_context(keeper_of(bench, self.options.state, self.options.journal, tell))
         evidence: EvidenceKeeper | None = None
         if injector.evidence is not None:
-            from observer_rt.daemon.evidence import evidence_keeper  # optional: [evidence] folder
+            from observer_rt.daemon.evidence_keeper import evidence_keeper  # optional: [evidence] folder
 
             evidence = stack.enter_context(evidence_keeper(injector, injector.evidence, tell))
         service = InjectorService(

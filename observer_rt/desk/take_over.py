@@ -30,7 +30,7 @@ from observer_rt.daemon.control_socket import Message, ask, socket_places
 from observer_rt.daemon.reloading import RELOAD
 from observer_rt.daemon.state_file import learned_beside, model_hash, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.files.evidence import KeptEvent
+from observer_rt.files.evidence_folder import KeptEvent
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.errors import RunError, UserError, file_errors
 from observer_rt.foundation.files import replacing, to_disk, write_text

@@ -25,7 +25,7 @@ from observer_rt.engine.stream.state import Constants
 from observer_rt.foundation.outputs import make_folder
 from observer_rt.foundation.units import MILLISECOND
 
-WRITER = "observer_rt.files.evidence"  # module that runs as the process
+WRITER = "observer_rt.files.evidence_folder"  # module that runs as the process
 MOST_WAITING = 64  # events that may wait for the disk
 LONGEST = 60 * MILLISECOND  # s of an event that are copied
 LAST_EVENTS = 5.0  # s for the last ones to be written

@@ -23,7 +23,7 @@ class Jitter(NamedTuple):
 
 
 def jitter_of(clock: np.void) -> Jitter:
-    """Delays since the line is known; nothing is known of frames before."""
+    """Delays of a message's frames (row of dtype CLOCK) since its clock is known."""
     frames = int(clock["delays"])
     if frames == 0:
         return Jitter(0, math.nan, math.nan)
@@ -36,8 +36,8 @@ def jitter_of(clock: np.void) -> Jitter:
 class MessageTiming:
     """Timing of one input message: delays of its frames, drift of its clock against the receiver's [-].
 
-    unknown [s]: what its samples may lie beside their place on the grid; 0 where an index joins them, infinite
-    while the clocks are not known.
+    unknown [s]: distance at which its samples may lie from their places on the grid; 0 where an index joins them,
+    infinite while the clocks are not known.
     """
 
     name: str

@@ -83,7 +83,9 @@ def refuse_shared_channels(location: str, links: Sequence[NamedLink]) -> None:
             )
 
 
-def of_links(option: str, texts: Sequence[str], links: Sequence[NamedLink], example: str = "can1") -> dict[int, str]:
+def values_by_bus(
+    option: str, texts: Sequence[str], links: Sequence[NamedLink], example: str = "can1"
+) -> dict[int, str]:
     """Values of a repeatable option by bus number: `VALUE` for the first bus, `NAME=VALUE` for another.
 
     On a bench with one bus every text is a value. Of several values for one bus the last counts. Raises `UserError`

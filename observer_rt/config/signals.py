@@ -45,11 +45,11 @@ class OptionalRole(StrEnum):
 class OptionalSignal:
     """Description of an optional role, for the bus and for `check`.
 
-    use: what becomes of its values; possible: lowest and highest value [SI]; its range must reach one of them, else
-    it is `wrong`. expires: a value counts for a time only. usual: value [SI] in frames made of recordings; if not
-    always, then only where a frame cannot mark it as not available. units: SI of each, or origins: where each begins
-    [K]; neither: a plain number. shown: the unit of screens; without one its range is not shown. step: change [SI] of
-    one of the `Surroundings` below which the model stays.
+    use: purpose of its values; possible: lowest and highest value [SI]; wrong: what a signal is whose range lies
+    outside these. expires: a value counts for a time only. usual: value [SI] in frames made of recordings; if not
+    always, then only where a frame cannot mark it as not available. units: factors to SI, or origins: zeros of the
+    scales [K]; neither: a plain number. shown: the unit of screens; without one the range is not shown. step: change
+    [SI] of one of the `Surroundings` below which the model stays.
     """
 
     use: str
@@ -218,7 +218,7 @@ class SignalsConfig(Section):
         return self
 
     def of(self, role: Role) -> SignalConfig:
-        """The mapping of a role; a lift that is not measured has the samples of the line pressure, read by nobody."""
+        """The mapping of a role; a lift that is not measured has that of the line pressure, and nobody reads it."""
         mapping: SignalConfig | None = getattr(self, role.value)
         return mapping or self.line_pressure.model_copy(update=_UNDONE)
 

@@ -1,4 +1,4 @@
-"""Arrivals of frames, how many, and when last: of every input message, and of our own identifiers from elsewhere."""
+"""Arrivals of frames, their number and the last one: of input messages, and of other nodes under our identifiers."""
 
 import math
 from collections.abc import Sequence

@@ -35,8 +35,8 @@ class StoppedError(Exception):
 class LinkOpening:
     """Opens the links of an injector. on_alive: called while it waits.
 
-    Its methods raise `StoppedError` when `stop` is set meanwhile, `UserError` or `RunError` for what waiting does
-    not mend.
+    Its methods raise `StoppedError` when `stop` is set meanwhile, `UserError` or `RunError` for a failure that
+    waiting does not end.
     """
 
     bench: Bench
@@ -65,7 +65,7 @@ class LinkOpening:
                 self.tell(Notice(Topic.LINK, warning))
 
     def tell_other_senders(self) -> None:
-        """Listen a moment, before anything is sent, for others that send what this service will."""
+        """Listen a moment, before anything is sent, for other nodes that send the messages of this service."""
         with ExitStack() as stack, suppress(LinkDownError):  # which the daemon waits for
             links = {}
             for number in {layout.bus for layout in self.bus.sent}:

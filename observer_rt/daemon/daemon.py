@@ -18,7 +18,7 @@ from observer_rt.daemon.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.daemon.input_watch import InputWatch, StateWatch
 from observer_rt.daemon.pump import FramePump
 from observer_rt.daemon.pump_memory import Latency
-from observer_rt.daemon.rights import take_time, touch
+from observer_rt.daemon.rights import drop_priority, touch
 from observer_rt.daemon.signal_watch import LIFT_MOVED
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -69,7 +69,7 @@ class Daemon:
             Port(named.label, named.config.channel, link, number in with_inputs, self._tell)
             for number, (named, link) in enumerate(zip(bench.config.buses, links, strict=True))
         )
-        self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning", initializer=take_time)
+        self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning", initializer=drop_priority)
         self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
         self._injector = bench.injector
         self.core = Core(bench.injector, bus, knowledge, self._executor, listeners=listeners)

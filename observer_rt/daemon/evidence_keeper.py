@@ -84,7 +84,7 @@ class EvidenceKeeper:
         self._core = core
 
     def hear(self, news: News) -> None:
-        """Note an injection; its event is handed on once one of another comes, or at the end."""
+        """Note an injection; its event is handed on when an injection of another event comes, or at the end."""
         if not isinstance(news, InjectionReport) or self._core is None:
             return
         if self._reports and self._reports[0].event != news.event:
@@ -121,7 +121,7 @@ class EvidenceKeeper:
             self.lost += 1
 
     def _evidence(self, queued: "_QueuedEvent") -> EventEvidence | None:
-        """Evidence of an event; None where it is of nothing."""
+        """Evidence of an event; None where none is to be kept."""
         c, energizing = queued.constants.coefficients, self._has_energizing
         injections = [injection_record(report, c, energizing) for report in queued.reports]
         belief = {**self._model, "injections": injections}

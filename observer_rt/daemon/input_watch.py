@@ -1,4 +1,4 @@
-"""What the daemon says of its inputs, live or over a log: missing messages, lost frames, other senders, the state."""
+"""Notices about the inputs, live or over a log: missing messages, lost frames, other senders, and the state."""
 
 from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
@@ -43,7 +43,7 @@ _Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
 
 
 class Trouble(Enum):
-    """What can be wrong with a message: begun, remedy, over."""
+    """Trouble with a message: text when it begins, remedy, text when it is over."""
 
     SILENT = "no frame comes", "check the device that sends it, its cable and identifier", "comes again"
     OTHER_SIZE = (
@@ -64,12 +64,12 @@ class Trouble(Enum):
 
     @property
     def begun(self) -> str:
-        """What to say when it begins."""
+        """Text when the trouble begins, with the remedy."""
         return f"{self.value[0]}\n  remedy: {self.value[1]}"
 
     @property
     def over(self) -> str:
-        """What to say when it is over."""
+        """Text when the trouble is over."""
         return self.value[2]
 
 

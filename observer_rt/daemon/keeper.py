@@ -106,7 +106,7 @@ class UnsavedError(RunError):
 
 
 class PersistentFile(Protocol):
-    """Something on disk that follows the daemon. name: what it is, with its file."""
+    """A file that follows the daemon's results. name: kind and path, for messages."""
 
     name: str
 
@@ -114,7 +114,7 @@ class PersistentFile(Protocol):
         """Bring the file up to date. Raises `ObserverError`; what could not be written is by a later call."""
 
     def finish(self) -> str:
-        """The last write, whatever was written before; what to say of it. Raises `ObserverError`."""
+        """Write a last time, changed or not; returns a text about the file. Raises `ObserverError`."""
 
 
 class RetryingWriter:
@@ -150,7 +150,7 @@ class RetryingWriter:
                 self._since, self._reported = self.failures, ""
 
     def finish(self) -> str:
-        """Write a last time; what was in its way, empty: nothing."""
+        """Write a last time; returns the problem, empty where there was none."""
         failed = f" ({self.failures} attempts failed before)" if self.failures else ""
         try:
             self._tell(f"{self._file.finish()}{failed}")
@@ -160,7 +160,7 @@ class RetryingWriter:
 
 
 class Keeper:
-    """Keeps what a daemon learns. The loop only lends it what it has: nothing here is done in the loop's time."""
+    """Writes learned state and journal in a thread of its own, so that the loop never waits for a disk."""
 
     def __init__(
         self, injector: BenchInjector, state: Path | None, journal: "JournalWriter | None", tell: Tell

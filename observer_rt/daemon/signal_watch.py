@@ -30,7 +30,7 @@ SURVEYED = 10  # looks whose values are judged together
 SURVEYS = 2  # in a row that find the same, before it is reported
 OUTSIDE_REMEDY = "correct the range in the database, or take all values: lenient = true in its [[dbc]]"
 SWAPPED = "swapped"  # what is wrong with two signals together
-LASTING = 20  # looks with another rate and a contradicted model before it is reported
+LASTING = 20  # looks with another rate and a contradicted model before the rate is reported
 ENOUGH_FRAMES = 100  # frames whose stamps determine a rate
 _FROZEN = "is frozen: the same value all the time while another input shows an injection"
 
@@ -39,7 +39,7 @@ Samples = Mapping[Role, NDArray[np.float64]]
 
 
 class _Findings:
-    """Faults by what they are of, reported once as many looks in a row have found one, or none any more."""
+    """Faults by key; each is reported once enough looks in a row have found it, and again once they no longer do."""
 
     def __init__(self, looks: int, names: Mapping[str, str]) -> None:
         """names: what begins a notice."""
@@ -124,8 +124,8 @@ class ValueWatch:
     def look(self, newest: NDArray[np.float64], samples: Samples) -> Iterator[Notice]:
         """Notices; newest (3,) [SI]: last value received of every role, whether it could be used or not.
 
-        Without a value in it is only what has none while there are no samples: the last frame of a window may be
-        filled up with `not available`.
+        A missing value is a fault only while there are no samples: the last frame of a window may be filled up with
+        `not available`.
         """
         has_samples = len(samples[Role.LINE_PRESSURE]) > 0
         remedy = TOPICS[Topic.VALUE].remedy

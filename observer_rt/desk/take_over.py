@@ -5,7 +5,7 @@ estimated as well as the last one before. Then either both happen or neither: a 
 not end up with this model, leaves the bench file as it was. What the file named before is noted beside it, so that
 each step can be undone, one at a time.
 
-A finding adds effects and terms; what differs besides are corrections that taking it over would undo.
+A finding adds effects and terms; all other differences are corrections that taking it over would undo.
 """
 
 import fcntl
@@ -168,9 +168,9 @@ def _copied(bench: Bench, amended: Path, used: set[str]) -> Path:
 
 
 def _in_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOver]) -> Message | None:
-    """Have the bench file name an injector file, and a daemon read it; its answer, if there is one. All or nothing.
+    """Have the bench file name an injector file, and a daemon read it, or neither; the daemon's answer, if it runs.
 
-    done: the history then. It is written first, for a step that never came to be is passed over.
+    done: the history afterwards. It is written first: a step that was interrupted is passed over by `undo`.
     """
     before, history = path.read_bytes(), steps(path)
     after = naming(path, before, injector, file)
@@ -327,7 +327,7 @@ def _lost(before: InjectorParameters, after: InjectorParameters) -> Iterator[str
 
 
 def _stated(entry: EffectInForce | TermInForce) -> tuple[object, ...]:
-    """What an effect or term does."""
+    """The physics of an effect or term, without its origin."""
     if isinstance(entry, TermInForce):
         size = entry.coefficient
         return entry.equation, entry.law, size and (size.value, size.unit)

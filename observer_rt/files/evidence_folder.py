@@ -2,8 +2,8 @@
 
 One event's evidence is a Parquet file in our own layout of a recording, with what was believed of it beside. A folder
 keeps, within its bounds, the newest events of each kind, operating point and model; of good events a fair sample of
-all the time that the model was in force. Each of these draws a lot, the hash of its file's name, and those with the
-lowest lots stay, so that a restart of the writer changes nothing.
+all the time that the model was in force. The hash of a file's name is its lot, and good events with the lowest lots
+stay, so that a restart of the writer changes nothing.
 
 Run as a module it is the process that writes: events on its input, an answer a line on its output. It is apart so
 that the loop never waits for a disk, and the daemon needs no library of files. It ends with its input.

@@ -20,7 +20,7 @@ from observer_rt.foundation.outputs import check_output, make_folder
 
 @dataclass(frozen=True)
 class DemoOptions:
-    """Options of the command."""
+    """Options of `demo`."""
 
     wear: Annotated[
         float, Option("Nozzle wear v_H: relative change of the orifice flow.", minimum=-0.5, maximum=0.5)
@@ -125,9 +125,9 @@ def check(
     json: shared.Json = False,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
-    from observer_rt.desk.check import findings as module
     from observer_rt.desk.check import given_files
     from observer_rt.desk.check.bench_rules import checkup, of_each
+    from observer_rt.desk.check.findings import Level, as_json_document, as_table
 
     is_alone = bench == EXAMPLE_BENCH and model is None and state is None
     is_layout = recording is not None and (is_alone or is_off_bus(read_toml(bench)))
@@ -138,10 +138,10 @@ def check(
     if recording is not None:
         findings += given_files.recording_findings(chosen, recording)
     if json:
-        print(dumps(module.as_json_document(findings), indent=2))
+        print(dumps(as_json_document(findings), indent=2))
     else:
-        results().print(module.as_table(findings))
-    if any(finding.level is module.Level.ERROR for finding in findings):
+        results().print(as_table(findings))
+    if any(finding.level is Level.ERROR for finding in findings):
         raise typer.Exit(1)
 
 

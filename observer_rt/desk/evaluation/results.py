@@ -25,7 +25,7 @@ from observer_rt.model.effective import Coefficients
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
 MOST_ROWS = 50  # injections that are shown, the last ones
-MOST_REMAINDERS = 3  # injections of which it is told
+MOST_REMAINDERS = 3  # injections whose remainder is printed
 NOTEWORTHY = 4.0  # standard deviations from nothing
 _FIRST = [SHOWN[name] for name in ("number", "event", "start_s", "rail_pressure_MPa", "mass_mg")]
 _NOMINAL, _MEASURED = SHOWN["nominal_mass_mg"], SHOWN["measured_mass_mg"]
@@ -135,9 +135,9 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, is_fitted: bool = False) -> None:
-    """One recording: its origin, its last injections, and the faults.
+    """Print one recording: its origin, its last injections, and its faults.
 
-    is_fitted: whether the model was, to a healthy injector, and was adequate.
+    is_fitted: whether the model was fitted to a healthy injector and was adequate.
     """
     counters, count = evaluation.counters, len(evaluation.injections)
     not_valid = _not_valid(evaluation.injections)
@@ -145,8 +145,8 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
         if reason is Reason.MODEL_INADEQUATE and is_fitted:
             remedy = _CHANGED
         if refused := not_valid.get(reason):
-            said = f"{reason.name}: {problem} {len(refused)} of {count} injections"
-            say(console, f"{said}; their rates and masses are not to be believed\n  remedy: {remedy}")
+            text = f"{reason.name}: {problem} {len(refused)} of {count} injections"
+            say(console, f"{text}; their rates and masses are not to be believed\n  remedy: {remedy}")
     say(
         console,
         f"{evaluation.path}: {evaluation.samples} samples at {evaluation.sample_rate:g} Hz, "

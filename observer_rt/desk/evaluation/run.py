@@ -30,7 +30,7 @@ Progress = Callable[[int], None]  # samples done
 
 
 class NominalModel:
-    """Follows an observer's samples with nothing learned, from every state on in which that found the line."""
+    """The model without correction along an observer's samples; it begins anew from x~ where the observer does."""
 
     def __init__(self, constants: Constants) -> None:
         self._follower = Follower(constants)
@@ -40,7 +40,7 @@ class NominalModel:
         """Rates [m3/s] at positions [first, end), processed and remembered; nan where the observer has none."""
         if first != self._end:
             self._follower.begin(np.full(observer.constants.coefficients.states, np.nan))
-        self._follower.constants, self._end = observer.constants, end  # of fuel as warm as it is
+        self._follower.constants, self._end = observer.constants, end  # in the surroundings of these samples
         before = max(first - 1, 0)
         rows = remembered(observer.ring, before, end)
         rates, is_open = np.zeros(len(rows)), rows["seat_area"] > 0.0

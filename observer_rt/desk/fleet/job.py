@@ -1,4 +1,4 @@
-"""One file through the observer: what a worker does, knowing nothing of the others, and the rows it returns."""
+"""The work on one file of a batch: its recording through the observer, and a row for each injection."""
 
 import gc
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ SCHEMA = pa.schema(
         *((name, _KINDS[kind]) for name, kind in columns_of(RESULT_FIELDS, Output.PARQUET).items()),
     ]
 )
-"""time: of the injection's begin; time_from: what says it (`TimeFrom`)."""
+"""time: of the injection's begin; time_from: its source (`TimeFrom`)."""
 _ROWS = 1024
 
 
@@ -104,6 +104,6 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
 
 
 def dask_setup(_worker: object) -> None:
-    """All that is imported stays: the search for garbage need not go through it again and again."""
+    """Called by Dask as a worker starts: imported modules are left out of every later search for garbage."""
     gc.collect()
     gc.freeze()

@@ -1,4 +1,4 @@
-"""Recordings named by files, folders and patterns: what their paths say, and what says when they were made."""
+"""Recordings named by files, folders and patterns: injectors and dates in their paths, and when they began."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -100,7 +100,7 @@ def injector_of(path: Path, names: PathPattern | None, alone: Bench) -> str:
 
 
 class TimeFrom(StrEnum):
-    """What says a time. WRITTEN: nothing in the file, only when it was last written, which copying changes."""
+    """Source of a recording's time. WRITTEN: when the file was last written, which copying changes."""
 
     FRAMES = "frames"
     COLUMN = "column"
@@ -109,7 +109,7 @@ class TimeFrom(StrEnum):
 
 
 def zero_of(path: Path, source: SignalStream) -> tuple[datetime, TimeFrom]:
-    """Moment of time 0 in a file, and what says it: its frames, stamps or header; else it ended when last written."""
+    """Moment of time 0 in a file and its source: frames, stamps or header; else the file ended when last written."""
     start, end = source.stretches[0].start, source.stretches[-1]
     if is_log(path):
         begin, by = next(iter(open_log(path))).frame.stamp_ns / NANOSECONDS - start, TimeFrom.FRAMES

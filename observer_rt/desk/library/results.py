@@ -32,11 +32,11 @@ _IN_SHORT = (RECORDING, "number", "start_s", "rail_pressure_MPa", "mass_mg", "ma
 
 
 class KnowledgeHolder:
-    """What has learned of an injector, and can write that."""
+    """Has knowledge of an injector, and can write it."""
 
     @property
     def _learned(self) -> tuple[Knowledge, InjectorParameters]:
-        """What was learned, and its model."""
+        """Knowledge, and the parameters of the model it belongs to."""
         raise NotImplementedError
 
     def save_state(self, path: str | PathLike[str], force: bool = False) -> None:

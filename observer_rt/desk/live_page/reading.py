@@ -1,4 +1,4 @@
-"""The daemons of a bench, each read at its control socket by a thread: what they say, and their last injections."""
+"""The daemons of a bench, each read at its control socket by a thread: their states, and their last injections."""
 
 import threading
 import time
@@ -35,7 +35,7 @@ SECOND = 1e9  # ns
 
 @dataclass(frozen=True)
 class InjectorSnapshot:
-    """An injector now: its name, state in words, faults, laws learned; silent: all else is of before."""
+    """An injector now: its name, state in words, faults, laws learned; silent: the daemon does not answer now."""
 
     name: str
     state: str
@@ -48,7 +48,7 @@ class InjectorSnapshot:
 
 
 class DaemonReader:
-    """Reads the daemon of one injector; what it has may be asked for by any thread."""
+    """Reads the daemon of one injector; any thread may ask for what was read."""
 
     def __init__(self, alone: Bench) -> None:
         """alone: the bench with this injector only."""
@@ -104,8 +104,8 @@ class DaemonReader:
         what, _, remedy = self._failure.partition(REMEDY)
         silence = Fault(what or "the observer does not answer", since, remedy or self._start)
         lost = 0 if status is None else status.lost
-        said = "OBSERVER SILENT", "all below is old", StatusLevel.BAD, (silence,)
-        return InjectorSnapshot(self.name, *said, silent=True, lost=lost)
+        of_old = "OBSERVER SILENT", "all below is old", StatusLevel.BAD, (silence,)
+        return InjectorSnapshot(self.name, *of_old, silent=True, lost=lost)
 
     @staticmethod
     def _is_old(moment: int) -> bool:

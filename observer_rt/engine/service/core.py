@@ -1,6 +1,6 @@
 """The service without its surroundings: frames in, frames out. No socket, no clock, no file.
 
-Where another node sends what only this service should, no receiver knows whose frame it has: none is valid.
+Where another node sends the messages of this service, no receiver knows whose frame it has: no result is valid.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -41,7 +41,7 @@ _NOT_LEARNED = "nothing was learned from an event: {}\n  remedy: see that memory
 
 
 class SecondSender:
-    """Second sender, if there is one now, and the samples between which there was one last."""
+    """Whether another node sends our results now, and between which samples it did so last."""
 
     def __init__(self, publisher: NDArray[np.void], observer: NDArray[np.void]) -> None:
         """publisher, observer: the memory of either; no rate that the publisher sends meanwhile is valid."""

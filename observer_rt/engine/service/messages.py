@@ -241,7 +241,7 @@ def value_of(source: str, parts: Mapping[str, Any]) -> Any:
 
 @dataclass(frozen=True)
 class Counters:
-    """Counts since the start; with the source of what the status does not send."""
+    """Counts since the start; annotated with their sources where no signal of the status has them."""
 
     samples: Annotated[int, "observer.positions.processed"]
     lost_samples: int

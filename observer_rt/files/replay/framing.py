@@ -145,7 +145,7 @@ class Framer:
         """Sample index of the next recording's first sample."""
 
     def pause(self, samples: int) -> None:
-        """Let the index go on by at least `samples` that are not sent, as over a pause of a windowed source.
+        """Let the index go on by at least so many samples that are not sent, as over a pause of a windowed source.
 
         The index then begins a frame of every message, so that no frame sent before reaches into it.
         """

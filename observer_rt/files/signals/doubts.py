@@ -43,7 +43,7 @@ def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | Non
 
 @dataclass(frozen=True)
 class SignalDoubt:
-    """Likeliest fault of a recording that can be read."""
+    """A likely fault of a recording that can be read, and its remedy."""
 
     problem: str
     remedy: str
@@ -56,7 +56,7 @@ class SignalDoubt:
 def doubts(
     survey: Survey, baseline: Baseline | None = None, columns: Mapping[str, str] | None = None
 ) -> Iterator[SignalDoubt]:
-    """Oddities of a recording's ranges; baseline: of the model, where it was fitted; columns: names in the file."""
+    """Doubts by the ranges of a recording; baseline: of a model that was fitted; columns: names in the file."""
     if survey.swapped_in_part or swapped(survey):
         problem, remedy = SWAPPED
         first, second = ((columns or {}).get(name, "") for name in ("rail_pressure", "line_pressure"))

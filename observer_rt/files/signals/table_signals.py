@@ -34,7 +34,7 @@ STEPS_PER_UNIT = 1e9  # of decimal text: a value on this grid becomes the double
 
 
 class _Scale(NamedTuple):
-    """Conversion of a column to SI. is_decimal: `100.005 * 1e6` alone need not be the double nearest to 100005000."""
+    """Conversion of a column to SI. is_decimal: to the double nearest to the printed value."""
 
     factor: float
     offset: float

@@ -194,12 +194,10 @@ def test_mass_and_rate(v_h: float) -> None:
     made = simulate(load_injector(), schedule, 50e3, (sized("orifice_area", v_H=v_h),), SimulatedNoise(), seed=7)
     (evaluation,) = evaluate(load_bench().exact, [made.recording]).evaluations
     density = load_injector().fluid.density_nozzle
-    results = evaluation.injections
-    assert len(results) == 10
-    assert all(result.valid for result in results)
+    assert [result.valid for result in evaluation.injections] == [True] * 10
     live: list[float] = []
     corrected: list[float] = []
-    for result in results:
+    for result in evaluation.injections:
         window = slice(result.start_index, result.end_index + 1)
         true_rate = made.truth.injection_rate[window]
         true_mass = np.trapezoid(true_rate) / 50e3 * density

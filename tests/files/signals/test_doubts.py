@@ -30,6 +30,5 @@ def test_a_lift_that_never_shuts_is_named(offset: float, is_odd: bool) -> None:
     """A database whose scale is half of the sender's shows it so."""
     survey = Survey()
     survey.take("needle_lift", np.repeat([0.0, 150e-6, 0.0], 100) + offset)
-    assert [doubt.problem.startswith("needle_lift is never below 50 um") for doubt in doubts(survey)] == [
-        True
-    ] * is_odd
+    begins = [doubt.problem.startswith("needle_lift is never below 50 um") for doubt in doubts(survey)]
+    assert begins == [True] * is_odd

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import tomlkit
 from pydantic import BaseModel
@@ -66,8 +66,7 @@ class TakeOver:
         return f"{self.after}{learned}"
 
 
-@dataclass(frozen=True)
-class StepOutcome:
+class StepOutcome(NamedTuple):
     """A step that was taken, or undone: what it changed besides, and what a daemon says that has it in force.
 
     answer: None: there is no daemon; its `unsaved` is a problem of what was learned before, if that was not saved.

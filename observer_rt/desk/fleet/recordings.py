@@ -2,12 +2,11 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 from glob import glob
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 from observer_rt.config.bench import Bench
 from observer_rt.files.canlog.can_log import NANOSECONDS
@@ -53,8 +52,7 @@ def _files(source: str) -> Iterator[Path]:
             yield from _files(name)
 
 
-@dataclass(frozen=True)
-class PathPattern:
+class PathPattern(NamedTuple):
     """A regular expression that an option of the command line gives, for paths."""
 
     option: str

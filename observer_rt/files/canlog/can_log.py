@@ -3,7 +3,6 @@
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import ClassVar, NamedTuple, NoReturn, Self
@@ -204,8 +203,7 @@ def text_nanoseconds(text: str) -> int:
     return -size if seconds.startswith("-") else size
 
 
-@dataclass(frozen=True)
-class LogFormat:
+class LogFormat(NamedTuple):
     """A kind of file that holds CAN frames, by its suffix, in lower case with its dot.
 
     writer: takes path and time of the start [ns]; None where the format is only read. stamp_step: ns to which it

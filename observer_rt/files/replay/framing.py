@@ -93,8 +93,7 @@ class TimedFrame(NamedTuple):
         return round(self.time * 1e9)
 
 
-@dataclass(frozen=True)
-class Span:
+class Span(NamedTuple):
     """Samples [start, end) of a recording."""
 
     start: int

@@ -5,7 +5,6 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -93,8 +92,7 @@ class LogFrames:
                     yield entry.channel, TimedFrame(time_s, *kind, frame.payload, *flags, bus)
 
 
-@dataclass(frozen=True)
-class ReplaySource:
+class ReplaySource(NamedTuple):
     """Source of a replay: frames as they are in the file, their duration [s], which kinds of them, on which buses."""
 
     frames: Iterable[TimedFrame]
@@ -159,8 +157,7 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
         raise UserError(f"{config.interface} {config.channel}", problem, "stop it, or send all the same (--force)")
 
 
-@dataclass(frozen=True)
-class PlayStatistics:
+class PlayStatistics(NamedTuple):
     """Statistics of what was sent: number of frames, duration [s], and how late they were.
 
     latest: largest delay [s], nan without a time grid; late: frames later than `LATE`; paused: for how long an

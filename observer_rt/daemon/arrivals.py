@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.lookup import MessageLayout
@@ -19,8 +20,7 @@ STALE = 0.5  # s without a frame of a message that carries samples
 CONTESTED = 2.0  # s after a frame of another sender: it may send seldom
 
 
-@dataclass(frozen=True)
-class WatchedMessage:
+class WatchedMessage(NamedTuple):
     """An input message: what it carries, and after which time without a frame it counts as stale [s]."""
 
     layout: MessageLayout

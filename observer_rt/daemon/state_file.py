@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,8 +116,7 @@ class _Content:
     arrays: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class RestoredKnowledge:
+class RestoredKnowledge(NamedTuple):
     """Knowledge of a file, None if it has none to use, and a message that says so."""
 
     knowledge: Knowledge | None

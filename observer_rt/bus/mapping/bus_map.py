@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from cantools.database.can import Message
@@ -252,8 +252,7 @@ def _map_message(
     return list(streams.values())
 
 
-@dataclass(frozen=True)
-class RoleRange:
+class RoleRange(NamedTuple):
     """Lowest and highest value [SI] that every sample of a role's message can carry."""
 
     lowest: float

@@ -113,8 +113,7 @@ class EnergizingSignal(NamedTuple):
     """Whether, by its protection, no frame was lost since the reading before; None: without one."""
 
 
-@dataclass(frozen=True, eq=False)
-class SlowMessage:
+class SlowMessage(NamedTuple):
     """A message with optional inputs."""
 
     layout: lookup.MessageLayout

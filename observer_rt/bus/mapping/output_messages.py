@@ -1,7 +1,7 @@
 """Messages the results go out in: their signals, their frames, and how long a frame occupies the bus."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from cantools.database.can import Message
@@ -36,8 +36,7 @@ _FD_CRC_DELIMITER = 1
 _FD_TAIL = 12  # ACK 1, ACK delimiter 1, end of frame 7, intermission 3
 
 
-@dataclass(frozen=True)
-class OutputPage:
+class OutputPage(NamedTuple):
     """Frame of an output message: `names` of the known signals in it, their table, and the frame without them.
 
     places: of these signals among all known ones. selection: what a received frame must hold to be this one.
@@ -50,16 +49,14 @@ class OutputPage:
     selection: codec.Selection
 
 
-@dataclass(frozen=True)
-class OutputMessage:
+class OutputMessage(NamedTuple):
     """A message the results go out in. A multiplexed one takes several frames, the pages, each time it is sent."""
 
     layout: MessageLayout
     pages: tuple[OutputPage, ...]
 
 
-@dataclass(frozen=True)
-class RateMessage:
+class RateMessage(NamedTuple):
     """The message the injection rate goes out in; the last `samples` signals of its page are the rates."""
 
     layout: MessageLayout

@@ -1,7 +1,7 @@
 """Findings about the buses of a bench: contents of each, comparable stamps, names, identifiers, load."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -144,8 +144,7 @@ def _frames(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
         yield "every message fits its kind of frame"
 
 
-@dataclass(frozen=True)
-class BusLoad:
+class BusLoad(NamedTuple):
     """Expected share of a bus's time, inputs and outputs together."""
 
     continuous: float

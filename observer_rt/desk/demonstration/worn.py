@@ -7,10 +7,11 @@ import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +42,7 @@ VCAN = "vcan0"
 _QUIET = 1.0  # s without a frame after which the bus has nothing more to say
 
 
-@dataclass(frozen=True)
-class DemoResult:
+class DemoResult(NamedTuple):
     """What was published on a link: rates of some injections [m3/s], masses of all."""
 
     curves: Mapping[int, RateCurves]

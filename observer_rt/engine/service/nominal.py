@@ -1,7 +1,7 @@
 """The model without correction along an observer's samples, and along one injection as a reference for it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,8 +50,7 @@ class Follower:
         return rate
 
 
-@dataclass(frozen=True)
-class ComparedRate:
+class ComparedRate(NamedTuple):
     """Reference of an injection: its rate [m3/s] over the injection's samples, and its mass [kg]."""
 
     name: str

@@ -1,8 +1,8 @@
 """Doubts about the signals of a recording that can be read, and refusals of those that teach nothing."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from observer_rt.config.signals import Role
 from observer_rt.engine.signal_survey import OPEN, SWAPPED, Implausible, Survey, swapped
@@ -41,8 +41,7 @@ def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | Non
         raise dead.error(path, (columns or {}).get(role, ""))
 
 
-@dataclass(frozen=True)
-class SignalDoubt:
+class SignalDoubt(NamedTuple):
     """A likely fault of a recording that can be read, and its remedy."""
 
     problem: str

@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.files.signals.recording import is_needed
@@ -27,8 +27,7 @@ _WITHOUT = {TIME: "state rate_hz", "needle_lift": "have energizing, or x.shots.c
 BY_HEADINGS = "by its headings"
 
 
-@dataclass(frozen=True)
-class HeadingChoice:
+class HeadingChoice(NamedTuple):
     """Heading of a signal, None: none or several; problem: empty where the choice is certain."""
 
     signal: str

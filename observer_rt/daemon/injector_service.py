@@ -13,7 +13,8 @@ from observer_rt.config.bench import Bench
 from observer_rt.daemon.bus_connection import LinkOpening, StoppedError, buses_of
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.keeper import Keeper
-from observer_rt.daemon.log import EventLogger, Notifier, ServiceLog
+from observer_rt.daemon.log import EventLogger, ServiceLog
+from observer_rt.daemon.notifier import Notifier
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.state_file import knowledge_beside, model_hash, restored_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge

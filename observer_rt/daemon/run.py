@@ -13,7 +13,8 @@ from rich.console import Console
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.injector_service import InjectorService, serve_beside
 from observer_rt.daemon.keeper import UnsavedError, keeper_of, kept_files
-from observer_rt.daemon.log import Notifier, ServiceLog
+from observer_rt.daemon.log import ServiceLog
+from observer_rt.daemon.notifier import Notifier
 from observer_rt.daemon.reloading import Reloading
 from observer_rt.daemon.rights import REMEDY, Processors, hurry, leave_to_loops, lock_memory, processors, rights
 from observer_rt.daemon.state_file import model_hash

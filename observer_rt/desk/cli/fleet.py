@@ -39,7 +39,8 @@ def batch(
     from observer_rt.desk.evaluation.histories import begun_with
     from observer_rt.desk.fleet.batch import Dataset, connected, evaluate_all, settings_of, tell
     from observer_rt.desk.fleet.job import Task
-    from observer_rt.desk.fleet.recordings import INJECTOR_FROM, PathPattern, recordings_in
+    from observer_rt.desk.fleet.path_pattern import INJECTOR_FROM, PathPattern
+    from observer_rt.desk.fleet.recordings import recordings_in
     from observer_rt.foundation.console import stop_on_signals
 
     chosen = load_bench(bench.absolute(), model and model.absolute(), off_bus=True).of(injector)
@@ -71,7 +72,7 @@ def trend(
 ) -> None:
     """Show the wear of every injector over dates, the most worn first, and when it reaches limits."""
     from observer_rt.desk.fleet.batch import read_injections
-    from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern
+    from observer_rt.desk.fleet.path_pattern import TIME_FROM, PathPattern
     from observer_rt.desk.fleet.trend import NEEDED, Limit, as_json, table_of, trends
 
     if plot is not None:

@@ -1,7 +1,6 @@
 """Regularity of input messages by their receive stamps: delays, drift, and how well the time of samples is known."""
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -32,8 +31,7 @@ def jitter_of(clock: np.void) -> Jitter:
     return Jitter(frames, math.sqrt(variance) * NANOSECOND, float(clock["delay_max"]) * NANOSECOND)
 
 
-@dataclass(frozen=True)
-class MessageTiming:
+class MessageTiming(NamedTuple):
     """Timing of one input message: delays of its frames, drift of its clock against the receiver's [-].
 
     unknown [s]: distance at which its samples may lie from their places on the grid; 0 where an index joins them,

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field
 
@@ -41,8 +41,7 @@ class FurtherLinkConfig(Section):
     data_bit_rate: BitRate | None = None
 
 
-@dataclass(frozen=True)
-class NamedLink:
+class NamedLink(NamedTuple):
     """Bus of a bench, by its name in the bench file; the name is empty for the bus of `[link]`."""
 
     name: str

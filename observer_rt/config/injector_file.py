@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
@@ -19,8 +18,7 @@ from observer_rt.model.terms.in_force import TermInForce
 _PAIR = 2  # numbers that still stand in a line of their own
 
 
-@dataclass(frozen=True)
-class InjectorFile:
+class InjectorFile(NamedTuple):
     """An injector file that another is made of: its name, SHA-256 and text."""
 
     name: str

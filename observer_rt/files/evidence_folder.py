@@ -15,10 +15,9 @@ import os
 import re
 import sys
 from collections import Counter
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,8 +41,7 @@ _NAME = re.compile(
 NICE = 10  # beside whoever serves a bus
 
 
-@dataclass(frozen=True, eq=False)
-class KeptEvent:
+class KeptEvent(NamedTuple):
     """An event that was kept: its recording, and what was believed of it; time: of the verdict, ISO 8601.
 
     sha256: of the file as it was read, hexadecimal.

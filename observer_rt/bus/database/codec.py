@@ -21,7 +21,6 @@ may be multiplexed itself (extended multiplexing), so a signal has one condition
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -172,8 +171,7 @@ def _nearest_ordinary(code: int, reserved: list[int], row: np.void, location: st
     raise UserError(location, "all codes within its range are reserved", "correct GenSigSNA or GenSigError")
 
 
-@dataclass(frozen=True)
-class Condition:
+class Condition(NamedTuple):
     """The field of `selector` must hold one of `values` (its raw bits)."""
 
     selector: str

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pyarrow as pa
 from rich.console import Console
@@ -53,8 +53,7 @@ class Task:
     names: PathPattern | None = None
 
 
-@dataclass(frozen=True)
-class FailedFile:
+class FailedFile(NamedTuple):
     """A file that gave no rows, and why."""
 
     file: Path

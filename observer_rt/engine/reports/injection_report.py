@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from enum import Flag, auto
 from functools import cached_property
 from itertools import chain
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -284,8 +284,7 @@ class Field(Generic[T]):
         return "-".join(format(each, self.form) for each in (value if self.kind is tuple else [value]))
 
 
-@dataclass(frozen=True)
-class IndicatorFields:
+class IndicatorFields(NamedTuple):
     """Indicator of an injector as two fields; name and unit are those of JSON."""
 
     name: str

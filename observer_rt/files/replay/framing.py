@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -202,8 +201,7 @@ class Framer:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class FramedRecording:
+class FramedRecording(NamedTuple):
     """Frames in order (n of them): numbers (n,) of their input messages; due (n,), the sample each is sent with.
 
     starts (n + 1,): where each begins in `data`, and where the last one ends.

@@ -3,10 +3,10 @@
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,7 @@ SAMPLES_AT_ONCE = 1 << 14
 LONGEST_HOLE = 1 << 24  # samples that may lie between two stretches put into one array
 
 
-@dataclass(frozen=True)
-class Stretch:
+class Stretch(NamedTuple):
     """Samples of a file between which none is missing. start: time of the first one [s], as in the file."""
 
     start: float

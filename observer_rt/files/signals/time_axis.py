@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +30,7 @@ _NEAR = 0.1  # relative: so near another rate, no recorder is set but to a usual
 _USUAL = 3.2e3  # Hz: converters of sound and vibration take multiples, 48, 51.2, 96 or 102.4 kHz
 
 
-@dataclass(frozen=True)
-class Calendar:
+class Calendar(NamedTuple):
     """Format of the stamps, as of strptime, or `ISO_8601`. Without a zone they count as UTC."""
 
     form: str

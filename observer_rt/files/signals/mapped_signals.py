@@ -148,7 +148,7 @@ class MappedSignals(TableSignals):
     def _axis(self, raster: int) -> AxisSurvey:
         axis = AxisSurvey(self.sample_rate, self._table.config.bridge_ms * MILLISECOND)
         name = ", ".join(self._table.rasters[raster])
-        for part in self._looked_at(raster):
+        for part in self._surveyed_parts(raster):
             axis.take(part.time)
             if len(axis.runs) > MOST_STRETCHES:
                 raise UserError(
@@ -170,7 +170,7 @@ class MappedSignals(TableSignals):
             )
         return axis
 
-    def _looked_at(self, raster: int) -> Iterator[TablePart]:
+    def _surveyed_parts(self, raster: int) -> Iterator[TablePart]:
         """Rows of a time axis, their times and ranges noted or refused."""
         rows = 0
         for part in self._parts(raster):
@@ -178,7 +178,7 @@ class MappedSignals(TableSignals):
             if bad.size:
                 problem = "the time is not a finite number"
                 raise UserError(self._table.location(rows + int(bad[0]), raster), problem, "mend the line")
-            self._look_at(part, rows, raster)
+            self._survey_part(part, rows, raster)
             rows += part.time.size
             yield part
 

@@ -87,7 +87,7 @@ class TableSignals(SignalStream):
             problem = "has neither needle_lift nor energizing"
             raise UserError(str(self.path), problem, "map one of them, or write x.shots.csv beside x.csv")
 
-    def _look_at(self, part: TablePart, row: int, raster: int) -> None:
+    def _survey_part(self, part: TablePart, row: int, raster: int) -> None:
         """Note the ranges of a part that begins at a row. Raises `UserError` for an infinite value."""
         refuse_impossible(part.signals, lambda inside: self._table.location(row + inside, raster))
         self.survey.take_together(part.signals)
@@ -134,7 +134,7 @@ class EvenSignals(TableSignals):
                 self._refuse_short(part.time.size)
             row = grid.samples
             self._refuse(grid.take(part.time))
-            self._look_at(part, row, 0)
+            self._survey_part(part, row, 0)
         self._refuse_short(grid.samples)
         self._refuse(grid.end())
         self.sample_rate = grid.sample_rate

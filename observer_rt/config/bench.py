@@ -109,11 +109,9 @@ class Bench:
     def injector(self) -> BenchInjector:
         """The injector of a bench with one. Raises `UserError` for a bench with several."""
         if len(self.injectors) > 1:
-            raise UserError(
-                f"{self.path}: injectors",
-                f"the file has {len(self.injectors)} injectors, this is for one: {self._names}",
-                f"choose one, such as --injector {self.injectors[0].name}",
-            )
+            problem = f"the file has {len(self.injectors)} injectors, this is for one: {self._names}"
+            remedy = f"choose one, such as --injector {self.injectors[0].name}"
+            raise UserError(f"{self.path}: injectors", problem, remedy)
         return self.injectors[0]
 
     @property
@@ -136,11 +134,8 @@ class Bench:
         if not chosen:
             names = [injector.name for injector in self.injectors if injector.name]
             meant = did_you_mean(name, names)
-            raise UserError(
-                f"--injector {name}",
-                f"{self.path} has no [injectors.{name}]",
-                f"{meant}known injectors: {self._names}" if names else "leave it out: the file has one injector",
-            )
+            remedy = f"{meant}known injectors: {self._names}" if names else "leave it out: the file has one injector"
+            raise UserError(f"--injector {name}", f"{self.path} has no [injectors.{name}]", remedy)
         return replace(self, injectors=chosen)
 
     @property

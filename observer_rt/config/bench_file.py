@@ -75,11 +75,9 @@ def refuse_shared_channels(location: str, links: Sequence[NamedLink]) -> None:
         channel = link.config.interface, link.config.channel
         other = seen.setdefault(channel, link)
         if other is not link:
-            raise UserError(
-                f"{location}{link.location}.channel",
-                f"is {' '.join(channel)}, as that of [{other.location}]",
-                "name another channel, or leave the section out",
-            )
+            problem = f"is {' '.join(channel)}, as that of [{other.location}]"
+            remedy = "name another channel, or leave the section out"
+            raise UserError(f"{location}{link.location}.channel", problem, remedy)
 
 
 def values_by_bus(

@@ -100,11 +100,8 @@ def connected(kept: Path) -> socket.socket | None:
             "  remedy: try again, else restart it"
         ) from None
     except PermissionError:
-        raise UserError(
-            str(kept),
-            f"is kept by a daemon of user {_owner(kept)}, who alone may ask it, with the group",
-            "repeat the command as that user, or with sudo",
-        ) from None
+        problem = f"is kept by a daemon of user {_owner(kept)}, who alone may ask it, with the group"
+        raise UserError(str(kept), problem, "repeat the command as that user, or with sudo") from None
     except OSError:
         raise _no_answer(kept) from None
 

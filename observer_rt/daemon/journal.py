@@ -197,13 +197,11 @@ def require_journal(path: Path) -> None:
     except sqlite3.OperationalError:
         return  # locked, or no right to read: reported by whoever needs it
     except sqlite3.DatabaseError as error:
-        raise UserError(
-            str(path), f"is no journal of injections: {error}", "name another file, or move this one away"
-        ) from None
+        problem = f"is no journal of injections: {error}"
+        raise UserError(str(path), problem, "name another file, or move this one away") from None
     if application != APPLICATION_ID and tables:
-        raise UserError(
-            str(path), "is a database of another program", "name another file for the journal of injections"
-        )
+        problem = "is a database of another program"
+        raise UserError(str(path), problem, "name another file for the journal of injections")
     if schema > SCHEMA:
         problem = f"was written by a newer version: schema {schema}, this one knows {SCHEMA}"
         raise UserError(str(path), problem, "use that version, or name another file")

@@ -84,11 +84,8 @@ def _locked(lock: Path, path: Path) -> int:
         except BlockingIOError:
             holder = os.read(descriptor, LONGEST_ID).decode("ascii", "replace").strip()
             os.close(descriptor)
-            raise UserError(
-                str(path),
-                f"is in use by {f'process {holder}' if holder else 'another process'}",
-                "stop that one first, or give each its own file",
-            ) from None
+            problem = f"is in use by {f'process {holder}' if holder else 'another process'}"
+            raise UserError(str(path), problem, "stop that one first, or give each its own file") from None
         except OSError as error:
             os.close(descriptor)
             raise _no_lock(lock, error) from None

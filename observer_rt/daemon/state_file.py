@@ -194,11 +194,8 @@ def _set_aside(path: Path) -> Path:
     try:
         path.rename(target)
     except OSError as error:
-        raise UserError(
-            str(path),
-            f"cannot be used, nor set aside: {error.strerror}",
-            "move it away, or name another file for the learned state",
-        ) from None
+        problem = f"cannot be used, nor set aside: {error.strerror}"
+        raise UserError(str(path), problem, "move it away, or name another file for the learned state") from None
     return target
 
 

@@ -67,9 +67,6 @@ def task_of_evidence(
     kept = evidence_against(read_folder(folder, console), folder, wanted, console)
     start = named or kept.injector_file
     if model_hash(injector := load_injector(start)) != kept.model_sha256:
-        raise UserError(
-            f"--from-evidence {folder}",
-            f"was kept with an earlier content of {start}",
-            "name a copy with that content by --model, or let the observer see more injections",
-        )
+        remedy = "name a copy with that content by --model, or let the observer see more injections"
+        raise UserError(f"--from-evidence {folder}", f"was kept with an earlier content of {start}", remedy)
     return start, DiscoveryTask(injector, (kept.measurement,), (), kept.hashes)

@@ -248,9 +248,8 @@ def naming(path: Path, content: bytes, injector: str, file: str | None) -> bytes
     try:
         document: Any = tomlkit.parse(text)
     except TOMLKitError as error:
-        raise UserError(
-            str(path), f"cannot be changed as text: {error}", "name the file by hand: [model] file"
-        ) from None
+        problem = f"cannot be changed as text: {error}"
+        raise UserError(str(path), problem, "name the file by hand: [model] file") from None
     section = document["injectors"][injector] if injector else document
     if file is not None:
         section.setdefault("model", tomlkit.table())["file"] = file

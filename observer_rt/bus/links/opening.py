@@ -39,11 +39,8 @@ class DescriptorLink(SocketCanLink):
         try:
             self._socket = socket.socket(fileno=os.dup(int(self._channel)))
         except (ValueError, OSError) as error:
-            raise UserError(
-                "link.channel",
-                f"{self._channel!r} is not the descriptor of a socket",
-                "give the number of one that was handed to this process",
-            ) from error
+            remedy = "give the number of one that was handed to this process"
+            raise UserError("link.channel", f"{self._channel!r} is not the descriptor of a socket", remedy) from error
         self._socket.setblocking(False)
         self._stamps = StampReader(self._socket, self._channel, computer_time=True)
         self._dropped_by_socket = 0

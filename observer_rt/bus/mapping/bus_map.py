@@ -229,11 +229,9 @@ def _map_message(
             with named(injector.location(f"signals.{together[0]}")):
                 input_tables.require_carried(message, number.name, groups)
         if any(group.conditions for group in groups) and (number is None or number.length != INDEX_BITS):
-            raise UserError(
-                injector.location(f"signals.{together[0]}.index"),
-                f"{message.name} sends samples in turns under a multiplexer, but no sample index with them",
-                "name the signal with the index of the frame's first sample",
-            )
+            problem = f"{message.name} sends samples in turns under a multiplexer, but no sample index with them"
+            remedy = "name the signal with the index of the frame's first sample"
+            raise UserError(injector.location(f"signals.{together[0]}.index"), problem, remedy)
         for group in groups:
             group_row = np.zeros((), INPUT_GROUP)
             names = [] if number is None else [number.name]

@@ -225,11 +225,8 @@ def _energizing(
     unit = lookup.stated_unit(message, names[0], config.unit)
     factor = None if unit in NO_UNITS else factor_of(unit, TIME_UNITS)
     if factor is None and unit not in NO_UNITS:
-        raise UserError(
-            location,
-            f"unit {unit!r} of {message.name} is neither a time nor that of a level",
-            f'add unit = "..." with one of {", ".join(TIME_UNITS)} for a duration, or "-" for a level',
-        )
+        remedy = f'add unit = "..." with one of {", ".join(TIME_UNITS)} for a duration, or "-" for a level'
+        raise UserError(location, f"unit {unit!r} of {message.name} is neither a time nor that of a level", remedy)
     if factor is not None and len(names) > 1:
         problem = f"names {len(names)} durations a frame of {message.name}"
         raise UserError(location, problem, "name one; only levels may come as several samples")

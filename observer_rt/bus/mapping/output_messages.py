@@ -101,11 +101,9 @@ def protected_layout(message: Message, bus: int) -> MessageLayout:
     """Layout of a message, on the bus of this number; raises `UserError` unless its protection is supported."""
     layout = MessageLayout.of(message, bus)
     if layout.length > FD_LENGTHS[-1]:
-        raise UserError(
-            f"message {layout.name}",
-            f"has {layout.length} bytes, no frame more than {FD_LENGTHS[-1]}",
-            "correct its length in the bus database; messages of several frames are not put together",
-        )
+        problem = f"has {layout.length} bytes, no frame more than {FD_LENGTHS[-1]}"
+        remedy = "correct its length in the bus database; messages of several frames are not put together"
+        raise UserError(f"message {layout.name}", problem, remedy)
     if layout.e2e_profile not in (None, *PROFILES):
         raise UserError(
             f"message {layout.name}",

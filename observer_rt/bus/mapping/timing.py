@@ -152,11 +152,9 @@ def index_signal(location: str, message: Message, name: str) -> Signal:
         )
     signal = find_signal(message, name)
     if (signal.length, signal.is_signed, signal.scale, signal.offset) != (INDEX_BITS, False, 1, 0):
-        raise UserError(
-            location,
-            f"{name} of message {message.name} is no unsigned number of {INDEX_BITS} bits in steps of 1",
-            "name such a signal; one that wraps earlier can be named as 'counter' when it counts frames",
-        )
+        problem = f"{name} of message {message.name} is no unsigned number of {INDEX_BITS} bits in steps of 1"
+        remedy = "name such a signal; one that wraps earlier can be named as 'counter' when it counts frames"
+        raise UserError(location, problem, remedy)
     return signal
 
 
@@ -244,9 +242,7 @@ def _agreed(injector: BenchInjector, message: Message, roles: Sequence[Role], ke
     first = next(iter(stated), roles[0])
     for role, value in stated.items():
         if value != stated[first]:
-            raise UserError(
-                injector.location(f"signals.{role}.{key}"),
-                f"differs from that of signals.{first}, though message {message.name} carries both",
-                "state it the same for all signals of a message",
-            )
+            problem = f"differs from that of signals.{first}, though message {message.name} carries both"
+            remedy = "state it the same for all signals of a message"
+            raise UserError(injector.location(f"signals.{role}.{key}"), problem, remedy)
     return injector.location(f"signals.{first}.{key}"), stated.get(first)

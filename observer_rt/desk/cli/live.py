@@ -90,11 +90,8 @@ def run(options: RunOptions) -> None:
         print(example.read_text(encoding="utf-8"), end="")
         return
     if (bench := options.bench) is None:
-        raise UserError(
-            "--bench",
-            "is missing",
-            "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from",
-        )
+        remedy = "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from"
+        raise UserError("--bench", "is missing", remedy)
     from observer_rt.daemon.run import serve
     from observer_rt.desk.check.bench_rules import refuse_errors
 
@@ -176,9 +173,8 @@ def take_over(
     if bench is None:
         raise UserError("--bench", "is missing", "name the bench file that the daemon serves")
     if (amended is None) != undo:
-        raise UserError(
-            "AMENDED", "is missing" if amended is None else "and --undo exclude each other", "give one of them"
-        )
+        problem = "is missing" if amended is None else "and --undo exclude each other"
+        raise UserError("AMENDED", problem, "give one of them")
     done = (
         taking.undo(bench, injector or "")
         if amended is None

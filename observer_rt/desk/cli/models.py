@@ -120,11 +120,9 @@ def discover(
     require("jinja2", "matplotlib")
     begin = time.monotonic()
     if (from_evidence is None) == (not recordings):
-        raise UserError(
-            "RECORDING",
-            "is missing" if from_evidence is None else "and --from-evidence are two sources",
-            "give recordings, or the folder of evidence that the daemon keeps by --from-evidence",
-        )
+        problem = "is missing" if from_evidence is None else "and --from-evidence are two sources"
+        remedy = "give recordings, or the folder of evidence that the daemon keeps by --from-evidence"
+        raise UserError("RECORDING", problem, remedy)
     decoder = decoder_of(bench, injector, model)
     chosen = effects_named("--choose", choose)
     if from_evidence is not None:

@@ -89,11 +89,8 @@ def _numbered(target: Path, stretches: int, force: bool) -> list[Path]:
 def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) -> str:
     """A recording as the frames of a measuring device, by the bench file."""
     if bench is None:
-        raise UserError(
-            f"{source} -> {target}",
-            "a recording of signals has no frames",
-            "name a bench file by --bench, which says how they are sent",
-        )
+        remedy = "name a bench file by --bench, which says how they are sent"
+        raise UserError(f"{source} -> {target}", "a recording of signals has no frames", remedy)
     stream = open_source(source, bench, (), console)
     refuse_without_lift(stream, "convert a recording with a lift: frames of samples carry no commands")
     bench = bench_for(bench, stream)

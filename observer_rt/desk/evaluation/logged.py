@@ -262,9 +262,8 @@ def open_source(
         with progress_bar(console, f"looking through {path.name}", None):
             source = open_recording(path, None if bench is None else bench.injector, density)
     elif bench is None:
-        raise UserError(
-            "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"
-        )
+        problem = f"is missing: it says which signals the frames of {path} carry"
+        raise UserError("--bench", problem, "name a bench file")
     else:
         with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
             source = LoggedSignals(bench, path, from_channels, progress)

@@ -39,8 +39,5 @@ class PathPattern(NamedTuple):
         try:
             return datetime.strptime(digits, _DATE_FORMATS[len(digits)]).replace(tzinfo=UTC)
         except (KeyError, ValueError):
-            raise UserError(
-                str(path),
-                f"'{self.expression.pattern}' finds no date in its path",
-                f"see {self.option}: year, month, day and, if it is there, the time of day",
-            ) from None
+            remedy = f"see {self.option}: year, month, day and, if it is there, the time of day"
+            raise UserError(str(path), f"'{self.expression.pattern}' finds no date in its path", remedy) from None

@@ -73,11 +73,9 @@ class LogReader(ABC):
             first = list(islice(frames, FRAMES_TO_JUDGE_STAMPS))
             stamps = {entry.frame.stamp_ns for entry in first}
             if len(stamps) < len(first) and all(stamp % NANOSECONDS == 0 for stamp in stamps):
-                raise UserError(
-                    str(self.path),
-                    "all stamps are whole seconds, several frames share one: the times of the frames are lost",
-                    "record the log again, with finer stamps (candump -l writes microseconds)",
-                )
+                problem = "all stamps are whole seconds, several frames share one: the times of the frames are lost"
+                remedy = "record the log again, with finer stamps (candump -l writes microseconds)"
+                raise UserError(str(self.path), problem, remedy)
             yield from first
             yield from frames
 

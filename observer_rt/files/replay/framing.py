@@ -41,11 +41,9 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
     """
     rate = recording.sample_rate
     if not LOWEST_RATE <= rate <= HIGHEST_RATE:
-        raise UserError(
-            str(recording.path),
-            f"is sampled at {rate:g} Hz, the observer takes {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz",
-            "check the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s"),
-        )
+        problem = f"is sampled at {rate:g} Hz, the observer takes {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz"
+        remedy = "check the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s")
+        raise UserError(str(recording.path), problem, remedy)
     replaced = () if recording.has_lift else ("needle_lift",)
     if "chamber_pressure" in recording.recorded:  # no frame carries that of a recording
         replaced = (*replaced, "chamber_pressure")
@@ -61,11 +59,9 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
         return bench
     layout = bench.injector.config.recording
     if bench.path != EXAMPLE_BENCH and (layout is None or layout.rate_hz is None):
-        raise UserError(
-            bench.injector.location("sampling.rate_hz"),
-            f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz",
-            "set rate_hz to the recording's rate, or leave out --bench",
-        )
+        problem = f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz"
+        remedy = "set rate_hz to the recording's rate, or leave out --bench"
+        raise UserError(bench.injector.location("sampling.rate_hz"), problem, remedy)
     baseline = bench.injector.parameters.baseline
     if bench.path == EXAMPLE_BENCH and baseline is not None:
         refuse_wrong_clock(recording.path, rate, baseline.sample_rate_Hz, "the model was fitted at")

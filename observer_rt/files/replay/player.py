@@ -71,9 +71,8 @@ class LogFrames:
         if not sent:
             wanted = ", ".join(channel for channel in channels.values() if channel is not None)
             what = f"frame of channel {wanted}" if wanted else "frame but results of the observer"
-            raise UserError(
-                str(path), "; ".join([f"holds no data {what}", *self.notes]), "record the inputs on that channel"
-            )
+            problem = "; ".join([f"holds no data {what}", *self.notes])
+            raise UserError(str(path), problem, "record the inputs on that channel")
 
     def __iter__(self) -> Iterator[TimedFrame]:
         return (frame for _, frame in self._selected(open_log(self.path)))

@@ -103,8 +103,5 @@ def refuse_perforated(path: Path | None, survey: Survey) -> None:
     """Raise `UserError` where values are missing so often that what bridges them would be judged."""
     for name, signal in survey.signals.items():
         if signal.gaps > PERFORATED * (signal.count + signal.missing):
-            raise UserError(
-                f"{path or 'recording'}, {name}",
-                signal.as_missing,
-                "export all samples: values put between the others are no measurement",
-            )
+            remedy = "export all samples: values put between the others are no measurement"
+            raise UserError(f"{path or 'recording'}, {name}", signal.as_missing, remedy)

@@ -83,15 +83,12 @@ class MappedSignals(TableSignals):
         if rate is None:
             if first is not None:
                 self._refuse_disorder(int(np.count_nonzero(np.diff(first.time) < 0.0)), first.time.size)
-            raise UserError(
-                f"{self.path}: time", "has no even rate", "state it in the bench file: [recording] rate_hz = 100e3"
-            )
+            problem = "has no even rate"
+            raise UserError(f"{self.path}: time", problem, "state it in the bench file: [recording] rate_hz = 100e3")
         if not LOWEST_RATE <= rate <= HIGHEST_RATE:
-            raise UserError(
-                f"{self.path}: time",
-                f"has {rate:.6g} rows a second, which are too few or too many",
-                "check its unit, or state it in a bench file: [recording.time]",
-            )
+            problem = f"has {rate:.6g} rows a second, which are too few or too many"
+            remedy = "check its unit, or state it in a bench file: [recording.time]"
+            raise UserError(f"{self.path}: time", problem, remedy)
         return rate
 
     def _details(self) -> tuple[str, ...]:
@@ -159,9 +156,8 @@ class MappedSignals(TableSignals):
         self._refuse_disorder(sum(run.is_restart for run in axis.runs), axis.rows)
         if not axis.period:
             problem = "the time does not rise" if axis.rows > 1 else f"holds {axis.rows} sample(s)"
-            raise UserError(
-                f"{self.path}, {name}", problem, "check the column of the time; two samples are the least"
-            )
+            remedy = "check the column of the time; two samples are the least"
+            raise UserError(f"{self.path}, {name}", problem, remedy)
         if axis.disordered > MOST_DISORDERED * axis.rows:
             raise UserError(
                 f"{self.path}, {name}",
@@ -198,11 +194,8 @@ class MappedSignals(TableSignals):
             raise UserError(str(self.path), problem, "split it there")
         runs = [run for run in axis.runs if self._samples(run) >= 2]
         if not runs:
-            raise UserError(
-                str(self.path),
-                f"holds no two samples within {axis.reach / MILLISECOND:g} ms",
-                "check column and unit of the time, or raise recording.bridge_ms",
-            )
+            remedy = "check column and unit of the time, or raise recording.bridge_ms"
+            raise UserError(str(self.path), f"holds no two samples within {axis.reach / MILLISECOND:g} ms", remedy)
         return runs
 
     @property

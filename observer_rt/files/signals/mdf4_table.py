@@ -89,11 +89,9 @@ class Mdf4Table(FileTable):
                     raise UserError(location, "holds no plain numbers", "map a channel of numbers")
                 beyond = np.flatnonzero(np.abs(values) > LARGEST)
                 if beyond.size:
-                    raise UserError(
-                        location,
-                        f"sample {row + beyond[0]} is {values[beyond[0]]:g} {self.units.get(name, '')}".strip(),
-                        "record it again: the file is damaged, or mark such samples as invalid",
-                    )
+                    problem = f"sample {row + beyond[0]} is {values[beyond[0]]:g} {self.units.get(name, '')}".strip()
+                    remedy = "record it again: the file is damaged, or mark such samples as invalid"
+                    raise UserError(location, problem, remedy)
             row += time.size
             yield TablePart(time, columns)
 

@@ -47,11 +47,9 @@ def layout_of(
     needed = [choice for choice in choices if is_needed(choice.signal, has_shots) or choice.heading is not None]
     problems = [f"{choice.signal}: {choice.problem}" for choice in needed if choice.problem]
     if problems:
-        raise UserError(
-            location,
-            f"its headings do not say which column is which signal: {'; '.join(problems)}",
-            f"say it in a bench file, given by --bench:\n\n{_section(needed, headings)}\n",
-        )
+        problem = f"its headings do not say which column is which signal: {'; '.join(problems)}"
+        remedy = f"say it in a bench file, given by --bench:\n\n{_section(needed, headings)}\n"
+        raise UserError(location, problem, remedy)
     return RecordingConfig.model_validate({choice.signal: dict(entries(choice)) for choice in needed})
 
 

@@ -47,11 +47,8 @@ class Calendar(NamedTuple):
         try:
             stamps = pandas.to_datetime(pandas.Series(cells), format=self.form, errors="coerce", utc=True)
         except ValueError as error:
-            raise UserError(
-                f"[recording.time] format = '{self.form}'",
-                str(error),
-                "write it as '%d.%m.%Y %H:%M:%S.%f', with the letters of strptime",
-            ) from None
+            remedy = "write it as '%d.%m.%Y %H:%M:%S.%f', with the letters of strptime"
+            raise UserError(f"[recording.time] format = '{self.form}'", str(error), remedy) from None
         moments: NDArray[np.int64] = stamps.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
         return moments if self.has_date else np.where(moments == NO_MOMENT, NO_MOMENT, moments % _DAY)
 

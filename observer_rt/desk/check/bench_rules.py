@@ -11,8 +11,9 @@ from observer_rt.daemon.keeper import kept_files
 from observer_rt.daemon.state_file import StateDoesNotFitError, load_knowledge, model_hash
 from observer_rt.desk.check.buses import buses_findings
 from observer_rt.desk.check.findings import Finding, Statement, failed, graded, ruled, warning
-from observer_rt.desk.check.injector import mapping_findings, mass_findings, observer_findings, time_findings
+from observer_rt.desk.check.injector import mapping_findings, time_findings
 from observer_rt.desk.check.machine import machine_findings
+from observer_rt.desk.check.observer import mass_findings, observer_findings
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.parameters import InjectorParameters

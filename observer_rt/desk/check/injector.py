@@ -1,8 +1,7 @@
-"""Findings about one injector: its signals on the buses, their time and ranges, and its observer."""
+"""Findings about the signals of one injector on the buses: their mapping, ranges, protection and time."""
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,16 +12,10 @@ from observer_rt.bus.mapping.bench_map import KnownMessage
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import LINE_SLOPE, TOLERANCE
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
-from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_alignment
+from observer_rt.config.signals import OPTIONAL_SIGNALS, Role
 from observer_rt.core.frames.frames import Joining, Numbering
-from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Statement, graded, ruled, warning
-from observer_rt.desk.simulation.schedule import REFERENCE_PRESSURE, make_schedule
-from observer_rt.desk.simulation.simulate import simulate
-from observer_rt.engine.observer import Durations, constants_for
-from observer_rt.engine.service.injector import bench_constants, calibration_of, doubt_about_fit
 from observer_rt.engine.service.noise import configured_noise
-from observer_rt.engine.stream.state import noise_gain
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import (
     LENGTH_UNITS,
@@ -31,17 +24,11 @@ from observer_rt.foundation.units import (
     MICROSECOND,
     MILLISECOND,
     PRESSURE_UNITS,
-    Z_95,
-    ZERO_CELSIUS,
 )
-from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
-from observer_rt.model.surroundings import at_temperature
 
 if TYPE_CHECKING:
     from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowSignal
 
-SHOWN_TEMPERATURES = 20.0, 40.0, 80.0  # degC
 COARSE = 1 * MILLISECOND  # s from frame to frame of a level, between which a whole pilot may come and go
 HIGHEST_PRESSURE = 200 * MEGAPASCAL
 PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take
@@ -51,15 +38,6 @@ _NUMBERED = {
     Numbering.COUNTER: "counted by its counter and receive stamps",
     Numbering.E2E_COUNTER: "counted by its E2E counter and receive stamps",
     Numbering.STAMPS: "counted by receive stamps",
-}
-SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
-SHORT, WIDER, SHOWN = 0.6 * MILLISECOND, 0.01, 0.03  # energizing [s]; nozzle that is compared; of a mass
-LARGEST_DEAD_BAND = 0.1  # of the full lift
-MEASURED_PERCENT = 0.2  # of a mass, one sigma: a good injection meter
-_LEVEL = {
-    "file": "absolute level by A_L/(rho_L L_L) of the file, not measured",
-    "measured_rate": "absolute level by the measured rate",
-    "measured_mass": "absolute level by measured masses",
 }
 
 
@@ -74,18 +52,6 @@ def _inputs(injector: BenchInjector, bus: bus_map.BusMap) -> Iterator[Statement]
             yield _optional(name, signal)
     if bus.energizing is not None:
         yield from _energizing(bus.energizing)
-
-
-@ruled("fuel")
-def fuel_findings(injector: BenchInjector) -> Iterator[Statement]:
-    """Density and bulk modulus of the fuel over its temperature, where a bench measures that."""
-    if injector.config.signals.fuel_temperature is None:
-        return
-    fluids = {at: at_temperature(injector.parameters, at + ZERO_CELSIUS).fluid for at in SHOWN_TEMPERATURES}
-    yield "; ".join(
-        f"{celsius:.0f} degC: {fluid.density_nozzle:.0f} kg/m3, {fluid.bulk_modulus_line / 1e9:.2f} GPa"
-        for celsius, fluid in fluids.items()
-    )
 
 
 def _optional(name: str, signal: "SlowSignal") -> Finding:
@@ -248,110 +214,3 @@ def _joined(timing: np.void) -> str:
         held = f", held at most {timing['hold'] / MILLISECOND:g} ms" if timing["steps"] > 1 else ""
         return f"; by its clock, stamps {timing['delay'] / MICROSECOND:.4g} us after the last sample{held}"
     return ""
-
-
-def observer_findings(injector: BenchInjector) -> list[Finding]:
-    """All findings about the observer of an injector; none with too many cells to be stable."""
-    integration = _integration(injector)
-    is_stable = integration[0].error is None
-    steps_itself = injector.coefficients.line.fastest == 0.0
-    fuel = fuel_findings(injector) if is_stable else []
-    observer = _observer(injector) if is_stable or not steps_itself else []
-    return [*integration, *fuel, *_fitted_model(injector), *level_findings(injector), *observer]
-
-
-@ruled("integration")
-def _integration(injector: BenchInjector) -> Iterator[Statement]:
-    """Steps that integrate a sample, and how near the limits they are."""
-    substeps = bench_constants(injector).substeps
-    model, rate = effective_model(injector.parameters), injector.sample_rate
-    if stepping := model.coefficients.line.stepping(1.0 / rate):
-        yield f"{substeps} steps a sample at {rate:g} Hz; {stepping}"
-        return
-    fastest = fastest_rate(model.injector, model.departures)
-    yield (
-        f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {rate:g} Hz, for a fastest rate of {fastest:.3g} 1/s"
-    )
-
-
-@ruled("fitted model")
-def _fitted_model(injector: BenchInjector) -> Iterator[Statement]:
-    """Findings about the fit that the injector file states; none where it was not fitted."""
-    baseline = injector.parameters.baseline
-    if baseline is None:
-        return
-    doubt = doubt_about_fit(injector)
-    if doubt is not None:
-        yield warning(doubt.text, doubt.remedy)
-        return
-    yield (
-        f"{injector.parameters_path.name}: adequate, by {baseline.injections} healthy injections at "
-        f"{baseline.sample_rate_Hz:g} Hz; {_LEVEL[baseline.level]}"
-    )
-
-
-@ruled("level")
-def level_findings(injector: BenchInjector) -> Iterator[Statement]:
-    """How well the level of all masses is known, and what would make it better known."""
-    calibration = calibration_of(injector)
-    if calibration.is_calibrated:
-        if text := calibration.as_text():
-            yield text
-        return
-    bore, length = 100.0 * calibration.line_diameter, 100.0 * calibration.line_length
-    measured = replace(calibration, measured=0.01 * MEASURED_PERCENT)
-    yield warning(
-        f"{calibration.as_text()}: by the line's bore (known to {bore:g} %) and length ({length:g} %), the pressure "
-        f"sensors ({100.0 * calibration.line_sensor:g} and {100.0 * calibration.rail_sensor:g} %) and flow beside "
-        "the nozzle",
-        f"one measured mass known to {MEASURED_PERCENT:g} % makes it ±{measured.bound_pct:.1f} %: "
-        "`observer-rt fit --mass`",
-    )
-
-
-@ruled("mass")
-def mass_findings(injector: BenchInjector) -> Iterator[Statement]:
-    """How well the line pressure of one injection tells its mass, where all but the nozzle's flow is known."""
-    schedule = make_schedule([REFERENCE_PRESSURE], 1, 30 * MILLISECOND, [SHORT])
-    rate, wider = injector.sample_rate, sized("orifice_area", v_H=WIDER)
-    file, other = (simulate(injector.parameters, schedule, rate, effects).truth for effects in ((), (wider,)))
-    gap = (other.line_pressure - file.line_pressure) / (WIDER * configured_noise(injector).line_pressure)
-    if not gap.any():
-        return
-    mass, share = file.injection_rate.sum() / rate * injector.coefficients.density, Z_95 / float(np.linalg.norm(gap))
-    text = f"one injection of {mass / 1e-6:.2g} mg at 100 MPa shows its mass to ±{share:.1%} at best (95 %)"
-    yield graded(share < SHOWN, text, "a quieter line-pressure sensor, or one nearer to the injector, shows more")
-
-
-def _observer(injector: BenchInjector) -> list[Finding]:
-    rate = injector.sample_rate
-    stated = effects_after_alignment(injector.config.signals)
-    constants = constants_for(injector.parameters, rate, Durations(), events_required=0, stated=stated)
-    lookahead = constants.timing.lookahead + constants.undoing.ahead
-    line_mode = constants.coefficients.line.mode / (2 * math.pi)
-    opens, shuts = dead_band(configured_noise(injector).needle_lift * noise_gain(constants.undoing.lift_lag))
-    gap, delay = injector.config.learning.event_gap_ms, injector.config.learning.learning_delay_ms
-    longest = MAX_EVENT / rate / MILLISECOND
-    return [
-        graded(
-            rate >= SAMPLES_PER_PERIOD * line_mode,
-            f"{line_mode:.0f} Hz, {rate / line_mode:.3g} samples a period",
-            f"sample at {SAMPLES_PER_PERIOD * line_mode:.0f} Hz or more, for {SAMPLES_PER_PERIOD} a period",
-            "line mode",
-        ),
-        graded(
-            opens <= LARGEST_DEAD_BAND * injector.parameters.seat.max_lift,
-            f"opens above {opens / MICROMETRE:.3g} um of lift, shuts below {shuts / MICROMETRE:.3g} um",
-            f"above {LARGEST_DEAD_BAND:.0%} of the full lift short injections are missed: "
-            "lower the noise of the needle lift",
-            "dead band",
-        ),
-        graded(True, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us", topic="look-ahead"),
-        graded(
-            longest >= 2 * gap,
-            f"openings within {gap:g} ms are one event; a new correction takes force {gap + delay:g} ms after the "
-            f"needle shuts; learned from events up to {longest:.0f} ms, gap included",
-            "shorten learning.event_gap_ms or sample slower",
-            "events",
-        ),
-    ]

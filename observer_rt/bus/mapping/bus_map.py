@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from cantools.database.can import Message
@@ -18,7 +18,7 @@ from observer_rt.bus.mapping.output_signals import RESULTS, signals_of
 from observer_rt.bus.mapping.timing import GridRelation, grid_relations, map_timing, number_signal
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role
-from observer_rt.core.frames.frames import FLOAT32, FLOAT64, INPUT_GROUP, decode_signals, encode_signals
+from observer_rt.core.frames.frames import INPUT_GROUP
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 _UNITS = {Role.RAIL_PRESSURE: PRESSURE_UNITS, Role.NEEDLE_LIFT: LENGTH_UNITS, Role.LINE_PRESSURE: PRESSURE_UNITS}
 Compiled = TypeVar("Compiled", output_messages.RateMessage, output_messages.OutputMessage)
-
-_FLOAT_TYPES = {FLOAT32: np.float32, FLOAT64: np.float64}
 
 
 @dataclass(frozen=True)
@@ -248,72 +246,3 @@ def _map_message(
         tables.streams.append((int(row["samples"]), sum(1 << input_tables.ROLES.index(role) for role in together)))
     tables.add_message(row, message, [group for groups in streams for group in groups])
     return list(streams.values())
-
-
-class RoleRange(NamedTuple):
-    """Lowest and highest value [SI] that every sample of a role's message can carry."""
-
-    lowest: float
-    highest: float
-
-
-def message_of(bus: BusMap, role: Role) -> int:
-    """Number of the input message that carries a role."""
-    return next(n for n in range(len(bus.inputs.messages)) if _groups(bus, n, role))
-
-
-def role_factor(bus: BusMap, role: Role) -> float:
-    """Factor from the unit of the role in the database to SI."""
-    (first, *_) = _groups(bus, message_of(bus, role), role)
-    return float(first["factor"][input_tables.ROLES.index(role)])
-
-
-def role_range(bus: BusMap, role: Role) -> RoleRange:
-    """Range [SI] of the role on the bus: the values that reach the receiver when more is encoded than fits."""
-    message = bus.inputs.messages[message_of(bus, role)]
-    ends = []
-    for value in (-np.inf, np.inf):
-        values = []
-        for signal in _samples(bus, role):
-            payload = np.zeros(int(message["length"]), np.uint8)
-            encode_signals(np.array([value]), signal, payload)
-            decoded = np.empty(1)
-            decode_signals(payload, signal, decoded)
-            values.append(float(decoded[0]) * role_factor(bus, role))
-        ends.append(values)
-    return RoleRange(max(ends[0]), min(ends[1]))
-
-
-def role_resolution(bus: BusMap, role: Role, value: float) -> float:
-    """Distance of two neighbouring values [SI] on the bus, near `value` [SI]; the coarsest of the samples."""
-    factor = role_factor(bus, role)
-    return max(_step(signal[0], value / factor) for signal in _samples(bus, role)) * factor if factor else np.inf
-
-
-def _groups(bus: BusMap, number: int, role: Role) -> list[np.void]:
-    """Groups of one input message with samples of a role."""
-    message = bus.inputs.messages[number]
-    first = int(message["first_group"])
-    groups = bus.inputs.groups[first : first + int(message["group_count"])]
-    roles = bus.inputs.streams["roles"]
-    return [group for group in groups if int(roles[group["stream"]]) >> input_tables.ROLES.index(role) & 1]
-
-
-def _samples(bus: BusMap, role: Role) -> list[NDArray[np.void]]:
-    """Tables of one signal each, of all samples of a role."""
-    tables = []
-    for group in _groups(bus, message_of(bus, role), role):
-        first = int(group["first_signal"]) + int(group["position"][input_tables.ROLES.index(role)])
-        tables += [bus.inputs.signals[n : n + 1] for n in range(first, first + int(group["samples"]))]
-    return tables
-
-
-def _step(signal: np.void, value: float) -> float:
-    """Step of a signal near a physical value, in the database's unit."""
-    scale = abs(float(signal["scale"]))
-    kind = int(signal["kind"])
-    if kind not in _FLOAT_TYPES:
-        return scale
-    raw = np.clip((value - float(signal["offset"])) / float(signal["scale"]), signal["lowest"], signal["highest"])
-    with np.errstate(over="ignore"):  # nothing lies beyond the largest number
-        return scale * abs(float(np.spacing(np.asarray(raw, _FLOAT_TYPES[kind]))))

@@ -10,6 +10,7 @@ from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping import bus_map
 from observer_rt.bus.mapping.bench_map import KnownMessage
 from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.bus.mapping.role_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.bus.mapping.timing import LINE_SLOPE, TOLERANCE
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import OPTIONAL_SIGNALS, Role
@@ -114,16 +115,16 @@ def _protection(injector: BenchInjector, bus: bus_map.BusMap) -> Iterator[Statem
 def _mapping(injector: BenchInjector, bus: bus_map.BusMap, role: Role) -> Finding:
     if role is Role.NEEDLE_LIFT and not injector.has_lift:
         return graded(True, WITHOUT_LIFT)
-    number = bus_map.message_of(bus, role)
+    number = message_of(bus, role)
     layout, message = bus.input_layouts[number], bus.inputs.messages[number]
     is_lift = role is Role.NEEDLE_LIFT
     needed = injector.parameters.seat.max_lift if is_lift else HIGHEST_PRESSURE
     unit, factor = ("um", MICROMETRE) if is_lift else ("MPa", MEGAPASCAL)
-    limits = bus_map.role_range(bus, role)
-    resolution = bus_map.role_resolution(bus, role, needed)
+    limits = role_range(bus, role)
+    resolution = role_resolution(bus, role, needed)
     noise: float = getattr(configured_noise(injector), role.value)
     units = LENGTH_UNITS if is_lift else PRESSURE_UNITS
-    code = bus_map.role_factor(bus, role)
+    code = role_factor(bus, role)
     coded = next((name for name, known in units.items() if known == code), f"units of {code:g} {next(iter(units))}")
     samples, frames = int(message["samples"]), int(message["kind_count"])
     division = "1 sample a frame" if samples == 1 else f"{samples} samples a frame"

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.bus_map import BusMap, message_of, message_timing, role_range, role_resolution
+from observer_rt.bus.mapping.bus_map import BusMap, message_timing
 from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.bus.mapping.role_range import message_of, role_range, role_resolution
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import Numbering, frames_of_message

@@ -127,7 +127,7 @@ class Bench:
         return tuple(replace(self, injectors=(injector,)) for injector in self.injectors)
 
     def of(self, name: str | None) -> "Bench":
-        """The bench with one of its injectors only, None: as it is. Raises `UserError` for a name it has not."""
+        """The bench with one of its injectors; None: the bench as it is. Raises `UserError` for an unknown name."""
         if name is None:
             return self
         chosen = tuple(injector for injector in self.injectors if injector.name == name)

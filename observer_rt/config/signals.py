@@ -99,7 +99,7 @@ OPTIONAL_SIGNALS: Mapping[OptionalRole, OptionalSignal] = {
 
 
 def in_units(surroundings: Surroundings) -> dict[str, float]:
-    """Those that are measured, by names that end in their units, such as `fuel_temperature_degC`."""
+    """Measured surroundings by names that end in their units, such as `fuel_temperature_degC`."""
     roles = {OptionalRole(role): value for role, value in surroundings._asdict().items() if value is not None}
     scales = {role: OPTIONAL_SIGNALS[role].to_si(OPTIONAL_SIGNALS[role].shown) for role in roles}
     return {
@@ -109,7 +109,7 @@ def in_units(surroundings: Surroundings) -> dict[str, float]:
 
 
 def in_words(surroundings: Surroundings) -> list[str]:
-    """Those that are measured, such as `fuel_temperature 40.0 degC`."""
+    """Measured surroundings in words, such as `fuel_temperature 40.0 degC`."""
     parts = ((*name.rsplit("_", 1), value) for name, value in in_units(surroundings).items())
     return [f"{role} {value:.1f} {unit}" for role, unit, value in parts]
 

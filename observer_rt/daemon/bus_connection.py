@@ -158,7 +158,7 @@ class Port:
 
     @property
     def is_in_trouble(self) -> bool:
-        """Whether it neither sends nor receives now, or only with errors."""
+        """Whether the link is down now, or its controller sends with errors only."""
         return not self.is_up or self.link.condition.state in (BusState.PASSIVE, BusState.OFF)
 
     def post(self, frames: Iterable[OutputFrame], by: Link) -> None:
@@ -175,7 +175,7 @@ class Port:
             self.unsent += 1
 
     def count_unsent(self, frames: int) -> None:
-        """Counts results given up by whoever sends them without this port."""
+        """Count results that another sender than this port gave up."""
         self.unsent += frames
 
     def drain(self, patience: float, by: Link) -> None:
@@ -202,7 +202,7 @@ class Port:
             waiting.popleft()
 
     def tell(self, now: int) -> None:
-        """Reports what has changed, at a monotonic time [ns]; nothing within `PERIOD` after the last."""
+        """Report changes, at a monotonic time [ns]; at most one report in a `PERIOD`."""
         if not self.is_up or now < self._next_report:
             return
         is_well = self.link.condition.state is BusState.ACTIVE
@@ -264,7 +264,7 @@ class Port:
         return True
 
     def _tell_outage(self, reason: str) -> bool:
-        """Reports an outage, unless it is the last one again; returns whether it did."""
+        """Report an outage unless it repeats the last report; returns whether it was reported."""
         (before, when), now = self._last_outage, time.monotonic()
         self._last_outage = reason, now
         if is_new := reason != before or now - when > SILENCE:

@@ -164,7 +164,7 @@ class _SocketServer(ThreadingMixIn, UnixStreamServer):
             places.release()
 
     def server_close(self) -> None:
-        """Serve nobody any more."""
+        """Close the socket and the connections of all clients."""
         super().server_close()
         for client in tuple(self._clients):
             with suppress(OSError):

@@ -170,7 +170,7 @@ class Daemon:
         self._is_waiting = any(port.is_waiting for port in self.ports)
 
     def _lose(self, bus: int, error: LinkDownError) -> None:
-        """Goes on without a link that failed, until it is up again."""
+        """Go on without a link that failed, until the link is up again."""
         self._pump.leave_out(bus)
         self._down.append(bus)
         self.ports[bus].go_down(error)
@@ -214,7 +214,7 @@ class Daemon:
 
     @property
     def stands_since(self) -> int:
-        """Since when the state and its reasons are what they are, by the monotonic clock [ns]."""
+        """Time since which state and reasons have not changed, by the monotonic clock [ns]."""
         return self._state_watch.since
 
     @property

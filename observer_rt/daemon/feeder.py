@@ -91,16 +91,16 @@ class Feeder(DescriptorLink):
 
     @property
     def is_silent(self) -> bool:
-        """Whether no frame is on its way: the link had none when it was asked last, however long ago that is."""
+        """Whether no frame is on its way: the link had none when it was asked last."""
         return self._is_empty or self.is_ended
 
     @property
     def is_ended(self) -> bool:
-        """Whether nothing is carried any more."""
+        """Whether both threads have stopped carrying frames, or are about to."""
         return self._ended.is_set()
 
     def end(self) -> list[OutputFrame]:
-        """Carry nothing any more: the results that were not sent, in order, each reported once."""
+        """Stop both threads; returns the results that were not sent, in order, each at one call only."""
         self._ended.set()
         self._socket.shutdown(socket.SHUT_RDWR)  # wakes both threads, and refuses what is sent late
         for thread in self._threads:

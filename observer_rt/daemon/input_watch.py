@@ -43,7 +43,7 @@ _Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
 
 
 class Trouble(Enum):
-    """Trouble with a message: text when it begins, remedy, text when it is over."""
+    """Trouble with a message: text of its beginning, remedy, text of its end."""
 
     SILENT = "no frame comes", "check the device that sends it, its cable and identifier", "comes again"
     OTHER_SIZE = (

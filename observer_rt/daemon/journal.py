@@ -93,7 +93,7 @@ class JournalWriter:
         self._identity: os.stat_result | None = None
 
     def __call__(self, news: News) -> None:
-        """Keep what belongs into the journal, without arrays, for which nobody asks here."""
+        """Keep news that belong into the journal, without their arrays."""
         match news:
             case InjectionReport():
                 entry: InjectionReport | MeasuredMass = news.without_courses()
@@ -107,7 +107,7 @@ class JournalWriter:
             self.lost += 1
 
     def write(self) -> None:
-        """Write waiting entries, at first the run itself. Raises `RunError`; what it could not write waits on."""
+        """Write waiting entries, at first the run itself. Raises `RunError`; entries not written wait on."""
         if self.lost != self._told_lost:
             self._told_lost = self.lost
             self._tell(f"warning: {self.name}: {self.lost} injections lost so far, for want of room to keep them")

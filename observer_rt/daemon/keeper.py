@@ -115,10 +115,10 @@ class PersistentFile(Protocol):
 
 
 class RetryingWriter:
-    """Tries to write a file; reports a failure once, and once that it is over."""
+    """Tries to write a file; reports the beginning and the end of a failure once each."""
 
     def __init__(self, file: PersistentFile, interval: float, tell: Tell) -> None:
-        """interval [s]: after which it is tried again, for the message."""
+        """interval [s]: time until the next attempt, for the message."""
         self.failures = 0
         self._file = file
         self._interval = interval

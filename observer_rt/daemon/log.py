@@ -91,7 +91,7 @@ class ServiceLog:
 
     @property
     def _outlets(self) -> "list[_Outlet]":
-        """All there are, the screen last: it reports the others' losses."""
+        """Outlets in use, the screen last: it reports the losses of the others."""
         return [*filter(None, (self._records, self._file)), self._screen]
 
     def _tell_loss(self, what: str, why: str) -> None:

@@ -167,7 +167,7 @@ class FramePump:
         return [end for end in self._ends.values() if isinstance(end, Feeder)]
 
     def _is_silent(self, bus: int) -> bool:
-        """Whether a fed bus has no frame on its way; one that is not served yet may have."""
+        """Whether a fed bus has no frame on its way; a bus that is not served yet may have one."""
         end = self._ends.get(bus)
         return isinstance(end, Feeder) and end.is_silent
 
@@ -193,7 +193,7 @@ class FramePump:
             self._thread.join()
 
     def _waiting_results(self) -> Iterator[OutputFrame]:
-        """Rates for which there was no room yet: they are the caller's now."""
+        """Rates that still waited for room: from now on the caller sends them."""
         memory, waiting = self._pump.memory[0], self._pump.waiting.reshape(-1, FD_MTU)
         while memory["first_waiting"] < memory["end_waiting"]:
             assert self._rate is not None

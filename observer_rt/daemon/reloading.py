@@ -36,7 +36,7 @@ _LONGEST = 45.0  # s until an answer
 
 @dataclass(frozen=True)
 class _Wish:
-    """Request for the bench file to be read; model: SHA-256 of that it is to name for the injector."""
+    """Request to read the bench file; model: SHA-256 of the model that it is to name for the injector."""
 
     model: str
     answer: "Future[Message]" = field(default_factory=Future)
@@ -151,14 +151,14 @@ class Reloading:
                 thread.join()
 
     def refuse(self, error: ObserverError) -> None:
-        """Answer whoever asked for the bench that cannot be served."""
+        """Answer the requests for a bench that cannot be served."""
         for wish in self._taken:
             if not wish.answer.done():
                 wish.answer.set_exception(error)
         self._taken = ()
 
     def _settle(self, bench: Bench, model: str) -> None:
-        """Answer whoever asked for the bench that is served now."""
+        """Answer the requests for the bench that is served now."""
         for wish in self._taken:
             said = {"model": model, "version": __version__, "bench": str(bench.path.absolute())}
             wish.answer.set_result(said | {"unsaved": self.unsaved})

@@ -78,7 +78,7 @@ class _WatchedRole:
     moved: int = 0  # of these, after the first, in which another input moved
 
     def is_frozen(self, values: NDArray[np.float64], others_move: bool) -> bool:
-        """Whether it is by now; values (n,): its samples since the last look."""
+        """Whether the signal is frozen by now; values (n,): its samples since the last look."""
         first = float(values[0])
         if np.ptp(values) > 0.0 or (self.constant and first != self.held):
             self.constant, self.moved = 0, 0

@@ -44,7 +44,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class BusStatus:
-    """A bus, and why it is down, if it is."""
+    """State of a bus. down: the reason why it is down; empty while it is up."""
 
     label: str
     down: str = ""

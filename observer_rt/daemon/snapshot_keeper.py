@@ -232,7 +232,7 @@ def _faults(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason]) -
 
 
 def _silence(daemon: Daemon, now: int) -> list[Fault]:
-    """One fault for all silent messages, which mostly share a device or cable; not those of a bus that is down."""
+    """One fault for all silent messages of buses that are up: they mostly share a device or cable."""
     arrivals = daemon.arrivals
     ages = {
         source: arrivals.silence(source, now) for source in arrivals.sources if daemon.ports[source.layout.bus].is_up

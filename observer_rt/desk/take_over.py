@@ -145,7 +145,7 @@ def _alone(path: Path) -> Iterator[None]:
 
 
 def _copied(bench: Bench, amended: Path, used: set[str]) -> Path:
-    """A copy by a name that no file has or had, with that of the injector in it."""
+    """Copy of an amended file, named after the injector and by a number that no file has or had."""
     injector = bench.injector
     folder = injector.parameters_path.parent if injector.config.model.file is not None else bench.path.parent
     stem = injector.name or injector.parameters_path.stem.partition(_AMENDED)[0]

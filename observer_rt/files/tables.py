@@ -1,4 +1,4 @@
-"""Recordings from tables in memory, pandas DataFrames and arrays by name, mapped as those of files are."""
+"""Recordings from tables in memory, pandas DataFrames and arrays by name, mapped as tables in files are."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

@@ -88,7 +88,7 @@ def require_interface(location: str, name: str) -> None:
 
 
 def missing_driver(interface: str) -> str:
-    """What this computer lacks of the driver of an interface, as a remedy; empty: nothing that is known here."""
+    """Remedy for a driver of an interface that this computer lacks; empty where none is known to be missing."""
     module, package = _PACKAGES.get(interface, ("", ""))
     if module and find_spec(module) is None:
         return f"pip install {package}"

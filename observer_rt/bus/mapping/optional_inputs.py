@@ -194,7 +194,7 @@ def _slow_signal(
 
 
 def slow_timeout(configured_ms: float | None, cycle_time_ns: int | None) -> float:
-    """After which a value counts no longer [s]: as configured, else ten cycles of its message, else never."""
+    """Time [s] for which a value counts: as configured, else ten cycles of its message, else without end."""
     if configured_ms is not None:
         return configured_ms * MILLISECOND
     return math.inf if cycle_time_ns is None else max(CYCLES * cycle_time_ns * 1e-9, SHORTEST_TIMEOUT)

@@ -50,7 +50,7 @@ class OutputPage(NamedTuple):
 
 
 class OutputMessage(NamedTuple):
-    """A message the results go out in. A multiplexed one takes several frames, the pages, each time it is sent."""
+    """Message of results. A multiplexed message takes several frames, its pages, each time it is sent."""
 
     layout: MessageLayout
     pages: tuple[OutputPage, ...]

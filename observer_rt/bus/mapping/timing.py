@@ -187,7 +187,7 @@ def _map_message(
 
 
 def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
-    """Time [s] that a frame takes; none where the bus is not a real one."""
+    """Time [s] that a frame takes on the bus; 0 on a virtual bus."""
     if link.interface == "virtual" or link.channel.startswith("vcan"):
         return 0.0
     return frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)

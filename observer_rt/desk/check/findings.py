@@ -78,17 +78,17 @@ def _finding(topic: str, statement: Statement) -> Finding:
 
 
 def warning(text: str, remedy: str = "", topic: str = "") -> Finding:
-    """A warning; topic: by default that of the rule."""
+    """A warning; topic: by default the topic of the rule."""
     return Finding(topic, Level.WARNING, f"{text}; {remedy}" if remedy else text)
 
 
 def graded(is_good: bool, text: str, remedy: str = "", topic: str = "") -> Finding:
-    """A finding that is OK, or else a warning with its remedy; topic: by default that of the rule."""
+    """An OK finding, or else a warning with its remedy; topic: by default the topic of the rule."""
     return Finding(topic, Level.OK, text) if is_good else warning(text, remedy, topic)
 
 
 def failed(topic: str, error: UserError, location: str = "") -> Finding:
-    """The finding that a file of the user must change; location: in its text instead of that of the error."""
+    """The finding that a file of the user must change; location: named instead of the error's location."""
     problem = f"{error.problem}; {error.remedy}" if error.remedy else error.problem
     return Finding(topic, Level.ERROR, f"{location or error.location}: {problem}", error)
 

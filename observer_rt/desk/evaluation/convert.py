@@ -51,7 +51,7 @@ def convert(
 def _signals(
     source: Path, target: Path, bench: Bench | None, from_channels: Sequence[str], force: bool, console: Console
 ) -> str:
-    """Signals of whatever holds them; every stretch of a file that was split becomes a file of its own."""
+    """Convert the signals of a recording or log; a file that was split gives a file for each stretch."""
     stream = open_source(source, bench, from_channels, console)
     if isinstance(stream, LoggedSignals) and (lost := stream.counters.lost_samples):
         say(

@@ -1,4 +1,4 @@
-"""One recording or log evaluated: what of it is kept."""
+"""Evaluation of one recording or log, and the parts of it that are kept."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -61,7 +61,7 @@ class Evaluation:
 
     @property
     def level(self) -> str:
-        """How well the level of its masses is known, in words; empty where nothing is unknown of it."""
+        """Accuracy of the level of the masses, in words; empty where the level is known."""
         return self.injections[-1].calibration.as_text() if self.injections else ""
 
     @property

@@ -42,7 +42,7 @@ class Run:
         return self.number + self.samples
 
     def times(self, numbers: NDArray[np.int64]) -> Signal:
-        """Times [s] (n,) by the number: those of samples to which nobody gives times, as of a log."""
+        """Times [s] (n,) of samples by their numbers, where a log brings no times of its own."""
         return np.asarray(self.start + (self.offset + numbers - self.number) / self.rate)
 
 

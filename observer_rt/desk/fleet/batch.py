@@ -198,7 +198,7 @@ def _ready(running: Collection[Any]) -> Collection[Any]:
 
 
 def _result(future: Any, path: Path) -> Any:
-    """Of a job: what its function returned, or that it returned nothing, not even an error that it foresees."""
+    """Result of a job: the value of its function, or a `FailedFile` after an error that nobody foresaw."""
     error = future.exception()
     if error is None:
         return future.result()

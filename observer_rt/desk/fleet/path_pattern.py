@@ -26,7 +26,7 @@ class PathPattern(NamedTuple):
             raise UserError(f"{option} {text}", f"is no regular expression: {error}", "correct it") from error
 
     def text_in(self, path: Path) -> str:
-        """Its first group in a path, or all that it matches. Raises `UserError` where it matches nothing."""
+        """The pattern's first group in a path, or its whole match. Raises `UserError` for a path without a match."""
         match = self.expression.search(str(path))
         text = match and match[min(1, self.expression.groups)]
         if not text:
@@ -34,7 +34,7 @@ class PathPattern(NamedTuple):
         return text
 
     def date_in(self, path: Path) -> datetime:
-        """Date, and time of day (UTC) if it is there. Raises `UserError` where it matches none."""
+        """Date in a path, with the time of day (UTC) if it is there. Raises `UserError` for a path without a date."""
         digits = re.sub(r"\D", "", self.text_in(path))
         try:
             return datetime.strptime(digits, _DATE_FORMATS[len(digits)]).replace(tzinfo=UTC)

@@ -51,9 +51,9 @@ def _files(source: str) -> Iterator[Path]:
 
 
 def injector_of(path: Path, names: PathPattern | None, alone: Bench) -> str:
-    """Injector of a recording: by its path, or without a pattern that of the bench.
+    """Name of a recording's injector: by the recording's path, or without a pattern by the bench.
 
-    Raises `UserError` for a path in which the pattern finds none.
+    Raises `UserError` for a path without a match.
     """
     if names is not None:
         return names.text_in(path)

@@ -80,14 +80,14 @@ class DaemonReader:
 
     @property
     def buses(self) -> Mapping[str, BusStatus]:
-        """Its buses by their labels; none of a daemon that is silent."""
+        """Buses of the daemon by their labels; empty while the daemon is silent."""
         status = self._status
         if status is None or self._is_old(status.moment):
             return {}
         return {bus.label: bus for bus in status.buses}
 
     def injections(self, since: int = 0) -> list[ShownInjection]:
-        """Those kept after the `since`-th, the newest last."""
+        """Injections kept after the `since`-th, the newest last."""
         return [*takewhile(lambda injection: injection.count > since, reversed(list(self._injections)))][::-1]
 
     def seen(self) -> InjectorSnapshot:
@@ -159,7 +159,7 @@ class Watching:
             reader.close()
 
     def buses(self) -> list[BusStatus]:
-        """Every bus as it is now; one that several injectors have once."""
+        """Every bus as it is now; a bus that injectors share stands once."""
         down: dict[str, str] = {}
         for reader in self.readers:
             for label, bus in reader.buses.items():

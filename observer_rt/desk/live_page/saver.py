@@ -22,7 +22,7 @@ class Saver:
         self._thread = ThreadPoolExecutor(1, "saving")
 
     def save(self, injection: ShownInjection, name: str) -> Future[str]:
-        """Save it, later; the result says where it is, or why it is not. name: of the injector."""
+        """Save an injection later; the result is its place, or the reason of a failure. name: of the injector."""
         return self._thread.submit(self._save, injection, name)
 
     def close(self) -> None:

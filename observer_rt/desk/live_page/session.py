@@ -22,7 +22,7 @@ _VALUES = (
 
 
 def pressed(message: str | bytes) -> tuple[str, int, int] | None:
-    """Reads a browser's message: a button, and its values; None: it is no page of ours."""
+    """Read a browser's message: a button and its values; None for a message that no page of ours sends."""
     try:
         parsed = json.loads(message)
     except (ValueError, RecursionError):
@@ -65,7 +65,7 @@ class Session:
             self._asked[injector, count] = injection
 
     def message(self) -> bytes | None:
-        """Changes since the last message; None: nothing, or the browser is not through with those before."""
+        """Changes since the last message; None without changes, or while the browser still draws earlier ones."""
         readers, now = self._watching.readers, time.monotonic()
         if self._saving is not None and self._saving.done():
             self._answer["notice"], self._saving, self._due = self._saving.result(), None, 0.0

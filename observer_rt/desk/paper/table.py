@@ -79,7 +79,7 @@ def _ratio(value: float) -> str:
 
 
 def _printed(study: Study) -> pd.DataFrame:
-    """The table as it is printed, a v_H a row."""
+    """The table to print, a row for each v_H."""
     return pd.DataFrame(
         {
             "v_H": f"{case.nozzle_wear:+.1f}",
@@ -92,7 +92,7 @@ def _printed(study: Study) -> pd.DataFrame:
 
 
 def screen_table(study: Study) -> Table:
-    """For a terminal of 160 columns."""
+    """Table for a terminal of 160 columns."""
     title = (
         "x3-MSE of the model over that of each observer, and errors of the injected mass [%], by nozzle wear; "
         "the number is that of trainings"

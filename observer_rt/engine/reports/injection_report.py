@@ -109,7 +109,7 @@ class InjectionReport:
 
     @property
     def validity(self) -> str:
-        """Whether it is valid, and its level calibrated, in words but those of the reasons."""
+        """Validity of the injection and calibration of its level in words, without the reasons."""
         if not self.valid:
             return "not valid"
         return "valid" if self.calibration.is_calibrated else "valid, not calibrated"
@@ -126,7 +126,7 @@ class InjectionReport:
 
     @property
     def relative_sigma(self) -> float:
-        """Standard deviation of the mass as a share of it, but for that of the level; nan where it is not known."""
+        """Standard deviation of the mass as a share of it, without the level's; nan where it is not known."""
         return self.budget.beyond_level / self.volume if self.budget and self.volume > 0.0 else math.nan
 
     @property
@@ -150,7 +150,7 @@ class InjectionReport:
 
     @property
     def reasons(self) -> tuple[Reason, ...]:
-        """Reasons why it is not valid, the most severe first."""
+        """Reasons why the injection is not valid, the most severe first."""
         return () if self.valid else (self.reason, *self.further)
 
 

@@ -242,7 +242,7 @@ class Core:
 
     @property
     def state(self) -> tuple[State, Reason]:
-        """State and reason by the inputs, whatever the links."""
+        """State and reason by the inputs alone, without the links."""
         newest = None
         if self.processed > 0:
             newest = State(int(self._newest_row["state"])), Reason(int(self._newest_row["reason"]))

@@ -84,7 +84,7 @@ class OptionalInputs:
         return True
 
     def _change_model(self) -> None:
-        """Make the model that of the surroundings as measured; those that are not known stay."""
+        """Change the model to the surroundings as measured; unknown ones stay as they were."""
         memory, is_known = self._memory, ~np.isnan(self._memory["measured"])
         wanted = np.where(is_known, memory["measured"], memory["in_force"])
         surroundings = Surroundings(*(None if math.isnan(value) else value for value in wanted.tolist()))

@@ -216,7 +216,7 @@ class FramedRecording(NamedTuple):
 
 
 def _merged(messages: Sequence[FramedRecording]) -> FramedRecording:
-    """Frames of several messages by the samples they are sent with, those of each in its own order."""
+    """Frames of several messages in the order of the samples they are sent with; each message keeps its order."""
     if len(messages) == 1:
         return messages[0]
     numbers = np.concatenate([message.numbers for message in messages])

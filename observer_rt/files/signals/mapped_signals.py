@@ -63,7 +63,7 @@ class MappedSignals(TableSignals):
     """
 
     def __init__(self, table: Table, rate: float) -> None:
-        """rate: that of the mapping goes before it; 0: that of the first stamps."""
+        """rate: counts where the mapping states none; 0: the rate of the first stamps."""
         super().__init__(table)
         self.sample_rate = table.config.rate_hz or rate or self._own_rate()
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
@@ -200,7 +200,7 @@ class MappedSignals(TableSignals):
 
     @property
     def is_resampled(self) -> bool:
-        """Whether samples are not those of the file, but lie between them."""
+        """Whether samples lie between those of the file."""
         axis = self._axes[self._main]
         return not axis.is_on_grid or abs(1.0 / axis.period / self.sample_rate - 1.0) > SAME_RATE
 

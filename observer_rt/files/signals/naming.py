@@ -74,7 +74,7 @@ def is_unit(text: str) -> bool:
 
 
 def known_unit(signal: str, unit: str) -> str:
-    """A unit as it is written for a signal; empty if it is not one of its units."""
+    """Spelling of a unit in the list of a signal's units; empty if the signal has no such unit."""
     return spelled(unit, UNITS[signal]) or spelled(_GAUGE.sub("", unit), UNITS[signal])
 
 

@@ -148,7 +148,7 @@ class EvenSignals(TableSignals):
             first += part.time.size
 
     def _filled_parts(self) -> Iterator[TablePart]:
-        """Iterate over all parts, joined so that none but the last is a single sample, which has no rate."""
+        """Iterate over all parts, joined so that each but the last has two samples or more, and so a rate."""
         waiting: TablePart | None = None
         for part in self._parts(0):
             if waiting is not None:

@@ -76,7 +76,7 @@ def calendar_of(time: TimeConfig | None, cells: Iterable[str]) -> Calendar | Non
 
 
 def seconds_since(origin: int, moments: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Moments or times [ns] (n,) as seconds since `origin` [ns], exact as those since 1970 are not; NaN of none."""
+    """Moments or times [ns] (n,) as exact seconds since `origin` [ns]; NaN for an invalid stamp."""
     return np.where(moments == NO_MOMENT, np.nan, (moments - origin) / 1e9)
 
 
@@ -186,7 +186,7 @@ class AxisSurvey:
         return position, rises
 
     def at(self, grid: Values, position: Values, values: Values) -> Values:
-        """Values at places of the grid by lines between knots; NaN beyond, and where they are too far apart."""
+        """Values at places of the grid by lines between knots; NaN beyond the knots, and between distant ones."""
         available = ~np.isnan(values)
         position, values = position[available], values[available]
         if not position.size:

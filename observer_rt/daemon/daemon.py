@@ -206,7 +206,7 @@ class Daemon:
 
     @property
     def is_lift_dead(self) -> bool:
-        """Whether the lift sensor is: by the line pressure while it is used, else by what it sends since."""
+        """Whether the lift sensor is dead: by the line pressure while lift is used, else by the lift sent since."""
         if not self._injector.is_lift_dead:
             return self.core.state[1] is Reason.LIFT_DEAD
         receiver, lift = self.core.parts["receiver"], ROLES.index(Role.NEEDLE_LIFT)

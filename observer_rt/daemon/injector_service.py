@@ -93,7 +93,7 @@ class InjectorService:
 
     @property
     def other_bench(self) -> Bench | None:
-        """The bench as its lift sensor is, dead or alive again; None where it is as the bench says, or is needed."""
+        """The bench with a lift sensor that died or came back; None where the bench is right, or needs the lift."""
         daemon, was_dead = self._daemon, self._bench.injector.is_lift_dead
         if daemon is None or not self._bus.tells_commands or daemon.is_lift_dead == was_dead:
             return None

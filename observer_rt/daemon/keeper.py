@@ -241,7 +241,7 @@ class KeptFiles(NamedTuple):
 
 
 def kept_files(injector: BenchInjector, state: Path | None = None, journal: Path | None = None) -> KeptFiles:
-    """The files of an injector: those of the command line, else those that the bench file names.
+    """Files that an injector keeps: by the command line, else by the bench file.
 
     Raises `UserError` for files that cannot be kept, or are of another kind.
     """

@@ -33,10 +33,10 @@ UNSAVED = "the reload goes on; what was learned with the model before is kept by
 
 @dataclass
 class Serving:
-    """Things that outlast a change of the bench file. screen: of the view, if there is one; processor: of the loop.
+    """State that outlasts a change of the bench file. screen: of the view, None without one; processor: of the loop.
 
-    learned: by model, so that nothing is lost where no file keeps it, and what was learned with a model is there
-    again where taking over another one is undone.
+    learned: knowledge by model. It is not lost where no file keeps it, and counts again when taking over another
+    model is undone.
     """
 
     screen: Console | None

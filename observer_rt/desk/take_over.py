@@ -67,9 +67,10 @@ class TakeOver:
 
 
 class StepOutcome(NamedTuple):
-    """A step that was taken, or undone: what it changed besides, and what a daemon says that has it in force.
+    """A step that was taken or undone. changes: of parameters, besides the effects and terms added.
 
-    answer: None: there is no daemon; its `unsaved` is a problem of what was learned before, if that was not saved.
+    answer: of the daemon that has the model in force, None without a daemon; its `unsaved` is the reason why
+    knowledge learned before was not saved.
     """
 
     step: TakeOver
@@ -111,9 +112,9 @@ def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = 
 
 
 def undo(path: Path, injector: str = "") -> StepOutcome:
-    """Have a bench file name what it named before the last step of an injector.
+    """Undo the last step of an injector: the bench file names the injector file that it named before.
 
-    Raises `UserError` where the file it names was not taken over, otherwise as `take_over`.
+    Raises `UserError` where the present injector file was not taken over, otherwise as `take_over`.
     """
     with _alone(path):
         bench_injector, done = load_bench(path).of(injector or None).injector, steps(path)
@@ -133,7 +134,7 @@ def undo(path: Path, injector: str = "") -> StepOutcome:
 
 @contextmanager
 def _alone(path: Path) -> Iterator[None]:
-    """While no other process takes a model over for a bench file of the same folder."""
+    """Keep other processes from taking a model over for a bench file of the same folder."""
     with file_errors(path.parent):
         folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
@@ -167,9 +168,9 @@ def _copied(bench: Bench, amended: Path, used: set[str]) -> Path:
 
 
 def _in_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOver]) -> Message | None:
-    """Have the bench file name an injector file, and a daemon read it, or neither; the daemon's answer, if it runs.
+    """Have the bench file name an injector file, and a running daemon read it, or neither; returns its answer.
 
-    done: the history afterwards. It is written first: a step that was interrupted is passed over by `undo`.
+    done: the history afterwards. It is written first, for `undo` passes over an interrupted step.
     """
     before, history = path.read_bytes(), steps(path)
     after = naming(path, before, injector, file)
@@ -201,10 +202,10 @@ def _reload(bench: Bench) -> Message | None:
 
 
 def learn_beforehand(bench: Bench, amended: Path) -> int:
-    """Learn for an amended injector file from the evidence; from how many events, 0: there is nothing to begin with.
+    """Learn for an amended injector file from the evidence; returns the number of events learned from.
 
-    bench: with one injector, and the model before in force. What was learned is written beside the amended file,
-    where a daemon looks for it; nothing is where the amended model does not explain the last of the events.
+    bench: of one injector, with the earlier model in force. The knowledge is written beside the amended file, where
+    a daemon looks for it. 0, and no file: without evidence, or if the amended model does not explain the last event.
     """
     state_file = learned_beside(amended)
     with file_errors(state_file):
@@ -239,7 +240,7 @@ def _kept_with(injector: BenchInjector) -> Sequence[KeptEvent]:
 
 
 def naming(path: Path, content: bytes, injector: str, file: str | None) -> bytes:
-    """Content of a bench file that names an injector file for one of its injectors; None: that of the package.
+    """Content of a bench file that names an injector file for one of its injectors; None: the package's file.
 
     Raises `UserError` for a text that cannot be changed.
     """

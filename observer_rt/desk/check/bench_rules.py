@@ -48,9 +48,9 @@ def refuse_errors(
 def bench_findings(
     bench: Bench, state: Path | None = None, journal: Path | None = None, injector: str | None = None
 ) -> list[Finding]:
-    """All findings about a bench but those of the machine.
+    """All findings about a bench, without those about the machine.
 
-    state, journal: instead of those of the bench file, of the injector with this name, None: of the only one.
+    state, journal: replace the files that the bench file names for this injector, None: for the only one.
     """
     chosen = None if state is None and journal is None else bench.of(injector).injector
     findings = _files(bench)

@@ -41,7 +41,7 @@ class FrameCount:
 
 
 class Arrivals:
-    """Counts frames by their identifiers. Time [ns] is whatever clock the caller goes by."""
+    """Counts frames by their identifiers. Times [ns] are of the caller's clock."""
 
     def __init__(self, bus: BusMap) -> None:
         self.sources = sources_of(bus)
@@ -54,7 +54,7 @@ class Arrivals:
         self._begin = 0
 
     def begin(self, now: int) -> None:
-        """Begins to wait for messages now: before, nothing could come."""
+        """Begin to wait for messages now: no frame could come before."""
         self._begin = now
 
     def note(self, bus: int, frame_id: int, is_extended: bool, now: int) -> None:

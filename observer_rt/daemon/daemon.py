@@ -114,7 +114,7 @@ class Daemon:
             self._executor.shutdown(cancel_futures=True)
 
     def _serve_once(self) -> None:
-        """Serves what the pump has, soon; results, and status when it is due."""
+        """Serve what the pump brings; send results, and status when it is due."""
         try:
             results = self._pump.serve(RETRY if self._is_waiting else RECEIVE_TIMEOUT)
         except BusDownError as error:

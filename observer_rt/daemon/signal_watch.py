@@ -225,7 +225,7 @@ class UnitWatch:
 
 
 def _take(survey_of_all: Survey, role: Role, values: NDArray[np.float64]) -> None:
-    """Take in values (n,) that need not follow each other: changes from one to the next mean nothing."""
+    """Take in values (n,) that need not follow each other: their differences carry no meaning."""
     values = values[np.isfinite(values)]
     if values.size:
         survey = survey_of_all.signals[role.value]

@@ -1,4 +1,4 @@
-"""Opens links, and again after an outage; links over a descriptor, and to nothing; who else sends."""
+"""Opening of links, also after an outage; links over a descriptor, idle links; listening for other senders."""
 
 import os
 import select

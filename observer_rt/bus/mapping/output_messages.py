@@ -65,7 +65,7 @@ class RateMessage(NamedTuple):
 
 
 def output_message(message: Message, signals: Sequence[str], bus: int = 0) -> OutputMessage:
-    """The message, sent on the bus of this number, with those of the `signals` signals that it has.
+    """A message for the bus of this number, with as many of `signals` as it has.
 
     Raises `UserError`: its protection is not supported, or a signal cannot be encoded.
     """
@@ -85,7 +85,7 @@ def output_message(message: Message, signals: Sequence[str], bus: int = 0) -> Ou
 
 
 def rate_message(message: Message, bus: int = 0) -> RateMessage:
-    """The message, sent on the bus of this number, with its rates and those of `HEADER_SIGNALS` that it has.
+    """A message for the bus of this number, with its rates and as many of `HEADER_SIGNALS` as it has.
 
     Raises `UserError`: it has no rates, is multiplexed, or cannot be encoded.
     """

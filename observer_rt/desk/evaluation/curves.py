@@ -62,7 +62,7 @@ class RateCurves:
 
 
 def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:
-    """Those chosen, else the first, a middle and the last. Raises `UserError` for one that is not there."""
+    """Numbers chosen, else the first, a middle and the last. Raises `UserError` for an unknown number."""
     missing = [number for number in chosen if number not in present]
     if missing:
         choices = f"there are {min(present)} to {max(present)}" if present else "no injection was found"

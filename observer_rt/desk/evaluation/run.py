@@ -59,7 +59,7 @@ class NominalModel:
 
 
 class ObserverRun:
-    """One observer, learning in lockstep, whose results go to the evaluations of what it is given."""
+    """One observer that learns in lockstep; its results go to the evaluations of the recordings it is given."""
 
     def __init__(self, core: Core, bus: BusMap, news: list[News], progress: Progress, keeps_frames: bool) -> None:
         """news: to which the core appends; keeps_frames: that were sent."""
@@ -74,7 +74,7 @@ class ObserverRun:
         self._commands, self._begun, self._is_energized = 0, 0, False
 
     def observe(self, source: SignalStream, sink: Evaluation) -> None:
-        """Observe the frames of a log as they are, or a recording as those of a measuring device.
+        """Observe the frames of a log as they are, or a recording in frames of a measuring device.
 
         Between stretches of a recording the sample index jumps.
         """

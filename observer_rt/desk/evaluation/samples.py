@@ -60,7 +60,7 @@ class HistorySamples:
 
     @property
     def held(self) -> Trace:
-        """Samples that are remembered, by number; those of a log that never came are not among them."""
+        """Samples remembered, by number, without those of a log that never came."""
         return trace_of(self._memory[self._held])
 
     def begin(self, run: Run) -> None:
@@ -163,7 +163,7 @@ class HistorySamples:
         self._hand_over(self._runs[-1].end)
 
     def _hand_over(self, end: int) -> None:
-        """Hand over samples up to a number, those of a log that never came as unknown."""
+        """Hand over samples up to a number; samples of a log that never came count as unknown."""
         while self._handed_over < end:
             run = self._runs[self._oldest]
             stop = min(end, run.end)

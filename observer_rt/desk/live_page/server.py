@@ -36,7 +36,7 @@ _STOP_EVERY = 0.1  # s between two looks at the stop signal
 
 
 class _GuardedHandler(RequestHandler):
-    """Serves whoever has the token of the page, by its address at first, then by a cookie; all if it has none."""
+    """Serves browsers that have the page's token, from its address at first, then a cookie; all without a token."""
 
     def prepare(self) -> None:
         """Refuse a request without it."""

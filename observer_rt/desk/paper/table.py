@@ -15,7 +15,7 @@ from observer_rt.model.effective import Coefficients
 
 
 class Estimator(StrEnum):
-    """Estimators compared; the number is that of the trainings before the injection."""
+    """Estimators compared; the number counts the trainings before the injection."""
 
     MODEL = "model"
     PAPER = "paper, 1"

@@ -285,7 +285,7 @@ class Field(Generic[T]):
 
 
 class IndicatorFields(NamedTuple):
-    """Indicator of an injector as two fields; name and unit are those of JSON."""
+    """Two fields of an indicator of the injector, with its name and unit in JSON."""
 
     name: str
     unit: str

@@ -232,12 +232,12 @@ class Core:
 
     @property
     def progress(self) -> list[int]:
-        """The sample index up to which each input stream came; -1: nothing yet."""
+        """Sample index that each input stream has reached; -1 before its first sample."""
         return indices_of(self.compiled.pipeline.alignment, "next_index")
 
     @property
     def begun_at(self) -> list[int]:
-        """Of each of our input messages the sample index at which it began; -1: it has not."""
+        """Sample index at which each of our input messages began; -1 before its first frame."""
         return indices_of(self.compiled.pipeline.alignment, "first_index")
 
     @property
@@ -359,7 +359,7 @@ class Core:
 
 
 def status_parts(core: Core, state: State, reason: Reason, others: Mapping[str, Any]) -> dict[str, Any]:
-    """Where the values of a status come from; others: parts beside those of the core, of links and files."""
+    """Sources of the values of a status; others: parts of links and files, beside those of the core."""
     version = dict(zip(("major", "minor", "patch"), map(int, __version__.split(".")[:3]), strict=True))
     valid = core.is_valid and is_good(state)
     return {**core.parts, "valid": valid, "state": state, "reason": reason, "version": version, **others}

@@ -131,7 +131,10 @@ RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
     ),
 )
 """Fields of an evaluated injection, those of its report first."""
-SHOWN: Mapping[str, Field[InjectionResult]] = {shown.name: shown for shown in (*RESULT_FIELDS, MASS_BOUND)}
+SHOWN: Mapping[str, Field[InjectionResult]] = {
+    **{shown.name: shown for shown in RESULT_FIELDS},
+    MASS_BOUND.name: MASS_BOUND,
+}
 """All that is shown of one on the screen."""
 
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from observer_rt.foundation.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from observer_rt.desk.library.discovery import DiscoveryResult as Discovery
     from observer_rt.desk.library.fit import FitResult
+    from observer_rt.desk.library.injector import DiscoveryResult as Discovery
     from observer_rt.desk.library.injector import Injector
     from observer_rt.desk.library.notes import ObserverWarning
     from observer_rt.desk.library.observer import SampleObserver as Observer
@@ -37,7 +37,7 @@ __all__ = [
     "to_frame",
 ]
 _PLACES = {
-    "Discovery": "desk.library.discovery.DiscoveryResult",
+    "Discovery": "desk.library.injector.DiscoveryResult",
     "EvaluationResult": "desk.library.results.EvaluationResult",
     "FitResult": "desk.library.fit.FitResult",
     "Injector": "desk.library.injector.Injector",

@@ -1,14 +1,16 @@
-"""An injector as the library has it: its model, and methods to fit it, evaluate recordings, and discover effects."""
+"""An injector as the library has it: its model, fit, evaluation, and what a search finds missing in the model."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from html import escape
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Self
+from typing import Any, Self
+
+import pandas as pd
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
 from observer_rt.config.effects import effects_named
@@ -16,7 +18,6 @@ from observer_rt.config.injector_file import InjectorFile
 from observer_rt.config.signals import effects_on_one_raster
 from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
 from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run
-from observer_rt.desk.library.discovery import DiscoveryResult
 from observer_rt.desk.library.fit import FitResult, fitted_model
 from observer_rt.desk.library.notes import CallNotes, naming_parameters, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
@@ -25,14 +26,22 @@ from observer_rt.engine.service.injector import calibration_of
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.files import write_text
-from observer_rt.foundation.outputs import IN_A_CALL, INJECTOR_FILE, check_output
+from observer_rt.foundation.outputs import IN_A_CALL, INJECTOR_FILE, check_output, make_folder
+from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.identification.discovery.amend import AMENDED
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer, refuse_incomparable
+from observer_rt.identification.discovery.findings import Findings
+from observer_rt.identification.discovery.folder import REPORT, check_answer_folder, write_findings
+from observer_rt.identification.discovery.law_words import law_text
+from observer_rt.identification.discovery.report.text import as_text
+from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.fit.calibrate import write_fitted
 from observer_rt.identification.fit.folds import refuse_clipped
 from observer_rt.identification.fit.masses import read_masses
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import coverage, read_measured, refuse_rates_missing
+from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import InjectorParameters
 
 Pathlike = str | PathLike[str]
@@ -139,9 +148,9 @@ class Injector:
         with TemporaryDirectory() as folder:
             path = Path(folder) / _FITTED
             write_fitted(path, self.file, fitted.done, fitted.baseline)
-            bench, file = self.bench.with_parameters(load_injector(path)), InjectorFile.read(path)
-        remarks = (*notes, *map(coverage, measured), *fitted.warnings)
-        return replace(self, bench=bench, file=file, calibration=replace(fitted, notes=remarks))
+            made = self._with_file(path)
+        said = (*notes, *map(coverage, measured), *fitted.warnings)
+        return replace(made, calibration=replace(fitted, notes=said))
 
     def evaluate(
         self, recordings: Recordings, state: Pathlike | None = None, chain: bool = False, learn: bool = True
@@ -181,7 +190,7 @@ class Injector:
 
     def discover(
         self, recordings: Recordings, healthy: Recordings | None = None, choose: str = "", accept_term: int = 0
-    ) -> DiscoveryResult:
+    ) -> "DiscoveryResult":
         """Find the physical effect that the model is missing, its size and how sure that is.
 
         Parameters
@@ -223,8 +232,13 @@ class Injector:
             refuse_incomparable(task, self.file.name)
             with progress_bar(screen, "looking for what is missing", 1.0) as progress:
                 findings = answer(task, progress)
-            remarks = (*notes, *map(coverage, measured))
-            return DiscoveryResult(self, task, findings, remarks)
+            said = (*notes, *map(coverage, measured))
+            return DiscoveryResult(self, task, findings, said)
+
+    def _with_file(self, path: Path) -> Self:
+        """The injector of another file, on this bench."""
+        bench = self.bench.with_parameters(load_injector(path))
+        return replace(self, bench=bench, file=InjectorFile.read(path), calibration=None)
 
     def _measured(
         self, sources: Sequence[SignalStream], notes: CallNotes, most: int = MOST_SAMPLES
@@ -251,3 +265,98 @@ class Injector:
             lines.append(f"fitted {baseline.date} to {len(baseline.recordings)} recordings, {verdict}")
         lines += [f"in force: {words}" for words in self.parameters.in_force]
         return lines
+
+
+PROPOSAL: dict[str, Callable[[Proposal], Any]] = {
+    "words": lambda proposal: proposal.sentence,
+    "laws": lambda proposal: "; ".join(map(law_text, proposal.terms)),
+    "gap_before_MPa": lambda proposal: proposal.held_out[0] / MEGAPASCAL,
+    "gap_after_MPa": lambda proposal: proposal.held_out[1] / MEGAPASCAL,
+    "may_enter": lambda proposal: proposal.may_enter,
+    "in_part": lambda proposal: proposal.part is not None,
+    "refused": lambda proposal: "" if proposal.refusal is None else proposal.refusal.reason,
+}
+"""Columns of a table of proposals."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DiscoveryResult:
+    """Answer of a search, with all it rests on.
+
+    injector: whose model it is; notes: what was noted while recordings were read.
+    """
+
+    injector: Injector
+    task: DiscoveryTask
+    findings: Findings
+    notes: tuple[str, ...]
+
+    @property
+    def verdict(self) -> str:
+        """`none`, `named`, `ambiguous` or `unknown`."""
+        return str(self.findings.verdict)
+
+    @property
+    def confidence(self) -> float:
+        """Confidence that the verdict is right."""
+        return self.findings.confidence
+
+    @cached_property
+    def effects(self) -> pd.DataFrame:
+        """Effects named, a row a parameter: value, 95 % interval, unit."""
+        rows = [
+            (effect.id, VOCABULARY[effect.id].sentence, name, size.value, *size.ci95, size.unit)
+            for effect in self.findings.effects
+            for name, size in effect.parameters.items()
+        ]
+        return pd.DataFrame(rows, columns=["effect", "meaning", "parameter", "value", "low", "high", "unit"])
+
+    @cached_property
+    def proposals(self) -> pd.DataFrame:
+        """Laws outside the vocabulary, the best first; index: their numbers, for `accept_term`."""
+        proposals = self.findings.proposals
+        columns = {name: [of(proposal) for proposal in proposals] for name, of in PROPOSAL.items()}
+        return pd.DataFrame(columns, index=pd.RangeIndex(1, len(proposals) + 1, name="number"))
+
+    @cached_property
+    def amended(self) -> Injector | None:
+        """The injector with what was found; None where nothing may be added: see `findings.not_accepted`."""
+        if self.findings.amended_model is None:
+            return None
+        with TemporaryDirectory() as folder:
+            self._write(Path(folder))
+            return self.injector._with_file(Path(folder) / AMENDED)
+
+    def report(self, folder: Pathlike, force: bool = False) -> Path:
+        """Write report, findings and amended model into a folder.
+
+        Parameters
+        ----------
+        folder : path
+            New folder, or that of an earlier report.
+        force : bool
+            Whether an earlier report there is replaced.
+
+        Returns
+        -------
+        Path
+            The page of the report.
+
+        Raises
+        ------
+        UserError
+            For a folder that cannot be written.
+        """
+        check_answer_folder(Path(folder), None, force)
+        make_folder("report", Path(folder))
+        self._write(Path(folder))
+        return Path(folder) / REPORT
+
+    def _write(self, folder: Path) -> None:
+        write_findings(folder, self.task, self.findings, self.injector.file)
+
+    def __repr__(self) -> str:
+        return as_text(self.findings)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(as_text(self.findings))}</pre>"

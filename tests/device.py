@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import e2e.p05
 import numpy as np
@@ -188,8 +188,7 @@ class Notes:
             self.messages.append(news.text)
 
 
-@dataclass(frozen=True)
-class Result:
+class Result(NamedTuple):
     """What a core made of frames: frames to send, and news."""
 
     core: Core
@@ -262,8 +261,7 @@ def run(bench: Path | Bench, frames: Iterable[TimedFrame], **options: Any) -> Re
     return Result(core, out + core.finish(), notes)
 
 
-@dataclass(frozen=True)
-class Traffic:
+class Traffic(NamedTuple):
     """Frames of the bench, and what the core makes of them undisturbed."""
 
     bench: Path

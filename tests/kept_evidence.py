@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.evidence import EvidenceKeeper, evidence_keeper
+from observer_rt.daemon.evidence_keeper import EvidenceKeeper, evidence_keeper
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.signals.recording import Recording
@@ -33,7 +33,7 @@ def observe(keeper: EvidenceKeeper, bench: Bench, recording: Recording) -> None:
 def keep(bench: Bench, *hidden: SizedEffect, injections: int = 12) -> None:
     """Keep the evidence of an injector with hidden effects, at three rail pressures and two durations."""
     schedule = make_schedule([60e6, 100e6, 140e6], injections, 0.05, [0.9e-3, 1.9e-3])
-    rate = bench.injector.config.sampling.rate_hz
+    rate = bench.injector.sample_rate
     measured = simulate(bench.injector.parameters, schedule, rate, hidden, SimulatedNoise(), seed=4)
     messages: list[str] = []
     with keeping(bench, messages) as keeper:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.config.injector import SamplingConfig
+from observer_rt.config.injector_sections import SamplingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.files.signals.recording import Recording

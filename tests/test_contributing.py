@@ -127,7 +127,7 @@ class MassValues(NamedTuple):
     ),
     (SIGNALS, "\n}\n", '\n    "injection_mass": Result(MassValues, 515, per_injection=True),\n}\n'),
     (
-        "config/injector.py",
+        "config/injector_sections.py",
         "    injector_id: ",
         """    injection_mass: str | Literal[False] = "InjectionMass"
     injection_mass_id: Identifier | None = None

@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.config.bench_file import read_buses
-from observer_rt.config.injector import InjectorConfig
+from observer_rt.config.injector_sections import InjectorConfig
 from observer_rt.config.toml_file import validated
 from tests.pages import Page
 

@@ -2,8 +2,9 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from observer_rt.config.bench import PACKAGE_DATA, load_bench
 from observer_rt.desk.evaluation.evaluate import evaluate
@@ -38,8 +39,7 @@ lockstep = true
 """
 
 
-@dataclass(frozen=True)
-class Three:
+class Three(NamedTuple):
     """The bench of all, that of each by itself, what each sees, and the frames of all devices."""
 
     bench: Path

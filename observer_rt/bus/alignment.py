@@ -7,27 +7,21 @@ block the first wins; an older one is dropped; an index that jumps back or to 0 
 
 Frames without an index are counted, and a device's clock is found by the stamps of its frames: `frame_numbers.pxi`
 and `clock.pxi` of `core/frames` say how.
-
-`MessageTiming` holds the jitter of the messages and the uncertainty of the time of their samples.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import GridRelation
 from observer_rt.core.frames import frames as core
 from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.core.stream.stream import Break
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECOND
 
 SECOND = 1e9  # ns
-LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
 
 
 class Alignment(NamedTuple):
@@ -85,24 +79,6 @@ def is_stale(alignment: Alignment) -> bool:
     return bool(alignment.followers["stale"].any() or waiting > core.PATIENCE)
 
 
-class Jitter(NamedTuple):
-    """Delays of a message's frames over its shortest one: their scatter and greatest [s], over `frames` frames."""
-
-    frames: int
-    sigma: float
-    greatest: float
-
-
-def jitter_of(clock: np.void) -> Jitter:
-    """Delays since the line is known; nothing is known of frames before."""
-    frames = int(clock["delays"])
-    if frames == 0:
-        return Jitter(0, math.nan, math.nan)
-    mean = float(clock["delay_sum"]) / frames
-    variance = max(0.0, float(clock["delay_squares"]) / frames - mean * mean)
-    return Jitter(frames, math.sqrt(variance) * NANOSECOND, float(clock["delay_max"]) * NANOSECOND)
-
-
 class Timekeeping(NamedTuple):
     """Clocks and counts of all messages, one row each."""
 
@@ -125,47 +101,3 @@ def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leadi
     clocks["samples"], clocks["residual"] = samples, math.inf
     counts["modulus"] = timing["modulus"]
     return Timekeeping(memory, timing, clocks, counts, np.zeros(len(timing), core.SHIFT))
-
-
-@dataclass(frozen=True)
-class MessageTiming:
-    """Timing of one input message: delays of its frames, drift of its clock against the receiver's [-].
-
-    unknown [s]: what its samples may lie beside their place on the grid; 0 where an index joins them, infinite
-    while the clocks are not known.
-    """
-
-    name: str
-    jitter: Jitter
-    drift: float
-    unknown: float
-    lately: float
-    """Greatest delay in the last 0.2 s [s]."""
-
-    def as_text(self) -> str:
-        """Summary for the screen in one line: delays, drift, and their effect on the samples."""
-        if self.jitter.frames == 0:
-            return f"{self.name}: too few frames to tell their times"
-        drift = f"drift {self.drift * 1e6:+.1f} ppm"
-        if abs(self.drift) >= LARGEST_DRIFT:
-            drift = f"sent at {1.0 / (1.0 + self.drift):.3g} times sampling.rate_hz"
-        placed = f"samples are placed by its clock to {self.unknown / MICROSECOND:.2g} us"
-        if self.unknown == 0.0:
-            placed = "samples are counted"
-        elif math.isinf(self.unknown):
-            placed = "its clock is not known yet"
-        late, jitter = self.jitter.greatest / MILLISECOND, self.jitter.sigma / MICROSECOND
-        return f"{self.name}: frames came late by up to {late:.3g} ms, jitter {jitter:.1f} us, {drift}; {placed}"
-
-
-def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:
-    """Timing of each message by the receive stamps so far."""
-    grid = keeping.clocks[int(keeping.memory[0]["leading"])]
-    result = []
-    for stream, (timing, clock) in enumerate(zip(keeping.timing, keeping.clocks, strict=True)):
-        by_clock = timing["joining"] == Joining.CLOCK
-        unknown = float(grid["residual"] + clock["residual"]) / SECOND if by_clock else 0.0
-        drift = float(clock["drift"]) / float(clock["interval"])
-        name, lately = bus.name_of(layout_of(bus, stream)), float(clock["spread"]) / SECOND
-        result.append(MessageTiming(name, jitter_of(clock), drift, unknown, lately))
-    return tuple(result)

@@ -1,4 +1,4 @@
-"""CAN frames, classic and FD: what one can hold, and how it is named on all buses."""
+"""CAN frames, classic and FD: their lengths, and the keys that name them on all buses."""
 
 from bisect import bisect_left
 

@@ -15,15 +15,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from observer_rt.config.bench_file import (
-    BenchFile,
-    BusesConfig,
-    LinkName,
-    read_buses,
-    refuse_shared_channels,
-    require_link,
-)
-from observer_rt.config.injector import InjectorConfig
+from observer_rt.config import bench_file
+from observer_rt.config.injector_sections import InjectorConfig
 from observer_rt.config.signals import with_exact_sensors
 from observer_rt.config.toml_file import place_in, read_toml, validated
 from observer_rt.foundation.documents import Section
@@ -54,7 +47,7 @@ class BenchInjector:
     is_lift_dead: its lift sensor, so that the needle goes by commands until it is alive again.
     """
 
-    file: BenchFile
+    file: bench_file.BenchFile
     config: InjectorConfig
     parameters_path: Path
     parameters: InjectorParameters
@@ -68,6 +61,11 @@ class BenchInjector:
     def location(self, key: str) -> str:
         """Place in the bench file of `key` of this injector, such as `signals.rail_pressure.unit`, for messages."""
         return self.file.location(*key.split("."))
+
+    @property
+    def sample_rate(self) -> float:
+        """Sample rate of its observer [Hz]."""
+        return self.config.sampling.rate_hz
 
     @property
     def has_lift(self) -> bool:
@@ -103,7 +101,7 @@ class Bench:
     """A bench file with the files it names: what every command starts from. `config`: its buses."""
 
     path: Path
-    config: BusesConfig
+    config: bench_file.BusesConfig
     databases: tuple[Path, ...]
     injectors: tuple[BenchInjector, ...]
 
@@ -111,11 +109,9 @@ class Bench:
     def injector(self) -> BenchInjector:
         """The injector of a bench with one. Raises `UserError` for a bench with several."""
         if len(self.injectors) > 1:
-            raise UserError(
-                f"{self.path}: injectors",
-                f"the file has {len(self.injectors)} injectors, this is for one: {self._names}",
-                f"choose one, such as --injector {self.injectors[0].name}",
-            )
+            problem = f"the file has {len(self.injectors)} injectors, this is for one: {self._names}"
+            remedy = f"choose one, such as --injector {self.injectors[0].name}"
+            raise UserError(f"{self.path}: injectors", problem, remedy)
         return self.injectors[0]
 
     @property
@@ -131,18 +127,15 @@ class Bench:
         return tuple(replace(self, injectors=(injector,)) for injector in self.injectors)
 
     def of(self, name: str | None) -> "Bench":
-        """The bench with one of its injectors only, None: as it is. Raises `UserError` for a name it has not."""
+        """The bench with one of its injectors; None: the bench as it is. Raises `UserError` for an unknown name."""
         if name is None:
             return self
         chosen = tuple(injector for injector in self.injectors if injector.name == name)
         if not chosen:
             names = [injector.name for injector in self.injectors if injector.name]
             meant = did_you_mean(name, names)
-            raise UserError(
-                f"--injector {name}",
-                f"{self.path} has no [injectors.{name}]",
-                f"{meant}known injectors: {self._names}" if names else "leave it out: the file has one injector",
-            )
+            remedy = f"{meant}known injectors: {self._names}" if names else "leave it out: the file has one injector"
+            raise UserError(f"--injector {name}", f"{self.path} has no [injectors.{name}]", remedy)
         return replace(self, injectors=chosen)
 
     @property
@@ -217,17 +210,18 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, off_bus: b
     if off_bus and is_off_bus(shared):
         shared = _completed(shared, read_toml(EXAMPLE_BENCH))
     stated = validated(_InjectorNames, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
-    buses = read_buses(path, shared)
+    buses = bench_file.read_buses(path, shared)
     files = [
-        BenchFile(path, name, number, shared, own) for number, (name, own) in enumerate((stated or {"": {}}).items())
+        bench_file.BenchFile(path, name, number, shared, own)
+        for number, (name, own) in enumerate((stated or {"": {}}).items())
     ]
     configs = [file.read() for file in files]
-    refuse_shared_channels(f"{path}: ", buses.buses)
+    bench_file.refuse_shared_channels(f"{path}: ", buses.buses)
     for number, entry in enumerate(buses.dbc):
-        require_link(f"{path}: dbc.{number}.link", entry.link, buses.links)
+        bench_file.require_link(f"{path}: dbc.{number}.link", entry.link, buses.links)
     for file, config in zip(files, configs, strict=True):
         for key, link in config.stated_links:
-            require_link(file.location(*key.split("."), "link"), link, buses.links)
+            bench_file.require_link(file.location(*key.split("."), "link"), link, buses.links)
     return Bench(
         path=path,
         config=buses,
@@ -246,10 +240,10 @@ def _completed(stated: Mapping[str, Any], by: Mapping[str, Any]) -> dict[str, An
 
 
 class _InjectorNames(Section):
-    injectors: Mapping[LinkName, Mapping[str, Any]]
+    injectors: Mapping[bench_file.LinkName, Mapping[str, Any]]
 
 
-def _injector(file: BenchFile, config: InjectorConfig, model: Path | None) -> BenchInjector:
+def _injector(file: bench_file.BenchFile, config: InjectorConfig, model: Path | None) -> BenchInjector:
     if model is None and config.model.file:
         model = file.path.parent / config.model.file
         _require_file(file.location("model", "file"), model)

@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field
 
-from observer_rt.config.injector import InjectorConfig, OutputsConfig
+from observer_rt.config.injector_sections import InjectorConfig, OutputsConfig
 from observer_rt.config.toml_file import place_in, unknown_key, validated
 from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
@@ -41,8 +41,7 @@ class FurtherLinkConfig(Section):
     data_bit_rate: BitRate | None = None
 
 
-@dataclass(frozen=True)
-class NamedLink:
+class NamedLink(NamedTuple):
     """Bus of a bench, by its name in the bench file; the name is empty for the bus of `[link]`."""
 
     name: str
@@ -76,14 +75,14 @@ def refuse_shared_channels(location: str, links: Sequence[NamedLink]) -> None:
         channel = link.config.interface, link.config.channel
         other = seen.setdefault(channel, link)
         if other is not link:
-            raise UserError(
-                f"{location}{link.location}.channel",
-                f"is {' '.join(channel)}, as that of [{other.location}]",
-                "name another channel, or leave the section out",
-            )
+            problem = f"is {' '.join(channel)}, as that of [{other.location}]"
+            remedy = "name another channel, or leave the section out"
+            raise UserError(f"{location}{link.location}.channel", problem, remedy)
 
 
-def of_links(option: str, texts: Sequence[str], links: Sequence[NamedLink], example: str = "can1") -> dict[int, str]:
+def values_by_bus(
+    option: str, texts: Sequence[str], links: Sequence[NamedLink], example: str = "can1"
+) -> dict[int, str]:
     """Values of a repeatable option by bus number: `VALUE` for the first bus, `NAME=VALUE` for another.
 
     On a bench with one bus every text is a value. Of several values for one bus the last counts. Raises `UserError`

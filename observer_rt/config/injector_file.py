@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
@@ -19,8 +18,7 @@ from observer_rt.model.terms.in_force import TermInForce
 _PAIR = 2  # numbers that still stand in a line of their own
 
 
-@dataclass(frozen=True)
-class InjectorFile:
+class InjectorFile(NamedTuple):
     """An injector file that another is made of: its name, SHA-256 and text."""
 
     name: str
@@ -62,14 +60,17 @@ def inline(entry: Mapping[str, Any]) -> InlineTable:
 
 
 def section_of(entry: Mapping[str, Any]) -> Any:
-    """A section; what holds numbers or pairs stands in one line of it, what holds more is a section below."""
+    """A section: a mapping in it is a section below, or one line if it holds numbers and pairs only."""
     table = tomlkit.table()
     for key, value in entry.items():
-        is_section = isinstance(value, dict) and any(
-            isinstance(one, dict) or (isinstance(one, list) and len(one) > _PAIR) for one in value.values()
-        )
-        table[key] = section_of(value) if is_section else inline(value) if isinstance(value, dict) else value
+        if isinstance(value, dict):
+            value = inline(value) if all(map(_is_short, value.values())) else section_of(value)
+        table[key] = value
     return table
+
+
+def _is_short(value: Any) -> bool:
+    return len(value) <= _PAIR if isinstance(value, list) else not isinstance(value, dict)
 
 
 def tables_in_force(entries: Sequence[EffectInForce] | Sequence[TermInForce]) -> AoT:

@@ -45,11 +45,11 @@ class OptionalRole(StrEnum):
 class OptionalSignal:
     """Description of an optional role, for the bus and for `check`.
 
-    use: what becomes of its values; possible: lowest and highest value [SI]; its range must reach one of them, else
-    it is `wrong`. expires: a value counts for a time only. usual: value [SI] in frames made of recordings; if not
-    always, then only where a frame cannot mark it as not available. units: SI of each, or origins: where each begins
-    [K]; neither: a plain number. shown: the unit of screens; without one its range is not shown. step: change [SI] of
-    one of the `Surroundings` below which the model stays.
+    use: purpose of its values; possible: lowest and highest value [SI]; wrong: what a signal is whose range lies
+    outside these. expires: a value counts for a time only. usual: value [SI] in frames made of recordings; if not
+    always, then only where a frame cannot mark it as not available. units: factors to SI, or origins: zeros of the
+    scales [K]; neither: a plain number. shown: the unit of screens; without one the range is not shown. step: change
+    [SI] of one of the `Surroundings` below which the model stays.
     """
 
     use: str
@@ -99,7 +99,7 @@ OPTIONAL_SIGNALS: Mapping[OptionalRole, OptionalSignal] = {
 
 
 def in_units(surroundings: Surroundings) -> dict[str, float]:
-    """Those that are measured, by names that end in their units, such as `fuel_temperature_degC`."""
+    """Measured surroundings by names that end in their units, such as `fuel_temperature_degC`."""
     roles = {OptionalRole(role): value for role, value in surroundings._asdict().items() if value is not None}
     scales = {role: OPTIONAL_SIGNALS[role].to_si(OPTIONAL_SIGNALS[role].shown) for role in roles}
     return {
@@ -109,7 +109,7 @@ def in_units(surroundings: Surroundings) -> dict[str, float]:
 
 
 def in_words(surroundings: Surroundings) -> list[str]:
-    """Those that are measured, such as `fuel_temperature 40.0 degC`."""
+    """Measured surroundings in words, such as `fuel_temperature 40.0 degC`."""
     parts = ((*name.rsplit("_", 1), value) for name, value in in_units(surroundings).items())
     return [f"{role} {value:.1f} {unit}" for role, unit, value in parts]
 
@@ -218,7 +218,7 @@ class SignalsConfig(Section):
         return self
 
     def of(self, role: Role) -> SignalConfig:
-        """The mapping of a role; a lift that is not measured has the samples of the line pressure, read by nobody."""
+        """The mapping of a role; a lift that is not measured has that of the line pressure, and nobody reads it."""
         mapping: SignalConfig | None = getattr(self, role.value)
         return mapping or self.line_pressure.model_copy(update=_UNDONE)
 

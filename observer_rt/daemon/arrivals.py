@@ -1,15 +1,16 @@
-"""Arrivals of frames, how many, and when last: of every input message, and of our own identifiers from elsewhere."""
+"""Arrivals of frames, their number and the last one: of input messages, and of other nodes under our identifiers."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
-from observer_rt.bus.alignment import MessageTiming
 from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import LINE_SLOPE
+from observer_rt.bus.message_timing import MessageTiming
 from observer_rt.config.signals import Role
 from observer_rt.daemon.snapshot import InputStatus
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
@@ -19,8 +20,7 @@ STALE = 0.5  # s without a frame of a message that carries samples
 CONTESTED = 2.0  # s after a frame of another sender: it may send seldom
 
 
-@dataclass(frozen=True)
-class WatchedMessage:
+class WatchedMessage(NamedTuple):
     """An input message: what it carries, and after which time without a frame it counts as stale [s]."""
 
     layout: MessageLayout
@@ -41,7 +41,7 @@ class FrameCount:
 
 
 class Arrivals:
-    """Counts frames by their identifiers. Time [ns] is whatever clock the caller goes by."""
+    """Counts frames by their identifiers. Times [ns] are of the caller's clock."""
 
     def __init__(self, bus: BusMap) -> None:
         self.sources = sources_of(bus)
@@ -54,7 +54,7 @@ class Arrivals:
         self._begin = 0
 
     def begin(self, now: int) -> None:
-        """Begins to wait for messages now: before, nothing could come."""
+        """Begin to wait for messages now: no frame could come before."""
         self._begin = now
 
     def note(self, bus: int, frame_id: int, is_extended: bool, now: int) -> None:

@@ -9,7 +9,8 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.links.link import BusState, Link, LinkDownError, condition_messages
+from observer_rt.bus.links.controller import BusState, condition_messages
+from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.opening import RECONNECT_PERIOD, IdleLink, first_heard, open_link
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
@@ -34,8 +35,8 @@ class StoppedError(Exception):
 class LinkOpening:
     """Opens the links of an injector. on_alive: called while it waits.
 
-    Its methods raise `StoppedError` when `stop` is set meanwhile, `UserError` or `RunError` for what waiting does
-    not mend.
+    Its methods raise `StoppedError` when `stop` is set meanwhile, `UserError` or `RunError` for a failure that
+    waiting does not end.
     """
 
     bench: Bench
@@ -64,7 +65,7 @@ class LinkOpening:
                 self.tell(Notice(Topic.LINK, warning))
 
     def tell_other_senders(self) -> None:
-        """Listen a moment, before anything is sent, for others that send what this service will."""
+        """Listen a moment, before anything is sent, for other nodes that send the messages of this service."""
         with ExitStack() as stack, suppress(LinkDownError):  # which the daemon waits for
             links = {}
             for number in {layout.bus for layout in self.bus.sent}:
@@ -157,7 +158,7 @@ class Port:
 
     @property
     def is_in_trouble(self) -> bool:
-        """Whether it neither sends nor receives now, or only with errors."""
+        """Whether the link is down now, or its controller sends with errors only."""
         return not self.is_up or self.link.condition.state in (BusState.PASSIVE, BusState.OFF)
 
     def post(self, frames: Iterable[OutputFrame], by: Link) -> None:
@@ -174,7 +175,7 @@ class Port:
             self.unsent += 1
 
     def count_unsent(self, frames: int) -> None:
-        """Counts results given up by whoever sends them without this port."""
+        """Count results that another sender than this port gave up."""
         self.unsent += frames
 
     def drain(self, patience: float, by: Link) -> None:
@@ -201,7 +202,7 @@ class Port:
             waiting.popleft()
 
     def tell(self, now: int) -> None:
-        """Reports what has changed, at a monotonic time [ns]; nothing within `PERIOD` after the last."""
+        """Report changes, at a monotonic time [ns]; at most one report in a `PERIOD`."""
         if not self.is_up or now < self._next_report:
             return
         is_well = self.link.condition.state is BusState.ACTIVE
@@ -263,7 +264,7 @@ class Port:
         return True
 
     def _tell_outage(self, reason: str) -> bool:
-        """Reports an outage, unless it is the last one again; returns whether it did."""
+        """Report an outage unless it repeats the last report; returns whether it was reported."""
         (before, when), now = self._last_outage, time.monotonic()
         self._last_outage = reason, now
         if is_new := reason != before or now - when > SILENCE:

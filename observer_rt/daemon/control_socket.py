@@ -1,9 +1,9 @@
 """The daemon's one local socket: a request and its answer are a line of JSON each, for whoever may open its file.
 
-It stands beside the lock of what the daemon keeps, else beside its bench file, so that a process sees both if it sees
-one, also through a folder that is shared with a container; where the daemon may write neither, below `RUN`. A request
-is an object whose `request` is its name; an answer that has `error` refuses. Clients of another user and group may
-only look, as on a bus; they have places of their own, so that they keep nobody else out.
+The socket stands beside the lock of the file that the daemon keeps, else beside its bench file: a process that sees
+the file sees the socket, too, even through a folder shared with a container. Where the daemon may write neither, the
+socket is below `RUN`. A request is an object whose `request` is its name; an answer that has `error` refuses. Clients
+of another user and group may only look, as on a bus; they have places of their own and keep nobody else out.
 """
 
 import errno
@@ -43,9 +43,9 @@ An answer is a line of JSON; or pieces, the first of which is one, and says how 
 
 
 def socket_places(injector: BenchInjector, state: Path | None = None) -> tuple[Path, ...]:
-    """Files beside which a daemon of an injector has its socket: the first beside which it can.
+    """Files beside which a daemon of an injector tries to have its socket, in this order.
 
-    state: of the command line, where the bench file does not name it, nobody else can find it.
+    state: of the command line; one that the bench file does not name is left out, for no client could find it.
     """
     kept = injector.state if state in (None, injector.state) else None
     path, evidence = injector.file.path, injector.evidence and injector.evidence / OBSERVER
@@ -100,11 +100,8 @@ def connected(kept: Path) -> socket.socket | None:
             "  remedy: try again, else restart it"
         ) from None
     except PermissionError:
-        raise UserError(
-            str(kept),
-            f"is kept by a daemon of user {_owner(kept)}, who alone may ask it, with the group",
-            "repeat the command as that user, or with sudo",
-        ) from None
+        problem = f"is kept by a daemon of user {_owner(kept)}, who alone may ask it, with the group"
+        raise UserError(str(kept), problem, "repeat the command as that user, or with sudo") from None
     except OSError:
         raise _no_answer(kept) from None
 
@@ -129,7 +126,7 @@ def ask(kept: Path, request: Message) -> Message | None:
 
 
 class _SocketServer(ThreadingMixIn, UnixStreamServer):
-    """Takes a limited number of clients, each in a thread of its own, which outlives nothing but its client."""
+    """Takes a limited number of clients, each in a thread of its own, which ends with its client."""
 
     daemon_threads = True
     request_queue_size = 4 * MOST_CLIENTS
@@ -138,7 +135,7 @@ class _SocketServer(ThreadingMixIn, UnixStreamServer):
     def __init__(self, address: str, requests: Requests, say: Callable[[str], None]) -> None:
         self.requests = requests
         self._say = say
-        self._is_told = False
+        self._has_warned = False
         self._places = {is_own: BoundedSemaphore(MOST_CLIENTS) for is_own in (False, True)}
         self._clients: set[socket.socket] = set()
         super().__init__(address, _Client)
@@ -147,8 +144,8 @@ class _SocketServer(ThreadingMixIn, UnixStreamServer):
     def verify_request(self, request: Any, client_address: object) -> bool:
         """Whether there is room for one more of its kind."""
         has_room = self._places[_is_own(request)].acquire(blocking=False)
-        if not (has_room or self._is_told):
-            self._is_told = True
+        if not (has_room or self._has_warned):
+            self._has_warned = True
             process, user, _ = _credentials(request)
             self._say(
                 f"warning: more than {MOST_CLIENTS} clients at the control socket at once, the last one process "
@@ -167,7 +164,7 @@ class _SocketServer(ThreadingMixIn, UnixStreamServer):
             places.release()
 
     def server_close(self) -> None:
-        """Serve nobody any more."""
+        """Close the socket and the connections of all clients."""
         super().server_close()
         for client in tuple(self._clients):
             with suppress(OSError):
@@ -201,8 +198,8 @@ class _Client(StreamRequestHandler):
 
 def _credentials(client: socket.socket) -> tuple[int, int, int]:
     """Process, user and group of a client."""
-    said = client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    process, user, group = _CREDENTIALS.unpack(said)
+    credentials = client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    process, user, group = _CREDENTIALS.unpack(credentials)
     return process, user, group
 
 

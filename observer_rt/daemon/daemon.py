@@ -18,7 +18,7 @@ from observer_rt.daemon.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.daemon.input_watch import InputWatch, StateWatch
 from observer_rt.daemon.pump import FramePump
 from observer_rt.daemon.pump_memory import Latency
-from observer_rt.daemon.rights import take_time, touch
+from observer_rt.daemon.rights import drop_priority, touch
 from observer_rt.daemon.signal_watch import LIFT_MOVED
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -69,7 +69,7 @@ class Daemon:
             Port(named.label, named.config.channel, link, number in with_inputs, self._tell)
             for number, (named, link) in enumerate(zip(bench.config.buses, links, strict=True))
         )
-        self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning", initializer=take_time)
+        self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning", initializer=drop_priority)
         self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
         self._injector = bench.injector
         self.core = Core(bench.injector, bus, knowledge, self._executor, listeners=listeners)
@@ -114,7 +114,7 @@ class Daemon:
             self._executor.shutdown(cancel_futures=True)
 
     def _serve_once(self) -> None:
-        """Serves what the pump has, soon; results, and status when it is due."""
+        """Serve what the pump brings; send results, and status when it is due."""
         try:
             results = self._pump.serve(RETRY if self._is_waiting else RECEIVE_TIMEOUT)
         except BusDownError as error:
@@ -170,7 +170,7 @@ class Daemon:
         self._is_waiting = any(port.is_waiting for port in self.ports)
 
     def _lose(self, bus: int, error: LinkDownError) -> None:
-        """Goes on without a link that failed, until it is up again."""
+        """Go on without a link that failed, until the link is up again."""
         self._pump.leave_out(bus)
         self._down.append(bus)
         self.ports[bus].go_down(error)
@@ -206,7 +206,7 @@ class Daemon:
 
     @property
     def is_lift_dead(self) -> bool:
-        """Whether the lift sensor is: by the line pressure while it is used, else by what it sends since."""
+        """Whether the lift sensor is dead: by the line pressure while lift is used, else by the lift sent since."""
         if not self._injector.is_lift_dead:
             return self.core.state[1] is Reason.LIFT_DEAD
         receiver, lift = self.core.parts["receiver"], ROLES.index(Role.NEEDLE_LIFT)
@@ -214,7 +214,7 @@ class Daemon:
 
     @property
     def stands_since(self) -> int:
-        """Since when the state and its reasons are what they are, by the monotonic clock [ns]."""
+        """Time since which state and reasons have not changed, by the monotonic clock [ns]."""
         return self._state_watch.since
 
     @property

@@ -13,7 +13,8 @@ from observer_rt.config.bench import Bench
 from observer_rt.daemon.bus_connection import LinkOpening, StoppedError, buses_of
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.keeper import Keeper
-from observer_rt.daemon.log import EventLogger, Notifier, ServiceLog
+from observer_rt.daemon.log import EventLogger, ServiceLog
+from observer_rt.daemon.notifier import Notifier
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.state_file import knowledge_beside, model_hash, restored_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -23,7 +24,7 @@ from observer_rt.engine.words import Topic
 from observer_rt.foundation.units import MICROSECOND
 
 if TYPE_CHECKING:
-    from observer_rt.daemon.evidence import EvidenceKeeper
+    from observer_rt.daemon.evidence_keeper import EvidenceKeeper
 
 _TURN = 0.2  # s between two looks at what signals ask for
 
@@ -92,7 +93,7 @@ class InjectorService:
 
     @property
     def other_bench(self) -> Bench | None:
-        """The bench as its lift sensor is, dead or alive again; None where it is as the bench says, or is needed."""
+        """The bench with a lift sensor that died or came back; None where the bench is right, or needs the lift."""
         daemon, was_dead = self._daemon, self._bench.injector.is_lift_dead
         if daemon is None or not self._bus.tells_commands or daemon.is_lift_dead == was_dead:
             return None
@@ -149,7 +150,7 @@ class InjectorService:
             ", ".join(f"{bus.name_of(layout)} 0x{layout.frame_id:X}" for layout in layouts)
             for layouts in (bus.received, bus.sent)
         )
-        rate = injector.config.sampling.rate_hz
+        rate = injector.sample_rate
         lookahead = constants.timing.lookahead
         say(
             Topic.START,

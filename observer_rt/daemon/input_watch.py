@@ -1,4 +1,4 @@
-"""What the daemon says of its inputs, live or over a log: missing messages, lost frames, other senders, the state."""
+"""Notices about the inputs, live or over a log: missing messages, lost frames, other senders, and the state."""
 
 from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
@@ -12,8 +12,8 @@ from observer_rt.daemon.arrivals import SECOND, Arrivals, WatchedMessage, messag
 from observer_rt.daemon.signal_watch import LiftWatch, RangeWatch, RateWatch, UnitWatch, ValueWatch
 from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.core import Core
-from observer_rt.engine.service.injector import configured_noise
 from observer_rt.engine.service.messages import Counters
+from observer_rt.engine.service.noise import configured_noise
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import COUNTERS, TOPICS, Topic, is_good, named
 
@@ -43,7 +43,7 @@ _Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
 
 
 class Trouble(Enum):
-    """What can be wrong with a message: begun, remedy, over."""
+    """Trouble with a message: text of its beginning, remedy, text of its end."""
 
     SILENT = "no frame comes", "check the device that sends it, its cable and identifier", "comes again"
     OTHER_SIZE = (
@@ -64,12 +64,12 @@ class Trouble(Enum):
 
     @property
     def begun(self) -> str:
-        """What to say when it begins."""
+        """Text when the trouble begins, with the remedy."""
         return f"{self.value[0]}\n  remedy: {self.value[1]}"
 
     @property
     def over(self) -> str:
-        """What to say when it is over."""
+        """Text when the trouble is over."""
         return self.value[2]
 
 
@@ -211,7 +211,7 @@ class InputWatch:
 
     def __init__(self, injector: BenchInjector, bus: BusMap, core: Core) -> None:
         self.arrivals = Arrivals(bus)
-        rate = injector.config.sampling.rate_hz
+        rate = injector.sample_rate
         self._core = core
         self._messages = MessageWatch(bus, self.arrivals)
         self._useless = FrameWatch(self.arrivals, rate, partial(_odd_lengths, bus, core))

@@ -93,7 +93,7 @@ class JournalWriter:
         self._identity: os.stat_result | None = None
 
     def __call__(self, news: News) -> None:
-        """Keep what belongs into the journal, without arrays, for which nobody asks here."""
+        """Keep news that belong into the journal, without their arrays."""
         match news:
             case InjectionReport():
                 entry: InjectionReport | MeasuredMass = news.without_courses()
@@ -107,7 +107,7 @@ class JournalWriter:
             self.lost += 1
 
     def write(self) -> None:
-        """Write waiting entries, at first the run itself. Raises `RunError`; what it could not write waits on."""
+        """Write waiting entries, at first the run itself. Raises `RunError`; entries not written wait on."""
         if self.lost != self._told_lost:
             self._told_lost = self.lost
             self._tell(f"warning: {self.name}: {self.lost} injections lost so far, for want of room to keep them")
@@ -197,13 +197,11 @@ def require_journal(path: Path) -> None:
     except sqlite3.OperationalError:
         return  # locked, or no right to read: reported by whoever needs it
     except sqlite3.DatabaseError as error:
-        raise UserError(
-            str(path), f"is no journal of injections: {error}", "name another file, or move this one away"
-        ) from None
+        problem = f"is no journal of injections: {error}"
+        raise UserError(str(path), problem, "name another file, or move this one away") from None
     if application != APPLICATION_ID and tables:
-        raise UserError(
-            str(path), "is a database of another program", "name another file for the journal of injections"
-        )
+        problem = "is a database of another program"
+        raise UserError(str(path), problem, "name another file for the journal of injections")
     if schema > SCHEMA:
         problem = f"was written by a newer version: schema {schema}, this one knows {SCHEMA}"
         raise UserError(str(path), problem, "use that version, or name another file")

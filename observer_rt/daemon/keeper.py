@@ -84,11 +84,8 @@ def _locked(lock: Path, path: Path) -> int:
         except BlockingIOError:
             holder = os.read(descriptor, LONGEST_ID).decode("ascii", "replace").strip()
             os.close(descriptor)
-            raise UserError(
-                str(path),
-                f"is in use by {f'process {holder}' if holder else 'another process'}",
-                "stop that one first, or give each its own file",
-            ) from None
+            problem = f"is in use by {f'process {holder}' if holder else 'another process'}"
+            raise UserError(str(path), problem, "stop that one first, or give each its own file") from None
         except OSError as error:
             os.close(descriptor)
             raise _no_lock(lock, error) from None
@@ -106,7 +103,7 @@ class UnsavedError(RunError):
 
 
 class PersistentFile(Protocol):
-    """Something on disk that follows the daemon. name: what it is, with its file."""
+    """A file that follows the daemon's results. name: kind and path, for messages."""
 
     name: str
 
@@ -114,14 +111,14 @@ class PersistentFile(Protocol):
         """Bring the file up to date. Raises `ObserverError`; what could not be written is by a later call."""
 
     def finish(self) -> str:
-        """The last write, whatever was written before; what to say of it. Raises `ObserverError`."""
+        """Write a last time, changed or not; returns a text about the file. Raises `ObserverError`."""
 
 
 class RetryingWriter:
-    """Tries to write a file; reports a failure once, and once that it is over."""
+    """Tries to write a file; reports the beginning and the end of a failure once each."""
 
     def __init__(self, file: PersistentFile, interval: float, tell: Tell) -> None:
-        """interval [s]: after which it is tried again, for the message."""
+        """interval [s]: time until the next attempt, for the message."""
         self.failures = 0
         self._file = file
         self._interval = interval
@@ -150,7 +147,7 @@ class RetryingWriter:
                 self._since, self._reported = self.failures, ""
 
     def finish(self) -> str:
-        """Write a last time; what was in its way, empty: nothing."""
+        """Write a last time; returns the problem, empty where there was none."""
         failed = f" ({self.failures} attempts failed before)" if self.failures else ""
         try:
             self._tell(f"{self._file.finish()}{failed}")
@@ -160,7 +157,7 @@ class RetryingWriter:
 
 
 class Keeper:
-    """Keeps what a daemon learns. The loop only lends it what it has: nothing here is done in the loop's time."""
+    """Writes learned state and journal in a thread of its own, so that the loop never waits for a disk."""
 
     def __init__(
         self, injector: BenchInjector, state: Path | None, journal: "JournalWriter | None", tell: Tell
@@ -244,7 +241,7 @@ class KeptFiles(NamedTuple):
 
 
 def kept_files(injector: BenchInjector, state: Path | None = None, journal: Path | None = None) -> KeptFiles:
-    """The files of an injector: those of the command line, else those that the bench file names.
+    """Files that an injector keeps: by the command line, else by the bench file.
 
     Raises `UserError` for files that cannot be kept, or are of another kind.
     """

@@ -5,9 +5,7 @@ import logging
 import math
 import os
 import queue
-import socket
 import threading
-import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -19,6 +17,7 @@ from typing import IO, Any, Self, TextIO
 from rich.console import Console
 
 from observer_rt.config.signals import in_words
+from observer_rt.daemon.notifier import Notifier
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
 from observer_rt.engine.reports.injection_report import InjectionReport, beyond_learned, injection_record
 from observer_rt.engine.reports.news import MeasuredMass, MissingInjection, News, Notice
@@ -34,7 +33,6 @@ CLOSING = 1.0  # s for what waits when the service ends
 _WARNING = "warning: "
 _PRIORITIES = {logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3}  # of syslog, as journald takes them
 QUIET_TOPICS = frozenset({Topic.INJECTION, Topic.MEASURED, Topic.STATE})  # which the view shows
-_FEEDS = 3  # in a watchdog's time-out
 
 
 class ServiceLog:
@@ -93,7 +91,7 @@ class ServiceLog:
 
     @property
     def _outlets(self) -> "list[_Outlet]":
-        """All there are, the screen last: it reports the others' losses."""
+        """Outlets in use, the screen last: it reports the losses of the others."""
         return [*filter(None, (self._records, self._file)), self._screen]
 
     def _tell_loss(self, what: str, why: str) -> None:
@@ -177,45 +175,6 @@ class _Outlet:
         if not self._is_losing:
             self._is_losing = True
             self._on_loss(why)
-
-
-class Notifier:
-    """Tells the service manager of this process; without one it does nothing."""
-
-    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
-        self._socket: socket.socket | None = None
-        address = environment.get("NOTIFY_SOCKET", "")
-        if address:
-            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
-            self._address = f"\0{address[1:]}" if address.startswith("@") else address
-        own, timeout = str(os.getpid()), environment.get("WATCHDOG_USEC", "")  # empty ones count as none
-        is_watched = timeout.isdecimal() and (environment.get("WATCHDOG_PID") or own) == own
-        self._period = int(timeout) * 1e-6 / _FEEDS if is_watched else 0.0
-        self._due = 0.0
-
-    def ready(self) -> None:
-        """Reports that the service runs."""
-        self._tell("READY=1")
-
-    def status(self, text: str) -> None:
-        """Sets the line of `systemctl status`."""
-        self._tell("STATUS=" + text.partition("\n")[0])
-
-    def alive(self) -> None:
-        """Feeds the watchdog when it is due; the loop calls it in every round."""
-        if self._period and time.monotonic() >= self._due:
-            self._due = time.monotonic() + self._period
-            self._tell("WATCHDOG=1")
-
-    def stopping(self) -> None:
-        """Reports that the service was asked to stop."""
-        self._tell("STOPPING=1")
-
-    def _tell(self, message: str) -> None:
-        if self._socket is None:
-            return
-        with suppress(OSError):  # a manager that does not listen is no reason to stop observing
-            self._socket.sendto(message.encode(), self._address)
 
 
 class EventLogger:

@@ -6,167 +6,29 @@ import select
 import socket
 import struct
 import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from observer_rt.bus.can_frame import EXTENDED_FLAG, EXTENDED_MASK, FD_MTU, HEADER_BYTES
-from observer_rt.bus.links.link import LONGEST_WAIT, Link, LinkDownError
-from observer_rt.bus.links.opening import BusDownError, DescriptorLink
+from observer_rt.bus.can_frame import FD_MTU, HEADER_BYTES
+from observer_rt.bus.links.link import Link, LinkDownError
+from observer_rt.bus.links.opening import BusDownError
 from observer_rt.bus.links.socketcan import SocketCanLink
-from observer_rt.bus.mapping.bus_map import BusMap, layout_of
-from observer_rt.core.frames.frames import ERRORS, PUMP_BUS, SLOTS, WAIT_MS, WAITING, PumpLoop
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.core.frames.frames import ERRORS, PUMP_BUS, WAIT_MS, WAITING, PumpLoop
 from observer_rt.daemon.arrivals import Arrivals
-from observer_rt.daemon.bus_connection import RETRY
+from observer_rt.daemon.feeder import Feeder, Pace
 from observer_rt.daemon.pump_memory import Latency, latency_of, make_pump
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame, output_frame
 
-ROOM = 1 << 14  # bytes: some twenty frames; more wait in the driver
-RESULTS_ROOM = 1 << 17  # bytes: some 170; rates of more wait in the loop, which gives up the oldest
-FAR = SLOTS // 4  # samples, of those that may wait for another message
-PAUSE = 0.5  # s without a new sample, after which nothing waits for a message any more, whatever else its bus brings
-NOT_LOOKED_AT = -2  # instead of a sample index
-_STAMPED = struct.Struct("=IBB2x64sq")  # struct canfd_frame, its stamp behind it [ns]
 _TIMEVAL = struct.Struct("@ll")
-
-
-class Pace:
-    """Keeps fed buses abreast: stamps by arrival do not tell the order of frames that waited in several drivers."""
-
-    def __init__(self, core: Core, bus: BusMap, is_silent: Callable[[int], bool]) -> None:
-        """is_silent: whether no frame of a bus is on its way; for that one none waits."""
-        self._core = core
-        self._buses = [layout_of(bus, stream).bus for stream in range(len(bus.inputs.streams))]
-        self._are_several = len(set(self._buses)) > 1
-        self._is_silent = is_silent
-        # by stream: sample index, and since when [s]
-        self._reached = [(NOT_LOOKED_AT, 0.0)] * len(self._buses)
-
-    def is_ahead(self, bus: int) -> bool:
-        """Whether a bus is so far ahead of another that its next frame is to wait."""
-        if not self._are_several:
-            return False
-        now = time.monotonic()
-        for stream, index in enumerate(self._core.progress):
-            if index != self._reached[stream][0]:
-                self._reached[stream] = index, now
-        streams = list(zip(self._buses, self._reached, strict=True))
-        start = -1  # of what has not begun, as far as the others tell
-        if any(index < 0 for _, (index, _) in streams):
-            start = min((index for index in self._core.begun_at if index >= 0), default=-1)
-        own = max((index for of, (index, _) in streams if of == bus), default=-1)
-        return any(
-            FAR < own - max(index, start) < SLOTS and now - since < PAUSE and not self._is_silent(of)
-            for of, (index, since) in streams
-            if of != bus
-        )
-
-
-class Feeder(DescriptorLink):
-    """The loop's end of a pair of sockets, and two threads at the other: frames of a link come, results go to it.
-
-    `try_send` puts other results behind the rates that the loop sends.
-    """
-
-    def __init__(self, link: Link, bus: int, is_ahead: Callable[[], bool]) -> None:
-        """bus: its number; is_ahead: whether the frame that came is to wait."""
-        ours, self._other_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with ours:
-            ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, RESULTS_ROOM)
-            self._other_end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, ROOM)
-            super().__init__(str(ours.fileno()), True, [])
-        self._link = link
-        self._bus = bus
-        self._is_ahead = is_ahead
-        self._error: Exception | None = None
-        self._unsent: list[OutputFrame] = []
-        self._has_answered = False
-        self._is_empty = False
-        self._ended = threading.Event()
-        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._bring, self._send_on)]
-        for thread in self._threads:
-            thread.start()
-
-    def failure(self, error: OSError) -> Exception:
-        """Failure that ended the carrying, if it was the link."""
-        return self._error or super().failure(error)
-
-    def goes_round(self) -> bool:
-        """Whether the link has come back from receiving since the last call, or need not any more."""
-        answered, self._has_answered = self._has_answered, self._ended.is_set()
-        return answered
-
-    @property
-    def is_silent(self) -> bool:
-        """Whether no frame is on its way: the link had none when it was asked last, however long ago that is."""
-        return self._is_empty or self.is_ended
-
-    @property
-    def is_ended(self) -> bool:
-        """Whether nothing is carried any more."""
-        return self._ended.is_set()
-
-    def end(self) -> list[OutputFrame]:
-        """Carry nothing any more: the results that were not sent, in order, each reported once."""
-        self._ended.set()
-        self._socket.shutdown(socket.SHUT_RDWR)  # wakes both threads, and refuses what is sent late
-        for thread in self._threads:
-            thread.join()
-        unsent, self._unsent = self._unsent, []
-        return unsent
-
-    def close(self) -> None:
-        self.end()
-        super().close()
-        self._other_end.close()
-
-    def _bring(self) -> None:
-        """Brings frames from the link to the loop."""
-        try:
-            while not self._ended.is_set():
-                frame = self._link.receive(LONGEST_WAIT)
-                self._has_answered, self._is_empty = True, frame is None
-                if frame is None:
-                    continue
-                while self._is_ahead() and not self._ended.is_set():
-                    time.sleep(RETRY)
-                identifier = frame.frame_id | EXTENDED_FLAG * frame.is_extended
-                length = len(frame.payload)
-                self._other_end.send(_STAMPED.pack(identifier, length, 0, frame.payload, frame.stamp_ns))
-        except Exception as error:  # whatever it is, the pump must hear of it
-            self._fail(error)
-
-    def _send_on(self) -> None:
-        """Sends results to the link, until the last; those left over are for `end` to return."""
-        while data := self._other_end.recv(FD_MTU):
-            identifier, length = struct.unpack_from("=IB", data)
-            is_extended, is_fd = bool(identifier & EXTENDED_FLAG), len(data) == FD_MTU
-            payload = data[HEADER_BYTES : HEADER_BYTES + length]
-            frame = OutputFrame(identifier & EXTENDED_MASK, is_extended, is_fd, payload, self._bus)
-            while not self._ended.is_set():
-                try:
-                    if self._link.try_send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd):
-                        break
-                except Exception as error:
-                    self._fail(error)
-                time.sleep(RETRY)
-            else:
-                self._unsent.append(frame)
-
-    def _fail(self, error: Exception) -> None:
-        """End, and let the loop see it behind the frames that wait."""
-        if not self._ended.is_set():
-            self._error = error
-            self._ended.set()
-            self._other_end.shutdown(socket.SHUT_WR)
 
 
 class FramePump:
     """Takes frames from links through a core and sends the rates they cause; bus numbers are the places of links.
 
-    The loop runs until `close`; what it needs of Python it asks for through a descriptor. It reads raw sockets
-    itself; other links are fed to it.
+    The loop runs until `close`, and asks Python for answers through a descriptor. It reads raw sockets itself; a
+    `Feeder` brings it the frames of every other link.
     """
 
     def __init__(
@@ -305,7 +167,7 @@ class FramePump:
         return [end for end in self._ends.values() if isinstance(end, Feeder)]
 
     def _is_silent(self, bus: int) -> bool:
-        """Whether a fed bus has no frame on its way; one that is not served yet may have."""
+        """Whether a fed bus has no frame on its way; a bus that is not served yet may have one."""
         end = self._ends.get(bus)
         return isinstance(end, Feeder) and end.is_silent
 
@@ -331,7 +193,7 @@ class FramePump:
             self._thread.join()
 
     def _waiting_results(self) -> Iterator[OutputFrame]:
-        """Rates for which there was no room yet: they are the caller's now."""
+        """Rates that still waited for room: from now on the caller sends them."""
         memory, waiting = self._pump.memory[0], self._pump.waiting.reshape(-1, FD_MTU)
         while memory["first_waiting"] < memory["end_waiting"]:
             assert self._rate is not None

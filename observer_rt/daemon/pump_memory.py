@@ -1,7 +1,6 @@
 """The pump's memory: what Python reads and writes beside the loop; the latency of the rates by it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -42,8 +41,7 @@ def make_pump(buses: int, watched: Sequence[MessageLayout], result: MessageLayou
     return Pump(memory, np.zeros(buses, PUMP_BUS), np.zeros(buses * ERRORS, ERROR_FRAME), arrivals, waiting)
 
 
-@dataclass(frozen=True)
-class Latency:
+class Latency(NamedTuple):
     """Latency of all rates so far [s]: the 99.9 % quantile, to a quarter of an octave, and the largest."""
 
     p999: float

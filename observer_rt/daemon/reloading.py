@@ -36,7 +36,7 @@ _LONGEST = 45.0  # s until an answer
 
 @dataclass(frozen=True)
 class _Wish:
-    """Request for the bench file to be read; model: SHA-256 of that it is to name for the injector."""
+    """Request to read the bench file; model: SHA-256 of the model that it is to name for the injector."""
 
     model: str
     answer: "Future[Message]" = field(default_factory=Future)
@@ -69,7 +69,7 @@ class Reloading:
         self._taken: Sequence[_Wish] = ()  # whose bench is being read and made ready
         self._socket = stack.enter_context(ExitStack())
         self._places: tuple[Path, ...] = ()
-        self._snapshot: Answer | None = None
+        self._snapshot: Answer = lambda _: iter(())  # before a bench is served
         self.unsaved = ""
         """Problem of the last write before the bench that is served now, for the answer; empty: none."""
 
@@ -81,7 +81,7 @@ class Reloading:
             return
         self._socket.close()
         self._places = places
-        requests: Requests = {RELOAD: self._reload, SNAPSHOT: self._answer}
+        requests: Requests = {RELOAD: self._reload, SNAPSHOT: lambda request: self._snapshot(request)}
         failures = []
         for file in places:
             try:
@@ -151,22 +151,18 @@ class Reloading:
                 thread.join()
 
     def refuse(self, error: ObserverError) -> None:
-        """Answer whoever asked for the bench that cannot be served."""
+        """Answer the requests for a bench that cannot be served."""
         for wish in self._taken:
             if not wish.answer.done():
                 wish.answer.set_exception(error)
         self._taken = ()
 
     def _settle(self, bench: Bench, model: str) -> None:
-        """Answer whoever asked for the bench that is served now."""
+        """Answer the requests for the bench that is served now."""
         for wish in self._taken:
             said = {"model": model, "version": __version__, "bench": str(bench.path.absolute())}
             wish.answer.set_result(said | {"unsaved": self.unsaved})
         self._taken, self.unsaved = (), ""
-
-    def _answer(self, request: Message) -> Iterator[bytes]:
-        assert self._snapshot is not None
-        return self._snapshot(request)
 
     def _reload(self, request: Message) -> Message:
         wish = _Wish(str(request.get("model")))

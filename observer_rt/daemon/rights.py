@@ -73,7 +73,7 @@ def touch(memory: object) -> None:
 
 
 def hurry(processor: int | None, priority: int) -> bool:
-    """Put the calling thread before all that has a lower real-time priority or none; whether it was. Wake it on time.
+    """Ask for real-time priority and exact wake-ups of the calling thread; whether the priority was granted.
 
     processor: that it is to stay on, if it still may; priority: 1 to 99, 0: none.
     """
@@ -97,8 +97,8 @@ def _tried(what: Callable[[], _T]) -> _T:
         return trial.submit(what).result()
 
 
-def take_time() -> None:
-    """Put the calling thread behind all that hurries, whatever the process was started with."""
+def drop_priority() -> None:
+    """Put the calling thread into the normal scheduler, whatever the process was started with."""
     if os.sched_getscheduler(0) != os.SCHED_OTHER:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
@@ -112,7 +112,7 @@ def _raise_limit(which: int) -> None:
 
 @dataclass(frozen=True)
 class Processors:
-    """CPUs of the loops. own: theirs, in turn; refused: asked for in vain."""
+    """CPUs of the loops. own: those that they have, in turn; refused: those that were asked for in vain."""
 
     own: tuple[int, ...] = ()
     refused: tuple[int, ...] = ()

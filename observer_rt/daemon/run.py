@@ -13,7 +13,8 @@ from rich.console import Console
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.injector_service import InjectorService, serve_beside
 from observer_rt.daemon.keeper import UnsavedError, keeper_of, kept_files
-from observer_rt.daemon.log import Notifier, ServiceLog
+from observer_rt.daemon.log import ServiceLog
+from observer_rt.daemon.notifier import Notifier
 from observer_rt.daemon.reloading import Reloading
 from observer_rt.daemon.rights import REMEDY, Processors, hurry, leave_to_loops, lock_memory, processors, rights
 from observer_rt.daemon.state_file import model_hash
@@ -25,17 +26,17 @@ from observer_rt.foundation.options import RunOptions
 from observer_rt.foundation.outputs import SERVICE_LOG, check_own_file
 
 if TYPE_CHECKING:
-    from observer_rt.daemon.evidence import EvidenceKeeper
+    from observer_rt.daemon.evidence_keeper import EvidenceKeeper
 
 UNSAVED = "the reload goes on; what was learned with the model before is kept by this process only, for the way back"
 
 
 @dataclass
 class Serving:
-    """Things that outlast a change of the bench file. screen: of the view, if there is one; processor: of the loop.
+    """State that outlasts a change of the bench file. screen: of the view, None without one; processor: of the loop.
 
-    learned: by model, so that nothing is lost where no file keeps it, and what was learned with a model is there
-    again where taking over another one is undone.
+    learned: knowledge by model. It is not lost where no file keeps it, and counts again when taking over another
+    model is undone.
     """
 
     screen: Console | None
@@ -88,7 +89,7 @@ class Serving:
         keeper = stack.enter_context(keeper_of(bench, self.options.state, self.options.journal, tell))
         evidence: EvidenceKeeper | None = None
         if injector.evidence is not None:
-            from observer_rt.daemon.evidence import evidence_keeper  # optional: [evidence] folder
+            from observer_rt.daemon.evidence_keeper import evidence_keeper  # optional: [evidence] folder
 
             evidence = stack.enter_context(evidence_keeper(injector, injector.evidence, tell))
         service = InjectorService(

@@ -6,16 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import LARGEST_DRIFT, MessageTiming
-from observer_rt.bus.mapping.bus_map import BusMap, RoleRange, message_of, role_factor, role_range, role_resolution
+from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.bus.mapping.role_range import RoleRange, message_of, role_factor, role_range, role_resolution
+from observer_rt.bus.message_timing import LARGEST_DRIFT, MessageTiming
 from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.core.frames.frames import IMPOSSIBLE
 from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.daemon.arrivals import WatchedMessage
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.reports.news import Notice
-from observer_rt.engine.service.injector import SIGNALS
+from observer_rt.engine.service.noise import SIGNALS
 from observer_rt.engine.signal_survey import OPEN, SignalSurvey, Survey, implausible, swapped, unshut
 from observer_rt.engine.stream.standstill import LiftFigures
 from observer_rt.engine.stream.state import Reason
@@ -31,7 +32,7 @@ SURVEYED = 10  # looks whose values are judged together
 SURVEYS = 2  # in a row that find the same, before it is reported
 OUTSIDE_REMEDY = "correct the range in the database, or take all values: lenient = true in its [[dbc]]"
 SWAPPED = "swapped"  # what is wrong with two signals together
-LASTING = 20  # looks with another rate and a contradicted model before it is reported
+LASTING = 20  # looks with another rate and a contradicted model before the rate is reported
 ENOUGH_FRAMES = 100  # frames whose stamps determine a rate
 _FROZEN = "is frozen: the same value all the time while another input shows an injection"
 
@@ -40,7 +41,7 @@ Samples = Mapping[Role, NDArray[np.float64]]
 
 
 class _Findings:
-    """Faults by what they are of, reported once as many looks in a row have found one, or none any more."""
+    """Faults by key; each is reported once enough looks in a row have found it, and again once they no longer do."""
 
     def __init__(self, looks: int, names: Mapping[str, str]) -> None:
         """names: what begins a notice."""
@@ -78,7 +79,7 @@ class _WatchedRole:
     moved: int = 0  # of these, after the first, in which another input moved
 
     def is_frozen(self, values: NDArray[np.float64], others_move: bool) -> bool:
-        """Whether it is by now; values (n,): its samples since the last look."""
+        """Whether the signal is frozen by now; values (n,): its samples since the last look."""
         first = float(values[0])
         if np.ptp(values) > 0.0 or (self.constant and first != self.held):
             self.constant, self.moved = 0, 0
@@ -125,8 +126,8 @@ class ValueWatch:
     def look(self, newest: NDArray[np.float64], samples: Samples) -> Iterator[Notice]:
         """Notices; newest (3,) [SI]: last value received of every role, whether it could be used or not.
 
-        Without a value in it is only what has none while there are no samples: the last frame of a window may be
-        filled up with `not available`.
+        A missing value is a fault only while there are no samples: the last frame of a window may be filled up with
+        `not available`.
         """
         has_samples = len(samples[Role.LINE_PRESSURE]) > 0
         remedy = TOPICS[Topic.VALUE].remedy
@@ -224,7 +225,7 @@ class UnitWatch:
 
 
 def _take(survey_of_all: Survey, role: Role, values: NDArray[np.float64]) -> None:
-    """Take in values (n,) that need not follow each other: changes from one to the next mean nothing."""
+    """Take in values (n,) that need not follow each other: their differences carry no meaning."""
     values = values[np.isfinite(values)]
     if values.size:
         survey = survey_of_all.signals[role.value]

@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from observer_rt.foundation.errors import RunError, UserError
 
-SNAPSHOT = "snapshot"  # name of the request; `run` and `since` in it: what the client has, of whom
+SNAPSHOT = "snapshot"  # name of the request; `run`, `since` in it: daemon and last injection that the client has
 KEPT = 1000  # injections
 WITH_CURVES = 16  # of them, the newest
 _LINE = 1 << 20  # bytes of an answer's line
@@ -25,11 +25,11 @@ _FLOAT = np.dtype("<f4")
 
 
 class StatusLevel(StrEnum):
-    """Whether a state is well: results can be valid; it may, or has no calibrated level; something is wrong."""
+    """How well a daemon, or a part of it, is."""
 
-    GOOD = "good"
-    WAITING = "waiting"
-    BAD = "bad"
+    GOOD = "good"  # results can be valid
+    WAITING = "waiting"  # results are not valid yet, or their level is not calibrated
+    BAD = "bad"  # something is wrong
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class BusStatus:
-    """A bus, and why it is down, if it is."""
+    """State of a bus. down: the reason why it is down; empty while it is up."""
 
     label: str
     down: str = ""
@@ -133,7 +133,7 @@ class Snapshot:
     injections: tuple[ShownInjection, ...] = ()
 
     def pieces(self) -> Iterator[bytes]:
-        """It goes over a socket like this."""
+        """Lines and curves of the snapshot in the order in which they go over a socket."""
         yield line_of({**asdict(self.status), "injections": len(self.injections)})
         for injection in self.injections:
             yield line_of(injection.text)
@@ -143,29 +143,29 @@ class Snapshot:
 def read_snapshot(stream: BufferedIOBase) -> Snapshot:
     """Read an answer. Raises `UserError` for a daemon that refuses, `RunError` if the answer is no snapshot."""
     try:
-        said = _said(stream)
-        if "error" in said:
-            raise UserError("snapshot", f"the daemon refuses: {said['error']}", "see the daemon's log")
-        number = int(said.pop("injections"))
-        return Snapshot(_STATUS.validate_python(said), tuple(_injection(stream) for _ in range(number)))
+        status = _content(stream)
+        if "error" in status:
+            raise UserError("snapshot", f"the daemon refuses: {status['error']}", "see the daemon's log")
+        number = int(status.pop("injections"))
+        return Snapshot(_STATUS.validate_python(status), tuple(_injection(stream) for _ in range(number)))
     except (ValueError, KeyError, TypeError, ValidationError):
         raise RunError("the daemon does not answer, or is of another version\n  remedy: restart it") from None
 
 
 def _injection(stream: BufferedIOBase) -> ShownInjection:
-    said = _said(stream)
-    names, samples = said.pop("curves"), said.pop("samples")
+    fields = _content(stream)
+    names, samples = fields.pop("curves"), fields.pop("samples")
     data = stream.read(len(names) * samples * _FLOAT.itemsize)
     values = np.frombuffer(data, _FLOAT).reshape(len(names), samples)
-    return ShownInjection(**said, curves=dict(zip(names, values, strict=True)))
+    return ShownInjection(**fields, curves=dict(zip(names, values, strict=True)))
 
 
-def line_of(said: Mapping[str, Any]) -> bytes:
-    """A request, or an answer, as a line."""
-    return json.dumps(said, allow_nan=False).encode() + b"\n"
+def line_of(content: Mapping[str, Any]) -> bytes:
+    """A request, or an answer, as a line of JSON."""
+    return json.dumps(content, allow_nan=False).encode() + b"\n"
 
 
-def _said(stream: BufferedIOBase) -> dict[str, Any]:
+def _content(stream: BufferedIOBase) -> dict[str, Any]:
     return dict(json.loads(stream.readline(_LINE)))
 
 

@@ -30,7 +30,9 @@ from observer_rt.daemon.snapshot import (
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import WITH_BOUND, InjectionReport, Output, none_if_nan, row_of
 from observer_rt.engine.reports.news import MeasuredMass, News, Notice
-from observer_rt.engine.service.injector import ComparedRate, NominalInjection, References, calibration_of, noise_text
+from observer_rt.engine.service.injector import calibration_of
+from observer_rt.engine.service.noise import noise_text
+from observer_rt.engine.service.nominal import ComparedRate, NominalInjection, References
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
 from observer_rt.foundation.errors import REMEDY
@@ -53,9 +55,9 @@ class SnapshotKeeper:
         self._references: References = references or nominal
         self._calibration = calibration_of(injector)
         self._model = injector.parameters_path.name
-        self._rate_hz = injector.config.sampling.rate_hz
+        self._rate_hz = injector.sample_rate
         self._run = time.time_ns()
-        self._lines = StatusLines()
+        self._noise, self._noise_due = "", 0  # in words, and when to look at it again [ns]
         self._daemon: Daemon | None = None  # before it runs
         self._notice: Fault | None = None  # why it does not run yet
         # The loop appends news and the samples of the last injections; a client's thread takes them out.
@@ -175,9 +177,21 @@ class SnapshotKeeper:
                 if not isinstance(port.link, IdleLink)
             ),
             inputs=inputs_of(daemon.arrivals, daemon.core.timing, now),
-            lines=tuple(self._lines.of(daemon, now)),
+            lines=tuple(self._lines(daemon, now)),
             learned=self._laws(daemon.core.knowledge) if with_laws else (),
         )
+
+    def _lines(self, daemon: Daemon, now: int) -> Iterator[StatusLine]:
+        """Lines of a daemon at a monotonic time [ns]; the noise is looked at every few seconds."""
+        if daemon.arrivals.is_contested(now):
+            text = f"another node sends our results: {daemon.arrivals.foreign_frames} frames"
+            yield StatusLine(text, StatusLevel.BAD)
+        yield from _links(daemon)
+        yield from _figures(daemon)
+        if (white := daemon.core.standstill.noise) is not None:
+            if now >= self._noise_due:
+                self._noise, self._noise_due = noise_text(white, daemon.core.slow_noise), now + NOISE_EVERY
+            yield StatusLine(f"noise: {self._noise}")
 
     def _laws(self, knowledge: Knowledge) -> tuple[Mapping[str, Any], ...]:
         """Curves of what was learned, worked out once for each event."""
@@ -219,7 +233,7 @@ def _faults(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason]) -
 
 
 def _silence(daemon: Daemon, now: int) -> list[Fault]:
-    """One fault for all silent messages, which mostly share a device or cable; not those of a bus that is down."""
+    """One fault for all silent messages of buses that are up: they mostly share a device or cable."""
     arrivals = daemon.arrivals
     ages = {
         source: arrivals.silence(source, now) for source in arrivals.sources if daemon.ports[source.layout.bus].is_up
@@ -233,27 +247,6 @@ def _silence(daemon: Daemon, now: int) -> list[Fault]:
     if len(texts) == 1:
         return [Fault(texts[0], since, remedy)]
     return [Fault(f"no frame of {len(texts)} messages for {min(silent.values()):.0f} s", since, remedy, texts)]
-
-
-class StatusLines:
-    """Lines of a daemon; the noise is looked at every few seconds."""
-
-    def __init__(self) -> None:
-        self._noise, self._noise_due = "", 0
-
-    def of(self, daemon: Daemon, now: int) -> Iterator[StatusLine]:
-        """Its lines at a monotonic time [ns]."""
-        if daemon.arrivals.is_contested(now):
-            text = f"another node sends our results: {daemon.arrivals.foreign_frames} frames"
-            yield StatusLine(text, StatusLevel.BAD)
-        yield from _links(daemon)
-        yield from _figures(daemon)
-        white = daemon.core.standstill.noise
-        if white is None:
-            return
-        if now >= self._noise_due:
-            self._noise, self._noise_due = noise_text(white, daemon.core.slow_noise), now + NOISE_EVERY
-        yield StatusLine(f"noise: {self._noise}")
 
 
 def _links(daemon: Daemon) -> Iterator[StatusLine]:

@@ -9,18 +9,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.stream.stream import FURTHEST_ZERO, MOST_CROSSTALK
 from observer_rt.daemon.array_texts import ArrayTexts
+from observer_rt.daemon.plausibility import doubt_of, problem_of
 from observer_rt.engine.estimation.gain import LARGEST_NOISE
-from observer_rt.engine.estimation.scalars import SCALARS, sensor_lag
-from observer_rt.engine.learning.adequacy import LARGEST_LAG, is_worn_beyond_limits
+from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.learning.knowledge import Knowledge, LearningState, no_state
-from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.stream.standstill import RestingLift
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import replacing
@@ -41,63 +39,6 @@ _json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
 """Text of numbers, lists, mappings and arrays."""
 
 
-def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
-    """Fault that makes knowledge impossible or implausible, in a few words; None without a fault.
-
-    pressure_scale: p_0 [Pa], by which the bounds are counted. A file sees to it that numbers are finite.
-    """
-    state = knowledge.state
-    lowest, highest = SCALARS.bounds(pressure_scale)
-    if np.any(knowledge.in_force < lowest) or np.any(knowledge.in_force > highest):
-        return "the parameters in force lie beyond what an injector can do"
-    if problem := _problem_of_belief(state.learned, np.maximum(-lowest, highest)):
-        return problem
-    if odd := state.noise.implausible:
-        return f"the noise of the {odd[0].replace('_', ' ')} is {getattr(state.noise, odd[0]):g} (SI units)"
-    lift = knowledge.lift
-    is_drift = abs(lift.zero) <= FURTHEST_ZERO and 0.0 <= lift.wander <= FURTHEST_ZERO
-    if not (is_drift and abs(lift.crosstalk) <= MOST_CROSSTALK):
-        return f"the lift of a shut needle shows more than a sensor's drift: {lift}"
-    return None
-
-
-def _problem_of_belief(learned: LearnedInjector, farthest: NDArray[np.float64]) -> str | None:
-    """The same of one belief; farthest: sizes (m,) that a parameter may have."""
-    # the mean is free of the bounds' signs: it may say that a leak is slightly negative
-    if np.any(np.abs(learned.belief.mean) > farthest):
-        return "the mean lies beyond what an injector can do"
-    for name, covariance in (
-        ("the covariance", learned.belief.covariance),
-        ("the error's covariance", learned.belief.error_covariance),
-    ):
-        if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
-            return f"{name} is not symmetric and positive definite"
-    return None
-
-
-def _doubt_of(knowledge: Knowledge) -> str | None:
-    """Why restored knowledge would be refused event after event, in a few words; None if it would not.
-
-    While it is learned such a sensor is reported as a fault; in another run the signals may have been others. An
-    offset is no reason: one that follows the rail pressure is a gain, with which learning goes on.
-    """
-    for theta in (knowledge.state.learned.belief.mean, knowledge.in_force):
-        lag = sensor_lag(theta)
-        if lag > LARGEST_LAG:
-            return f"its lag of the line-pressure sensor, {lag * 1e3:.2g} ms, is more than {LARGEST_LAG * 1e3:g} ms"
-        if is_worn_beyond_limits(theta):
-            return "its nozzle or seat is at the limit of what an injector can do"
-    return None
-
-
-def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        return False
-    return True
-
-
 class _UnusableError(Exception):
     """Reason not to restore a file's content."""
 
@@ -116,8 +57,7 @@ class _Content:
     arrays: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class RestoredKnowledge:
+class RestoredKnowledge(NamedTuple):
     """Knowledge of a file, None if it has none to use, and a message that says so."""
 
     knowledge: Knowledge | None
@@ -215,7 +155,7 @@ def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True
         raise UserError(str(path), f"cannot be read: {error.strerror}", "check path and rights") from None
     try:
         knowledge = _knowledge_in(data, model)
-        if problem := problem_of(knowledge, model.scaling.pressure) or _doubt_of(knowledge):
+        if problem := problem_of(knowledge, model.scaling.pressure) or doubt_of(knowledge):
             raise _UnusableError(problem)
     except _UnusableError as reason:
         if not set_aside:
@@ -254,11 +194,8 @@ def _set_aside(path: Path) -> Path:
     try:
         path.rename(target)
     except OSError as error:
-        raise UserError(
-            str(path),
-            f"cannot be used, nor set aside: {error.strerror}",
-            "move it away, or name another file for the learned state",
-        ) from None
+        problem = f"cannot be used, nor set aside: {error.strerror}"
+        raise UserError(str(path), problem, "move it away, or name another file for the learned state") from None
     return target
 
 

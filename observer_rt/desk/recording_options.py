@@ -1,4 +1,4 @@
-"""Options that name recordings and CAN logs, with the formats there are; those of `evaluate`."""
+"""Options that name recordings and CAN logs with their formats, and the options of `evaluate`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -5,7 +5,7 @@ estimated as well as the last one before. Then either both happen or neither: a 
 not end up with this model, leaves the bench file as it was. What the file named before is noted beside it, so that
 each step can be undone, one at a time.
 
-A finding adds effects and terms; what differs besides are corrections that taking it over would undo.
+A finding adds effects and terms; all other differences are corrections that taking it over would undo.
 """
 
 import fcntl
@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import tomlkit
 from pydantic import BaseModel
@@ -30,7 +30,7 @@ from observer_rt.daemon.control_socket import Message, ask, socket_places
 from observer_rt.daemon.reloading import RELOAD
 from observer_rt.daemon.state_file import learned_beside, model_hash, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.files.evidence import KeptEvent
+from observer_rt.files.evidence_folder import KeptEvent
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.errors import RunError, UserError, file_errors
 from observer_rt.foundation.files import replacing, to_disk, write_text
@@ -66,11 +66,11 @@ class TakeOver:
         return f"{self.after}{learned}"
 
 
-@dataclass(frozen=True)
-class StepOutcome:
-    """A step that was taken, or undone: what it changed besides, and what a daemon says that has it in force.
+class StepOutcome(NamedTuple):
+    """A step that was taken or undone. changes: of parameters, besides the effects and terms added.
 
-    answer: None: there is no daemon; its `unsaved` is a problem of what was learned before, if that was not saved.
+    answer: of the daemon that has the model in force, None without a daemon; its `unsaved` is the reason why
+    knowledge learned before was not saved.
     """
 
     step: TakeOver
@@ -112,9 +112,9 @@ def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = 
 
 
 def undo(path: Path, injector: str = "") -> StepOutcome:
-    """Have a bench file name what it named before the last step of an injector.
+    """Undo the last step of an injector: the bench file names the injector file that it named before.
 
-    Raises `UserError` where the file it names was not taken over, otherwise as `take_over`.
+    Raises `UserError` where the present injector file was not taken over, otherwise as `take_over`.
     """
     with _alone(path):
         bench_injector, done = load_bench(path).of(injector or None).injector, steps(path)
@@ -134,7 +134,7 @@ def undo(path: Path, injector: str = "") -> StepOutcome:
 
 @contextmanager
 def _alone(path: Path) -> Iterator[None]:
-    """While no other process takes a model over for a bench file of the same folder."""
+    """Keep other processes from taking a model over for a bench file of the same folder."""
     with file_errors(path.parent):
         folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
@@ -146,7 +146,7 @@ def _alone(path: Path) -> Iterator[None]:
 
 
 def _copied(bench: Bench, amended: Path, used: set[str]) -> Path:
-    """A copy by a name that no file has or had, with that of the injector in it."""
+    """Copy of an amended file, named after the injector and by a number that no file has or had."""
     injector = bench.injector
     folder = injector.parameters_path.parent if injector.config.model.file is not None else bench.path.parent
     stem = injector.name or injector.parameters_path.stem.partition(_AMENDED)[0]
@@ -168,9 +168,9 @@ def _copied(bench: Bench, amended: Path, used: set[str]) -> Path:
 
 
 def _in_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOver]) -> Message | None:
-    """Have the bench file name an injector file, and a daemon read it; its answer, if there is one. All or nothing.
+    """Have the bench file name an injector file, and a running daemon read it, or neither; returns its answer.
 
-    done: the history then. It is written first, for a step that never came to be is passed over.
+    done: the history afterwards. It is written first, for `undo` passes over an interrupted step.
     """
     before, history = path.read_bytes(), steps(path)
     after = naming(path, before, injector, file)
@@ -202,10 +202,10 @@ def _reload(bench: Bench) -> Message | None:
 
 
 def learn_beforehand(bench: Bench, amended: Path) -> int:
-    """Learn for an amended injector file from the evidence; from how many events, 0: there is nothing to begin with.
+    """Learn for an amended injector file from the evidence; returns the number of events learned from.
 
-    bench: with one injector, and the model before in force. What was learned is written beside the amended file,
-    where a daemon looks for it; nothing is where the amended model does not explain the last of the events.
+    bench: of one injector, with the earlier model in force. The knowledge is written beside the amended file, where
+    a daemon looks for it. 0, and no file: without evidence, or if the amended model does not explain the last event.
     """
     state_file = learned_beside(amended)
     with file_errors(state_file):
@@ -219,7 +219,7 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
         history = evaluate(mended.with_parameters(parameters), events, learning=learning, traces=())
     except UserError:  # no evidence, or of another sample rate
         return 0
-    judged = [report for evaluation in history.evaluations for report in evaluation.reports]
+    judged = [report for evaluation in history.evaluations for report in evaluation.injections]
     knowledge = history.knowledge
     if not (knowledge.state.events and judged[-1].valid):
         return 0
@@ -240,7 +240,7 @@ def _kept_with(injector: BenchInjector) -> Sequence[KeptEvent]:
 
 
 def naming(path: Path, content: bytes, injector: str, file: str | None) -> bytes:
-    """Content of a bench file that names an injector file for one of its injectors; None: that of the package.
+    """Content of a bench file that names an injector file for one of its injectors; None: the package's file.
 
     Raises `UserError` for a text that cannot be changed.
     """
@@ -249,9 +249,8 @@ def naming(path: Path, content: bytes, injector: str, file: str | None) -> bytes
     try:
         document: Any = tomlkit.parse(text)
     except TOMLKitError as error:
-        raise UserError(
-            str(path), f"cannot be changed as text: {error}", "name the file by hand: [model] file"
-        ) from None
+        problem = f"cannot be changed as text: {error}"
+        raise UserError(str(path), problem, "name the file by hand: [model] file") from None
     section = document["injectors"][injector] if injector else document
     if file is not None:
         section.setdefault("model", tomlkit.table())["file"] = file
@@ -327,7 +326,7 @@ def _lost(before: InjectorParameters, after: InjectorParameters) -> Iterator[str
 
 
 def _stated(entry: EffectInForce | TermInForce) -> tuple[object, ...]:
-    """What an effect or term does."""
+    """The physics of an effect or term, without its origin."""
     if isinstance(entry, TermInForce):
         size = entry.coefficient
         return entry.equation, entry.law, size and (size.value, size.unit)

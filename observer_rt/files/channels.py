@@ -6,7 +6,7 @@ from pathlib import Path
 from observer_rt.bus.can_frame import EXTENDED_FLAG, STANDARD_MASK
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.config.bench_file import NamedLink, of_links
+from observer_rt.config.bench_file import NamedLink, values_by_bus
 from observer_rt.files.canlog.can_log import ChannelNumbers, LogReader
 from observer_rt.files.formats import open_log
 from observer_rt.foundation.errors import UserError
@@ -17,26 +17,27 @@ OPTION = "--from-channel"
 def chosen_channels(
     path: Path, links: Sequence[NamedLink], needed: Collection[int], texts: Sequence[str]
 ) -> Mapping[int, str | None]:
-    """The channel of each bus, None: any of the log, for a bench with one bus. Buses that are not needed may lack.
+    """The channel of each bus; None: any of the log, on a bench with one bus. Buses not needed may be left out.
 
     texts: `CHANNEL` or `LINK=CHANNEL`, of `--from-channel`; other channels are found by reading the log. Several
     buses: matched by channel names of the bench file, else by the numbers our recorder gives them.
     Raises `UserError` for a needed bus that none of this finds.
     """
-    said = of_links(OPTION, texts, links, "can3")
+    stated = values_by_bus(OPTION, texts, links, "can3")
     if len(links) == 1:
-        return {0: said.get(0)}
-    open_buses = [bus for bus in range(len(links)) if bus not in said]
+        return {0: stated.get(0)}
+    open_buses = [bus for bus in range(len(links)) if bus not in stated]
     wanted = [bus for bus in open_buses if bus in needed]
     if not wanted:
-        return dict(said)
-    present = [name for name in dict.fromkeys(entry.channel for entry in open_log(path)) if name not in said.values()]
+        return dict(stated)
+    channels = dict.fromkeys(entry.channel for entry in open_log(path))
+    present = [name for name in channels if name not in stated.values()]
     numbers = ChannelNumbers()
     by_number = [str(numbers.of(link.config.channel)) for link in links]
     for name_of in ([link.config.channel for link in links], by_number):
         matches = {bus: name_of[bus] for bus in open_buses if name_of[bus] in present}
         if matches.keys() >= set(wanted):
-            return {**said, **matches}
+            return {**stated, **matches}
     names = ", ".join(links[bus].label for bus in wanted)
     raise UserError(
         str(path),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.injector import Meaning, RecordingConfig
+from observer_rt.config.injector_sections import Meaning, RecordingConfig
 from observer_rt.files.canlog.blf import BLF
 from observer_rt.files.canlog.can_log import LogFormat, LogReader, LogWriter
 from observer_rt.files.canlog.candump import CANDUMP
@@ -125,7 +125,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
             table = kind.table(path, kind.mapping, is_own=True)
             stream = EvenSignals(table) if len(table.rasters) == 1 else MappedSignals(table, 0.0)
         else:
-            rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
+            rate = injector.sample_rate if injector is not None and mapping is not None else 0.0
             layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time, has_shots)
             table = kind.table(path, layout)
             table.mapped_by = table.mapped_by if mapping else "by its heading"

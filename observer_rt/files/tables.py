@@ -1,4 +1,4 @@
-"""Recordings from tables in memory, pandas DataFrames and arrays by name, mapped as those of files are."""
+"""Recordings from tables in memory, pandas DataFrames and arrays by name, mapped as tables in files are."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from observer_rt.config.injector import RecordingConfig
+from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.config.toml_file import validated
 from observer_rt.files.signals.arrow_table import ArrowTable, headings_of
 from observer_rt.files.signals.mapped_signals import MappedSignals

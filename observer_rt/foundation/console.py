@@ -116,13 +116,13 @@ class StopRequest(SignalledEvent):
             self._parts.remove(part)
 
     def end(self, *_: object) -> None:
-        """Set it, and the parts that end with it."""
+        """Set this event and the events that end with it."""
         self.set()
         for part in self._parts:
             part.set()
 
     def end_or_interrupt(self, *_: object) -> None:
-        """End it; when it is set already, interrupt."""
+        """End at the first call; raise `KeyboardInterrupt` at the second."""
         if self.is_set():
             raise KeyboardInterrupt
         self.end()

@@ -56,6 +56,6 @@ def svg_figure(width: float, height: float) -> Iterator[tuple[Figure, Callable[[
 
 
 def save_figure(figure: Figure, path: Path, dpi: int) -> None:
-    """Writes a figure; its kind is that of the suffix. Raises `UserError`, `RunError`."""
+    """Write a figure in the format of the suffix. Raises `UserError`, `RunError`."""
     with file_errors(path), replacing(path) as part:
         figure.savefig(part, dpi=dpi)

@@ -73,9 +73,9 @@ def write_text(target: Path, text: str) -> None:
 
 
 def begin_stream(path: Path, force: bool) -> None:
-    """Make the empty file of a stream that grows as long as it is recorded, which no rename can complete.
+    """Make an empty file for a stream that grows while it is recorded, so that no rename can complete it.
 
-    force: an earlier stream is given up for it. Raises `RunError` for a file that came meanwhile.
+    force: an earlier file is emptied. Raises `RunError` for a file that came meanwhile.
     """
     with file_errors(path):
         path.open("w" if force else "x").close()

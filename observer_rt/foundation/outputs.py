@@ -126,9 +126,8 @@ def check_folder(option: str, folder: Path) -> None:
     except FileNotFoundError:
         raise UserError(location, "no such folder", "create it first, or correct the path") from None
     except OSError as error:
-        raise UserError(
-            location, f"no file can be made there: {error.strerror}", "check the folder, or name another"
-        ) from None
+        problem = f"no file can be made there: {error.strerror}"
+        raise UserError(location, problem, "check the folder, or name another") from None
 
 
 def make_folder(option: str, folder: Path) -> None:

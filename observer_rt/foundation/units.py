@@ -63,7 +63,7 @@ _SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa
 
 
 def spelled(unit: str, units: Mapping[str, float]) -> str:
-    """A unit as `units` have it, whatever its case and spelling; empty if it is not among them."""
+    """Spelling of a unit in `units`, found whatever its case and spelling; empty if `units` lack it."""
     if unit in units:
         return unit
     small = unit.strip().lower()

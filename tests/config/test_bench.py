@@ -19,7 +19,7 @@ from observer_rt.config.bench import (
     load_injector,
 )
 from observer_rt.config.bench_file import BusesConfig, DatabaseConfig
-from observer_rt.config.injector import InjectorConfig
+from observer_rt.config.injector_sections import InjectorConfig
 from observer_rt.config.signals import OPTIONAL_SIGNALS, OptionalRole, Role, SignalConfig, SignalsConfig
 from observer_rt.foundation.errors import UserError
 

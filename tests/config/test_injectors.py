@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench
-from observer_rt.config.bench_file import BusesConfig, of_links
+from observer_rt.config.bench_file import BusesConfig, values_by_bus
 from observer_rt.foundation.errors import UserError
 from tests.config.test_bench import bench_file, require_bench_refusal
 from tests.three_injectors import NAMES, RATE_ID, STEP, one_alone, three_injectors
@@ -147,10 +147,10 @@ def test_a_link_where_there_are_none(tmp_path: Path) -> None:
 
 def test_an_option_for_each_bus() -> None:
     buses = BusesConfig.model_validate({"links": {"lift": {"channel": "can1"}}, "dbc": [{"file": "x"}]}).buses
-    assert of_links("--channel", ["vcan0", "lift=vcan1", "vcan7"], buses) == {0: "vcan7", 1: "vcan1"}
+    assert values_by_bus("--channel", ["vcan0", "lift=vcan1", "vcan7"], buses) == {0: "vcan7", 1: "vcan1"}
     with pytest.raises(UserError, match=r"--channel lfit=vcan1: there is no link 'lfit'(.|\n)*'lift'"):
-        of_links("--channel", ["lfit=vcan1"], buses)
+        values_by_bus("--channel", ["lfit=vcan1"], buses)
 
 
 def test_with_one_bus_a_channel_may_hold_an_equals_sign() -> None:
-    assert of_links("--channel", ["socket://a?b=c"], load_bench().config.buses) == {0: "socket://a?b=c"}
+    assert values_by_bus("--channel", ["socket://a?b=c"], load_bench().config.buses) == {0: "socket://a?b=c"}

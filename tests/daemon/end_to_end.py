@@ -152,7 +152,7 @@ def run_over(
             check=False,
         )
         assert player.returncode == 0, player.stderr
-        ahead = samples_ahead(1.0 / load_bench(bench).injector.config.sampling.rate_hz)
+        ahead = samples_ahead(1.0 / load_bench(bench).injector.sample_rate)
         wait_for(lambda: _processed(listener.results) + ahead >= samples, END_TIMEOUT, daemon)
         daemon.send_signal(signal.SIGTERM)
         _, messages = daemon.communicate(timeout=END_TIMEOUT)

@@ -14,7 +14,8 @@ import can
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.links.link import BusCondition, Frame, Link, LinkDownError
+from observer_rt.bus.links.controller import BusCondition
+from observer_rt.bus.links.link import Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
@@ -24,8 +25,8 @@ from observer_rt.daemon.pump import FramePump
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
 from observer_rt.engine.service.core import Core
-from observer_rt.engine.service.injector import References
 from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.engine.service.nominal import References
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.player import play

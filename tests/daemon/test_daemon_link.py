@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.links.link import BusCondition, BusState, Frame
+from observer_rt.bus.links.controller import BusCondition, BusState
+from observer_rt.bus.links.link import Frame
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.desk.evaluation.evaluate import evaluate

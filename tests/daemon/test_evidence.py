@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.config.injector import EvidenceConfig
+from observer_rt.config.injector_sections import EvidenceConfig
 from observer_rt.daemon.control_socket import OBSERVER
-from observer_rt.daemon.evidence import evidence_keeper
+from observer_rt.daemon.evidence_keeper import evidence_keeper
 from observer_rt.daemon.keeper import is_written
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.reports.evidence import EvidenceKind
-from observer_rt.files.evidence import KeptEvent, read_evidence
+from observer_rt.files.evidence_folder import KeptEvent, read_evidence
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import EffectInForce, EffectValue
 from tests.daemon.participants import bench_file, until
@@ -77,7 +77,7 @@ def test_a_writer_that_is_killed_costs_an_event_at_the_most_and_is_told_once(
         processes.append(start(*arguments, **options))  # type: ignore[call-overload]
         return processes[-1]
 
-    monkeypatch.setattr("observer_rt.daemon.evidence.subprocess.Popen", started)
+    monkeypatch.setattr("observer_rt.daemon.evidence_keeper.subprocess.Popen", started)
     recording = worn_recording(INJECTIONS)
     with keeping(bench, messages) as keeper:
         observe(keeper, bench, recording)

@@ -12,7 +12,7 @@ import pytest
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.config.injector import StateConfig
+from observer_rt.config.injector_sections import StateConfig
 from observer_rt.daemon.journal import COLUMNS, JournalWriter, Row, read_journal
 from observer_rt.daemon.keeper import keeper_of
 from observer_rt.daemon.state_file import model_hash

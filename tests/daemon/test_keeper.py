@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.config.injector import StateConfig
+from observer_rt.config.injector_sections import StateConfig
 from observer_rt.daemon.keeper import Keeper, keeper_of
 from observer_rt.daemon.state_file import load_knowledge
 from observer_rt.foundation.errors import RunError

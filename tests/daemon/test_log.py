@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from observer_rt.config.bench import load_injector
-from observer_rt.daemon.log import CAPACITY, EventLogger, Notifier, ServiceLog, one_line
+from observer_rt.daemon.log import CAPACITY, EventLogger, ServiceLog, one_line
+from observer_rt.daemon.notifier import Notifier
 from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.words import Topic
 from observer_rt.model.effects import effective_model

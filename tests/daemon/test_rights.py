@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import EXAMPLE_BENCH
-from observer_rt.daemon.rights import Processors, hurry, numbers_in, processors, rights, take_time
+from observer_rt.daemon.rights import Processors, drop_priority, hurry, numbers_in, processors, rights
 from tests.daemon.participants import until
 
 LOCKED = """
@@ -43,7 +43,7 @@ def in_thread_of_its_own() -> tuple[bool, int, int]:
     def ask() -> tuple[bool, int, int]:
         granted = hurry(None, 50)
         policy = os.sched_getscheduler(0)
-        take_time()
+        drop_priority()
         return granted, policy, os.sched_getscheduler(0)
 
     with ThreadPoolExecutor(1) as executor:

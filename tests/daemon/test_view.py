@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.daemon.view import View
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.service.injector import ComparedRate
+from observer_rt.engine.service.nominal import ComparedRate
 from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, drawn, serving, until
 from tests.device import frames_of, worn_recording
 

@@ -10,7 +10,8 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.output_signals import StatusValues
 from observer_rt.config.bench import load_injector
-from observer_rt.daemon.log import EventLogger, Notifier, ServiceLog
+from observer_rt.daemon.log import EventLogger, ServiceLog
+from observer_rt.daemon.notifier import Notifier
 from observer_rt.engine.estimation.scalars import OFFSET
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.stream.state import Reason, State

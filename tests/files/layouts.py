@@ -1,9 +1,8 @@
 """One recording as other tools write it: files in many layouts and of many kinds, and tables in memory."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -48,8 +47,7 @@ def text(
     return "\n".join([*above, *head, *rows, ""])
 
 
-@dataclass(frozen=True)
-class Layout:
+class Layout(NamedTuple):
     """A way to write a recording. make: gives the file in a folder, or the table."""
 
     name: str

@@ -9,9 +9,9 @@ import pyarrow
 import pytest
 from pyarrow import parquet
 
-from observer_rt.config.injector import EvidenceConfig
+from observer_rt.config.injector_sections import EvidenceConfig
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
-from observer_rt.files.evidence import EvidenceFolder, read_evidence, write_evidence
+from observer_rt.files.evidence_folder import EvidenceFolder, read_evidence, write_evidence
 from observer_rt.files.formats import open_recording
 from observer_rt.foundation.errors import UserError
 

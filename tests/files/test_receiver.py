@@ -8,8 +8,8 @@ from queue import Empty, SimpleQueue
 
 import pytest
 
+from observer_rt.bus.links.enduring_reading import EnduringReading
 from observer_rt.bus.links.link import BusFrame, Frame, LinkDownError
-from observer_rt.files.recorder import EnduringReading
 from observer_rt.foundation.errors import RunError
 from tests.links import FakeLink
 

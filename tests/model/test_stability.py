@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
-from observer_rt.config.injector import SamplingConfig
+from observer_rt.config.injector_sections import SamplingConfig
 from observer_rt.core.model.model import rates_of_change
 from observer_rt.engine.service.injector import bench_constants
 from observer_rt.foundation.errors import UserError

@@ -135,7 +135,7 @@ def score_law(law: str, network: str, seed: int) -> Row:
         errors = 100.0 * np.abs(np.array(made[0].masses) / true_masses(outcome, case.bench) - 1.0)[FROM:]
         return row | {"error_pct": errors.tolist(), "wrong_valid": int(np.sum(errors > WRONG_MASS))}
     facts = score_evaluation(case, outcome, bench, evaluation).facts()
-    reports = [injection.report for injection in evaluation.injections]
+    reports = evaluation.reports
     true = true_masses(outcome, case.bench)
     predicted = 100.0 * np.abs(np.array([report.predicted_mass for report in reports]) / true - 1.0)[FROM:]
     learned = [abs(report.remainder) <= LEARNED * report.relative_sigma for report in reports[LEARNED_FROM:]]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, exact_text, load_bench, load_injector
-from observer_rt.config.injector import SamplingConfig
+from observer_rt.config.injector_sections import SamplingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.simulation.schedule import Schedule

@@ -30,9 +30,8 @@ def evaluate_windowed(bench: Bench, recording: Recording) -> Evaluation:
         together.trace[span.start : span.end] = part.trace
         by = span.start - part.first_index
         for result in part.injections:
-            start, end = result.report.start_index + by, result.report.end_index + by
-            moved = replace(result.report, start_index=start, end_index=end)
-            together.injections.append(replace(result, report=moved))
+            start, end = result.start_index + by, result.end_index + by
+            together.injections.append(replace(result, start_index=start, end_index=end))
     return together
 
 

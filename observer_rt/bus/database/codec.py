@@ -21,7 +21,6 @@ may be multiplexed itself (extended multiplexing), so a signal has one condition
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -64,9 +63,8 @@ def _compile(signal: Signal, row: np.void, message: Message) -> None:
     _set_position(signal, row)
     last_byte = row["first_byte"] + row["step"] * (row["byte_count"] - 1)
     if min(row["first_byte"], last_byte) < 0 or max(row["first_byte"], last_byte) >= message.length:
-        raise UserError(
-            location, f"does not fit in the {message.length} bytes of the message", "correct the bus database"
-        )
+        problem = f"does not fit in the {message.length} bytes of the message"
+        raise UserError(location, problem, "correct the bus database")
     if signal.conversion.is_float:
         row["kind"] = _FLOAT_KIND[signal.length]
     else:
@@ -172,8 +170,7 @@ def _nearest_ordinary(code: int, reserved: list[int], row: np.void, location: st
     raise UserError(location, "all codes within its range are reserved", "correct GenSigSNA or GenSigError")
 
 
-@dataclass(frozen=True)
-class Condition:
+class Condition(NamedTuple):
     """The field of `selector` must hold one of `values` (its raw bits)."""
 
     selector: str
@@ -203,11 +200,9 @@ def conditions_of(message: Message, name: str) -> Conditions:
     signal = find_signal(message, name)
     while (values := _multiplexer_ids(message, signal)) is not None:
         if signal.multiplexer_signal is None or len(conditions) == len(message.signals):
-            raise UserError(
-                f"message {message.name}, signal {name}",
-                "is multiplexed, but by no selector that is always sent",
-                "correct the multiplexing in the bus database",
-            )
+            problem = "is multiplexed, but by no selector that is always sent"
+            remedy = "correct the multiplexing in the bus database"
+            raise UserError(f"message {message.name}, signal {name}", problem, remedy)
         selector = find_signal(message, signal.multiplexer_signal)
         mask = (1 << selector.length) - 1
         conditions.append(Condition(selector.name, frozenset(value & mask for value in values)))
@@ -219,11 +214,9 @@ def _multiplexer_ids(message: Message, signal: Signal) -> set[int] | None:
     """Values of its selector under which a signal is sent, None: always. It may be repeated for each of them."""
     repeated = [other for other in message.signals if other.name == signal.name]
     if any(_field(other) != _field(signal) for other in repeated):
-        raise UserError(
-            f"message {message.name}, signal {signal.name}",
-            f"is defined {len(repeated)} times, in different ways",
-            "give each of them a name of its own in the bus database",
-        )
+        problem = f"is defined {len(repeated)} times, in different ways"
+        remedy = "give each of them a name of its own in the bus database"
+        raise UserError(f"message {message.name}, signal {signal.name}", problem, remedy)
     if any(other.multiplexer_ids is None for other in repeated):
         return None
     return {value for other in repeated for value in other.multiplexer_ids}

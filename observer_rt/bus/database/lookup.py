@@ -86,11 +86,9 @@ class MessageLayout:
         e2e_profile = _integer_attribute(message, "E2EProfile") or None
         e2e_data_id = _integer_attribute(message, _DATA_ID)
         if e2e_profile in PROFILES and e2e_data_id is None:
-            raise UserError(
-                f"message {message.name}",
-                f"is protected by E2E profile {e2e_profile}, but has no attribute {_DATA_ID}",
-                f'add BA_ "{_DATA_ID}" to the message, or set its E2EProfile to 0',
-            )
+            problem = f"is protected by E2E profile {e2e_profile}, but has no attribute {_DATA_ID}"
+            remedy = f'add BA_ "{_DATA_ID}" to the message, or set its E2EProfile to 0'
+            raise UserError(f"message {message.name}", problem, remedy)
         return cls(
             name=message.name,
             frame_id=message.frame_id,
@@ -216,11 +214,8 @@ def _expand(pattern: str, names: Sequence[str], location: str) -> tuple[str, ...
         # One number more than there are signals, because counting may start at 1.
         produced = [pattern.format(number) for number in range(len(names) + 1)]
     except (ValueError, IndexError, KeyError):
-        raise UserError(
-            location,
-            f"{pattern!r} is not a pattern of signal names",
-            'write it with one number field, as in "RailPressure_{:02d}"',
-        ) from None
+        problem = f"{pattern!r} is not a pattern of signal names"
+        raise UserError(location, problem, 'write it with one number field, as in "RailPressure_{:02d}"') from None
     present = [number for number, name in enumerate(produced) if name in names]
     if not present or present[0] > 1:
         raise UserError(location, f"has no signal {produced[0]} (from {pattern!r})", _nearest(produced[0], names))

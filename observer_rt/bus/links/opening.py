@@ -1,4 +1,4 @@
-"""Opens links, and again after an outage; links over a descriptor, and to nothing; who else sends."""
+"""Opening of links, also after an outage; links over a descriptor, idle links; listening for other senders."""
 
 import os
 import select
@@ -39,11 +39,8 @@ class DescriptorLink(SocketCanLink):
         try:
             self._socket = socket.socket(fileno=os.dup(int(self._channel)))
         except (ValueError, OSError) as error:
-            raise UserError(
-                "link.channel",
-                f"{self._channel!r} is not the descriptor of a socket",
-                "give the number of one that was handed to this process",
-            ) from error
+            remedy = "give the number of one that was handed to this process"
+            raise UserError("link.channel", f"{self._channel!r} is not the descriptor of a socket", remedy) from error
         self._socket.setblocking(False)
         self._stamps = StampReader(self._socket, self._channel, computer_time=True)
         self._dropped_by_socket = 0
@@ -91,7 +88,7 @@ def require_interface(location: str, name: str) -> None:
 
 
 def missing_driver(interface: str) -> str:
-    """What this computer lacks of the driver of an interface, as a remedy; empty: nothing that is known here."""
+    """Remedy for a driver of an interface that this computer lacks; empty where none is known to be missing."""
     module, package = _PACKAGES.get(interface, ("", ""))
     if module and find_spec(module) is None:
         return f"pip install {package}"

@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import can
 
-from observer_rt.bus.links.link import SWITCHED, BusCondition, FdFlags, Frame, Link, LinkDownError, StampSource
+from observer_rt.bus.links.controller import BusCondition
+from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, LinkDownError, StampSource
 from observer_rt.foundation.errors import RunError, UserError
 
 SEND_TIMEOUT_S = 0.5  # how long a driver may wait for a place in its queue
@@ -26,14 +27,14 @@ class OwnFrames:
         self._sent: dict[tuple[int, bool, bytes], int] = {}  # how often, the oldest first
 
     def note(self, frame_id: int, is_extended: bool, payload: bytes) -> None:
-        """A frame is sent."""
+        """Remember a frame that is being sent."""
         key = frame_id, is_extended, payload
         self._sent[key] = self._sent.pop(key, 0) + 1
         if len(self._sent) > MOST_OWN:
             del self._sent[next(iter(self._sent))]
 
     def has_back(self, frame_id: int, is_extended: bool, payload: bytes) -> bool:
-        """Whether a frame that came is one of them, which it is once."""
+        """Whether a received frame is a sent one; each frame sent comes back once."""
         key = frame_id, is_extended, payload
         left = self._sent.pop(key, 0) - 1
         if left > 0:
@@ -171,7 +172,7 @@ class PythonCanLink(Link):
 
     @property
     def dropped(self) -> int:
-        """Zero: python-can does not count them. The virtual bus loses nothing."""
+        """Zero: python-can counts no lost frames, and the virtual bus loses none."""
         return 0
 
     @property

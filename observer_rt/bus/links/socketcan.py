@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, BIT_RATE_SWITCH, CLASSIC_LENGTH, ERROR_STATE, FD_LENGTHS, FD_MTU
-from observer_rt.bus.links import link
+from observer_rt.bus.links import controller, link
 from observer_rt.foundation.errors import RunError, UserError
 
 NO_SOCKETCAN = 'sudo modprobe can_raw, or interface = "udp_multicast" in the bench file (docs/buses.md)'
@@ -53,7 +53,7 @@ _FD_FRAME = struct.Struct("=IBB2x64s")
 _FILTER = struct.Struct("=II")
 _COUNT = struct.Struct("=I")
 _ANCILLARY_BYTES = ANCILLARY_BYTES + socket.CMSG_SPACE(_COUNT.size)
-_TOLD_ERRORS = link.ErrorClass.CONTROLLER | link.ErrorClass.BUS_OFF | link.ErrorClass.RESTARTED
+_TOLD_ERRORS = controller.ErrorClass.CONTROLLER | controller.ErrorClass.BUS_OFF | controller.ErrorClass.RESTARTED
 
 
 class StampReader:
@@ -116,7 +116,7 @@ class SocketCanLink(link.Link):
         self._receive_ids = receive_ids
         self._computer_time = computer_time
         self._dropped = 0
-        self._condition = link.BusCondition()
+        self._condition = controller.BusCondition()
         self._warnings: list[str] = []
         self._open()
 
@@ -235,7 +235,7 @@ class SocketCanLink(link.Link):
 
     def note_error_frame(self, identifier: int, data: bytes) -> None:
         """Take the content of an error frame into the condition."""
-        self._condition = link.after_error_frame(self._condition, identifier, data)
+        self._condition = controller.after_error_frame(self._condition, identifier, data)
 
     def send(
         self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: link.FdFlags = link.SWITCHED
@@ -279,14 +279,14 @@ class SocketCanLink(link.Link):
     def reconnect(self) -> None:
         self.close()
         self._open()  # anew: the old socket may be bound to a device that is gone
-        self._condition = replace(self._condition, state=link.BusState.ACTIVE)
+        self._condition = replace(self._condition, state=controller.BusState.ACTIVE)
 
     @property
     def dropped(self) -> int:
         return self._dropped + self._condition.overruns
 
     @property
-    def condition(self) -> link.BusCondition:
+    def condition(self) -> controller.BusCondition:
         return self._condition
 
     @property

@@ -13,28 +13,12 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
 from observer_rt.bus.database.lookup import INDEX_BITS, MessageLayout, from_unit, signal_names
-from observer_rt.bus.mapping.input_tables import (
-    ROLES,
-    Inputs,
-    InputTables,
-    SampleGroup,
-    frame_row,
-    require_carried,
-    require_one_rate,
-    sample_groups,
-)
-from observer_rt.bus.mapping.output_messages import (
-    OutputMessage,
-    RateMessage,
-    output_message,
-    protected_layout,
-    rate_message,
-)
+from observer_rt.bus.mapping import input_tables, output_messages
 from observer_rt.bus.mapping.output_signals import RESULTS, signals_of
 from observer_rt.bus.mapping.timing import GridRelation, grid_relations, map_timing, number_signal
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role
-from observer_rt.core.frames.frames import FLOAT32, FLOAT64, INPUT_GROUP, decode_signals, encode_signals
+from observer_rt.core.frames.frames import INPUT_GROUP
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
@@ -42,24 +26,22 @@ if TYPE_CHECKING:
     from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowMessage
 
 _UNITS = {Role.RAIL_PRESSURE: PRESSURE_UNITS, Role.NEEDLE_LIFT: LENGTH_UNITS, Role.LINE_PRESSURE: PRESSURE_UNITS}
-Compiled = TypeVar("Compiled", RateMessage, OutputMessage)
-
-_FLOAT_TYPES = {FLOAT32: np.float32, FLOAT64: np.float64}
+Compiled = TypeVar("Compiled", output_messages.RateMessage, output_messages.OutputMessage)
 
 
 @dataclass(frozen=True)
 class BusMap:
     """Messages and signals of one injector on the buses, compiled from the bench file."""
 
-    inputs: Inputs
+    inputs: input_tables.Inputs
     input_layouts: tuple[MessageLayout, ...]
     slow: "tuple[SlowMessage, ...]"
     """Messages with optional inputs."""
     grid_relations: tuple[GridRelation | None, ...]  # of each stream, None where all of it is on the grid
-    rate: RateMessage | None
+    rate: output_messages.RateMessage | None
     """Message of the injection rate; None: it is not published."""
-    corrected: RateMessage | None  # the same of the corrected rate
-    results: Mapping[str, OutputMessage]
+    corrected: output_messages.RateMessage | None  # the same of the corrected rate
+    results: Mapping[str, output_messages.OutputMessage]
     """Messages of results, by their keys in `[outputs]`."""
     labels: tuple[str, ...]
     """Names of the buses in messages to the user."""
@@ -85,7 +67,7 @@ class BusMap:
         outputs = (self.rate, self.corrected, *self.results.values())
         return tuple(output.layout for output in outputs if output is not None)
 
-    def results_of(self, per_injection: bool) -> list[tuple[Any, OutputMessage]]:
+    def results_of(self, per_injection: bool) -> list[tuple[Any, output_messages.OutputMessage]]:
         """Messages of an injection, or those of a moment, each behind the table of its values."""
         kinds = ((RESULTS[key], message) for key, message in self.results.items())
         return [(kind.values, message) for kind, message in kinds if kind.per_injection == per_injection]
@@ -114,7 +96,7 @@ def message_timing(bus: BusMap, number: int) -> np.void:
 
 def stream_of(bus: BusMap, role: Role) -> int:
     """Number of the stream that carries a role."""
-    bit = 1 << ROLES.index(role)
+    bit = 1 << input_tables.ROLES.index(role)
     return next(n for n, stream in enumerate(bus.inputs.streams) if int(stream["roles"]) & bit)
 
 
@@ -152,10 +134,10 @@ def map_injector(injector: BenchInjector, databases: BenchDatabases) -> BusMap:
         input_layouts=layouts,
         slow=slow,
         grid_relations=tuple(grid_relations(injector, inputs.timing, inputs.streams["roles"].tolist())),
-        rate=output("injection_rate", rate_message) if outputs.injection_rate else None,
-        corrected=output("corrected_rate", rate_message) if outputs.corrected_rate else None,
+        rate=output("injection_rate", output_messages.rate_message) if outputs.injection_rate else None,
+        corrected=output("corrected_rate", output_messages.rate_message) if outputs.corrected_rate else None,
         results={
-            key: output(key, partial(output_message, signals=signals_of(result.values)))
+            key: output(key, partial(output_messages.output_message, signals=signals_of(result.values)))
             for key, result in RESULTS.items()
             if getattr(outputs, key)
         },
@@ -175,21 +157,21 @@ def _moved(message: Message, identifier: int | None) -> Message:
 
 def _map_inputs(
     injector: BenchInjector, databases: BenchDatabases
-) -> "tuple[Inputs, tuple[MessageLayout, ...], tuple[SlowMessage, ...]]":
+) -> "tuple[input_tables.Inputs, tuple[MessageLayout, ...], tuple[SlowMessage, ...]]":
     """The tables of all inputs, the messages that carry samples, and those with optional inputs."""
     by_message: dict[tuple[str, int], tuple[BusMessage, list[Role]]] = {}
-    for role in ROLES:
+    for role in input_tables.ROLES:
         config = injector.config.signals.of(role)
         source = databases.find(injector.location(f"signals.{role}.message"), config.message, config.link)
         by_message.setdefault((config.message, source.bus), (source, []))[1].append(role)
-    tables = InputTables()
+    tables = input_tables.InputTables()
     layouts = []
     streams: list[tuple[BusMessage, list[Role]]] = []
     for source, roles in by_message.values():
         with named(injector.location(f"signals.{roles[0]}.message")):
-            layout = protected_layout(*source)
+            layout = output_messages.protected_layout(*source)
         layouts.append(layout)
-        row = frame_row(layout)
+        row = input_tables.frame_row(layout)
         streams += [(source, together) for together in _map_message(injector, source.message, roles, row, tables)]
     timing = map_timing(
         injector,
@@ -197,7 +179,7 @@ def _map_inputs(
         [databases.links[source.bus] for source, _ in streams],
         [samples for samples, _ in tables.streams],
     )
-    require_one_rate(injector, streams, timing["steps"].tolist())
+    input_tables.require_one_rate(injector, streams, timing["steps"].tolist())
     signals = injector.config.signals
     if not signals.optional and signals.energizing is None:
         return tables.inputs(timing), tuple(layouts), ()
@@ -210,7 +192,11 @@ def _map_inputs(
 
 
 def _map_message(
-    injector: BenchInjector, message: Message, roles: Sequence[Role], row: NDArray[np.void], tables: InputTables
+    injector: BenchInjector,
+    message: Message,
+    roles: Sequence[Role],
+    row: NDArray[np.void],
+    tables: input_tables.InputTables,
 ) -> list[list[Role]]:
     """Add a message to the tables; returns the roles of each of its streams."""
 
@@ -218,11 +204,11 @@ def _map_message(
         return role is not Role.NEEDLE_LIFT or injector.config.signals.needle_lift is not None
 
     samples: dict[Role, tuple[str, ...]] = {}
-    streams: dict[tuple[SampleGroup, ...], list[Role]] = {}
+    streams: dict[tuple[input_tables.SampleGroup, ...], list[Role]] = {}
     for role in roles:
         with named(injector.location(f"signals.{role}")):
             samples[role] = signal_names(message, injector.config.signals.of(role).names)
-            groups = sample_groups(message, samples[role])
+            groups = input_tables.sample_groups(message, samples[role])
         if row["samples"] not in (0, len(samples[role])):
             raise UserError(
                 injector.location(f"signals.{role}"),
@@ -239,18 +225,16 @@ def _map_message(
         number = number_signal(injector, message, together)
         if number is not None:
             with named(injector.location(f"signals.{together[0]}")):
-                require_carried(message, number.name, groups)
+                input_tables.require_carried(message, number.name, groups)
         if any(group.conditions for group in groups) and (number is None or number.length != INDEX_BITS):
-            raise UserError(
-                injector.location(f"signals.{together[0]}.index"),
-                f"{message.name} sends samples in turns under a multiplexer, but no sample index with them",
-                "name the signal with the index of the frame's first sample",
-            )
+            problem = f"{message.name} sends samples in turns under a multiplexer, but no sample index with them"
+            remedy = "name the signal with the index of the frame's first sample"
+            raise UserError(injector.location(f"signals.{together[0]}.index"), problem, remedy)
         for group in groups:
             group_row = np.zeros((), INPUT_GROUP)
             names = [] if number is None else [number.name]
             for role in together:
-                column, config = ROLES.index(role), injector.config.signals.of(role)
+                column, config = input_tables.ROLES.index(role), injector.config.signals.of(role)
                 group_row["position"][column] = len(names)
                 if is_measured(role):
                     group_row["factor"][column] = from_unit(
@@ -259,76 +243,6 @@ def _map_message(
                 names.extend(samples[role][group.offset : group.offset + group.count])
             with named(injector.location(f"signals.{together[0]}")):
                 tables.add_group(group_row, message, names, group, None if number is None else number.name)
-        tables.streams.append((int(row["samples"]), sum(1 << ROLES.index(role) for role in together)))
+        tables.streams.append((int(row["samples"]), sum(1 << input_tables.ROLES.index(role) for role in together)))
     tables.add_message(row, message, [group for groups in streams for group in groups])
     return list(streams.values())
-
-
-@dataclass(frozen=True)
-class RoleRange:
-    """Lowest and highest value [SI] that every sample of a role's message can carry."""
-
-    lowest: float
-    highest: float
-
-
-def message_of(bus: BusMap, role: Role) -> int:
-    """Number of the input message that carries a role."""
-    return next(n for n in range(len(bus.inputs.messages)) if _groups(bus, n, role))
-
-
-def role_factor(bus: BusMap, role: Role) -> float:
-    """Factor from the unit of the role in the database to SI."""
-    (first, *_) = _groups(bus, message_of(bus, role), role)
-    return float(first["factor"][ROLES.index(role)])
-
-
-def role_range(bus: BusMap, role: Role) -> RoleRange:
-    """Range [SI] of the role on the bus: the values that reach the receiver when more is encoded than fits."""
-    message = bus.inputs.messages[message_of(bus, role)]
-    ends = []
-    for value in (-np.inf, np.inf):
-        values = []
-        for signal in _samples(bus, role):
-            payload = np.zeros(int(message["length"]), np.uint8)
-            encode_signals(np.array([value]), signal, payload)
-            decoded = np.empty(1)
-            decode_signals(payload, signal, decoded)
-            values.append(float(decoded[0]) * role_factor(bus, role))
-        ends.append(values)
-    return RoleRange(max(ends[0]), min(ends[1]))
-
-
-def role_resolution(bus: BusMap, role: Role, value: float) -> float:
-    """Distance of two neighbouring values [SI] on the bus, near `value` [SI]; the coarsest of the samples."""
-    factor = role_factor(bus, role)
-    return max(_step(signal[0], value / factor) for signal in _samples(bus, role)) * factor if factor else np.inf
-
-
-def _groups(bus: BusMap, number: int, role: Role) -> list[np.void]:
-    """Groups of one input message with samples of a role."""
-    message = bus.inputs.messages[number]
-    first = int(message["first_group"])
-    groups = bus.inputs.groups[first : first + int(message["group_count"])]
-    roles = bus.inputs.streams["roles"]
-    return [group for group in groups if int(roles[group["stream"]]) >> ROLES.index(role) & 1]
-
-
-def _samples(bus: BusMap, role: Role) -> list[NDArray[np.void]]:
-    """Tables of one signal each, of all samples of a role."""
-    tables = []
-    for group in _groups(bus, message_of(bus, role), role):
-        first = int(group["first_signal"]) + int(group["position"][ROLES.index(role)])
-        tables += [bus.inputs.signals[n : n + 1] for n in range(first, first + int(group["samples"]))]
-    return tables
-
-
-def _step(signal: np.void, value: float) -> float:
-    """Step of a signal near a physical value, in the database's unit."""
-    scale = abs(float(signal["scale"]))
-    kind = int(signal["kind"])
-    if kind not in _FLOAT_TYPES:
-        return scale
-    raw = np.clip((value - float(signal["offset"])) / float(signal["scale"]), signal["lowest"], signal["highest"])
-    with np.errstate(over="ignore"):  # nothing lies beyond the largest number
-        return scale * abs(float(np.spacing(np.asarray(raw, _FLOAT_TYPES[kind]))))

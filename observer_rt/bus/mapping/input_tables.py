@@ -61,11 +61,9 @@ def require_carried(message: Message, index: str, groups: Sequence[SampleGroup])
     """Raise `UserError` unless every frame with these samples also carries the signal `index`."""
     for group in groups:
         if not codec.conditions_of(message, index) <= group.conditions:
-            raise UserError(
-                f"message {message.name}",
-                f"sends {index} only with other samples than the {group.count} from number {group.offset} on",
-                "name an index that is in every frame with these samples",
-            )
+            problem = f"sends {index} only with other samples than the {group.count} from number {group.offset} on"
+            remedy = "name an index that is in every frame with these samples"
+            raise UserError(f"message {message.name}", problem, remedy)
 
 
 def require_one_rate(
@@ -75,11 +73,9 @@ def require_one_rate(
     names = [(found.message.name, found.bus) for found, _ in streams]
     for name, (_, roles), ratio in zip(names, streams, steps, strict=True):
         if ratio > 1 and names.count(name) > 1:
-            raise UserError(
-                injector.location(f"signals.{roles[0]}.rate_hz"),
-                f"{name[0]} carries other signals under the same sample index",
-                "leave rate_hz out: all signals of one message are sampled alike",
-            )
+            problem = f"{name[0]} carries other signals under the same sample index"
+            remedy = "leave rate_hz out: all signals of one message are sampled alike"
+            raise UserError(injector.location(f"signals.{roles[0]}.rate_hz"), problem, remedy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,9 +126,8 @@ class InputTables:
     ) -> None:
         """Add a group to the next stream; `names`: signals of its index or `counter`, then of its samples."""
         if len(names) > core.MAX_SIGNALS:
-            raise UserError(
-                f"message {message.name}", f"{len(names)} signals of a frame are mapped, at most {core.MAX_SIGNALS}"
-            )
+            problem = f"{len(names)} signals of a frame are mapped, at most {core.MAX_SIGNALS}"
+            raise UserError(f"message {message.name}", problem)
         row["stream"] = len(self.streams)
         row["offset"], row["samples"] = group.offset, group.count
         table = codec.signal_table(message, names, counter)

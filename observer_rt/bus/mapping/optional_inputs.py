@@ -113,8 +113,7 @@ class EnergizingSignal(NamedTuple):
     """Whether, by its protection, no frame was lost since the reading before; None: without one."""
 
 
-@dataclass(frozen=True, eq=False)
-class SlowMessage:
+class SlowMessage(NamedTuple):
     """A message with optional inputs."""
 
     layout: lookup.MessageLayout
@@ -195,7 +194,7 @@ def _slow_signal(
 
 
 def slow_timeout(configured_ms: float | None, cycle_time_ns: int | None) -> float:
-    """After which a value counts no longer [s]: as configured, else ten cycles of its message, else never."""
+    """Time [s] for which a value counts: as configured, else ten cycles of its message, else without end."""
     if configured_ms is not None:
         return configured_ms * MILLISECOND
     return math.inf if cycle_time_ns is None else max(CYCLES * cycle_time_ns * 1e-9, SHORTEST_TIMEOUT)
@@ -226,11 +225,8 @@ def _energizing(
     unit = lookup.stated_unit(message, names[0], config.unit)
     factor = None if unit in NO_UNITS else factor_of(unit, TIME_UNITS)
     if factor is None and unit not in NO_UNITS:
-        raise UserError(
-            location,
-            f"unit {unit!r} of {message.name} is neither a time nor that of a level",
-            f'add unit = "..." with one of {", ".join(TIME_UNITS)} for a duration, or "-" for a level',
-        )
+        remedy = f'add unit = "..." with one of {", ".join(TIME_UNITS)} for a duration, or "-" for a level'
+        raise UserError(location, f"unit {unit!r} of {message.name} is neither a time nor that of a level", remedy)
     if factor is not None and len(names) > 1:
         problem = f"names {len(names)} durations a frame of {message.name}"
         raise UserError(location, problem, "name one; only levels may come as several samples")
@@ -240,7 +236,7 @@ def _energizing(
         raise UserError(location, problem, "name as many, or one")
     cycle = layout.cycle_time_ns / NANOSECONDS if layout.cycle_time_ns else None
     if companions or len(names) > 1:
-        cycle = expected / injector.config.sampling.rate_hz
+        cycle = expected / injector.sample_rate
     row = np.zeros((), OPTIONAL_INPUT)
     row["role"], row["is_placed"], row["factor"] = input_tables.ENERGIZING, index is not None, factor or 1.0
     row["surrounding"] = -1
@@ -269,7 +265,7 @@ def _index(
     """The signal that places the frames on the grid, None where their stamps must."""
     line = injector.config.signals.of(Role.LINE_PRESSURE)
     on_grid = config.time_base == line.time_base and grid["numbering"] == Numbering.INDEX
-    on_grid = on_grid and all(other.rate_hz in (None, injector.config.sampling.rate_hz) for other in companions)
+    on_grid = on_grid and all(other.rate_hz in (None, injector.sample_rate) for other in companions)
     name = config.index
     if name is None and on_grid:
         usual = lookup.USUAL_INDEX if any(signal.name == lookup.USUAL_INDEX for signal in message.signals) else None

@@ -1,7 +1,7 @@
 """Messages the results go out in: their signals, their frames, and how long a frame occupies the bus."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from cantools.database.can import Message
@@ -36,8 +36,7 @@ _FD_CRC_DELIMITER = 1
 _FD_TAIL = 12  # ACK 1, ACK delimiter 1, end of frame 7, intermission 3
 
 
-@dataclass(frozen=True)
-class OutputPage:
+class OutputPage(NamedTuple):
     """Frame of an output message: `names` of the known signals in it, their table, and the frame without them.
 
     places: of these signals among all known ones. selection: what a received frame must hold to be this one.
@@ -50,16 +49,14 @@ class OutputPage:
     selection: codec.Selection
 
 
-@dataclass(frozen=True)
-class OutputMessage:
-    """A message the results go out in. A multiplexed one takes several frames, the pages, each time it is sent."""
+class OutputMessage(NamedTuple):
+    """Message of results. A multiplexed message takes several frames, its pages, each time it is sent."""
 
     layout: MessageLayout
     pages: tuple[OutputPage, ...]
 
 
-@dataclass(frozen=True)
-class RateMessage:
+class RateMessage(NamedTuple):
     """The message the injection rate goes out in; the last `samples` signals of its page are the rates."""
 
     layout: MessageLayout
@@ -68,7 +65,7 @@ class RateMessage:
 
 
 def output_message(message: Message, signals: Sequence[str], bus: int = 0) -> OutputMessage:
-    """The message, sent on the bus of this number, with those of the `signals` signals that it has.
+    """A message for the bus of this number, with as many of `signals` as it has.
 
     Raises `UserError`: its protection is not supported, or a signal cannot be encoded.
     """
@@ -88,7 +85,7 @@ def output_message(message: Message, signals: Sequence[str], bus: int = 0) -> Ou
 
 
 def rate_message(message: Message, bus: int = 0) -> RateMessage:
-    """The message, sent on the bus of this number, with its rates and those of `HEADER_SIGNALS` that it has.
+    """A message for the bus of this number, with its rates and as many of `HEADER_SIGNALS` as it has.
 
     Raises `UserError`: it has no rates, is multiplexed, or cannot be encoded.
     """
@@ -104,11 +101,9 @@ def protected_layout(message: Message, bus: int) -> MessageLayout:
     """Layout of a message, on the bus of this number; raises `UserError` unless its protection is supported."""
     layout = MessageLayout.of(message, bus)
     if layout.length > FD_LENGTHS[-1]:
-        raise UserError(
-            f"message {layout.name}",
-            f"has {layout.length} bytes, no frame more than {FD_LENGTHS[-1]}",
-            "correct its length in the bus database; messages of several frames are not put together",
-        )
+        problem = f"has {layout.length} bytes, no frame more than {FD_LENGTHS[-1]}"
+        remedy = "correct its length in the bus database; messages of several frames are not put together"
+        raise UserError(f"message {layout.name}", problem, remedy)
     if layout.e2e_profile not in (None, *PROFILES):
         raise UserError(
             f"message {layout.name}",

@@ -15,7 +15,7 @@ from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.config.signals import Role, undone_in_alignment
 from observer_rt.core.frames import frames
 from observer_rt.foundation.errors import UserError
@@ -152,11 +152,9 @@ def index_signal(location: str, message: Message, name: str) -> Signal:
         )
     signal = find_signal(message, name)
     if (signal.length, signal.is_signed, signal.scale, signal.offset) != (INDEX_BITS, False, 1, 0):
-        raise UserError(
-            location,
-            f"{name} of message {message.name} is no unsigned number of {INDEX_BITS} bits in steps of 1",
-            "name such a signal; one that wraps earlier can be named as 'counter' when it counts frames",
-        )
+        problem = f"{name} of message {message.name} is no unsigned number of {INDEX_BITS} bits in steps of 1"
+        remedy = "name such a signal; one that wraps earlier can be named as 'counter' when it counts frames"
+        raise UserError(location, problem, remedy)
     return signal
 
 
@@ -177,7 +175,7 @@ def _map_message(
         )
     row["numbering"], row["modulus"] = numbering, modulus
     row["steps"] = steps = _steps(injector, message, roles)
-    row["interval"] = steps / injector.config.sampling.rate_hz
+    row["interval"] = steps / injector.sample_rate
     row["tolerance"] = TOLERANCE
     if tuple(roles) == (Role.RAIL_PRESSURE,):
         row["tolerance"] = max(RAIL_TOLERANCE, SLOW_TOLERANCE * row["interval"])
@@ -189,7 +187,7 @@ def _map_message(
 
 
 def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
-    """Time [s] that a frame takes; none where the bus is not a real one."""
+    """Time [s] that a frame takes on the bus; 0 on a virtual bus."""
     if link.interface == "virtual" or link.channel.startswith("vcan"):
         return 0.0
     return frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
@@ -197,7 +195,7 @@ def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
 
 def _steps(injector: BenchInjector, message: Message, roles: Sequence[Role]) -> int:
     """Samples of the grid from one sample of the message to its next."""
-    rate = injector.config.sampling.rate_hz
+    rate = injector.sample_rate
     location, stated = _agreed(injector, message, roles, "rate_hz")
     if stated is None:
         return 1
@@ -224,7 +222,7 @@ def _set_hold(injector: BenchInjector, message: Message, roles: Sequence[Role], 
             raise UserError(location, problem, "leave it out, or state its rate_hz")
         return
     hold = HELD_CYCLES * cycle if stated is None else stated * MILLISECOND
-    longest = frames.SLOTS // 2 / injector.config.sampling.rate_hz
+    longest = frames.SLOTS // 2 / injector.sample_rate
     if not cycle <= hold:
         problem = f"is shorter than the {cycle / MILLISECOND:g} ms from frame to frame"
         raise UserError(location, problem, "make it longer than that")
@@ -232,7 +230,7 @@ def _set_hold(injector: BenchInjector, message: Message, roles: Sequence[Role], 
         raise UserError(
             location if stated is not None else _agreed(injector, message, roles, "rate_hz")[0],
             f"samples would have to wait {hold / MILLISECOND:g} ms for it, at most {longest / MILLISECOND:.3g} are "
-            f"possible at {injector.config.sampling.rate_hz:g} Hz",
+            f"possible at {injector.sample_rate:g} Hz",
             "state a shorter max_hold_ms" if cycle <= longest else "a faster signal of the rail pressure is needed",
         )
     row["hold"] = hold
@@ -244,9 +242,7 @@ def _agreed(injector: BenchInjector, message: Message, roles: Sequence[Role], ke
     first = next(iter(stated), roles[0])
     for role, value in stated.items():
         if value != stated[first]:
-            raise UserError(
-                injector.location(f"signals.{role}.{key}"),
-                f"differs from that of signals.{first}, though message {message.name} carries both",
-                "state it the same for all signals of a message",
-            )
+            problem = f"differs from that of signals.{first}, though message {message.name} carries both"
+            remedy = "state it the same for all signals of a message"
+            raise UserError(injector.location(f"signals.{role}.{key}"), problem, remedy)
     return injector.location(f"signals.{first}.{key}"), stated.get(first)

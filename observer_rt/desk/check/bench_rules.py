@@ -10,9 +10,10 @@ from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.daemon.keeper import kept_files
 from observer_rt.daemon.state_file import StateDoesNotFitError, load_knowledge, model_hash
 from observer_rt.desk.check.buses import buses_findings
-from observer_rt.desk.check.findings import Finding, Said, failed, ruled
-from observer_rt.desk.check.injector import mapping_findings, mass_findings, observer_findings, time_findings
+from observer_rt.desk.check.findings import Finding, Statement, failed, graded, ruled, warning
+from observer_rt.desk.check.injector import mapping_findings, time_findings
 from observer_rt.desk.check.machine import machine_findings
+from observer_rt.desk.check.observer import mass_findings, observer_findings
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.parameters import InjectorParameters
@@ -47,9 +48,9 @@ def refuse_errors(
 def bench_findings(
     bench: Bench, state: Path | None = None, journal: Path | None = None, injector: str | None = None
 ) -> list[Finding]:
-    """All findings about a bench but those of the machine.
+    """All findings about a bench, without those about the machine.
 
-    state, journal: instead of those of the bench file, of the injector with this name, None: of the only one.
+    state, journal: replace the files that the bench file names for this injector, None: for the only one.
     """
     chosen = None if state is None and journal is None else bench.of(injector).injector
     findings = _files(bench)
@@ -85,21 +86,21 @@ def of_each(bench: Bench, findings_of: Callable[[Bench], list[Finding]]) -> list
 
 
 @ruled("files")
-def _files(bench: Bench) -> Iterator[Said]:
+def _files(bench: Bench) -> Iterator[Statement]:
     yield f"bench {bench.path}"
     names = ", ".join(str(path) for path in bench.databases)
     yield f"bus database {names}, hash {database_hash(bench.databases):08X}"
 
 
 @ruled("files")
-def _injector_file(injector: BenchInjector) -> Iterator[Said]:
+def _injector_file(injector: BenchInjector) -> Iterator[Statement]:
     yield f"injector {injector.parameters_path}, SHA-256 {file_hash(injector.parameters_path)}"
     values = model_hash(injector.parameters)
     yield f"its values, however they are written, SHA-256 {values}; ModelHash on the bus is {values[:8].upper()}"
 
 
 @ruled("learned state")
-def _kept(injector: BenchInjector, state: Path | None, journal: Path | None) -> Iterator[Said]:
+def _kept(injector: BenchInjector, state: Path | None, journal: Path | None) -> Iterator[Statement]:
     """Findings about the learned state and the journal, as `run` would take them."""
     path = kept_files(injector, state, journal).state
     if path is None:
@@ -108,27 +109,27 @@ def _kept(injector: BenchInjector, state: Path | None, journal: Path | None) -> 
         knowledge = load_knowledge(path, injector.parameters, set_aside=False).knowledge
     except StateDoesNotFitError as error:
         remedy = "`run` would set it aside and begin anew: name the model file it belongs to, or another state"
-        yield False, f"{error.location} {error.problem}", remedy
+        yield warning(f"{error.location} {error.problem}", remedy)
         return
     if knowledge is None:
         yield f"none at {path} yet, `run` begins with the prior"
         return
     learned = f"{path}: correction {knowledge.phi_version}, learned from {knowledge.state.events} events"
-    yield knowledge.state.events > 0, learned, "`run` will trust its results no sooner for it"
+    yield graded(knowledge.state.events > 0, learned, "`run` will trust its results no sooner for it")
 
 
 @ruled("effects")
-def _effects(injector: BenchInjector) -> Iterator[Said]:
+def _effects(injector: BenchInjector) -> Iterator[Statement]:
     """The effects and terms that the injector file adds to the nominal model."""
     yield from injector.parameters.in_force
 
 
 @ruled("injector")
-def plausibility_findings(injector: InjectorParameters) -> Iterator[Said]:
+def plausibility_findings(injector: InjectorParameters) -> Iterator[Statement]:
     """A warning for every parameter that no injector has, or one finding that all can be."""
     odd = beyond_physics(injector)
     for number in odd:
         entries = number.made_up_for if injector.baseline is not None else ""
-        yield False, number.words, f"check {entries}" if entries else "is it in SI units?"
+        yield warning(number.words, f"check {entries}" if entries else "is it in SI units?")
     if not odd:
         yield "every parameter is one an injector can have"

@@ -1,7 +1,7 @@
 """Findings about the buses of a bench: contents of each, comparable stamps, names, identifiers, load."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from observer_rt.bus.mapping.output_signals import RESULTS
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import RESULT_IDS
 from observer_rt.core.frames.frames import Joining, Numbering
-from observer_rt.desk.check.findings import Finding, Said, ruled
+from observer_rt.desk.check.findings import Finding, Statement, graded, ruled, warning
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
 
@@ -22,7 +22,7 @@ _OUTPUT_KEYS = f" (of results: outputs.{', '.join(RESULT_IDS)} in the bench file
 INJECTIONS_PER_SECOND = 17.0
 WINDOW = 6 * MILLISECOND  # of samples that a windowed source sends for an injection
 HIGH_LOAD = 0.6
-_LESS = "state the rates this bus has, sample slower, or spread the messages over several buses"
+_LOAD_REMEDY = "state the rates this bus has, sample slower, or spread the messages over several buses"
 
 
 def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
@@ -35,8 +35,8 @@ def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
 
 
 @ruled("buses")
-def _links(bench: Bench) -> Iterator[Said]:
-    """Interfaces and bit rates that there are not."""
+def _links(bench: Bench) -> Iterator[Statement]:
+    """Refuses an unknown interface, and a data bit rate below the bit rate."""
     for link in bench.config.buses:
         config, location = link.config, f"{bench.path}: {link.location}"
         require_interface(f"{location}.interface", config.interface)
@@ -49,7 +49,7 @@ def _links(bench: Bench) -> Iterator[Said]:
 
 
 @ruled("buses")
-def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
+def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
     """Lists inputs and results of each bus, where there are several; warns of inputs with too rough stamps."""
     links = bench.config.buses
     if len(links) == 1:
@@ -63,7 +63,7 @@ def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
         carried = ", ".join(ways)
         text = f"{link.label}, {link.config.interface}: {carried or 'nothing'}"
         remedy = f"state link for a [[dbc]], a signal or the outputs, or leave [{link.location}] out"
-        yield bool(carried), text, remedy
+        yield graded(bool(carried), text, remedy)
     rough = {n for n, link in enumerate(links) if link.config.interface != "socketcan"}
     by_stamps = set()
     for bus in mapped.injectors:
@@ -71,8 +71,7 @@ def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
         if np.any((timing["numbering"] != Numbering.INDEX) | (timing["joining"] == Joining.CLOCK)):
             by_stamps |= {layout.bus for layout in bus.input_layouts}
     for number in sorted(by_stamps & rough):
-        yield (
-            False,
+        yield warning(
             f"{links[number].label}: beside other buses its frames are stamped when this process reads them, too "
             "roughly for messages of several time bases, or without index",
             "use SocketCAN, or give all messages an index and one time base",
@@ -80,7 +79,7 @@ def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
 
 
 @ruled("outputs")
-def _results(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
+def _results(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
     """Refuses results that share a message or, of several injectors, what distinguishes them."""
     for what, names in in_common(bench, mapped):
         is_of_one = len(set(names)) == 1
@@ -90,7 +89,8 @@ def _results(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
 
 
 @ruled("identifiers")
-def _identifiers(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
+def _identifiers(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
+    """Refuses messages that share an identifier; warns of one that an unused message of a database has, too."""
     owners: dict[int, list[MessageLayout]] = {}
     for layout in mapped.layouts:
         owners.setdefault(layout.key, []).append(layout)
@@ -108,8 +108,7 @@ def _identifiers(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
     ]
     for message in others:
         name = mapped.name_of(owners[message.key][0])
-        yield (
-            False,
+        yield warning(
             f"{name} shares 0x{message.key & 0x1FFFFFFF:X} with {message.name} of {message.path}",
             f"if that one is on this bus too, give one of them another identifier{_OUTPUT_KEYS}",
         )
@@ -118,20 +117,20 @@ def _identifiers(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
 
 
 @ruled("databases")
-def _databases(mapped: BenchMap) -> Iterator[Said]:
+def _databases(mapped: BenchMap) -> Iterator[Statement]:
     """Names that several databases define, and the faults of those read leniently."""
     for layout in mapped.layouts:
         named = [message for message in mapped.database_messages if message.name == layout.name]
         of_bus = [message for message in named if message.bus == layout.bus]
         files = [str(message.path) for message in of_bus or named]
         if len(files) > 1:
-            yield (False, f"{layout.name} is in {' and in '.join(files)}", "the first is used, rename the other")
+            yield warning(f"{layout.name} is in {' and in '.join(files)}", "the first is used, rename the other")
     for text in mapped.overlooked:
-        yield False, f"overlooked: {text}", ""
+        yield warning(f"overlooked: {text}")
 
 
 @ruled("frames")
-def _frames(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
+def _frames(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
     """Messages that no frame of their kind can hold on their bus, or one finding that all can be."""
     fit = True
     for number, link in enumerate(bench.config.buses):
@@ -145,8 +144,7 @@ def _frames(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
         yield "every message fits its kind of frame"
 
 
-@dataclass(frozen=True)
-class BusLoad:
+class BusLoad(NamedTuple):
     """Expected share of a bus's time, inputs and outputs together."""
 
     continuous: float
@@ -154,7 +152,7 @@ class BusLoad:
 
 
 @ruled("bus load")
-def _load(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
+def _load(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
     """Expected load of every bus."""
     links = bench.config.buses
     for number, named in enumerate(links):
@@ -168,12 +166,12 @@ def _load(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
         continuous = f"{on}continuous: {load.continuous:.0%} {rates}"
         if load.windowed > 1.0:
             key = f"{bench.path}: {named.location}.{'data_bit_rate' if link.fd else 'bit_rate'}"
-            yield UserError(key, windowed, _LESS)
-            yield UserError(key, continuous, _LESS)
+            yield UserError(key, windowed, _LOAD_REMEDY)
+            yield UserError(key, continuous, _LOAD_REMEDY)
             continue
-        yield load.windowed <= HIGH_LOAD, windowed, ""
+        yield graded(load.windowed <= HIGH_LOAD, windowed)
         must = "the source must send windowed" if load.continuous > 1.0 else ""
-        yield load.continuous <= HIGH_LOAD, continuous, must
+        yield graded(load.continuous <= HIGH_LOAD, continuous, must)
 
 
 def expected_load(bench: Bench, mapped: BenchMap, number: int = 0) -> BusLoad:
@@ -211,9 +209,9 @@ def _traffic(bench: Bench, mapped: BenchMap) -> Iterator[tuple[MessageLayout, fl
             yield layout, often, often
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         if bus.rate is not None:
-            yield bus.rate.layout, *_blocks(bus.rate.samples, injector.config.sampling.rate_hz)
+            yield bus.rate.layout, *_blocks(bus.rate.samples, injector.sample_rate)
         if bus.corrected is not None:
-            often = _blocks(bus.corrected.samples, injector.config.sampling.rate_hz)[1]
+            often = _blocks(bus.corrected.samples, injector.sample_rate)[1]
             yield bus.corrected.layout, often, often
         period = injector.config.outputs.status_period_ms * MILLISECOND
         for key, result in bus.results.items():

@@ -1,7 +1,7 @@
 """Findings of a check, for the screen and for programs."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import wraps
 from typing import Any, ParamSpec
@@ -43,20 +43,23 @@ class Finding:
     """Error for a command that does not go on with this finding."""
 
 
-Said = str | tuple[bool, str, str] | UserError | Finding
-"""Result of a rule: all is well; whether it is, with a text and a remedy; an error; or a finding as it is."""
+Statement = str | UserError | Finding
+"""What a rule yields: a text where all is well, an error at a key of the bench file, or a finding."""
 
 
-def ruled(topic: str) -> Callable[[Callable[P, Iterator[Said]]], Callable[P, list[Finding]]]:
-    """Walk through the rules of a topic: what they say becomes findings, an error they raise the last one."""
+def ruled(topic: str) -> Callable[[Callable[P, Iterator[Statement]]], Callable[P, list[Finding]]]:
+    """Decorate a generator of statements, which then returns findings of this topic unless they name another.
 
-    def decorate(rules: Callable[P, Iterator[Said]]) -> Callable[P, list[Finding]]:
+    An error that it raises is the last finding.
+    """
+
+    def decorate(rules: Callable[P, Iterator[Statement]]) -> Callable[P, list[Finding]]:
         @wraps(rules)
         def walk(*arguments: P.args, **options: P.kwargs) -> list[Finding]:
             findings = []
             try:
-                for said in rules(*arguments, **options):
-                    findings.append(_finding(topic, said))
+                for statement in rules(*arguments, **options):
+                    findings.append(_finding(topic, statement))
             except UserError as error:
                 findings.append(failed(topic, error))
             return findings
@@ -66,32 +69,29 @@ def ruled(topic: str) -> Callable[[Callable[P, Iterator[Said]]], Callable[P, lis
     return decorate
 
 
-def _finding(topic: str, said: Said) -> Finding:
-    match said:
-        case Finding():
-            return said
+def _finding(topic: str, statement: Statement) -> Finding:
+    match statement:
         case str():
-            return Finding(topic, Level.OK, said)
-        case UserError():  # of the bench file, which is known: its text says the key
-            return Finding(topic, Level.ERROR, f"{said.location.rpartition(': ')[2]}: {_said(said)}", said)
-        case is_good, text, remedy:
-            return graded(topic, is_good, text, remedy)
+            return Finding(topic, Level.OK, statement)
+        case UserError():  # the file is known, so that the text begins with the key
+            return failed(topic, statement, statement.location.rpartition(": ")[2])
+    return statement if statement.topic else replace(statement, topic=topic)
 
 
-def graded(topic: str, is_good: bool, text: str, remedy: str = "") -> Finding:
-    """A finding that is OK, or else a warning with its remedy."""
-    if is_good:
-        return Finding(topic, Level.OK, text)
+def warning(text: str, remedy: str = "", topic: str = "") -> Finding:
+    """A warning; topic: by default the topic of the rule."""
     return Finding(topic, Level.WARNING, f"{text}; {remedy}" if remedy else text)
 
 
-def failed(topic: str, error: UserError) -> Finding:
-    """The finding that a file of the user must change."""
-    return Finding(topic, Level.ERROR, f"{error.location}: {_said(error)}", error)
+def graded(is_good: bool, text: str, remedy: str = "", topic: str = "") -> Finding:
+    """An OK finding, or else a warning with its remedy; topic: by default the topic of the rule."""
+    return Finding(topic, Level.OK, text) if is_good else warning(text, remedy, topic)
 
 
-def _said(error: UserError) -> str:
-    return f"{error.problem}; {error.remedy}" if error.remedy else error.problem
+def failed(topic: str, error: UserError, location: str = "") -> Finding:
+    """The finding that a file of the user must change; location: named instead of the error's location."""
+    problem = f"{error.problem}; {error.remedy}" if error.remedy else error.problem
+    return Finding(topic, Level.ERROR, f"{location or error.location}: {problem}", error)
 
 
 def as_table(findings: Sequence[Finding]) -> Table:

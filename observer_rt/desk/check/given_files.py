@@ -8,9 +8,9 @@ from pathlib import Path
 from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.config.bench import Bench
 from observer_rt.core.stream.stream import dead_band
-from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Level, Said, failed, ruled
+from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Level, Statement, failed, graded, ruled, warning
 from observer_rt.desk.evaluation.logged import LoggedSignals
-from observer_rt.engine.service.injector import SIGNALS
+from observer_rt.engine.service.noise import SIGNALS
 from observer_rt.engine.signal_survey import implausible
 from observer_rt.files.formats import is_log, open_recording
 from observer_rt.files.replay.framing import bench_for
@@ -26,7 +26,7 @@ _UNITS |= {"injection_rate": ("mm3/ms", MM3_PER_MS), "energizing": ("", 1.0), "c
 
 
 @ruled("recording")
-def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
+def recording_findings(bench: Bench, path: Path) -> Iterator[Statement]:
     """Findings about a file of signals, read by the bench's `[recording]` where it is not in our own layout."""
     with file_errors(path):
         if is_log(path):
@@ -40,7 +40,7 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     yield f"{stream.samples} samples at {stream.sample_rate:g} Hz: {first_of(parts, 10)}"
     for note in stream.notes:
         if BY_HEADINGS not in note and note not in stream.details:  # which say it
-            yield False, note, ""
+            yield warning(note)
     yield from _ranges(stream)
     if not stream.has_lift:
         yield WITHOUT_LIFT
@@ -52,11 +52,11 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     for finding in implausible(stream.survey):
         yield failed("recording", finding.error(path, stream.names.get(finding.signal, "")))
     for odd in doubts(stream.survey, bench.injector.parameters.baseline, stream.names):
-        yield False, odd.problem, odd.remedy
+        yield warning(odd.problem, odd.remedy)
     bench_for(bench, stream)
 
 
-def _ranges(stream: SignalStream) -> Iterator[Said]:
+def _ranges(stream: SignalStream) -> Iterator[Statement]:
     for name, survey in stream.survey.signals.items():
         unit, factor = _UNITS[name]
         if not survey.count:
@@ -67,7 +67,7 @@ def _ranges(stream: SignalStream) -> Iterator[Said]:
 
 
 @ruled("log")
-def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) -> Iterator[Said]:
+def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) -> Iterator[Statement]:
     """Findings about a log of the bench's buses; from_channels: texts of `--from-channel`."""
     logged = LoggedSignals(bench, path, from_channels)
     counters = logged.counters
@@ -76,7 +76,7 @@ def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) ->
         f"{counters.lost_samples} lost, {counters.interpolated_samples} interpolated, "
         f"{counters.jumps} pauses of the source"
     )
-    yield counters.lost_samples == 0, text + (f"; {counters.outliers}" if counters.outliers else ""), ""
+    yield graded(counters.lost_samples == 0, text + (f"; {counters.outliers}" if counters.outliers else ""))
     odd = {
         "with CRC errors": counters.crc_errors,
         "of wrong length": counters.length_errors,
@@ -85,16 +85,16 @@ def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) ->
         "too old": counters.old_frames,
     }
     if any(odd.values()):
-        yield False, f"frames {', '.join(f'{count} {what}' for what, count in odd.items() if count)}", ""
+        yield warning(f"frames {', '.join(f'{count} {what}' for what, count in odd.items() if count)}")
     for note in logged.notes:
-        yield False, note, ""
+        yield warning(note)
     for finding in implausible(logged.survey):
         yield failed("log", finding.error(logged.path))
     for odd_values in doubts(logged.survey, bench.injector.parameters.baseline):
-        yield False, odd_values.problem, odd_values.remedy
+        yield warning(odd_values.problem, odd_values.remedy)
     for timing in logged.timing:
         is_known = timing.unknown == 0.0 or (timing.jitter.frames > 0 and timing.unknown <= TOLERANCE)
-        yield is_known, timing.as_text(), "" if math.isinf(timing.unknown) else "see docs/time.md"
+        yield graded(is_known, timing.as_text(), "" if math.isinf(timing.unknown) else "see docs/time.md")
     noise, stated = logged.standstill.noise, bench.injector.config.noise
     if noise is not None:
         yield (

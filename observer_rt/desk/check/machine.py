@@ -11,7 +11,7 @@ from observer_rt.bus.links.socketcan import NO_SOCKETCAN
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.daemon.rights import REMEDY, Processors, Rights, processors, rights
-from observer_rt.desk.check.findings import Finding, Said, ruled
+from observer_rt.desk.check.findings import Finding, Statement, graded, ruled, warning
 
 PROCESSORS = 2  # one for the loop, one for learning
 SHORTEST_QUEUE = 100  # frames
@@ -38,32 +38,33 @@ def machine_findings(bench: Bench) -> list[Finding]:
 
 
 @ruled("real time")
-def real_time_findings(granted: Rights, swap_in_use: bool, cores: int, loops: Processors) -> Iterator[Said]:
+def real_time_findings(granted: Rights, swap_in_use: bool, cores: int, loops: Processors) -> Iterator[Statement]:
     """Whether the loop can be expected to keep up, by what the machine grants this process."""
     here = "in this shell: sudo prlimit --pid $$"
     may, priority = granted.may_hurry, granted.priority
     text = f"the loop gets real-time priority {priority}" if may else "no real-time priority allowed"
-    yield may or not priority, text if priority else "no real-time priority asked for", f"{here} --rtprio=99"
+    text = text if priority else "no real-time priority asked for"
+    yield graded(may or not priority, text, f"{here} --rtprio=99")
     may = granted.may_lock_memory
-    yield may, "memory is locked" if may else "memory may not be locked", f"{here} --memlock=unlimited"
+    yield graded(may, "memory is locked" if may else "memory may not be locked", f"{here} --memlock=unlimited")
     text = "swap in use, which can stop the loop for long" if swap_in_use else "no swap"
-    yield not swap_in_use, text, "sudo swapoff --all"
+    yield graded(not swap_in_use, text, "sudo swapoff --all")
     remedy = f"loop and learning want {PROCESSORS}: taskset --cpu-list 0-{PROCESSORS - 1} COMMAND, where there are"
-    yield cores >= PROCESSORS, f"{cores} processor(s)", remedy
-    yield not loops.trouble, loops.trouble or loops.as_text(), REMEDY
+    yield graded(cores >= PROCESSORS, f"{cores} processor(s)", remedy)
+    yield graded(not loops.trouble, loops.trouble or loops.as_text(), REMEDY)
 
 
 @ruled("interface")
-def socketcan_findings() -> Iterator[Said]:
+def socketcan_findings() -> Iterator[Statement]:
     """Whether the kernel knows CAN at all."""
     try:
         socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
     except OSError as error:
-        yield False, f"the kernel offers no SocketCAN: {error.strerror}", NO_SOCKETCAN
+        yield warning(f"the kernel offers no SocketCAN: {error.strerror}", NO_SOCKETCAN)
 
 
 @ruled("interface")
-def interface_findings(link: LinkConfig, network: Path = NETWORK, location: str = "link") -> Iterator[Said]:
+def interface_findings(link: LinkConfig, network: Path = NETWORK, location: str = "link") -> Iterator[Statement]:
     """Findings about the interface with its folder below `network`; location: the section of the bench file."""
     name = link.channel
     folder = network / name
@@ -76,26 +77,26 @@ def interface_findings(link: LinkConfig, network: Path = NETWORK, location: str 
         remedy = "connect the device and load its driver; `ip -details link show type can` lists what there is"
         if name.startswith(_VIRTUAL):
             remedy = f"sudo ip link add {name} type vcan && {_bring_up(link)}"
-        yield False, f"{name} does not exist", remedy
+        yield warning(f"{name} does not exist", remedy)
         return
     if kind != ARPHRD_CAN:
-        yield False, f"{name} is no CAN interface", f"set {location}.channel to one"
+        yield warning(f"{name} is no CAN interface", f"set {location}.channel to one")
         return
     is_up = bool(flags & _INTERFACE_IS_UP) and state != "down"
-    yield is_up, f"{name}: {'up' if is_up else 'down'}", _bring_up(link)
+    yield graded(is_up, f"{name}: {'up' if is_up else 'down'}", _bring_up(link))
     if link.fd:
         carries_fd = mtu >= FD_MTU
         anew = f"sudo ip link set {name} down && {_bring_up(link)}"
-        yield carries_fd, f"{name}: mtu {mtu}, {'' if carries_fd else 'no '}CAN FD", anew
+        yield graded(carries_fd, f"{name}: mtu {mtu}, {'' if carries_fd else 'no '}CAN FD", anew)
     longer = f"sudo ip link set {name} txqueuelen {10 * SHORTEST_QUEUE}"
-    yield queue >= SHORTEST_QUEUE, f"{name}: queue of {queue} frames to send", longer
+    yield graded(queue >= SHORTEST_QUEUE, f"{name}: queue of {queue} frames to send", longer)
 
 
 @ruled("interface")
-def driver_findings(link: LinkConfig) -> Iterator[Said]:
+def driver_findings(link: LinkConfig) -> Iterator[Statement]:
     """Whether python-can's driver of an interface is there, and who else is heard."""
     if remedy := missing_driver(link.interface):
-        yield False, f"{link.interface} cannot be used on this computer", remedy
+        yield warning(f"{link.interface} cannot be used on this computer", remedy)
     if link.interface == "udp_multicast":
         yield (
             f"{link.channel}: frames of other groups do not come in; programs of this computer may hear all groups, "

@@ -97,7 +97,7 @@ def _worded(error: Any) -> UserError:
 
 
 def _flush_messages() -> None:
-    """Write what messages still wait, but on a terminal that hung up: nobody is there to read them."""
+    """Write the messages that still wait, unless the terminal has hung up."""
     try:
         sys.stderr.flush()
     except OSError:
@@ -164,7 +164,7 @@ COMMANDS: Mapping[str, Mapping[str, tuple[str, str]]] = {
 
 @cache
 def app_of(only: str = "") -> typer.Typer:
-    """The command line; only: with this command alone, so that nothing is loaded for others."""
+    """The command line; only: the single command to load, which makes the start faster."""
     app = typer.Typer(
         cls=GroupedCommands,
         no_args_is_help=True,

@@ -37,9 +37,11 @@ def batch(
 ) -> None:
     """Evaluate thousands of recordings in parallel: a table with one row per injection, resumed where it stopped."""
     from observer_rt.desk.evaluation.histories import begun_with
-    from observer_rt.desk.fleet.batch import Dataset, connected, evaluate_all, settings_of, tell
+    from observer_rt.desk.fleet.batch import connected, evaluate_all, settings_of, tell
+    from observer_rt.desk.fleet.dataset import Dataset
     from observer_rt.desk.fleet.job import Task
-    from observer_rt.desk.fleet.recordings import INJECTOR_FROM, PathPattern, recordings_in
+    from observer_rt.desk.fleet.path_pattern import INJECTOR_FROM, PathPattern
+    from observer_rt.desk.fleet.recordings import recordings_in
     from observer_rt.foundation.console import stop_on_signals
 
     chosen = load_bench(bench.absolute(), model and model.absolute(), off_bus=True).of(injector)
@@ -70,8 +72,8 @@ def trend(
     json: shared.Json = False,
 ) -> None:
     """Show the wear of every injector over dates, the most worn first, and when it reaches limits."""
-    from observer_rt.desk.fleet.batch import read_injections
-    from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern
+    from observer_rt.desk.fleet.dataset import read_injections
+    from observer_rt.desk.fleet.path_pattern import TIME_FROM, PathPattern
     from observer_rt.desk.fleet.trend import NEEDED, Limit, as_json, table_of, trends
 
     if plot is not None:

@@ -20,7 +20,7 @@ from observer_rt.foundation.outputs import check_output, make_folder
 
 @dataclass(frozen=True)
 class DemoOptions:
-    """Options of the command."""
+    """Options of `demo`."""
 
     wear: Annotated[
         float, Option("Nozzle wear v_H: relative change of the orifice flow.", minimum=-0.5, maximum=0.5)
@@ -90,11 +90,8 @@ def run(options: RunOptions) -> None:
         print(example.read_text(encoding="utf-8"), end="")
         return
     if (bench := options.bench) is None:
-        raise UserError(
-            "--bench",
-            "is missing",
-            "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from",
-        )
+        remedy = "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from"
+        raise UserError("--bench", "is missing", remedy)
     from observer_rt.daemon.run import serve
     from observer_rt.desk.check.bench_rules import refuse_errors
 
@@ -125,9 +122,9 @@ def check(
     json: shared.Json = False,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
-    from observer_rt.desk.check import findings as module
     from observer_rt.desk.check import given_files
     from observer_rt.desk.check.bench_rules import checkup, of_each
+    from observer_rt.desk.check.findings import Level, as_json_document, as_table
 
     is_alone = bench == EXAMPLE_BENCH and model is None and state is None
     is_layout = recording is not None and (is_alone or is_off_bus(read_toml(bench)))
@@ -138,10 +135,10 @@ def check(
     if recording is not None:
         findings += given_files.recording_findings(chosen, recording)
     if json:
-        print(dumps(module.as_json_document(findings), indent=2))
+        print(dumps(as_json_document(findings), indent=2))
     else:
-        results().print(module.as_table(findings))
-    if any(finding.level is module.Level.ERROR for finding in findings):
+        results().print(as_table(findings))
+    if any(finding.level is Level.ERROR for finding in findings):
         raise typer.Exit(1)
 
 
@@ -176,9 +173,8 @@ def take_over(
     if bench is None:
         raise UserError("--bench", "is missing", "name the bench file that the daemon serves")
     if (amended is None) != undo:
-        raise UserError(
-            "AMENDED", "is missing" if amended is None else "and --undo exclude each other", "give one of them"
-        )
+        problem = "is missing" if amended is None else "and --undo exclude each other"
+        raise UserError("AMENDED", problem, "give one of them")
     name = injector or ""
     done = taking.undo(bench, name) if amended is None else taking.take_over(bench, name, amended, accept_changes)
     before, words = done.step.before or "the nominal injector", done.step.as_text

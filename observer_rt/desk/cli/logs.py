@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
-from observer_rt.config.bench_file import of_links, refuse_shared_channels
+from observer_rt.config.bench_file import refuse_shared_channels, values_by_bus
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import RECORDED, Recording
 from observer_rt.foundation import options as shared
@@ -127,7 +127,7 @@ def _with_links(bench: Bench, interface: Interface, channel: Channel) -> Bench:
     config = bench.config
     changes: dict[int, dict[str, str]] = {}
     for key, texts in (("interface", interface), ("channel", channel)):
-        for bus, value in of_links(f"--{key}", texts, config.buses, "can1").items():
+        for bus, value in values_by_bus(f"--{key}", texts, config.buses, "can1").items():
             changes.setdefault(bus, {})[key] = value
     link = config.link.model_copy(update=changes.get(0, {}))
     links = {

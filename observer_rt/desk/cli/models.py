@@ -35,8 +35,8 @@ def fit(
     json: shared.Json = False,
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
-    from observer_rt.desk.discover_inputs import measured_files
     from observer_rt.desk.evaluation.logged import without_truths
+    from observer_rt.desk.identification_inputs import measured_files
     from observer_rt.desk.library.fit import fitted_model
     from observer_rt.engine.service.injector import calibration_of
     from observer_rt.identification.fit.calibrate import write_fitted
@@ -109,8 +109,8 @@ def discover(
     json: shared.Json = False,
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
-    from observer_rt.desk.discover_inputs import task_of_evidence, task_of_recordings
     from observer_rt.desk.evaluation.healthy_events import learn_laws, observer_remainder
+    from observer_rt.desk.identification_inputs import task_of_evidence, task_of_recordings
     from observer_rt.identification.discovery import amend, folder
     from observer_rt.identification.discovery import discover as discovery
     from observer_rt.identification.discovery.findings import FINDINGS
@@ -120,11 +120,9 @@ def discover(
     require("jinja2", "matplotlib")
     begin = time.monotonic()
     if (from_evidence is None) == (not recordings):
-        raise UserError(
-            "RECORDING",
-            "is missing" if from_evidence is None else "and --from-evidence are two sources",
-            "give recordings, or the folder of evidence that the daemon keeps by --from-evidence",
-        )
+        problem = "is missing" if from_evidence is None else "and --from-evidence are two sources"
+        remedy = "give recordings, or the folder of evidence that the daemon keeps by --from-evidence"
+        raise UserError("RECORDING", problem, remedy)
     decoder = decoder_of(bench, injector, model)
     chosen = effects_named("--choose", choose)
     if from_evidence is not None:

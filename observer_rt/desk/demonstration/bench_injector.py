@@ -7,7 +7,6 @@ the rail dips with every injection, recovers, and ripples with the pump.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -54,8 +53,7 @@ class Departure(NamedTuple):
     hidden_lift: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class BenchOperation:
+class BenchOperation(NamedTuple):
     """Injections, one every `period` [s], in turn at these rail pressures [Pa] and energizing times [s]."""
 
     rail_pressures: Sequence[float]
@@ -100,8 +98,7 @@ class BenchOperation:
         return self.rail_pressures[min(max(number, 0), self.injections - 1) % len(self.rail_pressures)]
 
 
-@dataclass(frozen=True, eq=False)
-class BenchRecording:
+class BenchRecording(NamedTuple):
     """A recording as sensors and bus give it, and the true injection rate [m3/s], (n,)."""
 
     recording: Recording

@@ -76,8 +76,7 @@ def hidden_effect(seed: int, outside: bool) -> HiddenEffect:
     return HiddenEffect(Departure(hidden_lift=x_0 * 1e-6), f"a needle lift recorded {x_0:.1f} um too low")
 
 
-@dataclass(frozen=True)
-class LoopResult:
+class LoopResult(NamedTuple):
     """What happened: the hidden effect, all injections, findings.json and where its report is.
 
     injections: a row each, with the columns of the journal, `true` [mg], `error` [%] and `amended`.

@@ -7,10 +7,11 @@ import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from observer_rt.desk.demonstration.bench_injector import BenchOperation, Depart
 from observer_rt.desk.evaluation.curves import MassRow, RateCurves
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import News
-from observer_rt.engine.service.injector import ComparedRate, NominalInjection
+from observer_rt.engine.service.nominal import ComparedRate, NominalInjection
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.console import plain_table, stop_on_signals
@@ -41,8 +42,7 @@ VCAN = "vcan0"
 _QUIET = 1.0  # s without a frame after which the bus has nothing more to say
 
 
-@dataclass(frozen=True)
-class DemoResult:
+class DemoResult(NamedTuple):
     """What was published on a link: rates of some injections [m3/s], masses of all."""
 
     curves: Mapping[int, RateCurves]
@@ -87,7 +87,7 @@ class Demo:
         self.bench = _on_link(load_bench().exact, self.link)
         operation = BenchOperation(RAIL_PRESSURES, [ENERGIZING_TIME], injections, PERIOD)
         worn = Departure(nozzle=1.0 + wear)
-        self._truth = record(operation, worn, self.bench.injector.config.sampling.rate_hz, seed)
+        self._truth = record(operation, worn, self.bench.injector.sample_rate, seed)
         self.recording = self._truth.recording
         self._nominal = NominalInjection(self.bench.injector)
         self._compared: dict[int, Sequence[ComparedRate]] = {}  # true and nominal, by the injection

@@ -51,7 +51,7 @@ def convert(
 def _signals(
     source: Path, target: Path, bench: Bench | None, from_channels: Sequence[str], force: bool, console: Console
 ) -> str:
-    """Signals of whatever holds them; every stretch of a file that was split becomes a file of its own."""
+    """Convert the signals of a recording or log; a file that was split gives a file for each stretch."""
     stream = open_source(source, bench, from_channels, console)
     if isinstance(stream, LoggedSignals) and (lost := stream.counters.lost_samples):
         say(
@@ -72,7 +72,7 @@ def _signals(
                     write(chunk)
                     done += chunk.samples
                     progress(done)
-    origin = f", from sample index {stream.logged[0].first_index} on" if isinstance(stream, LoggedSignals) else ""
+    origin = f", from sample index {stream.logged[0].start} on" if isinstance(stream, LoggedSignals) else ""
     names = f"{targets[0]}" + (f" to {targets[-1].name}" if len(targets) > 1 else "")
     return f"{names}: {stream.samples} samples at {stream.sample_rate:g} Hz{origin}"
 
@@ -89,11 +89,8 @@ def _numbered(target: Path, stretches: int, force: bool) -> list[Path]:
 def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) -> str:
     """A recording as the frames of a measuring device, by the bench file."""
     if bench is None:
-        raise UserError(
-            f"{source} -> {target}",
-            "a recording of signals has no frames",
-            "name a bench file by --bench, which says how they are sent",
-        )
+        remedy = "name a bench file by --bench, which says how they are sent"
+        raise UserError(f"{source} -> {target}", "a recording of signals has no frames", remedy)
     stream = open_source(source, bench, (), console)
     refuse_without_lift(stream, "convert a recording with a lift: frames of samples carry no commands")
     bench = bench_for(bench, stream)

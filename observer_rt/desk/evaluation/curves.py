@@ -62,7 +62,7 @@ class RateCurves:
 
 
 def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:
-    """Those chosen, else the first, a middle and the last. Raises `UserError` for one that is not there."""
+    """Numbers chosen, else the first, a middle and the last. Raises `UserError` for an unknown number."""
     missing = [number for number in chosen if number not in present]
     if missing:
         choices = f"there are {min(present)} to {max(present)}" if present else "no injection was found"
@@ -105,11 +105,10 @@ def in_words(shown: ShownIndicator, estimate: Estimate, c: Coefficients) -> str:
     return f"{shown.label} = {value:+.3g} ± {Z_95 * sigma:.2g} {unit[0]}"
 
 
-@dataclass(frozen=True)
-class InjectionResult:
-    """One injection against the nominal model and, where measured, against the measurement (SI; nan: not known)."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class InjectionResult(InjectionReport):
+    """An injection compared with the nominal model and, where measured, the measurement (SI; nan: not known)."""
 
-    report: InjectionReport
     start: float  # s
     end: float  # s
     nominal_mass: float  # kg
@@ -119,14 +118,8 @@ class InjectionResult:
     rate_ci95_halfwidth: float  # m3/s, of the corrected rate, mean while it flows
 
 
-def _of_report(field: Field[InjectionReport]) -> Field[InjectionResult]:
-    return Field(
-        field.name, field.kind, lambda r, c: field.get(r.report, c), field.heading, field.form, field.outputs
-    )
-
-
 RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
-    *map(_of_report, FIELDS),
+    *FIELDS,
     Field("start_s", float, lambda r, _: r.start, "start\ns", ".3f"),
     Field("end_s", float, lambda r, _: r.end),
     Field("nominal_mass_mg", float, lambda r, _: r.nominal_mass / MILLIGRAM, "nominal\nmg", ".2f"),
@@ -138,20 +131,23 @@ RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
     ),
 )
 """Fields of an evaluated injection, those of its report first."""
-SHOWN = {shown.name: shown for shown in (*RESULT_FIELDS, _of_report(MASS_BOUND))}
+SHOWN: Mapping[str, Field[InjectionResult]] = {
+    **{shown.name: shown for shown in RESULT_FIELDS},
+    MASS_BOUND.name: MASS_BOUND,
+}
 """All that is shown of one on the screen."""
 
 
 def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficients) -> dict[str, Any]:
     """One injection of the JSON document."""
     compared = {compared.name: compared.of(result, c) for compared in RESULT_FIELDS[len(FIELDS) :]}
-    return {**injection_record(result.report, c, has_energizing), **compared}
+    return {**injection_record(result, c, has_energizing), **compared}
 
 
 def injection_result(
     report: InjectionReport, samples: InjectionSamples, sample_rate: float, has_rate: bool, meter: Iterable[float]
 ) -> InjectionResult:
-    """Result over the window an injection was detected in; nan where not all of it is remembered.
+    """Result over the window an injection was detected in, without courses; nan where not all of it is remembered.
 
     meter: time constants [s] by which a measured rate is late; what it shows too late of a mass is the estimate's.
     """
@@ -170,7 +166,7 @@ def injection_result(
 
     flowing = trace.corrected_rate_sigma[rate != 0.0]
     return InjectionResult(
-        report=report,
+        **vars(report.without_courses()),
         start=samples.start,
         end=samples.end,
         nominal_mass=mass(nominal) if is_known else math.nan,

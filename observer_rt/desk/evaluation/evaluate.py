@@ -5,8 +5,9 @@ Memory does not depend on the number of samples, unless they are kept as a trace
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
@@ -27,8 +28,7 @@ from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.model.effective import Coefficients
 
 
-@dataclass(frozen=True)
-class History:
+class History(NamedTuple):
     """Recordings evaluated one after another by one observer, and what it knows at the end."""
 
     evaluations: tuple[Evaluation, ...]

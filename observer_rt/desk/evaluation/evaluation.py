@@ -1,4 +1,4 @@
-"""One recording or log evaluated: what of it is kept."""
+"""Evaluation of one recording or log, and the parts of it that are kept."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -59,18 +59,17 @@ class Evaluation:
 
     @property
     def level(self) -> str:
-        """How well the level of its masses is known, in words; empty where nothing is unknown of it."""
-        return self.injections[-1].report.calibration.as_text() if self.injections else ""
+        """Accuracy of the level of the masses, in words; empty where the level is known."""
+        return self.injections[-1].calibration.as_text() if self.injections else ""
 
     @property
     def reports(self) -> tuple[InjectionReport, ...]:
         """Reports of all injections, without courses of rates."""
-        return tuple(injection.report for injection in self.injections)
+        return tuple(self.injections)
 
     def take_report(self, report: InjectionReport, samples: InjectionSamples) -> None:
         """Take the report of an injection with its samples."""
-        kept = report.without_courses()
-        self.injections.append(injection_result(kept, samples, self.sample_rate, self.has_rate, self._meter))
+        self.injections.append(injection_result(report, samples, self.sample_rate, self.has_rate, self._meter))
         if self._curves_of is not None:
             self.curves[report.number] = rate_curves(report, samples, self._curves_of, self.has_rate)
             if not self._keeps_all and report.number > 3:
@@ -80,7 +79,7 @@ class Evaluation:
         """Take the measured mass of the injection reported last; a measured rate goes before it."""
         if self.injections and not self.has_rate:
             last = self.injections[-1]
-            if last.report.number == measured.report.number:
+            if last.number == measured.report.number:
                 self.injections[-1] = replace(last, measured_mass=measured.mass)
 
     def take_passed(self, passed: Trace) -> None:

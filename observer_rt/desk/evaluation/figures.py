@@ -299,7 +299,7 @@ def pictures_of(evaluations: Sequence[Evaluation], chosen: Sequence[int] = ()) -
 
     Raises `UserError` for a number that no injection has.
     """
-    numbers = {injection.report.number for evaluation in evaluations for injection in evaluation.injections}
+    numbers = {injection.number for evaluation in evaluations for injection in evaluation.injections}
     shown = numbers_shown(chosen, numbers)
     return [_picture_of(evaluation, shown) for evaluation in evaluations]
 
@@ -308,16 +308,15 @@ def _picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:
     curves = {number: evaluation.curves[number] for number in numbers if number in evaluation.curves}
     masses = [
         MassRow(
-            report.number,
-            report.mass,
+            result.number,
+            result.mass,
             result.nominal_mass,
             None if np.isnan(result.measured_mass) else result.measured_mass,
-            report.valid,
-            report.mass_ci95,
-            {effect: report.indicators[effect] for effect in (NOZZLE, SEAT)},
-            report.posterior,
+            result.valid,
+            result.mass_ci95,
+            {effect: result.indicators[effect] for effect in (NOZZLE, SEAT)},
+            result.posterior,
         )
         for result in evaluation.injections
-        for report in (result.report,)
     ]
     return Picture(str(evaluation.path), curves, masses, evaluation.learned)

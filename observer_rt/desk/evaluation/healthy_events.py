@@ -1,6 +1,6 @@
-"""Runs the observer itself on recordings, for discovery: what its x~ leaves of a healthy injector, laws it learns.
+"""Runs the observer itself on recordings: the remainder that its x~ leaves of a healthy injector, laws it learns.
 
-What `fit` finds by its own predictor does not serve: that smooths the rail pressure, reads the lift otherwise, and so
+The remainder of `fit` does not serve: its predictor smooths the rail pressure and reads the lift otherwise, and so
 has other innovations.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench, BenchInjector, load_bench
-from observer_rt.config.injector import Meaning, SamplingConfig
+from observer_rt.config.injector_sections import Meaning, SamplingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.prediction_error import EventCost
@@ -38,9 +38,9 @@ _DIGITS = 5
 
 @dataclass(frozen=True, eq=False)
 class _HealthyEvent:
-    """One event as the learner was given it; theta (m,): of the healthy injector, its sensor's offset as at rest.
+    """One event as the learner had it; theta (m,): of the healthy injector, its sensor's offset as at rest.
 
-    sigma: of its innovations [p_0]; covariance: (m, m) of what was believed before it.
+    sigma: of its innovations [p_0]; covariance: (m, m) of the belief before the event.
     """
 
     window: Window
@@ -57,7 +57,7 @@ class _HealthyEvent:
 
 
 class _Listener(Learner):
-    """A learner that keeps what it is given."""
+    """A learner that also keeps the events from which it learns."""
 
     def __init__(
         self, collected: list[_HealthyEvent], _: BenchInjector, constants: Constants, start: Knowledge

@@ -96,7 +96,7 @@ def _refuse_early(paths: Sequence[Path], traces: Sequence[Path], options: Evalua
 
 
 def _traces(paths: Sequence[Path], options: EvaluateOptions) -> list[Path]:
-    """To be written, one a recording, or none."""
+    """Traces to write: one for each recording, or none at all."""
     if options.output is None or not options.has_folder:
         return [] if options.output is None else [options.output]
     return [options.output / (path.name + TRACE_SUFFIX) for path in paths]

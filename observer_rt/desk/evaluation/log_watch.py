@@ -24,7 +24,7 @@ class LogWatch:
         self._notes: list[str] = []
 
     def is_due(self, stamp: int) -> bool:
-        """Whether it looks at the core when it is given the frame of a stamp [ns]."""
+        """Whether a look at the core is due with the frame of a stamp [ns]."""
         return self._first is None or stamp >= self._next
 
     def note(self, bus: int, frame: Frame) -> None:
@@ -45,7 +45,7 @@ class LogWatch:
         return "; ".join(self._watch.ranges.described(self._core.parts["receiver"]).values())
 
     def absent(self) -> list[str]:
-        """The messages without which there are no samples and that never came."""
+        """Messages that samples need and that never came."""
         arrivals = self._watch.arrivals
         return [
             f"{source.text}: no frame in the log"

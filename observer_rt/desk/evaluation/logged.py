@@ -1,7 +1,6 @@
 """Opens the recordings that a user names: files of signals, and CAN logs, which the daemon's own code decodes."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from rich.console import Console
 from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.config.signals import Role, as_sent
 from observer_rt.daemon.signal_watch import OUTSIDE_REMEDY
 from observer_rt.desk.evaluation.log_watch import LogWatch
@@ -30,19 +29,6 @@ from observer_rt.foundation.units import first_of
 RATE_TOLERANCE = 0.02  # relative deviation of the sample rate by stamps from that of the bench file
 FEWEST_FOR_RATE = 100  # frames
 LARGEST_HOLE = 1 << 28  # samples between two that came
-
-
-@dataclass(frozen=True)
-class LoggedStretch:
-    """Samples [first_index, last_index] of a log between two restarts of the device: the index rises throughout."""
-
-    first_index: int
-    last_index: int
-
-    @property
-    def samples(self) -> int:
-        """Number of samples, missing ones included."""
-        return self.last_index - self.first_index + 1
 
 
 class LoggedSignals(SignalStream):
@@ -74,18 +60,18 @@ class LoggedSignals(SignalStream):
         channels = chosen_channels(path, bench.config.buses, needed, from_channels)
         self.frames = InputFrames(path, self._bus, channels)
         """Frames as they are in the log."""
-        self.sample_rate = bench.injector.config.sampling.rate_hz
+        self.sample_rate = bench.injector.sample_rate
         self.logged = self._look_through(path, progress)
-        """The log, split where the sample index starts again."""
-        self.stretches = tuple(Stretch(0.0, stretch.samples) for stretch in self.logged)
+        """Sample indices of the log, missing ones included, split where a restart of the device begins them anew."""
+        self.stretches = tuple(Stretch(0.0, len(indices)) for indices in self.logged)
 
-    def _look_through(self, path: Path, progress: Callable[[float], None]) -> tuple[LoggedStretch, ...]:
+    def _look_through(self, path: Path, progress: Callable[[float], None]) -> tuple[range, ...]:
         core = Core(self._bench.injector, self._bus, learning=False)
         self._coefficients = core.coefficients
         stamps = _Stamps()
         watch = LogWatch(self._bench.injector, self._bus, core)
         rows_read = 0
-        stretches: list[LoggedStretch] = []
+        stretches: list[range] = []
         for rows in self._rows(core, stamps, watch):
             rows_read += len(rows)
             indices = rows["index"].astype(np.int64)
@@ -93,21 +79,22 @@ class LoggedSignals(SignalStream):
             for index in np.split(indices, np.flatnonzero(np.diff(indices) <= 0) + 1):
                 if not index.size:
                     continue
-                before = min(stretches[-1].last_index if stretches else int(index[0]), int(index[0]))
+                first = int(index[0])
+                before = min(stretches[-1][-1], first) if stretches else first
                 steps = np.diff(index, prepend=before)
                 if steps.max() > LARGEST_HOLE:
                     problem = f"its sample index jumps by {steps.max()} samples"
                     raise UserError(str(path), problem, "split the log where the index jumps")
-                if not stretches or index[0] <= stretches[-1].last_index:
-                    stretches.append(LoggedStretch(int(index[0]), int(index[0])))
-                stretches[-1] = LoggedStretch(stretches[-1].first_index, int(index[-1]))
+                if not stretches or first <= stretches[-1][-1]:
+                    stretches.append(range(first, first + 1))
+                stretches[-1] = range(stretches[-1].start, int(index[-1]) + 1)
             for role, values in self._signals(rows).items():
                 self.survey.take(role, values)
             progress(self.frames.share_read)
         outside = watch.outside()
         if rows_read < 2:
             raise _too_few(path, core.counters, watch.absent(), outside, rows_read, stamps.span, self.sample_rate)
-        intervals = sum(stretch.samples - 1 for stretch in stretches)
+        intervals = sum(len(indices) - 1 for indices in stretches)
         ranges = [f"{path}: {outside}\n  remedy: {OUTSIDE_REMEDY}"]
         odd = ranges if outside else stamps.notes(path, self.sample_rate, intervals)
         self.notes = (*self.frames.notes(), *watch.notes(path), *odd, *_restarts(path, stretches))
@@ -127,14 +114,14 @@ class LoggedSignals(SignalStream):
             held = rows if not len(held) else np.concatenate((held, rows))
             back = np.flatnonzero(np.diff(held["index"].astype(np.int64)) <= 0)
             while back.size:
-                yield from self._placed(held[: back[0] + 1], number, first, self.logged[number].samples)
+                yield from self._placed(held[: back[0] + 1], number, first, len(self.logged[number]))
                 held, number, first = held[back[0] + 1 :], number + 1, 0
                 back = np.flatnonzero(np.diff(held["index"].astype(np.int64)) <= 0)
             if len(held) > SAMPLES_AT_ONCE:
-                end = int(held["index"][-2]) - self.logged[number].first_index
+                end = int(held["index"][-2]) - self.logged[number].start
                 yield from self._placed(held, number, first, end)
                 first, held = end, held[-3:]  # a lift is interpolated from its neighbours
-        yield from self._placed(held, number, first, self.logged[number].samples)
+        yield from self._placed(held, number, first, len(self.logged[number]))
 
     def _rows(self, core: Core, stamps: "_Stamps", watch: LogWatch | None = None) -> Iterator[NDArray[np.void]]:
         """The samples that the observer received, in blocks."""
@@ -175,7 +162,7 @@ class LoggedSignals(SignalStream):
         """Samples [first, end) of a stretch in chunks: the rows at their places, NaN where none came."""
         index = rows["index"].astype(np.int64)
         lift = np.interp(index, index + rows["lift_after"], rows["needle_lift"])
-        position = index - self.logged[number].first_index
+        position = index - self.logged[number].start
         received = ~rows["interpolated"]
         for start in range(first, end, SAMPLES_AT_ONCE):
             stop = min(end, start + SAMPLES_AT_ONCE)
@@ -221,9 +208,9 @@ def _too_few(
     return UserError(str(path), problem, remedy)
 
 
-def _restarts(path: Path, stretches: Sequence[LoggedStretch]) -> Iterator[str]:
+def _restarts(path: Path, stretches: Sequence[range]) -> Iterator[str]:
     if len(stretches) > 1:
-        places = [f"after sample {before.last_index}" for before in stretches[:-1]]
+        places = [f"after sample {before[-1]}" for before in stretches[:-1]]
         yield f"{path}: a device was restarted, its sample index begins anew: split {first_of(places)}"
 
 
@@ -275,9 +262,8 @@ def open_source(
         with progress_bar(console, f"looking through {path.name}", None):
             source = open_recording(path, None if bench is None else bench.injector, density)
     elif bench is None:
-        raise UserError(
-            "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"
-        )
+        problem = f"is missing: it says which signals the frames of {path} carry"
+        raise UserError("--bench", problem, "name a bench file")
     else:
         with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
             source = LoggedSignals(bench, path, from_channels, progress)
@@ -304,7 +290,7 @@ def in_runs(sources: Sequence[SignalStream]) -> list[list[SignalStream]]:
     runs: list[list[SignalStream]] = []
     for before, source in zip((None, *sources), sources, strict=False):
         if isinstance(before, LoggedSignals) and isinstance(source, LoggedSignals):
-            goes_on = source.logged[0].first_index > before.logged[-1].last_index
+            goes_on = source.logged[0].start >= before.logged[-1].stop
         else:
             with_log = isinstance(before, LoggedSignals) or isinstance(source, LoggedSignals)
             goes_on = before is not None and not with_log

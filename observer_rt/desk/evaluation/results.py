@@ -16,7 +16,7 @@ from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
 from observer_rt.engine.learning.learned_laws import furthest
 from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned
-from observer_rt.engine.service.injector import SIGNALS
+from observer_rt.engine.service.noise import SIGNALS
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
@@ -25,16 +25,12 @@ from observer_rt.model.effective import Coefficients
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
 MOST_ROWS = 50  # injections that are shown, the last ones
-MOST_REMAINDERS = 3  # injections of which it is told
+MOST_REMAINDERS = 3  # injections whose remainder is printed
 NOTEWORTHY = 4.0  # standard deviations from nothing
 _FIRST = [SHOWN[name] for name in ("number", "event", "start_s", "rail_pressure_MPa", "mass_mg")]
 _NOMINAL, _MEASURED = SHOWN["nominal_mass_mg"], SHOWN["measured_mass_mg"]
 _ERROR = Field[InjectionResult](
-    "error",
-    float,
-    lambda r, _: 100 * (r.report.mass / r.measured_mass - 1) if r.measured_mass else None,
-    "error\n%",
-    ".2f",
+    "error", float, lambda r, _: 100 * (r.mass / r.measured_mass - 1) if r.measured_mass else None, "error\n%", ".2f"
 )
 _WEAR = [SHOWN[effect.value.name] for effect in WEAR]
 _UNFIT = {
@@ -93,7 +89,7 @@ def write_document(evaluations: Sequence[Evaluation], model: str, c: Coefficient
 
 def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
     injections = evaluation.injections
-    valid = sum(result.report.valid for result in injections)
+    valid = sum(result.valid for result in injections)
     return {
         "file": str(evaluation.path),
         "samples": evaluation.samples,
@@ -118,8 +114,7 @@ def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
 def _level_json(evaluation: Evaluation) -> dict[str, Any]:
     """How well the level of all masses is known; empty without an injection."""
     for result in evaluation.injections[-1:]:
-        calibration = result.report.calibration
-        return {"level_ci95_pct": calibration.bound_pct, "calibrated": calibration.is_calibrated}
+        return {"level_ci95_pct": result.calibration.bound_pct, "calibrated": result.calibration.is_calibrated}
     return {}
 
 
@@ -127,7 +122,7 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
     """Energizing section of a recording as a whole; empty without this input."""
     if not evaluation.has_energizing:
         return {}
-    delays = [result.report.commanded.opening_delay for result in evaluation.injections if result.report.commanded]
+    delays = [result.commanded.opening_delay for result in evaluation.injections if result.commanded]
     delays_us = [delay / MICROSECOND for delay in delays if not math.isnan(delay)]
     return {
         "energizing": {
@@ -140,9 +135,9 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, is_fitted: bool = False) -> None:
-    """One recording: its origin, its last injections, and the faults.
+    """Print one recording: its origin, its last injections, and its faults.
 
-    is_fitted: whether the model was, to a healthy injector, and was adequate.
+    is_fitted: whether the model was fitted to a healthy injector and was adequate.
     """
     counters, count = evaluation.counters, len(evaluation.injections)
     not_valid = _not_valid(evaluation.injections)
@@ -150,8 +145,8 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
         if reason is Reason.MODEL_INADEQUATE and is_fitted:
             remedy = _CHANGED
         if refused := not_valid.get(reason):
-            said = f"{reason.name}: {problem} {len(refused)} of {count} injections"
-            say(console, f"{said}; their rates and masses are not to be believed\n  remedy: {remedy}")
+            text = f"{reason.name}: {problem} {len(refused)} of {count} injections"
+            say(console, f"{text}; their rates and masses are not to be believed\n  remedy: {remedy}")
     say(
         console,
         f"{evaluation.path}: {evaluation.samples} samples at {evaluation.sample_rate:g} Hz, "
@@ -167,15 +162,15 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
             say(console, f"(the last {MOST_ROWS} of {count} injections; --json has all)")
     else:
         say(console, "no injection found")
-    noted = [result.report for result in evaluation.injections if result.report.remainder_text]
-    for report in sorted(noted, key=lambda report: -abs(report.remainder))[:MOST_REMAINDERS]:
-        say(console, f"injection {report.number}: {report.remainder_text}")
+    noted = [result for result in evaluation.injections if result.remainder_text]
+    for result in sorted(noted, key=lambda result: -abs(result.remainder))[:MOST_REMAINDERS]:
+        say(console, f"injection {result.number}: {result.remainder_text}")
     if evaluation.has_energizing:
         say(console, f"{counters.commands} commands, {counters.missing_injections} injections missing")
     for reason, numbers in not_valid.items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
         if reason is Reason.OUTSIDE_LEARNED_RANGE:
-            last = next(result.report for result in evaluation.injections if result.report.number == numbers[-1])
+            last = next(result for result in evaluation.injections if result.number == numbers[-1])
             say(console, f"({beyond_learned(last)})")
     if evaluation.level:
         say(console, evaluation.level)
@@ -199,7 +194,7 @@ def _table(injections: Sequence[InjectionResult], measured: bool, c: Coefficient
     fields = [*_FIRST, *(compared if measured else [SHOWN["mass_bound_mg"], _NOMINAL]), *_WEAR]
     headings = [*(field.heading for field in fields), "\nvalid"]
     rows = (
-        [*(field.text(field.of(result, c)) for field in fields), "yes" if result.report.valid else "no"]
+        [*(field.text(field.of(result, c)) for field in fields), "yes" if result.valid else "no"]
         for result in injections
     )
     return plain_table(headings, rows, right=range(len(headings)), folds=(), gap=1)
@@ -209,8 +204,8 @@ def _not_valid(injections: Sequence[InjectionResult]) -> dict[Reason, list[int]]
     """Numbers of the injections that are not valid, by reason."""
     numbers: dict[Reason, list[int]] = {}
     for result in injections:
-        if not result.report.valid:
-            numbers.setdefault(result.report.reason, []).append(result.report.number)
+        if not result.valid:
+            numbers.setdefault(result.reason, []).append(result.number)
     return numbers
 
 
@@ -229,7 +224,7 @@ def _line_side(last: InjectionResult, c: Coefficients) -> list[str]:
     """Indicators beside nozzle and seat at the last injection, none of them part of the rate."""
     result = []
     for _, shown in SCALARS.shown():
-        if (estimate := last.report.indicators.get(shown.effect)) is None:
+        if (estimate := last.indicators.get(shown.effect)) is None:
             continue
         if shown.label and estimate.sigma and abs(estimate.value) > NOTEWORTHY * estimate.sigma:
             result.append(f"beside the rate: {in_words(shown, estimate, c)}")

@@ -16,8 +16,8 @@ from observer_rt.engine.observer import commands_at, energize, remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.engine.service.core import Core
-from observer_rt.engine.service.injector import Follower
 from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.engine.service.nominal import Follower
 from observer_rt.engine.stream.state import Constants, Observer
 from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.recording import Chunk
@@ -30,7 +30,7 @@ Progress = Callable[[int], None]  # samples done
 
 
 class NominalModel:
-    """Follows an observer's samples with nothing learned, from every state on in which that found the line."""
+    """The model without correction along an observer's samples; it begins anew from x~ where the observer does."""
 
     def __init__(self, constants: Constants) -> None:
         self._follower = Follower(constants)
@@ -40,7 +40,7 @@ class NominalModel:
         """Rates [m3/s] at positions [first, end), processed and remembered; nan where the observer has none."""
         if first != self._end:
             self._follower.begin(np.full(observer.constants.coefficients.states, np.nan))
-        self._follower.constants, self._end = observer.constants, end  # of fuel as warm as it is
+        self._follower.constants, self._end = observer.constants, end  # in the surroundings of these samples
         before = max(first - 1, 0)
         rows = remembered(observer.ring, before, end)
         rates, is_open = np.zeros(len(rows)), rows["seat_area"] > 0.0
@@ -59,7 +59,7 @@ class NominalModel:
 
 
 class ObserverRun:
-    """One observer, learning in lockstep, whose results go to the evaluations of what it is given."""
+    """One observer that learns in lockstep; its results go to the evaluations of the recordings it is given."""
 
     def __init__(self, core: Core, bus: BusMap, news: list[News], progress: Progress, keeps_frames: bool) -> None:
         """news: to which the core appends; keeps_frames: that were sent."""
@@ -74,7 +74,7 @@ class ObserverRun:
         self._commands, self._begun, self._is_energized = 0, 0, False
 
     def observe(self, source: SignalStream, sink: Evaluation) -> None:
-        """Observe the frames of a log as they are, or a recording as those of a measuring device.
+        """Observe the frames of a log as they are, or a recording in frames of a measuring device.
 
         Between stretches of a recording the sample index jumps.
         """
@@ -84,10 +84,10 @@ class ObserverRun:
             self._observe_recording(source, sink)
 
     def _observe_log(self, log: LoggedSignals, sink: Evaluation) -> None:
-        offset, sink.first_index = 0, log.logged[0].first_index
-        for stretch in log.logged:
-            self._samples.begin(Run(sink, stretch.samples, log.sample_rate, stretch.first_index, offset))
-            offset += stretch.samples
+        offset, sink.first_index = 0, log.logged[0].start
+        for indices in log.logged:
+            self._samples.begin(Run(sink, len(indices), log.sample_rate, indices.start, offset))
+            offset += len(indices)
         self._observe(blocks_of(log.frames))
 
     def _observe_recording(self, stream: SignalStream, sink: Evaluation) -> None:

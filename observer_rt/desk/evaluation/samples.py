@@ -42,7 +42,7 @@ class Run:
         return self.number + self.samples
 
     def times(self, numbers: NDArray[np.int64]) -> Signal:
-        """Times [s] (n,) by the number: those of samples to which nobody gives times, as of a log."""
+        """Times [s] (n,) of samples by their numbers, where a log brings no times of its own."""
         return np.asarray(self.start + (self.offset + numbers - self.number) / self.rate)
 
 
@@ -60,7 +60,7 @@ class HistorySamples:
 
     @property
     def held(self) -> Trace:
-        """Samples that are remembered, by number; those of a log that never came are not among them."""
+        """Samples remembered, by number, without those of a log that never came."""
         return trace_of(self._memory[self._held])
 
     def begin(self, run: Run) -> None:
@@ -163,7 +163,7 @@ class HistorySamples:
         self._hand_over(self._runs[-1].end)
 
     def _hand_over(self, end: int) -> None:
-        """Hand over samples up to a number, those of a log that never came as unknown."""
+        """Hand over samples up to a number; samples of a log that never came count as unknown."""
         while self._handed_over < end:
             run = self._runs[self._oldest]
             stop = min(end, run.end)

@@ -16,40 +16,43 @@ Signal = NDArray[np.float64]
 SUFFIXES = tuple(TABLE_WRITERS)
 TRACE_SUFFIX = ".trace.csv"  # added to a recording's name, in a folder
 NUMBER = "%.9g"
-_RATES = ("injection_rate", "corrected_rate_sigma", "corrected_rate", "nominal_rate", "open_loop_rate")
+_RATES = (  # m3/s
+    "injection_rate",
+    "corrected_rate_sigma",  # over windows of injections that were learned from
+    "corrected_rate",  # by the injection's own pressures, over the same windows
+    "nominal_rate",  # by the model with phi = 0 on the same frames
+    "open_loop_rate",  # of x^
+)
+_STATES = {"x": "", "phi": "1/s"}  # units of fields of three numbers, x normalised
 _COLUMNS = (
     WrittenColumn("time_s", "time", "s", NUMBER),
-    *(WrittenColumn(f"{name}_mm3_per_ms", name, "mm3/ms", NUMBER) for name in _RATES),
+    *(WrittenColumn(f"{name}_mm3_per_ms", name, "mm3/ms", NUMBER, factor=MM3_PER_MS) for name in _RATES),
     WrittenColumn("valid", "valid", "", "%d"),
     WrittenColumn("state", "state", "", "%s", tuple(state.name for state in State)),
-    *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
-    *(WrittenColumn(f"phi{i}", f"phi{i}", "1/s", NUMBER) for i in (1, 2, 3)),
+    *(WrittenColumn(f"{name}{i}", f"{name}{i}", unit, NUMBER) for name, unit in _STATES.items() for i in (1, 2, 3)),
 )
 TRACE_COLUMNS = tuple(column.header for column in _COLUMNS)
 """Names of the columns of a written trace, units included."""
-SAMPLE = np.dtype(
-    [
-        ("number", np.int64),  # of the sample in its history
-        ("time", np.float64),  # s
-        ("line_pressure", np.float64),  # normalised, as the observer was given it
-        ("measured_rate", np.float64),  # m3/s
-        ("injection_rate", np.float64),  # m3/s
-        ("corrected_rate_sigma", np.float64),  # m3/s, over windows of injections that were learned from
-        ("corrected_rate", np.float64),  # m3/s, by the injection's own pressures; there, too
-        ("nominal_rate", np.float64),  # m3/s, by the model with phi = 0 on the same frames
-        ("open_loop_rate", np.float64),  # m3/s, of x^
-        ("valid", np.bool_),  # whether the rate is to be used
-        ("state", np.int8),  # `State`
-        ("x", np.float64, 3),  # normalised
-        ("phi", np.float64, 3),  # 1/s
-    ],
-    align=True,
-)
+_FIELDS: list[Any] = [
+    ("number", np.int64),  # of the sample in its history
+    ("time", np.float64),  # s
+    ("line_pressure", np.float64),  # normalised, as the observer was given it
+    ("measured_rate", np.float64),  # m3/s
+    *((name, np.float64) for name in _RATES),
+    ("valid", np.bool_),  # whether the rate is to be used
+    ("state", np.int8),  # `State`
+    *((name, np.float64, 3) for name in _STATES),
+]
+SAMPLE = np.dtype(_FIELDS, align=True)
 """The observer at a sample of a recording; nan where not available."""
 Trace: TypeAlias = np.recarray[Any, np.dtype[np.void]]
 """Samples (n,) of dtype `SAMPLE`, whose fields are attributes."""
-UNKNOWN = np.array([(0, *[math.nan] * 8, False, int(State.STARTING), [math.nan] * 3, [math.nan] * 3)], SAMPLE)
+UNKNOWN = np.zeros(1, SAMPLE)
 """A sample (1,) of which nothing is known yet."""
+UNKNOWN["state"] = State.STARTING
+for _name, _kind, *_ in _FIELDS:
+    if _kind is np.float64:
+        UNKNOWN[_name] = math.nan
 
 
 class InjectionSamples(NamedTuple):
@@ -80,6 +83,11 @@ def open_trace(path: Path) -> TableWriter:
 
 def trace_arrays(rows: Trace) -> Sequence[NDArray[Any]]:
     """Columns of a written trace, in the order of the table, in memory of their own."""
-    rates = (rows[name] / MM3_PER_MS for name in _RATES)
-    states = (rows[name][:, i] for name in ("x", "phi") for i in range(3))
-    return [values.copy() for values in (rows.time, *rates, rows.valid, rows.state, *states)]
+    return [_values(rows, column) for column in _COLUMNS]
+
+
+def _values(rows: Trace, column: WrittenColumn) -> NDArray[Any]:
+    """A column of a written trace, of a field or, as `x1`, of one of its three numbers."""
+    field = column.channel.rstrip("123")
+    values = rows[field] if field == column.channel else rows[field][:, int(column.channel[-1]) - 1]
+    return np.array(values) if column.factor == 1.0 else np.asarray(values / column.factor)

@@ -1,4 +1,4 @@
-"""One file through the observer: what a worker does, knowing nothing of the others, and the rows it returns."""
+"""The work on one file of a batch: its recording through the observer, and a row for each injection."""
 
 import gc
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pyarrow as pa
 from rich.console import Console
@@ -16,7 +16,8 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.curves import RESULT_FIELDS
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.logged import open_source
-from observer_rt.desk.fleet.recordings import PathPattern, injector_of, zero_of
+from observer_rt.desk.fleet.path_pattern import PathPattern
+from observer_rt.desk.fleet.recordings import injector_of, zero_of
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
 from observer_rt.files.formats import is_log
@@ -34,7 +35,7 @@ SCHEMA = pa.schema(
         *((name, _KINDS[kind]) for name, kind in columns_of(RESULT_FIELDS, Output.PARQUET).items()),
     ]
 )
-"""time: of the injection's begin; time_from: what says it (`TimeFrom`)."""
+"""time: of the injection's begin; time_from: its source (`TimeFrom`)."""
 _ROWS = 1024
 
 
@@ -52,8 +53,7 @@ class Task:
     names: PathPattern | None = None
 
 
-@dataclass(frozen=True)
-class FailedFile:
+class FailedFile(NamedTuple):
     """A file that gave no rows, and why."""
 
     file: Path
@@ -104,6 +104,6 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
 
 
 def dask_setup(_worker: object) -> None:
-    """All that is imported stays: the search for garbage need not go through it again and again."""
+    """Called by Dask as a worker starts: imported modules are left out of every later search for garbage."""
     gc.collect()
     gc.freeze()

@@ -1,28 +1,24 @@
-"""Recordings named by files, folders and patterns: what their paths say, and what says when they were made."""
+"""Recordings named by files, folders and patterns: injectors and dates in their paths, and when they began."""
 
 import re
-import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 from glob import glob
 from pathlib import Path
-from typing import Self
 
 from observer_rt.config.bench import Bench
+from observer_rt.desk.fleet.path_pattern import PathPattern
 from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.formats import SUFFIXES, is_log, open_log
+from observer_rt.files.signals.mdf4_table import stated_start
 from observer_rt.files.signals.recording import SHOTS_SUFFIX, TRUTH_SUFFIX
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
 
-INJECTOR_FROM, TIME_FROM = "--injector-from", "--time-from"
 _GLOB = re.compile(r"[*?\[]")
-_DATE_FORMATS = {8: "%Y%m%d", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}  # by the number of digits
 _NOTES = {".txt"}  # in folders more often notes than recordings: to be named
 _SINCE_1970 = 1e9  # s, in 2001: time in a recording is never so late unless it counts from 1970
-_MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since 1970]
 
 
 def recordings_in(sources: Sequence[str]) -> list[Path]:
@@ -54,46 +50,10 @@ def _files(source: str) -> Iterator[Path]:
             yield from _files(name)
 
 
-@dataclass(frozen=True)
-class PathPattern:
-    """A regular expression that an option of the command line gives, for paths."""
-
-    option: str
-    expression: re.Pattern[str]
-
-    @classmethod
-    def read(cls, option: str, text: str) -> Self:
-        """Raises `UserError` for a text that is no regular expression."""
-        try:
-            return cls(option, re.compile(text))
-        except re.error as error:
-            raise UserError(f"{option} {text}", f"is no regular expression: {error}", "correct it") from error
-
-    def text_in(self, path: Path) -> str:
-        """Its first group in a path, or all that it matches. Raises `UserError` where it matches nothing."""
-        match = self.expression.search(str(path))
-        text = match and match[min(1, self.expression.groups)]
-        if not text:
-            raise UserError(str(path), f"'{self.expression.pattern}' is not in its path", f"see {self.option}")
-        return text
-
-    def date_in(self, path: Path) -> datetime:
-        """Date, and time of day (UTC) if it is there. Raises `UserError` where it matches none."""
-        digits = re.sub(r"\D", "", self.text_in(path))
-        try:
-            return datetime.strptime(digits, _DATE_FORMATS[len(digits)]).replace(tzinfo=UTC)
-        except (KeyError, ValueError):
-            raise UserError(
-                str(path),
-                f"'{self.expression.pattern}' finds no date in its path",
-                f"see {self.option}: year, month, day and, if it is there, the time of day",
-            ) from None
-
-
 def injector_of(path: Path, names: PathPattern | None, alone: Bench) -> str:
-    """Injector of a recording: by its path, or without a pattern that of the bench.
+    """Name of a recording's injector: by the recording's path, or without a pattern by the bench.
 
-    Raises `UserError` for a path in which the pattern finds none.
+    Raises `UserError` for a path without a match.
     """
     if names is not None:
         return names.text_in(path)
@@ -101,7 +61,7 @@ def injector_of(path: Path, names: PathPattern | None, alone: Bench) -> str:
 
 
 class TimeFrom(StrEnum):
-    """What says a time. WRITTEN: nothing in the file, only when it was last written, which copying changes."""
+    """Source of a recording's time. WRITTEN: when the file was last written, which copying changes."""
 
     FRAMES = "frames"
     COLUMN = "column"
@@ -110,25 +70,15 @@ class TimeFrom(StrEnum):
 
 
 def zero_of(path: Path, source: SignalStream) -> tuple[datetime, TimeFrom]:
-    """Moment of time 0 in a file, and what says it: its frames, stamps or header; else it ended when last written."""
+    """Moment of time 0 in a file and its source: frames, stamps or header; else the file ended when last written."""
     start, end = source.stretches[0].start, source.stretches[-1]
     if is_log(path):
         begin, by = next(iter(open_log(path))).frame.stamp_ns / NANOSECONDS - start, TimeFrom.FRAMES
     elif source.origin + start > _SINCE_1970:
         begin, by = source.origin, TimeFrom.COLUMN
-    elif (stated := _mdf4_start(path)) > 0:
+    elif (stated := stated_start(path)) > 0:
         begin, by = stated / NANOSECONDS, TimeFrom.HEADER
     else:
         begin = path.stat().st_mtime - end.start - end.samples / source.sample_rate
         by = TimeFrom.WRITTEN
     return datetime.fromtimestamp(begin, UTC), by
-
-
-def _mdf4_start(path: Path) -> int:
-    """Start time in the header of an MDF 4 file [ns since 1970]; 0 without one, or of another file."""
-    with path.open("rb") as file:
-        head = file.read(_MDF4_START + 8)
-    if not head.startswith(b"MDF     4") or len(head) < _MDF4_START + 8:
-        return 0
-    (start,) = struct.unpack_from("<Q", head, _MDF4_START)
-    return int(start)

@@ -6,11 +6,10 @@ That is a weighted straight line, with the day on which it reaches a limit; as J
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from itertools import chain
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -20,7 +19,8 @@ from rich.table import Table
 from scipy.optimize import brentq
 from scipy.stats import t as student
 
-from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern, TimeFrom
+from observer_rt.desk.fleet.path_pattern import TIME_FROM, PathPattern
+from observer_rt.desk.fleet.recordings import TimeFrom
 from observer_rt.engine.reports.injection_report import WEAR
 from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.errors import UserError
@@ -41,8 +41,7 @@ _DAY, _MONTH = 86400.0, 30.4375  # s; days
 _HOW = f"say where their paths have the time: {TIME_FROM} PATTERN, such as '_(\\d{{8}}_\\d{{6}})'"
 
 
-@dataclass(frozen=True)
-class Limit:
+class Limit(NamedTuple):
     """Relative change of a flow that must not be reached: a positive one from below, a negative one from above."""
 
     name: str
@@ -62,8 +61,7 @@ class Limit:
         return f"{self.name} {100.0 * self.size:+g} %"
 
 
-@dataclass(frozen=True, eq=False)
-class WearLine:
+class WearLine(NamedTuple):
     """Change of flow by days (n,) since the first recording.
 
     coefficients, (2,): a day, and on day 0; spread, (2, 2): their covariance, times squared 95 % quantile.
@@ -111,8 +109,7 @@ class WearLine:
         return min(low, float(days[-1])), middle, high
 
 
-@dataclass(frozen=True, eq=False)
-class Course:
+class Course(NamedTuple):
     """A change of flow at recordings, and halves of its 95 % intervals, (n,); line: None of fewer than `FEWEST`."""
 
     value: Signal
@@ -132,8 +129,7 @@ class Course:
         return (_MONTH * float(line.coefficients[0]), _MONTH * math.sqrt(line.spread[0, 0])) if line else None
 
 
-@dataclass(frozen=True, eq=False)
-class InjectorTrend:
+class InjectorTrend(NamedTuple):
     """An injector's wear by indicator, at the recordings with a valid estimate, whose times are given.
 
     courses: empty without such a recording; recordings: all of them.
@@ -221,7 +217,7 @@ def _date_json(trend: InjectorTrend, limit: Limit) -> dict[str, Any]:
 
 
 def table_of(trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -> Table:
-    """For the terminal: an injector a row."""
+    """Table for the terminal, a row for each injector."""
     changes = [text for name in QUANTITIES for text in (f"{name}, %", "a month, %")]
     headings = ["injector", "recordings", *changes, "last valid", *map(str, limits)]
     rows = [list(_cells(said)) for said in as_json(trends, limits)]

@@ -29,7 +29,7 @@ TRADED = (
     "without a needle lift, seat.flow_coefficient is known only as its product with the needle's opening speed: "
     "its interval holds for the speed that stands in [needle]"
 )
-ROUNDS = 3  # of shots whose lift was not measured: when each answers follows from the round before
+ROUNDS = 3  # of calibration without a measured lift: delays of shots follow from the round before
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,7 +64,7 @@ class FitResult:
 
     @cached_property
     def document(self) -> FitDocument:
-        """All of it, as `observer-rt fit --json` writes it."""
+        """The document that `observer-rt fit --json` writes."""
         return document_of(self.done, self.baseline, self.warnings)
 
     def plot(self) -> Any:

@@ -52,7 +52,7 @@ _FITTED = "fitted.toml"
 class Injector:
     """Model of an injector, from an injector file, and the bench it is on. Never changes: `fit` gives another.
 
-    Two of the same files are equal. calibration: of one that `fit` gave; None of one loaded from a file.
+    Two injectors of the same files are equal. calibration: set by `fit`; None of an injector that was loaded.
     """
 
     bench: Bench

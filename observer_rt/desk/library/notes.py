@@ -31,7 +31,7 @@ class CallNotes(list[str]):
         self.console = Console(file=self._text, width=_WIDE, force_terminal=False)
 
     def end(self) -> None:
-        """Take what the console was given."""
+        """Append the lines that were written to the console."""
         for line in self._text.getvalue().splitlines():
             if line.startswith(" ") and self:
                 self[-1] += f"\n{line}"
@@ -41,7 +41,7 @@ class CallNotes(list[str]):
 
 @contextmanager
 def naming_parameters(names: Mapping[str, str] = NO_NAMES) -> Iterator[None]:
-    """Name parameters of a call in errors raised within, in the place of options but those of whole commands.
+    """Within the block, errors name parameters of the call instead of options; whole commands in backticks stay.
 
     names: parameters by options of another name.
     """

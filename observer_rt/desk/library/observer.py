@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.injector import SamplingConfig
+from observer_rt.config.injector_sections import SamplingConfig
 from observer_rt.config.toml_file import validated
 from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.histories import begun_with

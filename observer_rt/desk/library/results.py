@@ -32,11 +32,11 @@ _IN_SHORT = (RECORDING, "number", "start_s", "rail_pressure_MPa", "mass_mg", "ma
 
 
 class KnowledgeHolder:
-    """What has learned of an injector, and can write that."""
+    """Has knowledge of an injector, and can write it."""
 
     @property
     def _learned(self) -> tuple[Knowledge, InjectorParameters]:
-        """What was learned, and its model."""
+        """Knowledge, and the parameters of the model it belongs to."""
         raise NotImplementedError
 
     def save_state(self, path: str | PathLike[str], force: bool = False) -> None:
@@ -87,15 +87,15 @@ class EvaluationResult(KnowledgeHolder):
         rows = [
             {
                 RECORDING: _name(evaluation),
-                "number": result.report.number,
+                "number": result.number,
                 **{
-                    f"by_{part}_mg": sigma * result.report.density / MILLIGRAM
-                    for part, sigma in result.report.budget._asdict().items()
+                    f"by_{part}_mg": sigma * result.density / MILLIGRAM
+                    for part, sigma in result.budget._asdict().items()
                 },
             }
             for evaluation in self.evaluations
             for result in evaluation.injections
-            if result.report.budget is not None
+            if result.budget is not None
         ]
         columns = [RECORDING, "number", *(f"by_{part}_mg" for part in VolumeBudget._fields)]
         return pd.DataFrame(rows, columns=columns)

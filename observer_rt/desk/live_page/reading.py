@@ -1,4 +1,4 @@
-"""The daemons of a bench, each read at its control socket by a thread: what they say, and their last injections."""
+"""The daemons of a bench, each read at its control socket by a thread: their states, and their last injections."""
 
 import threading
 import time
@@ -35,7 +35,7 @@ SECOND = 1e9  # ns
 
 @dataclass(frozen=True)
 class InjectorSnapshot:
-    """An injector now: its name, state in words, faults, laws learned; silent: all else is of before."""
+    """An injector now: its name, state in words, faults, laws learned; silent: the daemon does not answer now."""
 
     name: str
     state: str
@@ -48,7 +48,7 @@ class InjectorSnapshot:
 
 
 class DaemonReader:
-    """Reads the daemon of one injector; what it has may be asked for by any thread."""
+    """Reads the daemon of one injector; any thread may ask for what was read."""
 
     def __init__(self, alone: Bench) -> None:
         """alone: the bench with this injector only."""
@@ -80,14 +80,14 @@ class DaemonReader:
 
     @property
     def buses(self) -> Mapping[str, BusStatus]:
-        """Its buses by their labels; none of a daemon that is silent."""
+        """Buses of the daemon by their labels; empty while the daemon is silent."""
         status = self._status
         if status is None or self._is_old(status.moment):
             return {}
         return {bus.label: bus for bus in status.buses}
 
     def injections(self, since: int = 0) -> list[ShownInjection]:
-        """Those kept after the `since`-th, the newest last."""
+        """Injections kept after the `since`-th, the newest last."""
         return [*takewhile(lambda injection: injection.count > since, reversed(list(self._injections)))][::-1]
 
     def seen(self) -> InjectorSnapshot:
@@ -104,8 +104,8 @@ class DaemonReader:
         what, _, remedy = self._failure.partition(REMEDY)
         silence = Fault(what or "the observer does not answer", since, remedy or self._start)
         lost = 0 if status is None else status.lost
-        said = "OBSERVER SILENT", "all below is old", StatusLevel.BAD, (silence,)
-        return InjectorSnapshot(self.name, *said, silent=True, lost=lost)
+        of_old = "OBSERVER SILENT", "all below is old", StatusLevel.BAD, (silence,)
+        return InjectorSnapshot(self.name, *of_old, silent=True, lost=lost)
 
     @staticmethod
     def _is_old(moment: int) -> bool:
@@ -159,7 +159,7 @@ class Watching:
             reader.close()
 
     def buses(self) -> list[BusStatus]:
-        """Every bus as it is now; one that several injectors have once."""
+        """Every bus as it is now; a bus that injectors share stands once."""
         down: dict[str, str] = {}
         for reader in self.readers:
             for label, bus in reader.buses.items():

@@ -21,7 +21,8 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.reading import Watching
-from observer_rt.desk.live_page.session import Saver, Session, pressed
+from observer_rt.desk.live_page.saver import Saver
+from observer_rt.desk.live_page.session import Session, pressed
 from observer_rt.foundation.console import say, stop_on_signals
 from observer_rt.foundation.errors import RunError
 
@@ -35,7 +36,7 @@ _STOP_EVERY = 0.1  # s between two looks at the stop signal
 
 
 class _GuardedHandler(RequestHandler):
-    """Serves whoever has the token of the page, by its address at first, then by a cookie; all if it has none."""
+    """Serves browsers that have the page's token, from its address at first, then a cookie; all without a token."""
 
     def prepare(self) -> None:
         """Refuse a request without it."""

@@ -3,22 +3,17 @@
 import json
 import time
 from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from observer_rt.daemon.snapshot import ShownInjection
 from observer_rt.desk.live_page.reading import Watching
-from observer_rt.foundation.errors import ObserverError, file_errors
-from observer_rt.foundation.files import replacing, write_text
+from observer_rt.desk.live_page.saver import Saver
 
 _AHEAD = 2  # messages: one is on its way while the last one is drawn
 _STATUS_EVERY = 0.4  # s
 _WITH_CURVES = 8  # injections of a message, the newest: what a browser draws
-MOST_SAVED = 1000  # injections, for whoever reaches the page may ask for it
 _VALUES = (
     *("number", "valid", "verdict", "remainder", "mass_mg", "mass_bound_mg"),
     *("rail_pressure_MPa", "density_kg_per_m3"),
@@ -27,7 +22,7 @@ _VALUES = (
 
 
 def pressed(message: str | bytes) -> tuple[str, int, int] | None:
-    """Reads a browser's message: a button, and its values; None: it is no page of ours."""
+    """Read a browser's message: a button and its values; None for a message that no page of ours sends."""
     try:
         parsed = json.loads(message)
     except (ValueError, RecursionError):
@@ -41,7 +36,7 @@ def pressed(message: str | bytes) -> tuple[str, int, int] | None:
 class Session:
     """Sends updates to one browser."""
 
-    def __init__(self, watching: Watching, saver: "Saver") -> None:
+    def __init__(self, watching: Watching, saver: Saver) -> None:
         self._watching = watching
         self._saver = saver
         self._saving: Future[str] | None = None
@@ -70,7 +65,7 @@ class Session:
             self._asked[injector, count] = injection
 
     def message(self) -> bytes | None:
-        """Changes since the last message; None: nothing, or the browser is not through with those before."""
+        """Changes since the last message; None without changes, or while the browser still draws earlier ones."""
         readers, now = self._watching.readers, time.monotonic()
         if self._saving is not None and self._saving.done():
             self._answer["notice"], self._saving, self._due = self._saving.result(), None, 0.0
@@ -110,53 +105,3 @@ def packed(content: dict[str, Any], curves: Sequence[bytes]) -> bytes:
     text = json.dumps(content, allow_nan=False).encode()
     text += b" " * (-len(text) % 4)  # values stand at multiples of their width
     return b"".join([len(text).to_bytes(4, "little"), text, *curves])
-
-
-class Saver:
-    """Saves injections in a folder for all browsers: one at a time, beside the page's loop, and each once."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._saved: dict[tuple[str, int], Path] = {}
-        self._thread = ThreadPoolExecutor(1, "saving")
-
-    def save(self, injection: ShownInjection, name: str) -> Future[str]:
-        """Save it, later; the result says where it is, or why it is not. name: of the injector."""
-        return self._thread.submit(self._save, injection, name)
-
-    def close(self) -> None:
-        """Save no more."""
-        self._thread.shutdown(cancel_futures=True)
-
-    def _save(self, injection: ShownInjection, name: str) -> str:
-        path = self._saved.get((name, injection.count))
-        try:
-            with file_errors(self._folder):
-                if path is None or not path.exists():
-                    if len(self._saved) >= MOST_SAVED:
-                        return f"not saved: {MOST_SAVED} injections are already; start `observer-rt monitor` anew"
-                    path = self._saved[name, injection.count] = save_injection(injection, self._folder, name)
-        except ObserverError as error:
-            return str(error)
-        return f"saved: {path}, .json"
-
-
-def save_injection(shown: ShownInjection, folder: Path, name: str) -> Path:
-    """Write `injection_[NAME_]NUMBER[_AGAIN].csv`, a new file, and `.json` beside it. Returns the table's path.
-
-    name: of the injector, empty for the only one. Raises `ObserverError` when they cannot be written.
-    """
-    stem = f"injection_{f'{name}_' if name else ''}{shown.values['number']}"
-    path, again = folder / f"{stem}.csv", 1
-    while path.exists() or path.with_suffix(".json").exists():  # numbers begin anew with each daemon
-        again += 1
-        path = folder / f"{stem}_{again}.csv"
-    masses = {f"{reference}_mass_mg": mass for reference, mass in shown.references.items()}
-    document = {**shown.values, **masses, "moment_ns": shown.moment}
-    columns = np.column_stack([*shown.curves.values()]) if shown.curves else np.empty((0, 0))
-    with file_errors(path):
-        folder.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as part:
-            np.savetxt(part, columns, "%.7g", ",", header=",".join(shown.curves), comments="")
-    write_text(path.with_suffix(".json"), json.dumps(document, indent=2, allow_nan=False))
-    return path

@@ -1,7 +1,7 @@
 """The runs behind the paper's Figs. 3-5: its scheme as published, and ours, on the same simulated injections."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,7 @@ LARGEST_GAIN = 1e5  # 1/s, of the paper's identification system; at most the sam
 Progress = Callable[[float], None]
 
 
-@dataclass(frozen=True)
-class InjectionWindow:
+class InjectionWindow(NamedTuple):
     """Samples [first, last) over which an injection is scored, and those at which the needle opens and shuts."""
 
     first: int

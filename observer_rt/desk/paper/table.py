@@ -1,8 +1,8 @@
 """Ours beside the paper's scheme: quantities, scores, and the table on screen, as CSV."""
 
 import math
-from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,7 @@ from observer_rt.model.effective import Coefficients
 
 
 class Estimator(StrEnum):
-    """Estimators compared; the number is that of the trainings before the injection."""
+    """Estimators compared; the number counts the trainings before the injection."""
 
     MODEL = "model"
     PAPER = "paper, 1"
@@ -24,8 +24,7 @@ class Estimator(StrEnum):
     OURS_TRAINED_ON = "ours, 10"
 
 
-@dataclass(frozen=True)
-class EstimatorCurves:
+class EstimatorCurves(NamedTuple):
     """One injection as an estimator sees it, n samples: x3, phi (n, 3) [1/s], rate [m3/s]."""
 
     x_3: NDArray[np.float64]
@@ -33,8 +32,7 @@ class EstimatorCurves:
     rate: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class WearCase:
+class WearCase(NamedTuple):
     """One injection of a nozzle worn by v_H: the truth and every estimate of it over the injection's window.
 
     time [s] from the start of energizing.
@@ -58,8 +56,7 @@ class WearCase:
         return float(np.trapezoid(self.estimates[estimator].rate) / np.trapezoid(self.truth.rate)) - 1.0
 
 
-@dataclass(frozen=True)
-class Study:
+class Study(NamedTuple):
     """Everything the figures and the table are made of."""
 
     coefficients: Coefficients
@@ -82,7 +79,7 @@ def _ratio(value: float) -> str:
 
 
 def _printed(study: Study) -> pd.DataFrame:
-    """The table as it is printed, a v_H a row."""
+    """The table to print, a row for each v_H."""
     return pd.DataFrame(
         {
             "v_H": f"{case.nozzle_wear:+.1f}",
@@ -95,7 +92,7 @@ def _printed(study: Study) -> pd.DataFrame:
 
 
 def screen_table(study: Study) -> Table:
-    """For a terminal of 160 columns."""
+    """Table for a terminal of 160 columns."""
     title = (
         "x3-MSE of the model over that of each observer, and errors of the injected mass [%], by nozzle wear; "
         "the number is that of trainings"

@@ -32,7 +32,7 @@ class Objective(Protocol):
 
 
 class SearchEnd(NamedTuple):
-    """Where a search ended, after so many iterations."""
+    """End of a search: weights theta, value of the function there, number of iterations."""
 
     theta: NDArray[np.float64]
     value: float

@@ -236,9 +236,7 @@ def strokes(schedule: Schedule, parameters: InjectorParameters) -> tuple[NeedleS
     for (event, before), (next_event, after) in pairwise(placed):
         if before.closed + CORNER_ROUNDING > after.opening:
             late = before.closed + CORNER_ROUNDING - after.opening
-            raise UserError(
-                SHOTS_OPTION if event is next_event else PERIOD_OPTION,
-                f"the needle has not closed when the next shot opens it, {after.opening:.6g} s in",
-                f"start that shot at least {late / MILLISECOND:.3g} ms later",
-            )
+            problem = f"the needle has not closed when the next shot opens it, {after.opening:.6g} s in"
+            remedy = f"start that shot at least {late / MILLISECOND:.3g} ms later"
+            raise UserError(SHOTS_OPTION if event is next_event else PERIOD_OPTION, problem, remedy)
     return tuple(found for _, found in placed)

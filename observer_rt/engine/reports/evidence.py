@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,8 +81,7 @@ class EventEvidence:
         return cls(**said | {"kind": EvidenceKind(said["kind"]), "signals": values.reshape(3, -1)})
 
 
-@dataclass(frozen=True, eq=False)
-class EventInputs:
+class EventInputs(NamedTuple):
     """Inputs around an event, copied from the ring: position and device index of the first sample, signals (3, n)."""
 
     start: int

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from enum import Flag, auto
 from functools import cached_property
 from itertools import chain
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ NOTEWORTHY, SURELY = 0.01, 3.0  # remainder that is put into words: share of the
 SURROUNDINGS = tuple(in_units(Surroundings(*[0.0] * len(Surroundings._fields))))  # names of values
 _NUMBERS = ("number", "event", "start_position", "end_position", "start_index", "end_index", "phi_version")
 
-T = TypeVar("T")
+T = TypeVar("T", contravariant=True)  # a field of a report is one of whatever derives from it
 Value = int | float | str | None
 
 
@@ -109,7 +109,7 @@ class InjectionReport:
 
     @property
     def validity(self) -> str:
-        """Whether it is valid, and its level calibrated, in words but those of the reasons."""
+        """Validity of the injection and calibration of its level in words, without the reasons."""
         if not self.valid:
             return "not valid"
         return "valid" if self.calibration.is_calibrated else "valid, not calibrated"
@@ -126,7 +126,7 @@ class InjectionReport:
 
     @property
     def relative_sigma(self) -> float:
-        """Standard deviation of the mass as a share of it, but for that of the level; nan where it is not known."""
+        """Standard deviation of the mass as a share of it, without the level's; nan where it is not known."""
         return self.budget.beyond_level / self.volume if self.budget and self.volume > 0.0 else math.nan
 
     @property
@@ -150,7 +150,7 @@ class InjectionReport:
 
     @property
     def reasons(self) -> tuple[Reason, ...]:
-        """Reasons why it is not valid, the most severe first."""
+        """Reasons why the injection is not valid, the most severe first."""
         return () if self.valid else (self.reason, *self.further)
 
 
@@ -284,9 +284,8 @@ class Field(Generic[T]):
         return "-".join(format(each, self.form) for each in (value if self.kind is tuple else [value]))
 
 
-@dataclass(frozen=True)
-class IndicatorFields:
-    """Indicator of an injector as two fields; name and unit are those of JSON."""
+class IndicatorFields(NamedTuple):
+    """Two fields of an indicator of the injector, with its name and unit in JSON."""
 
     name: str
     unit: str

@@ -1,4 +1,4 @@
-"""Reports of the service: judged injections, their measured masses, missing injections, notices; their listeners."""
+"""News of the service: judged injections, their measured masses, missing injections, notices; and listeners."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -47,7 +47,7 @@ class MissingInjection:
 
 @dataclass(frozen=True)
 class Notice:
-    """Fault of a link or an input, or, `is_over`, its end."""
+    """Fault of a link or an input; is_over: the end of the fault."""
 
     topic: Topic
     text: str

@@ -1,6 +1,6 @@
 """The service without its surroundings: frames in, frames out. No socket, no clock, no file.
 
-Where another node sends what only this service should, no receiver knows whose frame it has: none is valid.
+Where another node sends the messages of this service, no receiver knows whose frame it has: no result is valid.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import MessageTiming, indices_of, is_stale, make_alignment, make_timekeeping, timing_of
+from observer_rt.bus.alignment import indices_of, is_stale, make_alignment, make_timekeeping
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
+from observer_rt.bus.message_timing import MessageTiming, timing_of
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import E2EState
@@ -22,7 +23,7 @@ from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.engine.observer import make_observer, samples_at
 from observer_rt.engine.reports.injection_report import report_of
 from observer_rt.engine.reports.news import Listener, Notice, fan_out
-from observer_rt.engine.service import injector, messages
+from observer_rt.engine.service import injector, messages, noise
 from observer_rt.engine.service.judging import InlineExecutor, Judging
 from observer_rt.engine.service.optional_inputs import OptionalInputs
 from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
@@ -40,7 +41,7 @@ _NOT_LEARNED = "nothing was learned from an event: {}\n  remedy: see that memory
 
 
 class SecondSender:
-    """Second sender, if there is one now, and the samples between which there was one last."""
+    """Whether another node sends our results now, and between which samples it did so last."""
 
     def __init__(self, publisher: NDArray[np.void], observer: NDArray[np.void]) -> None:
         """publisher, observer: the memory of either; no rate that the publisher sends meanwhile is valid."""
@@ -84,7 +85,7 @@ class Core:
         writes_summaries: bool = True,
         commanded: bool | None = None,
     ) -> None:
-        """fitted: the injector with its bench; bus: its frames; knowledge: restored from an earlier run, None: none.
+        """bench_injector: with its sections of the bench file; bus: its frames; knowledge: from an earlier run.
 
         executor: where learning runs (None: at once, in lockstep); learning: None: as the bench file states.
         listeners: called with every report and notice. learner_of: makes the learner; what it raises is raised,
@@ -99,8 +100,8 @@ class Core:
             constants = constants._replace(surroundings=filed(bench_injector.parameters, config.signals.surroundings))
         if bus.tells_commands if commanded is None else commanded:
             constants = constants.by_commands()
-        noise = injector.configured_noise(bench_injector)
-        start = knowledge or no_knowledge(noise, constants.coefficients.pressure_scale)
+        levels = noise.configured_noise(bench_injector)
+        start = knowledge or no_knowledge(levels, constants.coefficients.pressure_scale)
         learner = learner_of(bench_injector, constants, start)
         self._bus = bus
         self._max_lift = bench_injector.parameters.seat.max_lift
@@ -116,7 +117,7 @@ class Core:
                 make_timekeeping(
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
                 ),
-                make_alignment(bus.grid_relations, dead_band(noise.needle_lift)[0], observer.recorded),
+                make_alignment(bus.grid_relations, dead_band(levels.needle_lift)[0], observer.recorded),
                 observer,
                 messages.make_publisher(bus.rate, may_learn),
             )
@@ -231,17 +232,17 @@ class Core:
 
     @property
     def progress(self) -> list[int]:
-        """The sample index up to which each input stream came; -1: nothing yet."""
+        """Sample index that each input stream has reached; -1 before its first sample."""
         return indices_of(self.compiled.pipeline.alignment, "next_index")
 
     @property
     def begun_at(self) -> list[int]:
-        """Of each of our input messages the sample index at which it began; -1: it has not."""
+        """Sample index at which each of our input messages began; -1 before its first frame."""
         return indices_of(self.compiled.pipeline.alignment, "first_index")
 
     @property
     def state(self) -> tuple[State, Reason]:
-        """State and reason by the inputs, whatever the links."""
+        """State and reason by the inputs alone, without the links."""
         newest = None
         if self.processed > 0:
             newest = State(int(self._newest_row["state"])), Reason(int(self._newest_row["reason"]))
@@ -284,7 +285,7 @@ class Core:
         white = self.standstill.noise
         if white is None:
             return {}
-        return injector.slow_noise_of(self.compiled.observer, self.rows(0, self.processed), white)
+        return noise.slow_noise_of(self.compiled.observer, self.rows(0, self.processed), white)
 
     @property
     def timing(self) -> tuple[MessageTiming, ...]:
@@ -358,7 +359,7 @@ class Core:
 
 
 def status_parts(core: Core, state: State, reason: Reason, others: Mapping[str, Any]) -> dict[str, Any]:
-    """Where the values of a status come from; others: parts beside those of the core, of links and files."""
+    """Sources of the values of a status; others: parts of links and files, beside those of the core."""
     version = dict(zip(("major", "minor", "patch"), map(int, __version__.split(".")[:3]), strict=True))
     valid = core.is_valid and is_good(state)
     return {**core.parts, "valid": valid, "state": state, "reason": reason, "version": version, **others}

@@ -15,7 +15,7 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import Inputs
 from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, OutputMessage, OutputPage, RateMessage
 from observer_rt.bus.mapping.output_signals import StatusValues, rows_of
-from observer_rt.config.injector import E2EConfig
+from observer_rt.config.injector_sections import E2EConfig
 from observer_rt.config.signals import OPTIONAL_SIGNALS, OptionalRole
 from observer_rt.core.frames import frames as core
 from observer_rt.engine.estimation.scalars import OFFSET
@@ -185,7 +185,7 @@ class ResultFrames:
         self._frames: list[OutputFrame] = []
 
     def collect_results(self) -> None:
-        """The frames that the publisher has ready."""
+        """Collect the frames that the publisher has ready."""
         if self._rate_layout is None or self._ready[0] == 0:
             return
         for frame in self._publisher.out[: int(self._ready[0])]:
@@ -207,7 +207,7 @@ class ResultFrames:
             self._add_rates(self._corrected, report, report.corrected_rate / MM3_PER_MS, learning)
 
     def _add_rates(self, message: RateMessage, report: InjectionReport, rates: NDArray[Any], learning: bool) -> None:
-        """Write rates [mm3/ms] of an injection in blocks as those of the live one; they are as valid as its mass."""
+        """Write rates [mm3/ms] of an injection in blocks like those of the live rate, as valid as its mass."""
         padded = np.pad(rates, (0, -len(rates) % message.samples), constant_values=np.nan)
         for number, block in enumerate(padded.reshape(-1, message.samples)):
             index = (report.start_index + number * message.samples) % INDICES
@@ -216,7 +216,7 @@ class ResultFrames:
             self._frames.append(_written(message.layout, message.page, values, next(self._corrected_counter)))
 
     def taken(self) -> list[OutputFrame]:
-        """All frames since the last call, but for rates that nobody has collected."""
+        """All frames since the last call; of rates those that `collect_results` has collected."""
         frames, self._frames = self._frames, []
         return frames
 
@@ -241,7 +241,7 @@ def value_of(source: str, parts: Mapping[str, Any]) -> Any:
 
 @dataclass(frozen=True)
 class Counters:
-    """Counts since the start; with the source of what the status does not send."""
+    """Counts since the start; annotated with their sources where no signal of the status has them."""
 
     samples: Annotated[int, "observer.positions.processed"]
     lost_samples: int

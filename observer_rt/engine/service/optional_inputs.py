@@ -19,7 +19,7 @@ from observer_rt.engine.stream.state import Reason
 from observer_rt.model.surroundings import Surroundings
 
 if TYPE_CHECKING:
-    from observer_rt.engine.service.energizing import EnergizingFigures, EnergizingWatch
+    from observer_rt.engine.service.commands import EnergizingFigures, EnergizingWatch
 
 
 class OptionalInputs:
@@ -42,9 +42,9 @@ class OptionalInputs:
         self._masses = _MassComparison(tell)
         self._watch: EnergizingWatch | None = None
         if bus.energizing:
-            from observer_rt.engine.service import energizing  # optional: [signals.energizing]
+            from observer_rt.engine.service import commands  # optional: [signals.energizing]
 
-            self._watch = energizing.EnergizingWatch(bus.energizing, compiled, tell)
+            self._watch = commands.EnergizingWatch(bus.energizing, compiled, tell)
         self._look_on()
 
     def read(self) -> None:
@@ -84,7 +84,7 @@ class OptionalInputs:
         return True
 
     def _change_model(self) -> None:
-        """Make the model that of the surroundings as measured; those that are not known stay."""
+        """Change the model to the surroundings as measured; unknown ones stay as they were."""
         memory, is_known = self._memory, ~np.isnan(self._memory["measured"])
         wanted = np.where(is_known, memory["measured"], memory["in_force"])
         surroundings = Surroundings(*(None if math.isnan(value) else value for value in wanted.tolist()))

@@ -3,7 +3,6 @@
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import ClassVar, NamedTuple, NoReturn, Self
@@ -75,11 +74,9 @@ class LogReader(ABC):
             first = list(islice(frames, FRAMES_TO_JUDGE_STAMPS))
             stamps = {entry.frame.stamp_ns for entry in first}
             if len(stamps) < len(first) and all(stamp % NANOSECONDS == 0 for stamp in stamps):
-                raise UserError(
-                    str(self.path),
-                    "all stamps are whole seconds, several frames share one: the times of the frames are lost",
-                    "record the log again, with finer stamps (candump -l writes microseconds)",
-                )
+                problem = "all stamps are whole seconds, several frames share one: the times of the frames are lost"
+                remedy = "record the log again, with finer stamps (candump -l writes microseconds)"
+                raise UserError(str(self.path), problem, remedy)
             yield from first
             yield from frames
 
@@ -205,8 +202,7 @@ def text_nanoseconds(text: str) -> int:
     return -size if seconds.startswith("-") else size
 
 
-@dataclass(frozen=True)
-class LogFormat:
+class LogFormat(NamedTuple):
     """A kind of file that holds CAN frames, by its suffix, in lower case with its dot.
 
     writer: takes path and time of the start [ns]; None where the format is only read. stamp_step: ns to which it

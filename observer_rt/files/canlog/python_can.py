@@ -64,7 +64,7 @@ class PythonCanLog(TextLogReader):
                 yield self._number, entry
 
     def _handed(self) -> Iterator[str]:
-        """The lines for python-can, each once it is known what became of the one before."""
+        """Lines for python-can, each after the fate of the line before is known."""
         for number, text in self._lines():
             self._number, self._text = number, text
             heading, line = self._prepared(text)
@@ -80,7 +80,7 @@ class PythonCanLog(TextLogReader):
         """What python-can is to read of a line: of the heading, and what may hold a frame. Raises `ValueError`."""
 
     def _pass_over(self, words: list[str]) -> None:
-        """Count a line that gave no frame. Raises `ValueError` unless such a line never holds one."""
+        """Count a line that gave no frame. Raises `ValueError` for a line that should have given a frame."""
         raise ValueError
 
     @abstractmethod

@@ -190,7 +190,7 @@ class _Frames:
         return _whole_numbers(field, self._values(field, is_number=True))
 
     def _numbers_or_text(self, field: str, default: NDArray[Any], is_number: bool) -> NDArray[np.str_]:
-        """Text in small letters, that of a number its digits."""
+        """Values of a field as text in small letters; a number becomes its digits."""
         if field not in self._places:
             return default.astype(np.str_)
         values = self._values(field, is_number)

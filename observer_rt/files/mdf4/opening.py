@@ -49,7 +49,7 @@ def record_size(group: Any) -> int:
 
 
 def stored_records(file: MDF, group: Any) -> int:
-    """Number of records that the data of a group hold, stated or not; as stated where nothing is stored of them."""
+    """Number of records in the data of a group, stated or not; the stated number where a record has no bytes."""
     if not group.channel_group.samples_byte_nr:
         return int(group.channel_group.cycles_nr)
     if group.data_group.record_id_len:

@@ -76,7 +76,7 @@ _lock = threading.Lock()
 
 
 def _ask(request: str) -> Connection:
-    """Where the answers to a request come from, by a new server if none is running."""
+    """Send a request to the server, started anew if none is running; returns the connection of the answers."""
     global _server
     answers, theirs = Pipe(duplex=False)
     with theirs, _lock:

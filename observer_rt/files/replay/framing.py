@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.bus_map import BusMap, message_of, message_timing, role_range, role_resolution
+from observer_rt.bus.mapping.bus_map import BusMap, message_timing
 from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.bus.mapping.role_range import message_of, role_range, role_resolution
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import Numbering, frames_of_message
@@ -42,11 +42,9 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
     """
     rate = recording.sample_rate
     if not LOWEST_RATE <= rate <= HIGHEST_RATE:
-        raise UserError(
-            str(recording.path),
-            f"is sampled at {rate:g} Hz, the observer takes {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz",
-            "check the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s"),
-        )
+        problem = f"is sampled at {rate:g} Hz, the observer takes {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz"
+        remedy = "check the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s")
+        raise UserError(str(recording.path), problem, remedy)
     replaced = () if recording.has_lift else ("needle_lift",)
     if "chamber_pressure" in recording.recorded:  # no frame carries that of a recording
         replaced = (*replaced, "chamber_pressure")
@@ -62,11 +60,9 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
         return bench
     layout = bench.injector.config.recording
     if bench.path != EXAMPLE_BENCH and (layout is None or layout.rate_hz is None):
-        raise UserError(
-            bench.injector.location("sampling.rate_hz"),
-            f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz",
-            "set rate_hz to the recording's rate, or leave out --bench",
-        )
+        problem = f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz"
+        remedy = "set rate_hz to the recording's rate, or leave out --bench"
+        raise UserError(bench.injector.location("sampling.rate_hz"), problem, remedy)
     baseline = bench.injector.parameters.baseline
     if bench.path == EXAMPLE_BENCH and baseline is not None:
         refuse_wrong_clock(recording.path, rate, baseline.sample_rate_Hz, "the model was fitted at")
@@ -93,8 +89,7 @@ class TimedFrame(NamedTuple):
         return round(self.time * 1e9)
 
 
-@dataclass(frozen=True)
-class Span:
+class Span(NamedTuple):
     """Samples [start, end) of a recording."""
 
     start: int
@@ -145,7 +140,7 @@ class Framer:
         """Sample index of the next recording's first sample."""
 
     def pause(self, samples: int) -> None:
-        """Let the index go on by at least `samples` that are not sent, as over a pause of a windowed source.
+        """Let the index go on by at least so many samples that are not sent, as over a pause of a windowed source.
 
         The index then begins a frame of every message, so that no frame sent before reaches into it.
         """
@@ -203,8 +198,7 @@ class Framer:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class FramedRecording:
+class FramedRecording(NamedTuple):
     """Frames in order (n of them): numbers (n,) of their input messages; due (n,), the sample each is sent with.
 
     starts (n + 1,): where each begins in `data`, and where the last one ends.
@@ -222,7 +216,7 @@ class FramedRecording:
 
 
 def _merged(messages: Sequence[FramedRecording]) -> FramedRecording:
-    """Frames of several messages by the samples they are sent with, those of each in its own order."""
+    """Frames of several messages in the order of the samples they are sent with; each message keeps its order."""
     if len(messages) == 1:
         return messages[0]
     numbers = np.concatenate([message.numbers for message in messages])

@@ -5,7 +5,6 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -72,9 +71,8 @@ class LogFrames:
         if not sent:
             wanted = ", ".join(channel for channel in channels.values() if channel is not None)
             what = f"frame of channel {wanted}" if wanted else "frame but results of the observer"
-            raise UserError(
-                str(path), "; ".join([f"holds no data {what}", *self.notes]), "record the inputs on that channel"
-            )
+            problem = "; ".join([f"holds no data {what}", *self.notes])
+            raise UserError(str(path), problem, "record the inputs on that channel")
 
     def __iter__(self) -> Iterator[TimedFrame]:
         return (frame for _, frame in self._selected(open_log(self.path)))
@@ -93,8 +91,7 @@ class LogFrames:
                     yield entry.channel, TimedFrame(time_s, *kind, frame.payload, *flags, bus)
 
 
-@dataclass(frozen=True)
-class ReplaySource:
+class ReplaySource(NamedTuple):
     """Source of a replay: frames as they are in the file, their duration [s], which kinds of them, on which buses."""
 
     frames: Iterable[TimedFrame]
@@ -159,8 +156,7 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
         raise UserError(f"{config.interface} {config.channel}", problem, "stop it, or send all the same (--force)")
 
 
-@dataclass(frozen=True)
-class PlayStatistics:
+class PlayStatistics(NamedTuple):
     """Statistics of what was sent: number of frames, duration [s], and how late they were.
 
     latest: largest delay [s], nan without a time grid; late: frames later than `LATE`; paused: for how long an
@@ -216,9 +212,16 @@ def play(
     """
     stop = stop or threading.Event()
     links = by_bus or {}
-    report = _Progress(progress)
+    next_report = 0
     sent = late = paused = 0
     latest = math.nan
+
+    def reached(moment: float) -> None:
+        nonlocal next_report
+        if progress is not None and (now := time.monotonic_ns()) >= next_report:
+            progress(moment)
+            next_report = now + PROGRESS_PERIOD
+
     stream = iter(frames)
     frame = next(stream, None)  # before the clock starts: opening and encoding take their time
     start = time.monotonic_ns()
@@ -231,7 +234,7 @@ def play(
                 stop.wait(min(left - SLEEP_MARGIN, LONGEST_SLEEP) / NANOSECONDS)
             else:
                 time.sleep(left / NANOSECONDS)  # never busy: other threads need the time
-            report.reached(frame.time - max(0, due - time.monotonic_ns()) / NANOSECONDS * speed)
+            reached(frame.time - max(0, due - time.monotonic_ns()) / NANOSECONDS * speed)
             continue
         flags = FdFlags(frame.bit_rate_switch, frame.error_state_indicator)
         to = links.get(frame.bus, link)
@@ -247,7 +250,7 @@ def play(
             delay = (now - due) / NANOSECONDS
             latest = max(delay, latest) if sent > 1 else delay
             late += delay > LATE
-        report.reached(frame.time)
+        reached(frame.time)
         frame = next(stream, None)
     duration = (time.monotonic_ns() - start + paused) / NANOSECONDS
     return PlayStatistics(sent, duration, latest, late, paused / NANOSECONDS)
@@ -265,16 +268,3 @@ def _wait_until_back(link: Link, error: LinkDownError, stop: threading.Event, te
         tell("the interface is back, going on")
         break
     return time.monotonic_ns() - since
-
-
-class _Progress:
-    """Passes on the time reached, not more often than a screen needs."""
-
-    def __init__(self, callback: Callable[[float], None] | None) -> None:
-        self._callback = callback
-        self._next = 0
-
-    def reached(self, moment: float) -> None:
-        if self._callback is not None and (now := time.monotonic_ns()) >= self._next:
-            self._callback(moment)
-            self._next = now + PROGRESS_PERIOD

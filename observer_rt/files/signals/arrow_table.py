@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.injector import RecordingConfig
+from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, Table, TablePart, Values, present
 from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since

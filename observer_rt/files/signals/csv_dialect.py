@@ -4,10 +4,10 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
-from observer_rt.config.injector import ColumnConfig, RecordingConfig
+from observer_rt.config.injector_sections import ColumnConfig, RecordingConfig
 from observer_rt.files.signals.naming import is_unit, name_and_unit, signals_named
 from observer_rt.files.signals.recording import is_needed
 from observer_rt.files.signals.table import TIME, Heading
@@ -30,8 +30,7 @@ _FEWEST = 3  # columns of numbers that a recording has
 _UNIT_APART = re.compile(r"(?<=\w)\s+(?=[\[(])")
 
 
-@dataclass(frozen=True)
-class Dialect:
+class Dialect(NamedTuple):
     """Dialect of one file.
 
     names, units: of all columns, a unit empty where the file states none; places: of the mapped columns by signal;
@@ -68,8 +67,7 @@ class Dialect:
         ]
 
 
-@dataclass(frozen=True)
-class _Trial:
+class _Trial(NamedTuple):
     """The first lines cut at one separator. heading: line of the wanted names; fitting: lines of numbers below."""
 
     separator: str

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from observer_rt.config.injector import RecordingConfig
+from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.files.signals.csv_dialect import COMMENT, MISSING, dialect_of, refuse_long, split_line
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values
@@ -161,9 +161,8 @@ class CsvTable(FileTable):
             location = f"{self.path}, line {before + number}"
             if any(cell.strip() for cell in cells[columns:]) or (self.is_own and len(cells) < columns):
                 problem = f"{len(cells)} cells, but there are {columns} columns"
-                raise UserError(
-                    location, problem, "mend the line, or delete it if the file was cut while being written"
-                )
+                remedy = "mend the line, or delete it if the file was cut while being written"
+                raise UserError(location, problem, remedy)
             for at, name in {at: name for name, at in dialect.places.items()}.items():
                 cell = cells[at] if at < len(cells) else ""
                 if name == TIME and self._calendar is not None:
@@ -191,11 +190,9 @@ class CsvTable(FileTable):
             number, cells = list(self._cells(lines).items())[row]
             cell = cells[self._dialect.places[TIME]] if len(cells) > self._dialect.places[TIME] else ""
             if cell.strip().lower() not in MISSING:
-                raise UserError(
-                    f"{self.path}, line {before + number}",
-                    f"{self.label(TIME)}: '{cell}' is no stamp of the calendar as {self._calendar.form}",
-                    "mend the line, or say how stamps are written: [recording.time] format in the bench file",
-                )
+                problem = f"{self.label(TIME)}: '{cell}' is no stamp of the calendar as {self._calendar.form}"
+                remedy = "mend the line, or say how stamps are written: [recording.time] format in the bench file"
+                raise UserError(f"{self.path}, line {before + number}", problem, remedy)
         return self._calendar.seconds_since(self._origin, moments)
 
     def _refuse_thousands(self, before: int, lines: list[str], columns: Mapping[str, Values]) -> None:

@@ -1,8 +1,8 @@
 """Doubts about the signals of a recording that can be read, and refusals of those that teach nothing."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from observer_rt.config.signals import Role
 from observer_rt.engine.signal_survey import OPEN, SWAPPED, Implausible, Survey, swapped, unshut
@@ -41,9 +41,8 @@ def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | Non
         raise dead.error(path, (columns or {}).get(role, ""))
 
 
-@dataclass(frozen=True)
-class SignalDoubt:
-    """Likeliest fault of a recording that can be read."""
+class SignalDoubt(NamedTuple):
+    """A likely fault of a recording that can be read, and its remedy."""
 
     problem: str
     remedy: str
@@ -56,7 +55,7 @@ class SignalDoubt:
 def doubts(
     survey: Survey, baseline: Baseline | None = None, columns: Mapping[str, str] | None = None
 ) -> Iterator[SignalDoubt]:
-    """Oddities of a recording's ranges; baseline: of the model, where it was fitted; columns: names in the file."""
+    """Doubts by the ranges of a recording; baseline: of a model that was fitted; columns: names in the file."""
     if survey.swapped_in_part or swapped(survey):
         problem, remedy = SWAPPED
         first, second = ((columns or {}).get(name, "") for name in ("rail_pressure", "line_pressure"))
@@ -100,8 +99,5 @@ def refuse_perforated(path: Path | None, survey: Survey) -> None:
     """Raise `UserError` where values are missing so often that what bridges them would be judged."""
     for name, signal in survey.signals.items():
         if signal.gaps > PERFORATED * (signal.count + signal.missing):
-            raise UserError(
-                f"{path or 'recording'}, {name}",
-                signal.as_missing,
-                "export all samples: values put between the others are no measurement",
-            )
+            remedy = "export all samples: values put between the others are no measurement"
+            raise UserError(f"{path or 'recording'}, {name}", signal.as_missing, remedy)

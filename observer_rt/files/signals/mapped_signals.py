@@ -63,7 +63,7 @@ class MappedSignals(TableSignals):
     """
 
     def __init__(self, table: Table, rate: float) -> None:
-        """rate: that of the mapping goes before it; 0: that of the first stamps."""
+        """rate: counts where the mapping states none; 0: the rate of the first stamps."""
         super().__init__(table)
         self.sample_rate = table.config.rate_hz or rate or self._own_rate()
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
@@ -83,15 +83,12 @@ class MappedSignals(TableSignals):
         if rate is None:
             if first is not None:
                 self._refuse_disorder(int(np.count_nonzero(np.diff(first.time) < 0.0)), first.time.size)
-            raise UserError(
-                f"{self.path}: time", "has no even rate", "state it in the bench file: [recording] rate_hz = 100e3"
-            )
+            problem = "has no even rate"
+            raise UserError(f"{self.path}: time", problem, "state it in the bench file: [recording] rate_hz = 100e3")
         if not LOWEST_RATE <= rate <= HIGHEST_RATE:
-            raise UserError(
-                f"{self.path}: time",
-                f"has {rate:.6g} rows a second, which are too few or too many",
-                "check its unit, or state it in a bench file: [recording.time]",
-            )
+            problem = f"has {rate:.6g} rows a second, which are too few or too many"
+            remedy = "check its unit, or state it in a bench file: [recording.time]"
+            raise UserError(f"{self.path}: time", problem, remedy)
         return rate
 
     def _details(self) -> tuple[str, ...]:
@@ -148,7 +145,7 @@ class MappedSignals(TableSignals):
     def _axis(self, raster: int) -> AxisSurvey:
         axis = AxisSurvey(self.sample_rate, self._table.config.bridge_ms * MILLISECOND)
         name = ", ".join(self._table.rasters[raster])
-        for part in self._looked_at(raster):
+        for part in self._surveyed_parts(raster):
             axis.take(part.time)
             if len(axis.runs) > MOST_STRETCHES:
                 raise UserError(
@@ -159,9 +156,8 @@ class MappedSignals(TableSignals):
         self._refuse_disorder(sum(run.is_restart for run in axis.runs), axis.rows)
         if not axis.period:
             problem = "the time does not rise" if axis.rows > 1 else f"holds {axis.rows} sample(s)"
-            raise UserError(
-                f"{self.path}, {name}", problem, "check the column of the time; two samples are the least"
-            )
+            remedy = "check the column of the time; two samples are the least"
+            raise UserError(f"{self.path}, {name}", problem, remedy)
         if axis.disordered > MOST_DISORDERED * axis.rows:
             raise UserError(
                 f"{self.path}, {name}",
@@ -170,7 +166,7 @@ class MappedSignals(TableSignals):
             )
         return axis
 
-    def _looked_at(self, raster: int) -> Iterator[TablePart]:
+    def _surveyed_parts(self, raster: int) -> Iterator[TablePart]:
         """Rows of a time axis, their times and ranges noted or refused."""
         rows = 0
         for part in self._parts(raster):
@@ -178,7 +174,7 @@ class MappedSignals(TableSignals):
             if bad.size:
                 problem = "the time is not a finite number"
                 raise UserError(self._table.location(rows + int(bad[0]), raster), problem, "mend the line")
-            self._look_at(part, rows, raster)
+            self._survey_part(part, rows, raster)
             rows += part.time.size
             yield part
 
@@ -198,16 +194,13 @@ class MappedSignals(TableSignals):
             raise UserError(str(self.path), problem, "split it there")
         runs = [run for run in axis.runs if self._samples(run) >= 2]
         if not runs:
-            raise UserError(
-                str(self.path),
-                f"holds no two samples within {axis.reach / MILLISECOND:g} ms",
-                "check column and unit of the time, or raise recording.bridge_ms",
-            )
+            remedy = "check column and unit of the time, or raise recording.bridge_ms"
+            raise UserError(str(self.path), f"holds no two samples within {axis.reach / MILLISECOND:g} ms", remedy)
         return runs
 
     @property
     def is_resampled(self) -> bool:
-        """Whether samples are not those of the file, but lie between them."""
+        """Whether samples lie between those of the file."""
         axis = self._axes[self._main]
         return not axis.is_on_grid or abs(1.0 / axis.period / self.sample_rate - 1.0) > SAME_RATE
 

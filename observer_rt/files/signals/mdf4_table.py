@@ -1,5 +1,6 @@
 """MDF4: channels by their names; their time is that of their groups, in seconds."""
 
+import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -7,15 +8,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from observer_rt.config.injector import ColumnConfig, RecordingConfig
+from observer_rt.config.injector_sections import ColumnConfig, RecordingConfig
 from observer_rt.files.mdf4.reader_process import mdf4_apart
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, TablePart, present
 from observer_rt.foundation.errors import UserError
 
+_START = 64 + 24 + 6 * 8  # byte of the header block's start time
+
+
+def stated_start(path: Path) -> int:
+    """Start time in the header of an MDF 4 file [ns since 1970]; 0 without one, or of another file."""
+    with path.open("rb") as file:
+        head = file.read(_START + 8)
+    if not head.startswith(b"MDF     4") or len(head) < _START + 8:
+        return 0
+    (start,) = struct.unpack_from("<Q", head, _START)
+    return int(start)
+
 
 class Channel(NamedTuple):
-    """A channel as `mdf4.opening.channels` gives it. surplus: samples that no heading states."""
+    """A channel as `mdf4.opening.channels` gives it. surplus: samples beyond the number that its heading states."""
 
     name: str
     unit: str
@@ -76,11 +89,9 @@ class Mdf4Table(FileTable):
                     raise UserError(location, "holds no plain numbers", "map a channel of numbers")
                 beyond = np.flatnonzero(np.abs(values) > LARGEST)
                 if beyond.size:
-                    raise UserError(
-                        location,
-                        f"sample {row + beyond[0]} is {values[beyond[0]]:g} {self.units.get(name, '')}".strip(),
-                        "record it again: the file is damaged, or mark such samples as invalid",
-                    )
+                    problem = f"sample {row + beyond[0]} is {values[beyond[0]]:g} {self.units.get(name, '')}".strip()
+                    remedy = "record it again: the file is damaged, or mark such samples as invalid"
+                    raise UserError(location, problem, remedy)
             row += time.size
             yield TablePart(time, columns)
 

@@ -3,9 +3,9 @@
 import json
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from observer_rt.config.injector import RecordingConfig
+from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.files.signals.recording import is_needed
 from observer_rt.files.signals.table import TIME, Heading
 from observer_rt.files.signals.table_signals import UNITS
@@ -27,8 +27,7 @@ _WITHOUT = {TIME: "state rate_hz", "needle_lift": "have energizing, or x.shots.c
 BY_HEADINGS = "by its headings"
 
 
-@dataclass(frozen=True)
-class HeadingChoice:
+class HeadingChoice(NamedTuple):
     """Heading of a signal, None: none or several; problem: empty where the choice is certain."""
 
     signal: str
@@ -48,11 +47,9 @@ def layout_of(
     needed = [choice for choice in choices if is_needed(choice.signal, has_shots) or choice.heading is not None]
     problems = [f"{choice.signal}: {choice.problem}" for choice in needed if choice.problem]
     if problems:
-        raise UserError(
-            location,
-            f"its headings do not say which column is which signal: {'; '.join(problems)}",
-            f"say it in a bench file, given by --bench:\n\n{_section(needed, headings)}\n",
-        )
+        problem = f"its headings do not say which column is which signal: {'; '.join(problems)}"
+        remedy = f"say it in a bench file, given by --bench:\n\n{_section(needed, headings)}\n"
+        raise UserError(location, problem, remedy)
     return RecordingConfig.model_validate({choice.signal: dict(entries(choice)) for choice in needed})
 
 
@@ -77,7 +74,7 @@ def is_unit(text: str) -> bool:
 
 
 def known_unit(signal: str, unit: str) -> str:
-    """A unit as it is written for a signal; empty if it is not one of its units."""
+    """Spelling of a unit in the list of a signal's units; empty if the signal has no such unit."""
     return spelled(unit, UNITS[signal]) or spelled(_GAUGE.sub("", unit), UNITS[signal])
 
 

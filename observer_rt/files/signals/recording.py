@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.core.plant.plant import show_slowly
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL
@@ -176,11 +176,9 @@ class Recording:
         name = str(self.path) if self.path is not None else "recording"
         for signal, values in self.signals.items():
             if values.shape != self.time.shape:
-                raise UserError(
-                    f"{name}, {signal}",
-                    f"{values.size} samples, but the time has {self.time.size}",
-                    "give every signal one value for each time stamp (NaN where there is none)",
-                )
+                problem = f"{values.size} samples, but the time has {self.time.size}"
+                remedy = "give every signal one value for each time stamp (NaN where there is none)"
+                raise UserError(f"{name}, {signal}", problem, remedy)
         if self.samples < 2:
             problem = "holds one sample only" if self.samples else "holds no sample"
             raise UserError(f"{name}, sample 0", problem, "record, or select, at least two samples")

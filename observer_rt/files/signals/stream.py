@@ -3,15 +3,15 @@
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.engine.signal_survey import Survey
 from observer_rt.files.signals.recording import OPTIONAL, Chunk, Recording
 from observer_rt.foundation.errors import UserError
@@ -20,8 +20,7 @@ SAMPLES_AT_ONCE = 1 << 14
 LONGEST_HOLE = 1 << 24  # samples that may lie between two stretches put into one array
 
 
-@dataclass(frozen=True)
-class Stretch:
+class Stretch(NamedTuple):
     """Samples of a file between which none is missing. start: time of the first one [s], as in the file."""
 
     start: float

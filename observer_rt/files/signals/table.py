@@ -4,12 +4,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.injector import ColumnConfig, RecordingConfig
+from observer_rt.config.injector_sections import ColumnConfig, RecordingConfig
 from observer_rt.files.signals.recording import is_needed
 from observer_rt.foundation.errors import UserError, hint
 
@@ -18,8 +18,7 @@ LARGEST = 1e30  # no measurement, but what can be written in any unit
 Values = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Heading:
+class Heading(NamedTuple):
     """Heading of a column. unit: empty where none is stated; group: of MDF4."""
 
     name: str
@@ -28,8 +27,7 @@ class Heading:
     is_calendar: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class TablePart:
+class TablePart(NamedTuple):
     """Rows that follow one another: time and signals by name as printed in the file, each (n,)."""
 
     time: Values

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from observer_rt.config.injector import ColumnConfig
+from observer_rt.config.injector_sections import ColumnConfig
 from observer_rt.files.signals.recording import EQUIDISTANT, OPTIONAL, Chunk, TimeGrid, UnevenTime, refuse_impossible
 from observer_rt.files.signals.stream import SignalStream, Stretch
 from observer_rt.files.signals.table import TIME, Table, TablePart, Values
@@ -34,7 +34,7 @@ STEPS_PER_UNIT = 1e9  # of decimal text: a value on this grid becomes the double
 
 
 class _Scale(NamedTuple):
-    """Conversion of a column to SI. is_decimal: `100.005 * 1e6` alone need not be the double nearest to 100005000."""
+    """Conversion of a column to SI. is_decimal: to the double nearest to the printed value."""
 
     factor: float
     offset: float
@@ -87,7 +87,7 @@ class TableSignals(SignalStream):
             problem = "has neither needle_lift nor energizing"
             raise UserError(str(self.path), problem, "map one of them, or write x.shots.csv beside x.csv")
 
-    def _look_at(self, part: TablePart, row: int, raster: int) -> None:
+    def _survey_part(self, part: TablePart, row: int, raster: int) -> None:
         """Note the ranges of a part that begins at a row. Raises `UserError` for an infinite value."""
         refuse_impossible(part.signals, lambda inside: self._table.location(row + inside, raster))
         self.survey.take_together(part.signals)
@@ -134,7 +134,7 @@ class EvenSignals(TableSignals):
                 self._refuse_short(part.time.size)
             row = grid.samples
             self._refuse(grid.take(part.time))
-            self._look_at(part, row, 0)
+            self._survey_part(part, row, 0)
         self._refuse_short(grid.samples)
         self._refuse(grid.end())
         self.sample_rate = grid.sample_rate
@@ -148,7 +148,7 @@ class EvenSignals(TableSignals):
             first += part.time.size
 
     def _filled_parts(self) -> Iterator[TablePart]:
-        """Iterate over all parts, joined so that none but the last is a single sample, which has no rate."""
+        """Iterate over all parts, joined so that each but the last has two samples or more, and so a rate."""
         waiting: TablePart | None = None
         for part in self._parts(0):
             if waiting is not None:

@@ -3,11 +3,10 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stdout
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from io import StringIO
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +19,7 @@ ROWS_PER_WRITE = 100_000
 _ROW_GROUP = 1 << 17  # rows of Parquet, of which a reader holds all of a column, packed
 
 
-@dataclass(frozen=True)
-class WrittenColumn:
+class WrittenColumn(NamedTuple):
     """A column: its name in text and Parquet, as a channel of MDF4 with its unit, and how it is printed.
 
     words: of the numbers 0, 1, ... where the column shows words; factor: SI value of one unit.

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.injector import TimeConfig
+from observer_rt.config.injector_sections import TimeConfig
 from observer_rt.files.signals.recording import roundest
 from observer_rt.files.signals.table import Values
 from observer_rt.foundation.errors import UserError
@@ -30,8 +30,7 @@ _NEAR = 0.1  # relative: so near another rate, no recorder is set but to a usual
 _USUAL = 3.2e3  # Hz: converters of sound and vibration take multiples, 48, 51.2, 96 or 102.4 kHz
 
 
-@dataclass(frozen=True)
-class Calendar:
+class Calendar(NamedTuple):
     """Format of the stamps, as of strptime, or `ISO_8601`. Without a zone they count as UTC."""
 
     form: str
@@ -48,11 +47,8 @@ class Calendar:
         try:
             stamps = pandas.to_datetime(pandas.Series(cells), format=self.form, errors="coerce", utc=True)
         except ValueError as error:
-            raise UserError(
-                f"[recording.time] format = '{self.form}'",
-                str(error),
-                "write it as '%d.%m.%Y %H:%M:%S.%f', with the letters of strptime",
-            ) from None
+            remedy = "write it as '%d.%m.%Y %H:%M:%S.%f', with the letters of strptime"
+            raise UserError(f"[recording.time] format = '{self.form}'", str(error), remedy) from None
         moments: NDArray[np.int64] = stamps.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
         return moments if self.has_date else np.where(moments == NO_MOMENT, NO_MOMENT, moments % _DAY)
 
@@ -80,7 +76,7 @@ def calendar_of(time: TimeConfig | None, cells: Iterable[str]) -> Calendar | Non
 
 
 def seconds_since(origin: int, moments: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Moments or times [ns] (n,) as seconds since `origin` [ns], exact as those since 1970 are not; NaN of none."""
+    """Moments or times [ns] (n,) as exact seconds since `origin` [ns]; NaN for an invalid stamp."""
     return np.where(moments == NO_MOMENT, np.nan, (moments - origin) / 1e9)
 
 
@@ -190,7 +186,7 @@ class AxisSurvey:
         return position, rises
 
     def at(self, grid: Values, position: Values, values: Values) -> Values:
-        """Values at places of the grid by lines between knots; NaN beyond, and where they are too far apart."""
+        """Values at places of the grid by lines between knots; NaN beyond the knots, and between distant ones."""
         available = ~np.isnan(values)
         position, values = position[available], values[available]
         if not position.size:

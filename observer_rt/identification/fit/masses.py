@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from observer_rt.config.injector import RecordingConfig, TimeConfig
+from observer_rt.config.injector_sections import RecordingConfig, TimeConfig
 from observer_rt.files.signals.csv_dialect import dialect_of
 from observer_rt.files.signals.csv_table import CsvTable
 from observer_rt.files.signals.naming import chosen, entries

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.engine.reports.evidence import EvidenceKind
-from observer_rt.files.evidence import SUFFIX, KeptEvent, read_evidence
+from observer_rt.files.evidence_folder import SUFFIX, KeptEvent, read_evidence
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood.measurement import Measurement, joined, measurements

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.predictor import SETTLE

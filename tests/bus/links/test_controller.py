@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.links.link import BusCondition, BusState, after_error_frame, condition_messages
+from observer_rt.bus.links.controller import BusCondition, BusState, after_error_frame, condition_messages
 
 ERROR_FLAG = 0x20000000
 CONTROLLER, BUS_OFF, RESTARTED, NO_ACKNOWLEDGE = 0x004, 0x040, 0x100, 0x020

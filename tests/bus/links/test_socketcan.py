@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.links import socketcan as socketcan_link
-from observer_rt.bus.links.link import BusCondition, BusState, Frame, Link, LinkDownError, StampSource
+from observer_rt.bus.links.controller import BusCondition, BusState
+from observer_rt.bus.links.link import Frame, Link, LinkDownError, StampSource
 from observer_rt.bus.links.opening import open_link
 from observer_rt.foundation.errors import RunError
 from tests.interface import OwnInterface

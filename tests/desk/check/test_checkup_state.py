@@ -9,7 +9,7 @@ from observer_rt.daemon.state_file import model_hash, save_knowledge
 from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
-from observer_rt.engine.service.injector import configured_noise
+from observer_rt.engine.service.noise import configured_noise
 from observer_rt.model.parameters import LineOutflow
 from tests.daemon.samples import PRESSURE_SCALE, some_knowledge
 

@@ -106,7 +106,7 @@ def test_window_of_a_result_holds_the_whole_injection() -> None:
 def test_what_would_help_an_injection_outside_what_was_learned_is_said_of_no_other(reason: Reason) -> None:
     evaluation = copy.copy(evaluated().evaluations[0])
     *before, last = evaluation.injections
-    evaluation.injections = [*before, replace(last, report=replace(last.report, valid=False, reason=reason))]
+    evaluation.injections = [*before, replace(last, valid=False, reason=reason)]
     text = screen_text(evaluation, C)
     assert f"not valid for {reason.name}: {len(before) + 1}" in text
     assert ("record some as short or as long" in text) is (reason is Reason.OUTSIDE_LEARNED_RANGE)
@@ -194,19 +194,17 @@ def test_mass_and_rate(v_h: float) -> None:
     made = simulate(load_injector(), schedule, 50e3, (sized("orifice_area", v_H=v_h),), SimulatedNoise(), seed=7)
     (evaluation,) = evaluate(load_bench().exact, [made.recording]).evaluations
     density = load_injector().fluid.density_nozzle
-    results = evaluation.injections
-    assert len(results) == 10
-    assert all(result.report.valid for result in results)
+    assert [result.valid for result in evaluation.injections] == [True] * 10
     live: list[float] = []
     corrected: list[float] = []
-    for result in results:
-        window = slice(result.report.start_index, result.report.end_index + 1)
+    for result in evaluation.injections:
+        window = slice(result.start_index, result.end_index + 1)
         true_rate = made.truth.injection_rate[window]
         true_mass = np.trapezoid(true_rate) / 50e3 * density
         nominal_error = result.nominal_mass / true_mass - 1
         assert nominal_error == pytest.approx(NOMINAL_ERRORS[v_h], abs=0.02)
-        assert result.report.mass == pytest.approx(true_mass, rel=0.005 if live else 0.012)  # the first one
-        assert abs(result.report.mass - float(true_mass)) < result.report.mass_bound
+        assert result.mass == pytest.approx(true_mass, rel=0.005 if live else 0.012)  # the first one
+        assert abs(result.mass - float(true_mass)) < result.mass_bound
         live.append(np.mean((evaluation.trace.injection_rate[window] - true_rate) ** 2))
         corrected.append(np.mean((evaluation.trace.corrected_rate[window] - true_rate) ** 2))
     assert np.sqrt(np.mean(live[JUDGED])) / 1e-6 <= 1.0

@@ -90,8 +90,8 @@ def test_what_a_model_leaves_of_the_healthy_is_not_held_against_it(rung: list[Re
     bench = load_bench().exact.with_parameters(NOMINAL.model_copy(update={"baseline": stated}))
     history = evaluate(bench, rung)
     results = [one for each in history.evaluations for one in each.injections][4:]
-    assert np.mean([one.report.valid for one in results]) == pytest.approx(1.0 if is_known else 0.0, abs=0.1)
+    assert np.mean([one.valid for one in results]) == pytest.approx(1.0 if is_known else 0.0, abs=0.1)
     if is_known:
-        shares = [one.report.mass / one.nominal_mass - 1.0 for one in results]
+        shares = [one.mass / one.nominal_mass - 1.0 for one in results]
         assert np.abs(shares).max() < 0.018  # of the first at a new pressure
         assert np.sort(np.abs(shares))[-2] < 0.009

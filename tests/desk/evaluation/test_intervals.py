@@ -179,7 +179,7 @@ def test_mean_half_width_of_the_rate_in_the_document() -> None:
     made = run(3, 0.3)
     document = recording_json(made.evaluation, C)
     for result, injection in zip(made.evaluation.injections, document["injections"], strict=True):
-        window = slice(result.report.start_index, result.report.end_index + 1)
+        window = slice(result.start_index, result.end_index + 1)
         flows = made.evaluation.trace.injection_rate[window] != 0.0
         mean = 1.96 * made.evaluation.trace.corrected_rate_sigma[window][flows].mean()
         assert injection["rate_ci95_halfwidth_mm3_per_ms"] == pytest.approx(mean / 1e-6)

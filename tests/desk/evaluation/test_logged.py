@@ -160,7 +160,7 @@ def test_samples_that_were_lost_are_not_available(write: Write) -> None:
 def test_windows_of_a_source_keep_their_place(write: Write) -> None:
     spans = windows_of([worn()])
     logged = LoggedSignals(BENCH, write(log_of(worn(), spans), ".log"))
-    assert logged.logged[0].first_index == spans[0].start
+    assert logged.logged[0].start == spans[0].start
     sent = ~np.isnan(logged.collected().line_pressure)
     expected_samples = np.concatenate([np.arange(span.start, span.end) for span in spans])
     assert set(expected_samples - spans[0].start) <= set(np.flatnonzero(sent))
@@ -195,7 +195,7 @@ def test_lift_of_another_clock_is_brought_to_the_samples_of_the_line_pressure(tm
     logged = LoggedSignals(bench, path)
     truth = plant()[1]
     result = logged.collected()
-    lift = np.interp(result.time + logged.logged[0].first_index / 20e3, truth.time, truth.needle_lift)
+    lift = np.interp(result.time + logged.logged[0].start / 20e3, truth.time, truth.needle_lift)
     moving = (lift > 50e-6) & (lift < 250e-6) & ~np.isnan(result.needle_lift)
     assert moving.sum() > 20
     assert np.abs(result.needle_lift - lift)[moving].max() < 8e-6

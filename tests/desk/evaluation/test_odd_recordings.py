@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_bench, load_injector
-from observer_rt.config.injector import SamplingConfig
+from observer_rt.config.injector_sections import SamplingConfig
 from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import make_schedule

@@ -77,8 +77,7 @@ def test_stretches_are_one_history_with_a_pause_between(tmp_path: Path) -> None:
     halves = [Cut(recording, [a, b], 5000).collected() for a, b in ((0, middle), (middle, recording.samples))]
     reference = evaluate(BENCH, halves).evaluations
     results = [result for evaluation in reference for result in evaluation.injections]
-    assert [result.report.mass for result in outcome.injections] == [result.report.mass for result in results]
-    assert [result.start for result in outcome.injections] == [result.start for result in results]
+    assert [(one.mass, one.start) for one in outcome.injections] == [(one.mass, one.start) for one in results]
     assert len(results) == 4
 
 
@@ -92,8 +91,8 @@ def test_a_restarted_device_splits_the_log(tmp_path: Path) -> None:
     result = streamed(log, tmp_path / "trace.csv")
     reference = evaluate(BENCH, [worn()]).evaluations[0].injections
     assert len(result.injections) == 8
-    assert [each.report.mass for each in result.injections[:4]] == [each.report.mass for each in reference]
-    masses = np.array([each.report.mass for each in result.injections])
+    assert [each.mass for each in result.injections[:4]] == [each.mass for each in reference]
+    masses = np.array([each.mass for each in result.injections])
     np.testing.assert_allclose(masses[4:], masses[3], rtol=0.6)  # two pressures
     assert len((tmp_path / "trace.csv").read_text().splitlines()) == 1 + result.samples
     starts = [each.start for each in result.injections]
@@ -160,9 +159,8 @@ def test_a_log_with_long_holes_as_in_one_piece(tmp_path: Path) -> None:
     assert len(rows) == result.samples
     np.testing.assert_allclose(rows[:, 0], np.arange(len(rows)) / 100e3, rtol=1e-8)
     is_known = np.isfinite(rows[:, 1])
-    assert [is_known[first : first + 100_000].any() for first in np.flatnonzero(np.diff(is_known) > 0)].count(
-        True
-    ) >= 3
+    begins = np.flatnonzero(np.diff(is_known) > 0)
+    assert sum(is_known[first : first + 100_000].any() for first in begins) >= 3
     reference = evaluate(BENCH, [worn()] * 3).evaluations
     masses = [report.mass for evaluation in reference for report in evaluation.reports]
-    assert [result.report.mass for result in result.injections] == masses
+    assert [result.mass for result in result.injections] == masses

@@ -5,10 +5,11 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench
-from observer_rt.config.injector import SamplingConfig
+from observer_rt.config.injector_sections import SamplingConfig
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.stream.stream import SAMPLE
-from observer_rt.engine.service.injector import Follower, bench_constants
+from observer_rt.engine.service.injector import bench_constants
+from observer_rt.engine.service.nominal import Follower
 from tests.engine.estimation.conftest import event_inputs
 
 CONSTANTS = bench_constants(load_bench().injector)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.config.injector import E2EConfig
+from observer_rt.config.injector_sections import E2EConfig
 from observer_rt.core.frames.frames import E2EState
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.simulate import SimulatedNoise

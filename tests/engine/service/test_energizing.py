@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, EnergizingSignal
 from observer_rt.config.bench import load_bench, load_injector
-from observer_rt.engine.service.energizing import Command, CommandReader
+from observer_rt.engine.service.commands import Command, CommandReader
 from tests.benches import SAMPLE_RATE
 from tests.daemon.pulses import (
     BED,

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench
-from observer_rt.config.injector import Meaning, SamplingConfig
+from observer_rt.config.injector_sections import Meaning, SamplingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.simulation.plant import Truth

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.config.injector import ColumnConfig, RecordingConfig
+from observer_rt.config.injector_sections import ColumnConfig, RecordingConfig
 from observer_rt.files.formats import open_recording, write_recording
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.files.signals import csv_table, mapped_signals, mdf4_table, stream
 from observer_rt.foundation.errors import UserError
 from tests.files.signals.foreign import RATE, bench, opened, read, signals, write_rows

@@ -52,7 +52,7 @@ def test_a_clock_that_is_a_little_off_is_refused_unless_its_rate_is_stated(
     """Of the grid or the model; a recorder set to another rate is further off, or at one that recorders have."""
     path = write_rows(tmp_path, np.arange(SAMPLES) / rate)
     stated = opened(path, tmp_path, f"rate_hz = {rate}")
-    assert bench_for(bench(tmp_path, f"rate_hz = {rate}"), stated).injector.config.sampling.rate_hz == rate
+    assert bench_for(bench(tmp_path, f"rate_hz = {rate}"), stated).injector.sample_rate == rate
     fitted = load_injector().model_copy(update={"baseline": baseline()})
     for read in (partial(opened, path, tmp_path), partial(bench_for, load_bench().with_parameters(fitted), stated)):
         with pytest.raises(UserError, match="a clock is off by 2") if is_refused else nullcontext() as refused:

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.config.injector import Meaning
 from observer_rt.config.injector_file import InjectorFile
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.desk.library.fit import fitted_model
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.identification.fit.calibrate import calibrate
 from observer_rt.identification.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, values_of, with_values
 from observer_rt.identification.likelihood.measurement import Measurement, measurements

@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 from observer_rt.config.bench import load_bench
-from observer_rt.config.injector import EvidenceConfig
+from observer_rt.config.injector_sections import EvidenceConfig
 from observer_rt.foundation.files import file_hash
 from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
 from tests.kept_evidence import keep

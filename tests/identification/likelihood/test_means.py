@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from observer_rt.config.injector import Meaning
+from observer_rt.config.injector_sections import Meaning
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.likelihood.likelihood import JudgedModel, joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements

@@ -1,6 +1,6 @@
-"""Collects the injector's commands, from levels or durations as they come, and finds the opening of each.
+"""Reads the injector's commands from levels or durations, and finds the opening of each.
 
-By these it tells the delays of the injector, and which injections are missing.
+So the delays of the injector are known, and commands whose injection is missing.
 """
 
 import math
@@ -129,7 +129,7 @@ class EnergizingFigures:
 
 
 class EnergizingWatch:
-    """Joins commands and openings, whichever is known first.
+    """Joins commands and openings, whichever comes first.
 
     An opening belongs to the last command that started before it, if that was not too long ago and no opening was
     before it; it is decided when its injection is reported. A command is missing its injection when the needle was

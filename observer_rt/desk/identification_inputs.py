@@ -1,4 +1,4 @@
-"""What `fit` and `discover` work on: recordings from files, or evidence that a daemon kept, and the model."""
+"""Inputs of `fit` and `discover`: recordings from files, or evidence that a daemon kept, and the model."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -28,7 +28,7 @@ def measured_files(
     console: Console,
     most: int = MOST_SAMPLES,
 ) -> tuple[Measurement, ...]:
-    """Recordings of an injector, as `read_measured`. decoder: what says how to read logs and foreign layouts."""
+    """Recordings of an injector, as `read_measured`. decoder: bench by which logs and foreign layouts are read."""
     density = effective_model(injector).coefficients.density
     read = partial(open_source, bench=decoder, from_channels=from_channels, console=console, density=density)
     mounted = None if decoder is None else decoder.injector
@@ -67,9 +67,6 @@ def task_of_evidence(
     kept = evidence_against(read_folder(folder, console), folder, wanted, console)
     start = named or kept.injector_file
     if model_hash(injector := load_injector(start)) != kept.model_sha256:
-        raise UserError(
-            f"--from-evidence {folder}",
-            f"was kept with an earlier content of {start}",
-            "name a copy with that content by --model, or let the observer see more injections",
-        )
+        remedy = "name a copy with that content by --model, or let the observer see more injections"
+        raise UserError(f"--from-evidence {folder}", f"was kept with an earlier content of {start}", remedy)
     return start, DiscoveryTask(injector, (kept.measurement,), (), kept.hashes)

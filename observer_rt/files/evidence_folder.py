@@ -2,8 +2,8 @@
 
 One event's evidence is a Parquet file in our own layout of a recording, with what was believed of it beside. A folder
 keeps, within its bounds, the newest events of each kind, operating point and model; of good events a fair sample of
-all the time that the model was in force. Each of these draws a lot, the hash of its file's name, and those with the
-lowest lots stay, so that a restart of the writer changes nothing.
+all the time that the model was in force. The hash of a file's name is its lot, and good events with the lowest lots
+stay, so that a restart of the writer changes nothing.
 
 Run as a module it is the process that writes: events on its input, an answer a line on its output. It is apart so
 that the loop never waits for a disk, and the daemon needs no library of files. It ends with its input.
@@ -15,14 +15,13 @@ import os
 import re
 import sys
 from collections import Counter
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from observer_rt.config.injector import EvidenceConfig
+from observer_rt.config.injector_sections import EvidenceConfig
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.table_writers import SI, ParquetWriter
@@ -42,8 +41,7 @@ _NAME = re.compile(
 NICE = 10  # beside whoever serves a bus
 
 
-@dataclass(frozen=True, eq=False)
-class KeptEvent:
+class KeptEvent(NamedTuple):
     """An event that was kept: its recording, and what was believed of it; time: of the verdict, ISO 8601.
 
     sha256: of the file as it was read, hexadecimal.

@@ -25,7 +25,7 @@ from observer_rt.engine.stream.state import Constants
 from observer_rt.foundation.outputs import make_folder
 from observer_rt.foundation.units import MILLISECOND
 
-WRITER = "observer_rt.files.evidence"  # module that runs as the process
+WRITER = "observer_rt.files.evidence_folder"  # module that runs as the process
 MOST_WAITING = 64  # events that may wait for the disk
 LONGEST = 60 * MILLISECOND  # s of an event that are copied
 LAST_EVENTS = 5.0  # s for the last ones to be written
@@ -84,7 +84,7 @@ class EvidenceKeeper:
         self._core = core
 
     def hear(self, news: News) -> None:
-        """Note an injection; its event is handed on once one of another comes, or at the end."""
+        """Note an injection; its event is handed on when an injection of another event comes, or at the end."""
         if not isinstance(news, InjectionReport) or self._core is None:
             return
         if self._reports and self._reports[0].event != news.event:
@@ -121,7 +121,7 @@ class EvidenceKeeper:
             self.lost += 1
 
     def _evidence(self, queued: "_QueuedEvent") -> EventEvidence | None:
-        """Evidence of an event; None where it is of nothing."""
+        """Evidence of an event; None where none is to be kept."""
         c, energizing = queued.constants.coefficients, self._has_energizing
         injections = [injection_record(report, c, energizing) for report in queued.reports]
         belief = {**self._model, "injections": injections}

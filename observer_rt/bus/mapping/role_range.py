@@ -1,0 +1,82 @@
+"""Range and resolution that a role has on the bus, by the signals of its samples."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.config.signals import Role
+from observer_rt.core.frames.frames import FLOAT32, FLOAT64, decode_signals, encode_signals
+
+_FLOAT_TYPES = {FLOAT32: np.float32, FLOAT64: np.float64}
+
+
+class RoleRange(NamedTuple):
+    """Lowest and highest value [SI] that every sample of a role's message can carry."""
+
+    lowest: float
+    highest: float
+
+
+def message_of(bus: BusMap, role: Role) -> int:
+    """Number of the input message that carries a role."""
+    return next(n for n in range(len(bus.inputs.messages)) if _groups(bus, n, role))
+
+
+def role_factor(bus: BusMap, role: Role) -> float:
+    """Factor from the unit of the role in the database to SI."""
+    (first, *_) = _groups(bus, message_of(bus, role), role)
+    return float(first["factor"][ROLES.index(role)])
+
+
+def role_range(bus: BusMap, role: Role) -> RoleRange:
+    """Range [SI] of the role on the bus: the values that reach the receiver when more is encoded than fits."""
+    message = bus.inputs.messages[message_of(bus, role)]
+    ends = []
+    for value in (-np.inf, np.inf):
+        values = []
+        for signal in _samples(bus, role):
+            payload = np.zeros(int(message["length"]), np.uint8)
+            encode_signals(np.array([value]), signal, payload)
+            decoded = np.empty(1)
+            decode_signals(payload, signal, decoded)
+            values.append(float(decoded[0]) * role_factor(bus, role))
+        ends.append(values)
+    return RoleRange(max(ends[0]), min(ends[1]))
+
+
+def role_resolution(bus: BusMap, role: Role, value: float) -> float:
+    """Distance of two neighbouring values [SI] on the bus, near `value` [SI]; the coarsest of the samples."""
+    factor = role_factor(bus, role)
+    return max(_step(signal[0], value / factor) for signal in _samples(bus, role)) * factor if factor else np.inf
+
+
+def _groups(bus: BusMap, number: int, role: Role) -> list[np.void]:
+    """Groups of one input message with samples of a role."""
+    message = bus.inputs.messages[number]
+    first = int(message["first_group"])
+    groups = bus.inputs.groups[first : first + int(message["group_count"])]
+    roles = bus.inputs.streams["roles"]
+    return [group for group in groups if int(roles[group["stream"]]) >> ROLES.index(role) & 1]
+
+
+def _samples(bus: BusMap, role: Role) -> list[NDArray[np.void]]:
+    """Tables of one signal each, of all samples of a role."""
+    tables = []
+    for group in _groups(bus, message_of(bus, role), role):
+        first = int(group["first_signal"]) + int(group["position"][ROLES.index(role)])
+        tables += [bus.inputs.signals[n : n + 1] for n in range(first, first + int(group["samples"]))]
+    return tables
+
+
+def _step(signal: np.void, value: float) -> float:
+    """Step of a signal near a physical value, in the database's unit."""
+    scale = abs(float(signal["scale"]))
+    kind = int(signal["kind"])
+    if kind not in _FLOAT_TYPES:
+        return scale
+    raw = np.clip((value - float(signal["offset"])) / float(signal["scale"]), signal["lowest"], signal["highest"])
+    with np.errstate(over="ignore"):  # nothing lies beyond the largest number
+        return scale * abs(float(np.spacing(np.asarray(raw, _FLOAT_TYPES[kind]))))

@@ -1,0 +1,81 @@
+"""The model without correction along an observer's samples, and along one injection as a reference for it."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import BenchInjector
+from observer_rt.core.learning.predictor import follow
+from observer_rt.core.model.model import Terms
+from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Setting, Window
+from observer_rt.engine.estimation.scalars import nothing_learned
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.service.injector import bench_constants
+from observer_rt.engine.stream.state import Constants
+from observer_rt.model.effective import NO_CLOCK, Clock, Coefficients
+
+
+class Follower:
+    """x^ without correction, from a state on; the measured line pressure does not matter."""
+
+    def __init__(self, constants: Constants) -> None:
+        self.constants = constants
+        """Constants in force from the next block on."""
+        self.begin(np.full(constants.coefficients.states, np.nan))
+
+    def begin(self, x: NDArray[np.float64], clock: Clock = NO_CLOCK) -> None:
+        """Be in a state x (states,) at a sample, at which the clock of the terms shows this."""
+        self._x, self._terms = x, Terms(self.constants.program, *clock)
+
+    def along(self, rows: NDArray[np.void], commands: NDArray[np.float64] = NO_COMMANDS) -> NDArray[np.float64]:
+        """Injection rate (n,) [m3/s] at samples (n,); the state belongs to the first, where the rate is 0.
+
+        rows: dtype `SAMPLE` or `sample_dtype`; commands (k, 2): as of `Window`.
+        """
+        constants, c = self.constants, self.constants.coefficients
+        errors, rate = np.empty((2, len(rows)))
+        setting = Setting(constants.interval, constants.substeps, c, np.zeros(c.states), program=constants.program)
+        window = Window(
+            inputs=np.column_stack([rows["rail_pressure"], rows["seat_area"]]),
+            output=np.zeros(len(rows)),
+            resting=rows["resting"].copy(),
+            start=np.append(self._x, self._x[0]),
+            opening=0,
+            knots=np.column_stack([rows["lift_after"], rows["lift_area"]]),
+            commands=commands,
+        )
+        self._x = follow(window, setting, nothing_learned(c), 0, errors, rate, None, NO_SLOPES, self._terms)
+        return rate
+
+
+class ComparedRate(NamedTuple):
+    """Reference of an injection: its rate [m3/s] over the injection's samples, and its mass [kg]."""
+
+    name: str
+    rate: NDArray[np.float64]
+    mass: float
+
+
+References = Callable[[InjectionReport, NDArray[np.void]], Sequence[ComparedRate]]
+"""References for an injection and its samples, dtype `stream.state.sample_dtype`."""
+
+
+class NominalInjection:
+    """The model as given, run over an injection's own inputs."""
+
+    def __init__(self, injector: BenchInjector) -> None:
+        self._constants = bench_constants(injector)
+        self.coefficients: Coefficients = self._constants.coefficients
+
+    def __call__(self, report: InjectionReport, rows: NDArray[np.void]) -> Sequence[ComparedRate]:
+        """Rate and mass of the injection; none where the needle was open from the start."""
+        is_open = rows["seat_area"] > 0.0
+        if not is_open.any() or is_open[0]:
+            return ()
+        follower = Follower(self._constants)
+        follower.begin(rows["x_tilde"][0])
+        rate = follower.along(rows)
+        mass = float(np.trapezoid(rate)) * self._constants.interval * report.density
+        return [ComparedRate("nominal", rate, mass)]

@@ -1,7 +1,6 @@
 """What `fit` and `discover` work on: recordings from files, or evidence that a daemon kept, and the model."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -15,7 +14,8 @@ from observer_rt.identification.discovery.discover import DiscoveryTask
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.reading import hashes, read_measured, without_copies
+from observer_rt.identification.likelihood.provenance import hashes, without_copies
+from observer_rt.identification.likelihood.reading import measured_recordings
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 
@@ -28,12 +28,12 @@ def measured_files(
     console: Console,
     most: int = MOST_SAMPLES,
 ) -> tuple[Measurement, ...]:
-    """Recordings of an injector, as `read_measured`. decoder: what says how to read logs and foreign layouts."""
+    """Recordings of an injector, as `measured_recordings`. decoder: says how to read logs and foreign layouts."""
     density = effective_model(injector).coefficients.density
-    read = partial(open_source, bench=decoder, from_channels=from_channels, console=console, density=density)
+    sources = [open_source(path, decoder, from_channels, console, density=density) for path in paths]
     mounted = None if decoder is None else decoder.injector
     stated = () if mounted is None else effects_on_one_raster(mounted.config.signals, mounted.location)
-    return read_measured(paths, read, injector, console, most, stated)
+    return measured_recordings(sources, injector, console, most, stated)
 
 
 def task_of_recordings(

@@ -5,19 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from observer_rt.engine.estimation.phases import Phase, phase_statistics
+from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.results import Cell
-from observer_rt.identification.likelihood.likelihood import (
-    JointLikelihood,
-    JudgedModel,
-    Pool,
-    Signal,
-    normalised,
-    phases_by_signal,
-)
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
+from observer_rt.identification.likelihood.signals import Pool, Signal, statistics_by_signal
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.effective import EffectiveModel
 
@@ -38,26 +32,14 @@ def cells_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel], model: 
             Signal.LINE_PRESSURE: float(np.exp(judged_model.log_sigma)) * model.coefficients.pressure_scale,
             Signal.INJECTION_RATE: measurement.rate_noise,
         }
-        for signal, z in normalised(judged_model).items():
-            phases = phases_by_signal(recorded)[signal]
-            statistics = phase_statistics(z, 1.0, phases, 0)
+        for signal, statistics in statistics_by_signal(recorded, judged_model).items():
             for phase in Phase:
-                if not (phases == phase).any():
+                if statistics.samples[phase] == 0.0:
                     continue
-                result.append(
-                    Cell(
-                        signal,
-                        phase,
-                        number,
-                        measurement.rail_pressure,
-                        measurement.duration,
-                        int(statistics.samples[phase]),
-                        statistics.variance(phase),
-                        statistics.colour(phase),
-                        statistics.excess(phase),
-                        float(np.sqrt(statistics.variance(phase))) * scale[signal],
-                    )
-                )
+                point = number, measurement.rail_pressure, measurement.duration, int(statistics.samples[phase])
+                variance = statistics.variance(phase)
+                figures = variance, statistics.colour(phase), statistics.excess(phase)
+                result.append(Cell(signal, phase, *point, *figures, float(np.sqrt(variance)) * scale[signal]))
     return tuple(result)
 
 

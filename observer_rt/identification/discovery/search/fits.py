@@ -24,7 +24,8 @@ from observer_rt.identification.likelihood.bounded_fit import (
     linearise,
     sigmas_of,
 )
-from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, Pool, pool_of, residuals_of
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, residuals_of
+from observer_rt.identification.likelihood.signals import Pool, pool_of
 from observer_rt.model.baseline import Appearance
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel

@@ -24,9 +24,9 @@ from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.proposal import TOO_FREE, TOO_MANY, Part, Proposal, Refusal
 from observer_rt.identification.discovery.search.results import INTERVAL_MARGIN, Cell, SearchOutcome
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
-from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import consequence, mean_mass, simulated
+from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.baseline import PhaseFigures
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import is_term

@@ -14,9 +14,9 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Figure, Inside, key
 from observer_rt.identification.discovery.search.candidates import Candidate, Size
 from observer_rt.identification.discovery.search.proposal import PhaseName, Proposal
-from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.open_loop import Consequence
 from observer_rt.identification.likelihood.operating_points import point_name
+from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.effect import Equation, Likeness
 
 # For what a steady gain does not know: errors on independent plants are that much larger.
@@ -60,6 +60,9 @@ class Decisive:
     separates: tuple[str, ...]
 
 
+CellKey = tuple[Signal, Phase, int]
+
+
 @dataclass(frozen=True)
 class Cell:
     """Innovations of one signal in one phase at one operating point (recording).
@@ -80,8 +83,13 @@ class Cell:
     rms: float
 
     @property
+    def key(self) -> CellKey:
+        """Place in the map: signal, phase, number of the recording."""
+        return self.signal, self.phase, self.recording
+
+    @property
     def point(self) -> str:
-        """Names the operating point."""
+        """Name of the operating point."""
         return point_name(self.rail_pressure, self.duration)
 
 

@@ -14,7 +14,7 @@ from observer_rt.identification.discovery.findings import ModelSource
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.results import Decisive, LargestMisfit, Verdict
-from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.effect import Equation
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.term_effect import term_effect

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, healthy_for_naming
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit, worst
-from observer_rt.identification.likelihood.likelihood import Pool, Signal
+from observer_rt.identification.likelihood.signals import Pool, Signal
 from observer_rt.model.baseline import HealthyRemainder, HealthyShape
 from tests.baselines import WHITE
 from tests.baselines import baseline as fitted

@@ -67,14 +67,6 @@ def tangent_of(c: Coefficients, theta: ByTheta, columns: int, is_commanded: bool
         by_part[BY_NOZZLE | BY_SEAT] = *theta.needle, *range(theta.first_shot, theta.first_shot + 2 * theta.shots)
     for part, acting in by_part.items():
         parts[list(acting)] |= part
-    return Tangent(
-        np.zeros((n, m)),
-        np.zeros((n, m)),
-        np.zeros((4, n, COLUMNS)),
-        np.zeros((4, n, m)),
-        np.zeros((4, n, 2)),
-        np.zeros((4, 2, m)),
-        np.bitwise_or.reduce(parts.reshape(-1, COLUMNS), axis=1),
-        np.zeros((n, len(c.line._fields))),
-        theta,
-    )
+    scratch = map(np.zeros, ((n, m), (n, m), (4, n, COLUMNS), (4, n, m), (4, n, 2), (4, 2, m)))
+    by_group = np.bitwise_or.reduce(parts.reshape(-1, COLUMNS), axis=1)
+    return Tangent(*scratch, by_group, np.zeros((n, len(c.line._fields))), theta)

@@ -159,7 +159,6 @@ def _totals(
 
 
 def _reason(discovery: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
-    """Reason for an effect's adoption, in a line."""
     or_else = ", ".join(effect.indistinguishable_from)
     doubt = f"; cannot be told from {or_else}" if or_else else ""
     if discovery.verdict is Verdict.AMBIGUOUS:

@@ -102,14 +102,9 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     progress(begin)
     recordings = [one.without_answers for one in task.measured]
     learned = task.learned(task.parameters, recordings) if task.learned else ()
+    choice = baseline, task.chosen, furthest(learned)
     discovery = name_effects(
-        nominal,
-        measured,
-        workers,
-        lambda done: progress(begin + (_NAMED - begin) * done),
-        baseline,
-        task.chosen,
-        furthest(learned),
+        nominal, measured, workers, lambda done: progress(begin + (_NAMED - begin) * done), *choice
     )
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
     accepted_term = task.accepted if task.accepted <= len(discovery.proposals) else 0

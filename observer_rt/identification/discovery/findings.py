@@ -225,7 +225,6 @@ def gap_entry(gaps: ModelGaps, _: object) -> GapEntry:
 
 
 def _key(unit: str) -> str:
-    """A unit as a part of a key."""
     return unit.replace("/", "_per_")
 
 

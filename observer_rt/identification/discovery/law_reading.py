@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 
@@ -103,12 +102,8 @@ def product_of(law: Law) -> Product:
             product = product_of(argument)
             return Product(-product.size, product.gates, product.factors)
         case Call(Operation.MULTIPLY, arguments):
-            parts = [product_of(one) for one in arguments]
-            size = parts[0].size * parts[1].size
-            gates, factors = (
-                tuple(chain.from_iterable(getattr(one, name) for one in parts)) for name in ("gates", "factors")
-            )
-            return Product(size, gates, factors)
+            left, right = map(product_of, arguments)
+            return Product(left.size * right.size, left.gates + right.gates, left.factors + right.factors)
         case Call(Operation.DIVIDE, (argument, Number() as number)) if number != ZERO:
             product = product_of(argument)
             return Product(product.size / number.reckoned, product.gates, product.factors)
@@ -140,5 +135,5 @@ def line_of(law: Law) -> StraightLaw | None:
 
 
 def _rounded(value: float) -> float:
-    """Free of rounding errors, so that equal lines are equal."""
+    """A value to 12 digits: without rounding errors equal lines are equal."""
     return float(f"{value:.12g}")

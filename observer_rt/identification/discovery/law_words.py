@@ -174,7 +174,6 @@ def _squared(left: StraightLaw | None, right: StraightLaw | None, words: str) ->
 
 
 def _read_one(law: Law) -> Reading | None:
-    """Words for one factor: a straight line over a quantity, or an operation on one."""
     line = line_of(law)
     if line is not None:
         return _in_proportion(line)
@@ -234,7 +233,6 @@ def _kinked(line: StraightLaw) -> Reading:
 
 
 def _step(line: StraightLaw, before: str, size: float) -> Reading:
-    """From a place on, or before it."""
     if line.slope < 0.0:
         return Reading(size, f"{before} {line.subject.at(line.zero)}")
     if line.subject.of == {Variable.INJECTION_NUMBER: 1.0}:

@@ -89,7 +89,6 @@ def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
 
 
 def _largest(figures: Sequence[Mapping[Phase, float]]) -> PhaseFigures:
-    """The largest figure of each phase."""
     largest = {phase.name: rounded(float(np.fmax.reduce([one[phase] for one in figures]))) for phase in Phase}
     return PhaseFigures.of(largest)
 

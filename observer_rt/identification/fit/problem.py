@@ -253,11 +253,9 @@ class Calibration:
         offsets = [standstill(fold.measurement)[0] / MEGAPASCAL for fold in folds]
         self.centre = np.concatenate([numbers, offsets])
         """Where a search begins, (p + folds,)."""
-        self.prior_mean = self.centre.copy()
-        """The same, but what is usual of parameters on a linear scale."""
-        for number, parameter in enumerate(free):
-            if parameter.linear:
-                self.prior_mean[number] = parameter.theta_of(parameter.start)
+        usual = [one.theta_of(one.start) if one.linear else theta for one, theta in zip(free, numbers, strict=True)]
+        self.prior_mean = np.concatenate([usual, offsets])
+        """The same, but for parameters on a linear scale their usual values."""
 
     @property
     def prior_sigmas(self) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
-"""Recordings as measurements, in memory that does not depend on their length: some injections of long ones.
+"""Recordings as measurements, in memory that does not depend on their length: of a long one some injections are kept.
 
-Those are the first, then every second, fourth, ... of each operating point, with the standstill after them: rare
-operating points keep all of theirs, the others are spread over the whole recording.
+Of each operating point they are at first all, then every second, every fourth and so on, with the standstill after
+them. So rare operating points keep all of theirs, and the others are spread over the whole recording.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -30,7 +30,7 @@ class _Excerpt:
 
     @property
     def samples(self) -> int:
-        """With those after it that are not available."""
+        """Samples of the part and of the gap after it."""
         return self.part.samples + round(measurement.APART * self.part.sample_rate)
 
 
@@ -53,7 +53,7 @@ class _ChosenEvents:
         self._samples = 0
 
     def take(self, excerpt: _Excerpt) -> None:
-        """Choose it, or not; others may have to go."""
+        """Keep an injection or pass it over; others make room for it."""
         part, event = excerpt.part, excerpt.event
         key = operating_point(measurement.rail_pressure_before(event, part), measurement.open_time(event, part))
         point = self._points.setdefault(key, _Point())
@@ -71,7 +71,7 @@ class _ChosenEvents:
             self._samples -= sum(each.samples for each in dropped)
 
     def excerpts(self) -> list[_Excerpt]:
-        """In the order of time."""
+        """Injections kept, in the order of time."""
         every = [excerpt for point in self._points.values() for excerpt in point.kept]
         return sorted(every, key=lambda excerpt: excerpt.part.first)
 
@@ -105,7 +105,7 @@ def measured(
 
 
 def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
-    """The samples in parts that overlap where the needle is shut longest, so that injections stay whole."""
+    """The samples in blocks that overlap where the needle is shut longest, so that injections stay whole."""
     held: Chunk | None = None
     for chunk in chunks:
         held = chunk if held is None else followed(held, chunk)
@@ -118,7 +118,7 @@ def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
 
 
 def _ends(block: Chunk) -> tuple[int, int]:
-    """End of a block and begin of the next one: round the longest standstill of its second half."""
+    """End of a block and begin of the next one, both in the longest standstill of the block's second half."""
     half, rate = block.samples // 2, block.sample_rate
     noise = noise_level(block.needle_lift, np.ones(block.samples, np.bool_), rate)
     opens, _ = dead_band(noise if np.isfinite(noise) else 0.0)
@@ -134,7 +134,7 @@ def _ends(block: Chunk) -> tuple[int, int]:
 
 
 def _excerpt(block: Chunk, event: measurement.JudgedEvent, starts: Sequence[int]) -> _Excerpt:
-    """An event of a block, up to the start of the next one; starts: of all of the block."""
+    """An event of a block with the standstill up to the next event; starts: of all events of the block."""
     margin = round(measurement.MARGIN * block.sample_rate) + 1
     last = event.openings[-1].last
     following = min(
@@ -149,7 +149,7 @@ def _excerpt(block: Chunk, event: measurement.JudgedEvent, starts: Sequence[int]
 def _joined(
     source: SignalStream, excerpts: Sequence[_Excerpt], injections: measurement.FoundInjections
 ) -> measurement.Measurement:
-    """One recording of excerpts, nothing being available between them."""
+    """One recording of excerpts, with gaps between them."""
     events, begin = [], 0
     for excerpt in excerpts:
         events.append(excerpt.event.moved(begin))

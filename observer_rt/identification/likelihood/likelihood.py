@@ -219,14 +219,11 @@ class RecordingLikelihood:
         return self._inputs(self.measurement, model)
 
     def _inputs(self, measurement: Measurement, model: EffectiveModel) -> windows.TrueInputs:
-        c = measurement.coefficients_of(model)
-        return windows.TrueInputs(measurement, model.inputs, c, self._rail(model.inputs), model.injector.needle_law)
-
-    def _rail(self, terms: InputTerms) -> NDArray[np.float64]:
-        """Rail pressure on time; only that of the nominal delay is cached."""
-        if terms.rail_delay == self._nominal.inputs.rail_delay:
-            return self._nominal_rail
-        return rail_on_time(self.measurement, terms)
+        """True inputs of a recording that differs from this one at most in its lift."""
+        c, terms, rail = measurement.coefficients_of(model), model.inputs, self._nominal_rail
+        if terms.rail_delay != self._nominal.inputs.rail_delay:
+            rail = rail_on_time(self.measurement, terms)
+        return windows.TrueInputs(measurement, terms, c, rail, model.injector.needle_law)
 
     def _rate_noise_by_lift(self, nominal: EffectiveModel) -> NDArray[np.float64]:
         """Standard deviation of the modelled rate (m,) by the recorded lift's noise, by jitter and by the meter."""

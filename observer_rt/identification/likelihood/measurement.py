@@ -1,4 +1,4 @@
-"""Recordings as discovery sees them: noise, gaps, openings, and the stretches of samples that are judged."""
+"""A recording as it is judged: with its noise, its events, and the reasons for which events are left out."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -50,7 +50,7 @@ class JudgedEvent:
     clock: Clock = NO_CLOCK
 
     def moved(self, by: int) -> "JudgedEvent":
-        """Moves it by some samples."""
+        """The event some samples later."""
         openings = tuple(Opening(o.first + by, o.last + by, o.rising, o.falling) for o in self.openings)
         return JudgedEvent(openings, self.start + by, self.counted + by, self.end + by, self.clock)
 
@@ -90,8 +90,9 @@ class Measurement:
 
     noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
     the events [Pa]; duration: mean time the needle is open in an event [s]; injections: in the whole recording;
-    stated: delays and lags of its channels; commands: starts and ends of energizing (k, 2), in samples, moved by what
-    each shot answers late, where the lift follows from them and was not measured; is_free: by every model anew.
+    stated: delays and lags of its channels; commands: where the lift was not measured, starts and ends of energizing
+    (k, 2) [samples], with the known delays of shots, from which the lift follows; is_free: every model has its own
+    lift by these.
     """
 
     recording: Recording
@@ -112,7 +113,7 @@ class Measurement:
 
     @property
     def is_answered(self) -> bool:
-        """Whether its lift was not measured."""
+        """Whether the lift follows from commands, and was not measured."""
         return self.commands is not None
 
     @property
@@ -122,7 +123,7 @@ class Measurement:
 
     @property
     def without_answers(self) -> Recording:
-        """The recording with the lift that was measured, or none."""
+        """The recording as it was measured: without a lift that follows from commands."""
         return self.recording.without_lift() if self.is_answered else self.recording
 
     def shots_in(self, event: JudgedEvent) -> NDArray[np.int64]:
@@ -137,7 +138,7 @@ class Measurement:
         return model
 
     def coefficients_of(self, model: EffectiveModel) -> Coefficients:
-        """A model whose line pressure is as this recording's."""
+        """Coefficients of a model, averaged over the sample period if the samples are means."""
         return averaged(model.coefficients) if self.means else model.coefficients
 
 
@@ -279,7 +280,7 @@ def events_of(
 
 
 def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLevels, float]:
-    """Noise levels and that of the rate: needle shut for pressures and rate, open for the lift."""
+    """Noise of pressures and rate while the needle is shut, of the lift while it is open; the rate's comes second."""
     shut = shut_mask(recording, openings)
     is_open = np.zeros(recording.samples, np.bool_)
     for opening in openings:
@@ -304,12 +305,12 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
 
 
 def with_free_needle(recordings: Sequence[Measurement]) -> tuple[Measurement, ...]:
-    """Recordings of whose lift, where it was not measured, every model has its own."""
+    """Recordings for which every model has its own lift, where the lift was not measured."""
     return tuple(replace(one, is_free=one.is_answered) for one in recordings)
 
 
 def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 1.0) -> tuple[Measurement, ...]:
-    """Recordings in the rail sensor's units; level: factor from flows in these to measured ones."""
+    """Recordings in the rail sensor's units. gain: of the line-pressure sensor; level: of measured flows in them."""
     result = []
     for measurement in recordings:
         recording, rate = measurement.recording, measurement.recording.injection_rate
@@ -323,10 +324,7 @@ def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 
 
 
 def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: float, **of: Any) -> Recording:
-    """One recording of the signals of several, by name, nothing being available between them.
-
-    of: further fields of the recording.
-    """
+    """One recording of the signals of several, by name, with a gap between any two; of: its further fields."""
     gap = np.full(round(APART * sample_rate), np.nan)
     signals: dict[str, Any] = {
         name: np.concatenate([samples for part in parts for samples in (part[name], gap)]) for name in parts[0]

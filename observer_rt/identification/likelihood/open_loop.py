@@ -1,4 +1,4 @@
-"""A model run through a recording as a reader of a report imagines it: open loop from the opening on."""
+"""A model run through a recording: with the measurement up to an opening, open loop from the opening on."""
 
 import math
 from collections.abc import Sequence
@@ -125,7 +125,7 @@ def consequence(measured: Sequence[Measurement], before: EffectiveModel, after: 
 
 
 def measured_mass(measurement: Measurement, injection: SimulatedInjection, density: float) -> float:
-    """Mass of an event by the measured rate [kg], nan without one; what its meter shows too late, by the model."""
+    """Mass of an event by the measured rate [kg], nan without one; the meter's delay is corrected by the model."""
     measured = measurement.recording.injection_rate
     if measured is None:
         return math.nan
@@ -135,7 +135,7 @@ def measured_mass(measurement: Measurement, injection: SimulatedInjection, densi
 
 
 def noisier(measurement: Measurement, seed: int) -> Measurement:
-    """The recording with its own noise added once more: how far a result moves is how far it may be off."""
+    """The recording with as much noise added as it has: the change of a result shows the uncertainty of it."""
     random = np.random.default_rng(seed)
     recording, noise = measurement.recording, measurement.noise
 

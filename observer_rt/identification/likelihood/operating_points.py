@@ -39,7 +39,7 @@ def point_name(rail_pressure: float, duration: float) -> str:
 
 
 def distinct(rail_pressures: Iterable[float]) -> int:
-    """Counts rail pressures [Pa] that differ by more than how closely they are controlled."""
+    """Number of rail pressures [Pa] that differ by more than the accuracy with which they are controlled."""
     ordered = sorted(rail_pressures)
     return 1 + sum(after - before > POINT_PRESSURE / 2.0 for before, after in pairwise(ordered))
 
@@ -66,7 +66,7 @@ def events_by_point(measurement: Measurement) -> list[list[JudgedEvent]]:
 def _clusters(
     events: Sequence[JudgedEvent], value: Callable[[JudgedEvent], float], gap: float
 ) -> list[list[JudgedEvent]]:
-    """Events in the order of a value, taken apart where it leaps by more than `gap`."""
+    """Events in the order of a value, divided where it leaps by more than `gap`."""
     clusters: list[list[JudgedEvent]] = []
     for event in sorted(events, key=value):
         if clusters and value(event) - value(clusters[-1][-1]) <= gap:
@@ -77,7 +77,7 @@ def _clusters(
 
 
 def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measurement:
-    """Some events of a recording, one stretch after another; what lies between them is left out."""
+    """A recording of some of the events, one stretch after another, without the samples between them."""
     recording = measurement.recording
     margin = round((MARGIN + SMOOTHED) / measurement.interval) + 1
     ordered = sorted(events, key=lambda event: event.start)
@@ -105,9 +105,9 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
 
 
 def every_second_point(recordings: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Recordings (by number) of every second operating point, and the others: like the squares of a chessboard.
+    """Numbers of the recordings at every second operating point, and of the others.
 
-    Of rail pressures by durations each half has all of both, as far as there are two.
+    Like the squares of a chessboard of rail pressures and durations: each half has all of both, if there are two.
     """
     points = [operating_point(one.rail_pressure, one.duration) for one in recordings]
     pressures = sorted({pressure for pressure, _ in points})

@@ -34,7 +34,7 @@ LateShots = Sequence[NDArray[np.float64]]
 
 
 class Batch(NamedTuple):
-    """All windows of a recording, one after another; n samples, w windows, normalised by (24).
+    """All windows of a recording, one after another; n samples in w windows, normalised by (24).
 
     inputs (n, 2), output (n,), resting (n,), starts (w, states + 1), knots (n, 2) or (0, 2) as in `Window`; bounds
     (w + 1,): window i is [bounds[i], bounds[i+1]); openings (w,): in the window; clocks (w, 2): as of `Clock`;
@@ -52,7 +52,7 @@ class Batch(NamedTuple):
     commands: tuple[NDArray[np.float64], ...] = ()
 
     def window(self, number: int) -> Window:
-        """One of the windows."""
+        """A window by its number."""
         part = slice(self.bounds[number], self.bounds[number + 1])
         return Window(
             self.inputs[part],
@@ -86,7 +86,7 @@ class Rows:
         self.counted = np.concatenate([np.arange(e.start, e.end) >= e.counted for e in events])
         """(n,): rows whose innovation is judged."""
         self.counted_bounds = np.concatenate(([0], np.cumsum([e.end - e.counted for e in events])))
-        """(events + 1,): of these, event after event."""
+        """(events + 1,): event i has the judged rows from counted_bounds[i] to counted_bounds[i + 1]."""
         skipped = round(RATE_DELAY * measurement.recording.sample_rate)
         rows, times = [], []
         for event, bound in zip(events, self.bounds, strict=False):
@@ -97,10 +97,10 @@ class Rows:
             rows.append(bound + np.flatnonzero(near))
             times.append(event.start + np.flatnonzero(near))
         self.rate_rows = np.concatenate(rows)
-        """(m,): rows at which a measured rate is judged, when the line pressure is not recorded late.
+        """(m,): rows at which a measured rate is judged, if the line pressure is not recorded late.
 
-        Those with an open needle, from RATE_DELAY on: a lift within its noise, and an orifice law that is smooth at
-        low pressure, say little of how the sac begins to fill. Of means, not the one in which the needle shuts.
+        The needle is open there for RATE_DELAY or longer: how the sac begins to fill is uncertain, by the noise of
+        the lift and an orifice law that is smooth at low pressure. The mean in which the needle shuts does not count.
         """
         self.rate_samples = np.concatenate(times)
         self._injecting = np.concatenate([in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events])
@@ -113,10 +113,10 @@ class Rows:
 
 
 class TrueInputs:
-    """A recording's true inputs under given input terms, normalised, for every sample.
+    """True inputs of a recording under input terms, normalised, for every sample: rail (n,) and area (n,).
 
-    A mean over the sample period that ends at a sample's time is the value half a period before. The rail pressure is
-    brought from there to the times of the samples; the area has its corners there, as knots.
+    A mean over the sample period that ends at a sample's time is the value half a period before. So the rail pressure
+    of means is moved to the times of the samples, and the area has its corners, the knots (n, 2), between them.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class TrueInputs:
         rail: NDArray[np.float64] | None = None,
         needle: NeedleLaw | None = None,
     ) -> None:
-        """rail: `rail_on_time` of the same terms, where it is known already; needle: that answers commands."""
+        """rail: `rail_on_time` of the same terms, if computed before; needle: answers commands, if there are any."""
         rail = terms.rail_factor * (rail_on_time(measurement, terms) if rail is None else rail) + terms.rail_shift
         self.rail = (rail - c.chamber_pressure) / c.pressure_scale
         if needle is None or measurement.commands is None:
@@ -144,7 +144,7 @@ class TrueInputs:
 def _answered_areas(
     measurement: Measurement, commands: NDArray[np.float64], needle: NeedleLaw, c: Coefficients
 ) -> NDArray[np.float64]:
-    """Normalised seat areas (n,) by commands (k, 2), as a needle answers them."""
+    """Normalised seat areas (n,) of a needle that answers commands (k, 2)."""
     recording, n, nothing = measurement.recording, measurement.recording.samples, np.zeros(NEEDLE_NUMBERS)
     pressures = np.nan_to_num(recording.rail_pressure[commands[:, 0].astype(np.int64)] / CONTROL_REFERENCE, nan=1.0)
     area, slopes, shots = np.zeros(n), np.zeros((n, NEEDLE_NUMBERS)), np.zeros(n, np.int64)
@@ -201,7 +201,7 @@ def batch_of(
     recording = measurement.recording
     openings = [o for event in measurement.events for o in event.openings]
     resting = shut_mask(recording, openings)
-    resting &= inputs.area <= 0.0  # the foot of a ramp the sensor did not see
+    resting &= inputs.area <= 0.0  # the sensor does not see the foot of a ramp
     source = rows.samples - late
     output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale
     return Batch(
@@ -243,10 +243,10 @@ def setting_of(
 def followed(
     batch: Batch, setting: Setting, needle: NeedleLaw, until_opening: bool = False, late: LateShots = ()
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording.
+    """Normalised innovations (n,) and injection rate [m3/s] (n,) of x~ over all windows of a recording.
 
-    needle: that answers commands where it is free; until_opening: of x^, which runs open loop from the opening of its
-    window on; late: of each event, by how much later [s] its shots (k, 2) open, and shut.
+    needle: answers the commands of the batch, if it has any; until_opening: gives those of x^ instead, which runs
+    open loop from the opening of its window on; late: delays [s] (k, 2) of the shots of every event.
     """
     learned = nothing_learned(setting.coefficients)
     innovation, rate = np.empty((2, batch.output.size))
@@ -261,7 +261,7 @@ def followed(
 
 
 def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A modelled injection rate (n,) at the samples as a measured one is: over each period where that is a mean."""
+    """A modelled injection rate (n,) as it would be recorded: averaged over each period if samples are means."""
     if not measurement.means:
         return rate
     beyond = np.concatenate([rate[:1], rate, rate[-1:]])
@@ -270,7 +270,7 @@ def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDA
 
 
 def as_by_meter(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A modelled injection rate (n,) at the samples as the meter shows it, at rest before: events lie far apart."""
+    """A modelled injection rate (n,) as the meter shows it; events lie so far apart that it rests before each."""
     return shown_slowly(rate, measurement.interval, *(measurement.recording.meter or ()))
 
 
@@ -282,7 +282,7 @@ def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:
 
 
 def stretches(measurement: Measurement) -> tuple[EventStretch, ...]:
-    """The counted samples of every event; edges are where the ramps of the lift meet 0."""
+    """Every event as a stretch of judged samples, with edges where the ramps of the lift meet 0."""
     return tuple(
         EventStretch(event.end - event.counted, measurement.interval, measurement.rail_pressure, _edges(event))
         for event in measurement.events

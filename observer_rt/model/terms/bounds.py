@@ -115,7 +115,6 @@ def refuse_unbounded(term: Term, domain: TermDomain) -> None:
 
 
 def _refuse_values(term: Term, value: Values, domain: TermDomain) -> None:
-    """Refuse a term for its values (n,) at the domain's points."""
     if not np.all(np.isfinite(value)):
         raise _unsound(term, domain, int(np.argmin(np.isfinite(value))), "has no finite value")
     unit = "" if term.equation.is_share else f" {term.equation.unit}"

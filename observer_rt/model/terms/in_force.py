@@ -110,7 +110,6 @@ class TermInForce(Section):
         return {VARIABLES[name]: ends for name, ends in self.seen.items()}
 
     def _sized(self, stated: TermCoefficient, needed: object) -> tuple[float, tuple[float, float] | None]:
-        """Value and interval of `c` in the units of laws."""
         factor_and_unit = unit_named(stated.unit)
         if factor_and_unit is None:
             remedy = f"{did_you_mean(stated.unit, UNIT_NAMES)}units: {', '.join(UNIT_NAMES)}"

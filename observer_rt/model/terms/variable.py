@@ -28,7 +28,7 @@ class Unit(NamedTuple):
 
     def to(self, power: float) -> "Unit":
         """The unit raised to a power."""
-        return Unit(*(round(mine * power, 6) for mine in self))
+        return PURE.times(self, power)
 
     def __str__(self) -> str:
         above = [_power(name, power) for name, power in zip(SYMBOLS, self, strict=False) if power > 0.0]

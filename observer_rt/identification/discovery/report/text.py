@@ -104,14 +104,12 @@ def visible_words(smallest: SmallestVisible) -> str:
 
 
 def _choices(discovery: Discovery) -> str:
-    """Names the options that choose among tied candidates."""
     options = [f"--choose {'+'.join(ids)}" for ids in (discovery.named.ids, *discovery.rivals) if ids]
     options += [f"--accept-term {one.number}" for one in discovery.proposals if one.may_enter]
     return f"give the command again with {' or '.join(options)}, and --force"
 
 
 def _gap_lines(findings: Findings) -> list[str]:
-    """The gaps on held-out operating points."""
     apart = findings.held_apart and findings.shown.ids
     where = "on operating points held out" if apart else "on the recordings"
     lines = []

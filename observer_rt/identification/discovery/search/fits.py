@@ -93,8 +93,8 @@ class Fitter:
         def judge(effect: Effect, sizes: tuple[float, ...]) -> list[JudgedModel] | None:
             return self._judged_at(Hypothesis((effect,)), np.array(sizes))
 
-        signatures = self.map(lambda effect: appearance.signatures(judged, [effect], judge), effects)
-        self.signatures = {one.effect.id: one for each in signatures for one in each}
+        signatures = self.map(lambda effect: appearance.signature_of(effect, judged, judge), effects)
+        self.signatures = {one.effect.id: one for one in signatures if one is not None}
 
     def reference(self, effect: Effect) -> tuple[float, float]:
         """The size an effect appears to have on the healthy injector, as these recordings see it."""
@@ -126,8 +126,6 @@ class Fitter:
         return self._problem(candidate.hypothesis)(candidate.theta)
 
     def _problem(self, hypothesis: Hypothesis) -> Problem:
-        """That of finding the sizes of a hypothesis' effects."""
-
         def residuals(theta: NDArray[np.float64]) -> Residuals | None:
             judged = self._judged_at(hypothesis, theta)
             return None if judged is None else residuals_of(judged)

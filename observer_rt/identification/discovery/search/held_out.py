@@ -1,7 +1,6 @@
 """Candidates judged on operating points that they were not fitted to."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,19 +111,7 @@ def _gap_by_event(measurement: Measurement, model: EffectiveModel) -> NDArray[np
 
 def _statistic_by_event(recorded: RecordingLikelihood, judged_model: JudgedModel) -> NDArray[np.float64]:
     """-2 log L of the events of a recording (events,); that of its measured rate is divided among them evenly."""
-    sizes: Sequence[int] = [event.end - event.counted for event in recorded.measurement.events]
-    ends = np.cumsum(sizes)
-    rate = (
-        2.0
-        * (robust_cost(judged_model.rate_z, 0, 1.0) + judged_model.rate_z.size * judged_model.rate_log_sigma)
-        / len(sizes)
-    )
-    return np.array(
-        [
-            2.0 * robust_cost(judged_model.z, int(end - size), 1.0)
-            - 2.0 * robust_cost(judged_model.z, int(end), 1.0)
-            + 2.0 * size * judged_model.log_sigma
-            + rate
-            for size, end in zip(sizes, ends, strict=True)
-        ]
-    )
+    sizes = np.array([event.end - event.counted for event in recorded.measurement.events])
+    beyond = np.array([2.0 * robust_cost(judged_model.z, first, 1.0) for first in [0, *np.cumsum(sizes).tolist()]])
+    of_rate = robust_cost(judged_model.rate_z, 0, 1.0) + judged_model.rate_z.size * judged_model.rate_log_sigma
+    return np.asarray(beyond[:-1] - beyond[1:] + 2.0 * sizes * judged_model.log_sigma + 2.0 * of_rate / sizes.size)

@@ -54,10 +54,6 @@ def _gap_held_out(gap: tuple[float, float], _: object) -> Figures:
     return {"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL}
 
 
-def _stated(term: Term) -> tuple[Number | str, ...]:
-    return term.coefficient, *(term.interval or (None, None)), str(term.equation.unit)
-
-
 class ProposedTerm(DocumentPart):
     """A law added to an equation.
 
@@ -132,11 +128,12 @@ class Proposal:
                 equation=term.equation,
                 law=str(term.law),
                 sentence=as_if(term, self.largest_lift),
-                coefficient=dict(zip(("value", "low", "high", "unit"), _stated(term), strict=True)),
+                coefficient={"value": term.coefficient, "low": low, "high": high, "unit": str(term.equation.unit)},
                 hardly_told_from=term.equation.alike,
                 depends_on=tuple(sorted(variable.word for variable in term.law.variables)),
             )
             for term in self.terms
+            for low, high in (term.interval or (None, None),)
         )
 
     @computed_field(alias="effects")  # type: ignore[prop-decorator]

@@ -169,7 +169,6 @@ class _Verdict:
         return sure if self._baseline.adequate else min(sure, WITH_A_WRONG_MODEL)
 
     def discovery(self) -> Discovery:
-        """All fields together."""
         outcome, verdict = self._outcome, self._verdict()
         confidence = self._confidence(verdict)
         by_name = (one for one in outcome.fitted if not one.terms)

@@ -1,4 +1,4 @@
-"""Reads the tree of a law: its size and gates, and whether it is a straight line over a physical quantity."""
+"""Structure of a law: its size, its gates, and the straight line over a physical quantity that it may be."""
 
 import math
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ GATES = {
 
 @dataclass(frozen=True)
 class Subject:
-    """A physical quantity: one variable, or the difference of two; unit: of its values."""
+    """A physical quantity, one variable or the difference of two: words and unit; of: factor of every variable."""
 
     words: str
     unit: str
@@ -90,7 +90,7 @@ def with_unit(number: str, unit: str) -> str:
 
 
 def product_of(law: Law) -> Product:
-    """Split a law into its factors; the coefficient counts as 1."""
+    """The factors of a law; its coefficient counts as 1."""
     match law:
         case Coefficient():
             return Product(1.0, (), ())
@@ -111,7 +111,7 @@ def product_of(law: Law) -> Product:
 
 
 def line_of(law: Law) -> StraightLaw | None:
-    """The law as a straight line over one physical quantity, as its values say; None if it is not one."""
+    """The law as a straight line over one physical quantity, by its values; None for any other law."""
     variables = sorted(law.variables)
     if not variables or law.variables & set(GATES) or law.has_coefficient or law.remembers:
         return None

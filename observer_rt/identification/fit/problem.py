@@ -1,4 +1,4 @@
-"""Defines the problem of a fit: structures and free parameters, residuals, identifiability."""
+"""The problem of a fit: free parameters, structures of the model, residuals, and the certainty of the parameters."""
 
 import math
 from collections.abc import Sequence
@@ -32,12 +32,12 @@ _TRIED = "tried"  # origin of an effect that is not the file's
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A parameter of the injector file that a fit sizes, on a logarithmic scale or a linear one.
+    """A parameter of the injector file that a fit sizes, on a logarithmic or a linear scale.
 
-    symbol: as in the equations; section, key: where it stands in the file; unit, si: of printed values; lowest,
-    highest: bounds [SI]; start: where the file has none, or, on a logarithmic scale, 0 [SI]; spread: standard
-    deviation of its logarithm before anything was measured. linear: size [SI] of 1 on a linear scale, on which
-    the spread is about `start` then; 0: it is logarithmic.
+    symbol: as in the equations; section, key: of the file; unit, si: of printed values; lowest, highest: bounds [SI];
+    start: value [SI] if the file has none, or 0 on a logarithmic scale; linear: SI value of 1 on a linear scale, 0
+    for a logarithmic one; spread: standard deviation on the scale before anything was measured, on a linear one about
+    `start`.
     """
 
     symbol: str
@@ -57,12 +57,12 @@ class FreeParameter:
         return f"{self.section}.{self.key}"
 
     def stated(self, injector: InjectorParameters) -> float | None:
-        """Value [SI] in an injector's file; None where it has none."""
+        """Value [SI] in an injector's file, None without one."""
         value: float | None = getattr(getattr(injector, self.section), self.key)
         return value
 
     def of(self, injector: InjectorParameters) -> float:
-        """Value [SI] of an injector, within the bounds."""
+        """Value [SI] of an injector, cut at the bounds."""
         stated = self.stated(injector)
         value = self.start if stated is None or not (stated or self.linear) else stated
         return float(np.clip(value, self.lowest, self.highest))
@@ -89,14 +89,14 @@ class EffectSize(FreeParameter):
 
     @classmethod
     def of_effect(cls, effect: Effect) -> Self:
-        """Its first parameter's; the others are where a search begins."""
+        """The size of an effect's first parameter; the others stay where a search begins."""
         first = effect.parameters[0]
         lowest, highest, scale = first.lowest, first.highest, first.dead_zone
         spread = (highest - lowest) / scale
         return cls(first.name, "effects", effect.id, first.unit, first.si, lowest, highest, 0.0, spread, scale)
 
     def stated(self, injector: InjectorParameters) -> float | None:
-        """Value [SI] in force; None where it is not."""
+        """Value [SI] in force, None if the effect is not."""
         sizes = [each.parameters[self.symbol].value for each in injector.effects if self._is_made(each)]
         return self.si * sizes[0] if sizes else None
 
@@ -130,10 +130,7 @@ JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5
 INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
 """Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass gives the level."""
 STIFFENING = FreeParameter("K_1", "fluid", "bulk_modulus_by_pressure", "-", 1.0, 0.1, 20.0, 10.5, 1.0, 1.0)
-"""Free where the fuel stiffens; its prior is what is known of fuels, so it is never left to the file.
-
-K_0 is then that of `STIFFNESS`.
-"""
+"""Free where the fuel stiffens, with K_0 as `STIFFNESS`. Never left to the file: its prior is that of usual fuels."""
 _TIME = 1e-4  # s
 CONTROL_FLOW = FreeParameter("c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 30e-6, 0.0, 4.0, MM3_PER_MS)
 CONTROL = (
@@ -153,7 +150,7 @@ NEEDLE = (
 )
 """Free where the lift was not measured; speeds at 100 MPa."""
 OPTIONAL_GROUPS = (CONTROL, (DISPLACEMENT,))
-"""What an injector has or has not, in groups that begin with what must be beyond doubt."""
+"""Parts that an injector has or lacks; the first parameter of a group must be certain."""
 
 
 @dataclass(frozen=True)
@@ -166,9 +163,9 @@ class Structure:
     free: tuple[FreeParameter, ...]
 
     def of(self, injector: InjectorParameters, spare: float = 1.0) -> InjectorParameters:
-        """An injector in this form, its numbers as they are, its line in the cells that serve it best.
+        """An injector in this form, with its own numbers, and its line in the cells that serve it best.
 
-        spare: by what factor the stiffness, and more than that the damping, may still grow in these cells.
+        spare: factor by which the stiffness may still grow in these cells; the damping may grow by its fourth power.
         """
         keys: dict[str, object] = {"model": self.line, "cells": None}
         if RATIO not in self.free:
@@ -182,7 +179,7 @@ class Structure:
 
 
 def _cells(injector: InjectorParameters, spare: float) -> int:
-    """The cells that serve it best, or as many as are stable with what may still grow."""
+    """The cells that serve an injector best, or as many as stay stable while the numbers grow."""
     free = (STIFFNESS, WAVE_DAMPING)
     grown = with_values(injector, free, values_of(injector, free) * [spare, spare**4])
     best = cells_for(injector, STEP)
@@ -236,13 +233,14 @@ def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> ND
 
 
 class Calibration:
-    """Its residuals are a problem. theta: (p + folds,) parameters on their scales, then an offset [MPa] of each fold.
+    """The problem of a fit, whose residuals are a function of theta.
 
-    What a fold's residuals depend on is its own offset only, so those of the others are taken from memory.
+    theta: (p + folds,) the parameters on their scales, then an offset [MPa] of each fold. A step of one offset
+    changes the residuals of its fold alone; those of the others are remembered.
     """
 
     def __init__(self, start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold]) -> None:
-        """start: the injector in the structure to be fitted, which the prior is centred at."""
+        """start: the injector in the structure to be fitted, at which the prior is centred."""
         self.free = tuple(free)
         self.folds = tuple(folds)
         self._injector = start
@@ -259,7 +257,7 @@ class Calibration:
 
     @property
     def prior_sigmas(self) -> NDArray[np.float64]:
-        """(p + folds,)"""
+        """Standard deviations of theta (p + folds,) before anything was measured."""
         return np.array([one.spread for one in self.free] + [OFFSET_SIGMA / MEGAPASCAL] * len(self.folds))
 
     @property
@@ -300,10 +298,10 @@ class Calibration:
         return complete if len(complete) == len(judged) else None
 
     def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        """Line pressure, rate and masses of every fold, then what the prior says of theta.
+        """Line pressure, rate and masses of every fold, then theta beside its prior; None without a solution.
 
-        Of the line pressure, means of a few innovations: short waves, which cells do not carry as a pipe does, would
-        be made up for by the stiffness and the volume at the end, at the cost of the level.
+        The line pressure counts by means of a few innovations. Cells do not carry short waves as a pipe does: single
+        innovations would change stiffness and end volume for them, at the cost of the level.
         """
         judged = self.judge_all(theta)
         if judged is None:
@@ -315,7 +313,7 @@ class Calibration:
     def _groups(self, number: int, judged_model: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
         fold = self.folds[number]
         samples = max(1, round(RESOLVED / fold.measurement.interval))
-        # What is left over is left out.
+        # whole blocks only
         blocks = judged_model.z[: judged_model.z.size - judged_model.z.size % samples].reshape(-1, samples)
         pressure = np.asarray(blocks.sum(axis=1) / math.sqrt(samples), np.float64)
         return [
@@ -332,9 +330,9 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class Certainty:
-    """Certainty of the parameters by the data alone, the offsets unknown.
+    """Certainty of the parameters by the data alone, with unknown offsets.
 
-    sigmas: on their scales (p,), very large where nothing is determined.
+    sigmas: standard deviations on the scales (p,), very large for a parameter that the data do not determine.
     """
 
     free: tuple[FreeParameter, ...]
@@ -342,14 +340,14 @@ class Certainty:
 
     @property
     def undetermined(self) -> FreeParameter | None:
-        """The least certain of the parameters that are not determined."""
+        """The least certain of the parameters that the data do not determine; None if they determine all."""
         shares = self.sigmas / [math.inf if one is STIFFENING else one.spread for one in self.free]
         worst = int(np.argmax(shares))
         return self.free[worst] if shares[worst] > UNDETERMINED else None
 
 
 def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Certainty:
-    """At a minimum. inflation: of the variance, where residuals are more than noise."""
+    """Certainty at a minimum; inflation: factor of the variance for residuals that are more than noise."""
     p = len(calibration.free)
     data = at.information - np.diag(calibration.prior_sigmas**-2)
     own, cross, offsets = data[:p, :p], data[:p, p:], data[p:, p:]

@@ -1,9 +1,8 @@
-"""Fits one structure: coarsely for comparison, and in full for the one that is chosen.
+"""Fits one structure: coarsely for comparison, and in full if it is chosen.
 
-Where a search begins: the stiffness and damping of the line, of many, that explain the recordings best.
-
-How long a wave takes to and fro decides which period of the ringing the model's falls upon: from a stiffness 5 %
-wrong (at 20 kHz) a search ends beside the minimum, with no damping or at the edge of what its cells can step.
+A search begins at the stiffness and damping of the line, among many, that explain the recordings best: a wave's
+travel time decides with which period of the ringing the model is compared. From a stiffness 5 % wrong (at 20 kHz) a
+search ends beside the minimum, without damping or at the stability limit of its cells.
 """
 
 import math
@@ -37,9 +36,10 @@ EXPLAINED = 5.0  # mean chi2, below which a search has not ended beside the mini
 
 @dataclass(frozen=True, eq=False)
 class FittedStructure:
-    """A structure at its best.
+    """A structure at its minimum.
 
-    judged: of every fold there; left: of the line pressure on the recordings it was fitted to.
+    judged: every fold at the minimum; left: residuals of the line pressure on the recordings of the fit; held_out:
+    those on recordings left out, None if none could be.
     """
 
     structure: problem.Structure
@@ -66,7 +66,7 @@ class FittedStructure:
 
     @property
     def certainty(self) -> problem.Certainty:
-        """Certainty of the parameters; residuals that are more than noise say less."""
+        """Certainty of the parameters, reduced where residuals are more than noise."""
         return problem.certainty(self.calibration, self.minimum.at, max(1.0, self.left.mean))
 
 
@@ -125,9 +125,9 @@ def _fit(
 def settled(
     best: FittedStructure, start: InjectorParameters, folds: Sequence[Fold]
 ) -> tuple[FittedStructure, tuple[problem.FreeParameter, ...]]:
-    """The chosen structure fitted to `folds`, and the parameters left to the file since the data do not tell them.
+    """The chosen structure fitted to `folds`, and the parameters left to the file, which the data do not determine.
 
-    start: the file's injector. One parameter at a time is left to the file, the least certain: with it fixed the
+    start: the file's injector. The least certain parameter is left to it first, then the next one: with one fixed the
     others may be determined.
     """
     left_out: list[problem.FreeParameter] = []
@@ -157,10 +157,10 @@ def searched(
     free: Sequence[problem.FreeParameter],
     folds: Sequence[Fold],
 ) -> FittedStructure | FailedStructure:
-    """A structure fitted coarsely from the numbers of the file, the line's stiffness and damping being sought first.
+    """A structure fitted coarsely from the numbers of the file.
 
-    A line in one lump has no travelling waves: the file's numbers do. Where a search ends with much unexplained
-    they are sought once more, by the orifices found by then.
+    In a line with waves, stiffness and damping are scanned first, and once more with the orifices found where the
+    first search leaves much unexplained.
     """
     if problem.WAVE_DAMPING not in structure.free:
         return fitted(structure, file, free, folds, ROUGH_ITERATIONS)
@@ -179,7 +179,7 @@ def searched(
 
 
 def certain_groups(structure: FittedStructure) -> tuple[tuple[problem.FreeParameter, ...], ...]:
-    """Groups of `OPTIONAL_GROUPS` that an injector has beyond doubt, or as stated."""
+    """Groups of `OPTIONAL_GROUPS` whose first parameter is certain, or stated in the file."""
     free, sigmas, groups = structure.calibration.free, structure.certainty.sigmas, []
     for group in problem.OPTIONAL_GROUPS:
         size, sigma = group[0].of(structure.injector), 0.0
@@ -207,7 +207,7 @@ def _best(
     free: Sequence[problem.FreeParameter],
     folds: Sequence[Fold],
 ) -> InjectorParameters:
-    """Start with the least -2 log L, nothing fitted."""
+    """The start with the least -2 log L before any fit."""
 
     def statistic(start: InjectorParameters) -> float:
         calibration = problem.Calibration(structure.of(start), free, folds)

@@ -28,14 +28,14 @@ class HeldOutPoints:
         self._cache: dict[tuple[tuple[str, ...], tuple[float, ...]], _Events | None] = {}
 
     def statistic(self, candidate: Candidate) -> float:
-        """-2 log L of all events held out; inf without a solution, nan where there is nothing to hold out."""
+        """-2 log L of all events held out; inf without a solution, nan if nothing is held out."""
         if not self._judged.recordings:
             return math.nan
         events = self._events(candidate)
         return math.inf if events is None else float(np.sum(events.statistic))
 
     def sizes(self, candidate: Candidate) -> tuple[float, ...]:
-        """Sizes fitted to every second operating point; those of all where there is nothing to hold out."""
+        """Sizes fitted to every second operating point; to all points if nothing is held out."""
         events = self._events(candidate) if self._judged.recordings else None
         return candidate.sizes if events is None else tuple(events.theta.tolist())
 
@@ -47,11 +47,10 @@ class HeldOutPoints:
         return math.inf if events is None else math.sqrt(float(np.mean(events.gap)))
 
     def pays(self, candidate: Candidate, smaller: Candidate) -> bool:
-        """Whether a candidate explains the events held out better than a smaller one.
+        """Whether a candidate explains the events held out better than a smaller one; true if nothing is held out.
 
-        -2 log L must fall by more than its fall scatters between events. The open-loop gap of the line pressure must
-        not grow by more than it scatters: it shows small effects less clearly, but a small gap is what users want of
-        the model. Where no operating point can be held out, a candidate is accepted.
+        -2 log L must fall by more than its fall scatters between events. The open-loop gap of the line pressure may
+        grow by its scatter at most: it shows small effects less clearly, but users want a model with a small gap.
         """
         if not self._judged.recordings:
             return True
@@ -110,7 +109,7 @@ def _gap_by_event(measurement: Measurement, model: EffectiveModel) -> NDArray[np
 
 
 def _statistic_by_event(recorded: RecordingLikelihood, judged_model: JudgedModel) -> NDArray[np.float64]:
-    """-2 log L of the events of a recording (events,); that of its measured rate is divided among them evenly."""
+    """-2 log L of the events of a recording (events,); the part of a measured rate is divided among them evenly."""
     sizes = np.array([event.end - event.counted for event in recorded.measurement.events])
     beyond = np.array([2.0 * robust_cost(judged_model.z, first, 1.0) for first in [0, *np.cumsum(sizes).tolist()]])
     of_rate = robust_cost(judged_model.rate_z, 0, 1.0) + judged_model.rate_z.size * judged_model.rate_log_sigma

@@ -1,4 +1,4 @@
-"""A proposal: laws that would explain recordings, how far, and what speaks against them in a model."""
+"""A proposal: laws that would explain recordings, how much they explain, and objections to them in a model."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, NamedTuple
@@ -156,16 +156,16 @@ class Proposal:
 
     @property
     def refusal(self) -> Refusal | None:
-        """Objection to the proposal in any model; None where it explains all, or enough, with few terms."""
+        """Objection to the proposal in any model; None if few terms explain everything, or enough."""
         if self.adequate or self.objection is not None:
             return self.objection
         return INCOMPLETE if self.part is None else self.part.refusal
 
     @property
     def objection(self) -> Refusal | None:
-        """Objection to its terms, however much they explain.
+        """Objection to the terms, however much they explain.
 
-        What blames several equations must do it without numbers within its laws: with them it would fit anything.
+        Terms in several equations may have no numbers of their own within the laws: they would fit anything.
         """
         effects = self.candidate.hypothesis.effects
         laws = [effect.apply for effect in effects if isinstance(effect.apply, TermLaw)]

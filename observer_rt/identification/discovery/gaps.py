@@ -93,12 +93,10 @@ def _over_points(gaps: Sequence[Gap]) -> Gap:
 def _point(
     number: int, measurement: Measurement, nominal: EffectiveModel, refitted: EffectiveModel, amended: EffectiveModel
 ) -> PointGaps:
+    """Gaps of a recording. amended: has the masses that count as true if no rate was measured."""
     density, is_measured = amended.coefficients.density, measurement.recording.injection_rate is not None
-    true_masses = np.array(
-        [measured_mass(measurement, one, density) for one in simulated(measurement, nominal)]
-        if is_measured
-        else [mass(measurement, one, density) for one in simulated(measurement, amended)]
-    )
+    mass_of, model = (measured_mass, nominal) if is_measured else (mass, amended)
+    true_masses = np.array([mass_of(measurement, one, density) for one in simulated(measurement, model)])
     before, after = (_errors(measurement, model, true_masses) for model in (nominal, refitted))
     noisy = [_errors(measurement, refitted, true_masses, seed) for seed in range(NOISE_RUNS)]
     own_errors = {LINE_PRESSURE: [measurement.noise.line_pressure]}

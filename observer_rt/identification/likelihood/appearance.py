@@ -103,11 +103,10 @@ def healthy_remainder(
         replace(one, z=one.z - expected_of(fit.shape(number if several else None), measurement) / sigma)
         for number, (one, measurement, sigma) in enumerate(zip(judged, measured, sigmas, strict=True))
     ]
-
-    def judge(effect: Effect, sizes: tuple[float, ...]) -> list[JudgedModel] | None:
-        return likelihood.judge(effect.apply(model, sizes))
-
-    signatures = [signature_of(effect, judged, judge, remaining) for effect in effects]
+    signatures = [
+        signature_of(effect, judged, lambda one, sizes: likelihood.judge(one.apply(model, sizes)), remaining)
+        for effect in effects
+    ]
     statistics = [
         phase_statistics(one.z, 1.0, recorded.phases, 0)
         for recorded, one in zip(likelihood.recordings, remaining, strict=True)

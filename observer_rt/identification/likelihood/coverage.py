@@ -6,7 +6,7 @@ from observer_rt.identification.likelihood.measurement import Measurement
 
 
 def coverage(measurement: Measurement) -> str:
-    """One line for a recording used as a whole, else several. Pilot, main and post are one injection."""
+    """Lines on the samples and injections of a recording; pilot, main and post are one injection."""
     recording, injections = measurement.recording, measurement.injections
     judged, left_out = len(measurement.events), injections.left_out
     lines = [
@@ -22,7 +22,7 @@ def coverage(measurement: Measurement) -> str:
 
 
 def chosen_words(measurement: Measurement) -> str:
-    """Describes how injections were chosen of a recording too long to be judged whole; empty for others."""
+    """How injections were chosen from a recording too long to be judged whole; empty for others."""
     judged, complete = len(measurement.events), measurement.injections.complete
     if judged == complete:
         return ""

@@ -58,7 +58,6 @@ class RecordingLikelihood:
         nominal = measurement.as_recorded(nominal)
         self._highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
         self._rows = windows.Rows(measurement)
-        self._latest = round(MARGIN / measurement.interval)  # samples by which the line pressure may be late
         rate = measurement.recording.sample_rate
         needed = substeps_needed(nominal.injector, rate, nominal.departures)
         self._substeps = max(needed, min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS))
@@ -96,7 +95,7 @@ class RecordingLikelihood:
         if stable is None:
             return None
         model, late = stable, self._samples_late(stable)
-        if abs(late) >= self._latest or self._substeps_of(model) > MAX_SUBSTEPS:
+        if abs(late) >= round(MARGIN / self.measurement.interval) or self._substeps_of(model) > MAX_SUBSTEPS:
             return None
         log_sigma = math.log(self._schedule(model).innovation_sigma)
         run = self._run(model)

@@ -12,10 +12,7 @@ from observer_rt.foundation.files import file_hash
 
 
 def without_copies(paths: Sequence[Path], console: Console) -> list[Path]:
-    """Recordings but for those with the content of one before, which say nothing more; they are named.
-
-    A file that is given twice stays, and is refused as such.
-    """
+    """Recordings without copies of earlier ones, which are named; a file given twice stays, and is refused later."""
     sizes = []
     for path in paths:
         with file_errors(path):
@@ -27,7 +24,7 @@ def without_copies(paths: Sequence[Path], console: Console) -> list[Path]:
         if sizes.count(size) > 1:  # else it is no copy, and need not be read for that
             with file_errors(path):
                 first = kept.setdefault(file_hash(path), path)
-        if first is not path and first.resolve() != path.resolve():
+        if first.resolve() != path.resolve():
             say(console, f"warning: {path} is left out: a copy of {first}")
         else:
             result.append(path)
@@ -41,5 +38,5 @@ def hashes(paths: Sequence[Path]) -> dict[str, str]:
 
 
 def shortened(hashes: Mapping[str, str]) -> list[str]:
-    """Recordings by name and the first digits of their SHA-256: what a file keeps of where its numbers are from."""
+    """Recordings by name and the first digits of their SHA-256, as files state where their numbers are from."""
     return [f"{name} sha256 {digest[:12]}" for name, digest in hashes.items()]

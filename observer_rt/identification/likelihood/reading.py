@@ -69,7 +69,7 @@ def _look_through(source: SignalStream, injector: InjectorParameters, console: C
 
 
 def refuse_sample_rates(recordings: Sequence[Sampled]) -> None:
-    """Refuse recordings of different sample rates."""
+    """Raise `UserError` for recordings of different sample rates."""
     first = recordings[0]
     for other in recordings[1:]:
         if abs(other.sample_rate - first.sample_rate) > _RATE_TOLERANCE * first.sample_rate:
@@ -81,7 +81,7 @@ def refuse_sample_rates(recordings: Sequence[Sampled]) -> None:
 
 
 def refuse_rates_missing(recordings: Sequence[Recording]) -> None:
-    """Refuse a measured injection rate that some recordings have and others have not."""
+    """Raise `UserError` for a measured injection rate that some recordings have and others lack."""
     first = recordings[0]
     for other in recordings[1:]:
         if (other.injection_rate is None) != (first.injection_rate is None):

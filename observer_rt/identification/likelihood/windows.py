@@ -88,21 +88,18 @@ class Rows:
         self.counted_bounds = np.concatenate(([0], np.cumsum([e.end - e.counted for e in events])))
         """(events + 1,): event i has the judged rows from counted_bounds[i] to counted_bounds[i + 1]."""
         skipped = round(RATE_DELAY * measurement.recording.sample_rate)
-        rows, times = [], []
+        near = np.zeros(self.samples.size, np.bool_)
         for event, bound in zip(events, self.bounds, strict=False):
-            near = np.zeros(event.end - event.start, np.bool_)
             for opening in event.openings:
                 end = opening.last + 1 - int(measurement.means)
-                near[opening.first - event.start + skipped : end - event.start] = True
-            rows.append(bound + np.flatnonzero(near))
-            times.append(event.start + np.flatnonzero(near))
-        self.rate_rows = np.concatenate(rows)
+                near[bound + opening.first - event.start + skipped : bound + end - event.start] = True
+        self.rate_rows = np.flatnonzero(near)
         """(m,): rows at which a measured rate is judged, if the line pressure is not recorded late.
 
         The needle is open there for RATE_DELAY or longer: how the sac begins to fill is uncertain, by the noise of
         the lift and an orifice law that is smooth at low pressure. The mean in which the needle shuts does not count.
         """
-        self.rate_samples = np.concatenate(times)
+        self.rate_samples = self.samples[self.rate_rows]
         self._injecting = np.concatenate([in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events])
         self._interval = measurement.interval
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 from operator import attrgetter
 
 import numpy as np
@@ -69,16 +70,15 @@ def name_effects(
     """
     likelihood = joint_likelihood(recordings, nominal, baseline.shape)
     effects = representatives(not recordings[0].is_free)
-    done = 0
+    fits = count(1)
 
-    def count(_: Candidate) -> None:
-        nonlocal done
-        done += 1
-        progress(done / (done + len(effects)))  # how many there will be nobody knows
+    def advance(_: Candidate) -> None:
+        done = next(fits)
+        progress(done / (done + len(effects)))  # the number of fits to come is unknown
 
     if likelihood.judge(nominal) is None:
         raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
-    fitter = Fitter(likelihood, nominal, workers, count, baseline.appears)
+    fitter = Fitter(likelihood, nominal, workers, advance, baseline.appears)
     fitter.measure(effects)
     search = Search(fitter, effects, baseline, guess)
     outcome = search.run()

@@ -11,7 +11,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.likelihood.measured_rate import GAIN_ERROR
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import mass, measured_mass, noisier, simulated
+from observer_rt.identification.likelihood.open_loop import mass, measured_mass, noisier, pressure_gap, simulated
 from observer_rt.identification.likelihood.operating_points import every_second_point
 from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model.effective import EffectiveModel
@@ -122,11 +122,11 @@ def _errors(
     Line pressure (n,); a measured rate (m,) while fuel is injected; masses (events,) against `true_masses`. seed: of
     noise that is added to the inputs of the model; None adds none.
     """
-    line, rate = measurement.recording.line_pressure, measurement.recording.injection_rate
+    rate = measurement.recording.injection_rate
     runs = simulated(measurement if seed is None else noisier(measurement, seed), model)
     masses = np.array([mass(measurement, one, model.coefficients.density) for one in runs])
     errors = {
-        LINE_PRESSURE: np.concatenate([one.line_pressure - line[one.samples] for one in runs]),
+        LINE_PRESSURE: np.concatenate([pressure_gap(measurement, one) for one in runs]),
         MASS: masses - true_masses,
     }
     if rate is not None:

@@ -13,7 +13,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.gaps import LINE_PRESSURE, ModelGaps, rms
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import SimulatedInjection, mean_mass, simulated
+from observer_rt.identification.likelihood.open_loop import SimulatedInjection, mean_mass, pressure_gap, simulated
 from observer_rt.model.effective import EffectiveModel
 
 POINT = Entry(lambda number, findings: findings.points[number], str)  # name of an operating point
@@ -45,7 +45,7 @@ def typical_overlays(
     for recording, point in chosen.items():
         measurement = measured[recording]
         every = simulated(measurement, nominal)
-        number = int(np.argmax([_missed(measurement, one) for one in every]))
+        number = int(np.argmax([rms(pressure_gap(measurement, one)) for one in every]))
         before = every[number]
         after = simulated(measurement, gaps.refitted)[number] if shown.ids else None
         last = before.event.openings[-1].last + round(SHOWN_RINGING * measurement.recording.sample_rate)
@@ -54,11 +54,6 @@ def typical_overlays(
         samples, floor = max(1, last - int(before.samples[0])), point.by_name[LINE_PRESSURE].noise_floor * MEGAPASCAL
         overlays.append(Overlay(title, measurement, before, after, samples, floor))
     return tuple(overlays)
-
-
-def _missed(measurement: Measurement, simulated_injection: SimulatedInjection) -> float:
-    """Rms of the line pressure's gap on an event [Pa]."""
-    return rms(simulated_injection.line_pressure - measurement.recording.line_pressure[simulated_injection.samples])
 
 
 @dataclass(frozen=True)
@@ -106,9 +101,9 @@ def injection_gaps(
 ) -> tuple[InjectionGap, ...]:
     """Gaps of every event, in the order of the recordings."""
     return tuple(
-        InjectionGap(recording, number, _missed(measurement, before), _missed(measurement, after))
+        InjectionGap(recording, number, *(rms(pressure_gap(measurement, run)) for run in runs))
         for recording, measurement in enumerate(measured)
-        for number, (before, after) in enumerate(
+        for number, runs in enumerate(
             zip(simulated(measurement, nominal), simulated(measurement, gaps.refitted), strict=True), start=1
         )
     )

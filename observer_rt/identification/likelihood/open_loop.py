@@ -105,6 +105,11 @@ def mass(measurement: Measurement, injection: SimulatedInjection, density: float
     return float(np.trapezoid(injection.rate[inside])) * measurement.interval * density
 
 
+def pressure_gap(measurement: Measurement, injection: SimulatedInjection) -> NDArray[np.float64]:
+    """Simulated minus measured line pressure of an event (n,) [Pa]."""
+    return injection.line_pressure - measurement.recording.line_pressure[injection.samples]
+
+
 def mean_mass(measured: Sequence[Measurement], model: EffectiveModel) -> float:
     """Mean injected mass of an event of recordings [kg]."""
     density = model.coefficients.density

@@ -10,8 +10,7 @@ from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.identification.discovery.search.candidates import Candidate, sizing
 from observer_rt.identification.likelihood.bounded_fit import fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, RecordingLikelihood
-from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import simulated
+from observer_rt.identification.likelihood.open_loop import pressure_gap, simulated
 from observer_rt.identification.likelihood.operating_points import every_second_point
 from observer_rt.model.effective import EffectiveModel
 
@@ -79,8 +78,9 @@ class HeldOutPoints:
             return None
         recordings = self._judged.recordings
         statistic = [_statistic_by_event(*pair) for pair in zip(recordings, judged, strict=True)]
-        gap = [_gap_by_event(recorded.measurement, model) for recorded in recordings]
-        return _Events(theta, np.concatenate(statistic), np.concatenate(gap))
+        measured = [recorded.measurement for recorded in recordings]
+        gap = [float(np.mean(pressure_gap(one, run) ** 2)) for one in measured for run in simulated(one, model)]
+        return _Events(theta, np.concatenate(statistic), np.array(gap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,13 +99,6 @@ def _sum_with_scatter(values: NDArray[np.float64]) -> tuple[float, float]:
     """Sum of values (events,), and its standard deviation by their scatter, which is 0 for a single event."""
     scatter = float(np.std(values, ddof=1)) * math.sqrt(values.size) if values.size > 1 else 0.0
     return float(np.sum(values)), scatter
-
-
-def _gap_by_event(measurement: Measurement, model: EffectiveModel) -> NDArray[np.float64]:
-    """Mean square of the line pressure's open-loop gap (events,) [Pa2]."""
-    line = measurement.recording.line_pressure
-    runs = simulated(measurement, model)
-    return np.array([float(np.mean((run.line_pressure - line[run.samples]) ** 2)) for run in runs])
 
 
 def _statistic_by_event(recorded: RecordingLikelihood, judged_model: JudgedModel) -> NDArray[np.float64]:

@@ -40,10 +40,10 @@ def refuse_unstable_cells(
 
 
 def in_stable_cells(model: EffectiveModel, interval: float, highest_pressure: float) -> EffectiveModel | None:
-    """The model in as many of its cells as are stable at a sample interval [s]; None where the fewest are not.
+    """The model with as many of its cells as are stable at a sample interval [s]; None if the fewest are not.
 
-    highest_pressure: of the rail [Pa], at which fuel that stiffens with pressure is stiffest; OVERSHOOT comes on top.
-    A model whose cells are stable is returned as it is.
+    highest_pressure: of the rail [Pa]; times OVERSHOOT, fuel that stiffens with pressure is stiffest there. A model
+    with stable cells is returned unchanged.
     """
     while (strain := _strain(model, interval, highest_pressure)) >= STABLE:
         cells = int(model.coefficients.line.cells)
@@ -56,7 +56,7 @@ def in_stable_cells(model: EffectiveModel, interval: float, highest_pressure: fl
 
 
 def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> float:
-    """Number that must stay below STABLE, where pressure is highest; 0 of a line without cells."""
+    """`strain` of a line at the highest pressure, which must stay below STABLE; 0 for a line without cells."""
     line = model.coefficients.line
     if not isinstance(line, WaveLine):
         return 0.0

@@ -21,7 +21,7 @@ Memory = Callable[["Lag | Resonance", Values], Values]
 
 LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
 
-# how tightly text binds: a part that binds less than its place asks for stands in parentheses
+# how tightly text binds: a part that binds less than its surroundings stands in parentheses
 _COMPARISON, _ADDITION, _FACTOR, _MINUS, _RAISED, _WHOLE = range(6)
 
 
@@ -254,7 +254,7 @@ def _printed(law: Law) -> tuple[str, int]:
         case LawTable(argument, points, values):
             knots = ", ".join(f"{point}, {value}" for point, value in zip(points, values, strict=True))
             return f"{TABLE}({argument}, {knots})", _WHOLE
-        case Call(Operation.NEGATE, (Number() as number,)):  # without parentheses it were a negative number
+        case Call(Operation.NEGATE, (Number() as number,)):  # without parentheses a negative number would be read
             return f"-({number})", _MINUS
         case Call(Operation.NEGATE, (argument,)):
             return f"-{_within(argument, _MINUS)}", _MINUS
@@ -270,6 +270,6 @@ def _printed(law: Law) -> tuple[str, int]:
 
 
 def _within(part: Law, least: int) -> str:
-    """Text of a part, in parentheses where it binds less than its place asks for."""
+    """Text of a part, in parentheses if it binds less than `least`."""
     text, binding = _printed(part)
     return f"({text})" if binding < least else text

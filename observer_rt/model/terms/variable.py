@@ -45,7 +45,7 @@ def _power(name: str, power: float) -> str:
 
 
 PURE = Unit()
-_KNOWN = {  # a unit as users write it: how many of ours, and which
+_KNOWN = {  # factor and unit by the name that users write
     "-": (1.0, PURE),
     "1": (1.0, PURE),
     "mm": (1.0, Unit(mm=1.0)),

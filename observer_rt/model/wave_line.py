@@ -251,7 +251,7 @@ def _parts(parameters: InjectorParameters) -> tuple[float, float]:
 
 
 def _of_parts(ratio: float, far: float) -> tuple[float, float]:
-    """Slopes of flow and pressure in the rail part over those of a uniform line with the same inertance and volume."""
+    """Slopes of flow and pressure in the rail part over those of a uniform line of equal inertance and volume."""
     return far + (1.0 - far) * ratio, far + (1.0 - far) / ratio
 
 

@@ -179,16 +179,9 @@ def measurement_of(
             "no complete injection" + "".join(f"; {lack}" for lack in lacks),
             f"record {LEAD * 1e3:g} ms of shut needle before an injection and {EVENT_GAP * 1e3:g} ms after it",
         )
-    levels, rate_noise = _noise(recording, openings)
-    return Measurement(
-        recording,
-        levels,
-        rate_noise,
-        events,
-        float(np.mean([rail_pressure_before(event, recording) for event in events])),
-        float(np.mean([open_time(event, recording) for event in events])),
-        injections,
-    )
+    pressure = float(np.mean([rail_pressure_before(event, recording) for event in events]))
+    duration = float(np.mean([open_time(event, recording) for event in events]))
+    return Measurement(recording, *_noise(recording, openings), events, pressure, duration, injections)
 
 
 def refuse_unshut(recording: Recording) -> None:

@@ -113,15 +113,11 @@ class Laws:
 
     def _added(self, about: Candidate, scores: Scores, rows: Sequence[tuple[int, ...]]) -> list[Candidate]:
         """Fits with the effects of these rows more, begun at the sizes by their signatures."""
-        return self._fits.laws(
-            [
-                (
-                    Hypothesis((*about.hypothesis.effects, *(scores.effects[row] for row in some))),
-                    np.append(about.theta, scores.sizes(some)),
-                )
-                for some in rows
-            ]
-        )
+        starts = []
+        for some in rows:
+            effects = (*about.hypothesis.effects, *(scores.effects[row] for row in some))
+            starts.append((Hypothesis(effects), np.append(about.theta, scores.sizes(some))))
+        return self._fits.laws(starts)
 
     def _sharpened(self, fits: list[Candidate]) -> list[Candidate]:
         """The fits, and the best of them again with the numbers within their laws free."""

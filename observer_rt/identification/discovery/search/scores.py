@@ -67,14 +67,9 @@ class Scores:
     def part(self, tried: range) -> "Scores":
         """Scores of the effects with these numbers, counted from the first; one without a signature is missing."""
         rows = np.flatnonzero((self.numbers >= tried.start) & (self.numbers < tried.stop))
-        return Scores(
-            tuple(self.effects[row] for row in rows),
-            self.numbers[rows] - tried.start,
-            self.information_of[:, rows[:, None], rows],
-            self.gradient_of[:, rows],
-            self.slopes[:, rows],
-            self.left,
-        )
+        effects, numbers = tuple(self.effects[row] for row in rows), self.numbers[rows] - tried.start
+        information, gradient = self.information_of[:, rows[:, None], rows], self.gradient_of[:, rows]
+        return Scores(effects, numbers, information, gradient, self.slopes[:, rows], self.left)
 
     def sizes(self, rows: Sequence[int]) -> NDArray[np.float64]:
         """Sizes (k,) of several rows together."""

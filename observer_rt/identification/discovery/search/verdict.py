@@ -288,11 +288,5 @@ class _Verdict:
         equations = [effect.equation for effect in leading.hypothesis.effects]
         if not equations:
             return None
-        return LargestMisfit(
-            equations[0],
-            worst_cell.phase,
-            worst_cell.signal,
-            tuple(sorted(variables)),
-            " + ".join(leading.ids),
-            self._proposals,
-        )
+        where = equations[0], worst_cell.phase, worst_cell.signal
+        return LargestMisfit(*where, tuple(sorted(variables)), " + ".join(leading.ids), self._proposals)

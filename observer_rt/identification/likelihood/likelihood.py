@@ -19,6 +19,7 @@ from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_
 from observer_rt.identification.likelihood.measured_rate import METER_ERROR, MeasuredRate
 from observer_rt.identification.likelihood.measurement import MARGIN, Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
+from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
@@ -156,12 +157,7 @@ class RecordingLikelihood:
         )
 
     def _predicted(
-        self,
-        model: EffectiveModel,
-        inputs: windows.TrueInputs,
-        late: int,
-        substeps: int,
-        shots: windows.LateShots = (),
+        self, model: EffectiveModel, inputs: TrueInputs, late: int, substeps: int, shots: windows.LateShots = ()
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
         c, offset = self.measurement.coefficients_of(model), model.sensor.offset
@@ -211,18 +207,18 @@ class RecordingLikelihood:
             self._gains[key] = schedule
         return schedule
 
-    def _inputs_of(self, model: EffectiveModel) -> windows.TrueInputs:
+    def _inputs_of(self, model: EffectiveModel) -> TrueInputs:
         """True inputs under the model's terms; only the nominal ones are cached."""
         if _input_key(model) == self._nominal_key:
             return self._nominal_inputs
         return self._inputs(self.measurement, model)
 
-    def _inputs(self, measurement: Measurement, model: EffectiveModel) -> windows.TrueInputs:
+    def _inputs(self, measurement: Measurement, model: EffectiveModel) -> TrueInputs:
         """True inputs of a recording that differs from this one at most in its lift."""
         c, terms, rail = measurement.coefficients_of(model), model.inputs, self._nominal_rail
         if terms.rail_delay != self._nominal.inputs.rail_delay:
             rail = rail_on_time(self.measurement, terms)
-        return windows.TrueInputs(measurement, terms, c, rail, model.injector.needle_law)
+        return TrueInputs(measurement, terms, c, rail, model.injector.needle_law)
 
     def _rate_noise_by_lift(self, nominal: EffectiveModel) -> NDArray[np.float64]:
         """Standard deviation of the modelled rate (m,) by the recorded lift's noise, by jitter and by the meter."""

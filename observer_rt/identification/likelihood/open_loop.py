@@ -15,6 +15,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.likelihood import windows
 from observer_rt.identification.likelihood.channel_noise import smoothing_of
 from observer_rt.identification.likelihood.measurement import JudgedEvent, Measurement
+from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import in_stable_cells, substeps_needed
 
@@ -78,7 +79,7 @@ def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulat
     late = math.floor(sensor.delay / interval)
     share = sensor.delay / interval - late
     rows = windows.Rows(measurement)
-    inputs = windows.TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
+    inputs = TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
     batch = windows.batch_of(measurement, rows, inputs, late, sensor.offset, c)
     sample_rate = measurement.recording.sample_rate
     smoothing = smoothing_of(interval)
@@ -141,18 +142,14 @@ def measured_mass(measurement: Measurement, injection: SimulatedInjection, densi
 
 def noisier(measurement: Measurement, seed: int) -> Measurement:
     """The recording with as much noise added as it has: the change of a result shows the uncertainty of it."""
-    random = np.random.default_rng(seed)
-    recording, noise = measurement.recording, measurement.noise
-
-    def moved(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-        return values + random.normal(0.0, sigma, values.size)
-
-    return replace(
-        measurement,
-        recording=replace(
-            recording,
-            rail_pressure=moved(recording.rail_pressure, noise.rail_pressure),
-            needle_lift=moved(recording.needle_lift, noise.needle_lift),
-            line_pressure=moved(recording.line_pressure, noise.line_pressure),
-        ),
+    random, recording, noise = np.random.default_rng(seed), measurement.recording, measurement.noise
+    rail, lift, line = (
+        values + random.normal(0.0, sigma, values.size)
+        for values, sigma in (
+            (recording.rail_pressure, noise.rail_pressure),
+            (recording.needle_lift, noise.needle_lift),
+            (recording.line_pressure, noise.line_pressure),
+        )
     )
+    louder = replace(recording, rail_pressure=rail, needle_lift=lift, line_pressure=line)
+    return replace(measurement, recording=louder)

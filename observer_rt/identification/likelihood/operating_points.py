@@ -94,14 +94,10 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
 
     signals = {name: np.ascontiguousarray(values[kept]) for name, values in recording.signals.items()}
     part = recording.with_arrays({"time": np.arange(kept.size, dtype=np.float64) * measurement.interval, **signals})
-    return replace(
-        measurement,
-        recording=part,
-        events=tuple(moved),
-        commands=np.concatenate(commands) if commands else None,
-        rail_pressure=float(np.mean([rail_pressure_before(event, recording) for event in ordered])),
-        duration=float(np.mean([open_time(event, recording) for event in ordered])),
-    )
+    pressure = float(np.mean([rail_pressure_before(event, recording) for event in ordered]))
+    duration = float(np.mean([open_time(event, recording) for event in ordered]))
+    split = replace(measurement, recording=part, events=tuple(moved), rail_pressure=pressure, duration=duration)
+    return replace(split, commands=np.concatenate(commands) if commands else None)
 
 
 def every_second_point(recordings: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:

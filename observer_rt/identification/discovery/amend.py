@@ -50,15 +50,10 @@ def amended_effects(
     sizes = {effect.id: effect.parameters for effect in discovery.effects}
     if again:
         sizes = _totals(parameters.model_copy(update={"effects": kept}), again, discovery, measured, healthy)
+    why = {"origin": ORIGIN, "date": date.today().isoformat()}
     added = (
-        EffectInForce(
-            id=effect.id,
-            parameters=sizes[effect.id],
-            origin=ORIGIN,
-            evidence=_reason(discovery, effect, recordings),
-            date=date.today().isoformat(),
-        )
-        for effect in discovery.effects
+        EffectInForce(id=one.id, parameters=sizes[one.id], evidence=_reason(discovery, one, recordings), **why)
+        for one in discovery.effects
     )
     return (*kept, *added)
 

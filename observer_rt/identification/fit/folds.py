@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.likelihood.measurement import Measurement, open_time, rail_pressure_before
+from observer_rt.identification.likelihood.events import open_time, rail_pressure_before
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import POINT_DURATION, distinct, events_by_point
 from observer_rt.model.accuracy import StatedAccuracy
 

@@ -12,7 +12,7 @@ import numpy as np
 from observer_rt.core.stream.stream import LOOK_BACK, dead_band
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, copied, cut, followed
-from observer_rt.identification.likelihood import measurement
+from observer_rt.identification.likelihood import events, measurement
 from observer_rt.identification.likelihood.operating_points import operating_point
 from observer_rt.identification.likelihood.white_noise import noise_level
 
@@ -26,7 +26,7 @@ class _Excerpt:
     """An injection with the standstill after it; event: by the samples of the part."""
 
     part: Chunk
-    event: measurement.JudgedEvent
+    event: events.JudgedEvent
 
     @property
     def samples(self) -> int:
@@ -55,7 +55,7 @@ class _ChosenEvents:
     def take(self, excerpt: _Excerpt) -> None:
         """Keep an injection or pass it over; others make room for it."""
         part, event = excerpt.part, excerpt.event
-        key = operating_point(measurement.rail_pressure_before(event, part), measurement.open_time(event, part))
+        key = operating_point(events.rail_pressure_before(event, part), events.open_time(event, part))
         point = self._points.setdefault(key, _Point())
         if point.seen % point.stride == 0:
             point.kept.append(excerpt)
@@ -88,16 +88,16 @@ def measured(
     measurement.refuse_slow(source)
     chosen = _ChosenEvents(most)
     samples = missing = complete = 0
-    left_out: list[measurement.LeftOut] = []
+    left_out: list[events.LeftOut] = []
     for block in _blocks(source.on_one_grid()):
-        missing += int(np.count_nonzero(measurement.missing_samples(block)[samples - block.first :]))
+        missing += int(np.count_nonzero(events.missing_samples(block)[samples - block.first :]))
         samples = block.first + block.samples
-        openings = measurement.openings_of(block)
-        events, others = measurement.events_of(block, openings)
-        complete += len(events)
+        openings = events.openings_of(block)
+        judged, others = events.events_of(block, openings)
+        complete += len(judged)
         left_out += others
-        starts = [opening.first - round(measurement.LEAD * block.sample_rate) for opening in openings]
-        for event in events:
+        starts = [opening.first - round(events.LEAD * block.sample_rate) for opening in openings]
+        for event in judged:
             chosen.take(_excerpt(block, event, starts))
         progress(samples)
     injections = measurement.FoundInjections(samples, missing, complete, tuple(left_out))
@@ -127,18 +127,18 @@ def _ends(block: Chunk) -> tuple[int, int]:
         return block.samples, block.samples
     longest = int(np.argmax(edges[1::2] - edges[::2]))
     shut, opening = (half + int(edge) for edge in edges[2 * longest : 2 * longest + 2])
-    margin = round(measurement.MARGIN * rate) + 1
-    end = min(block.samples, opening - round(measurement.COUNTED_LEAD * rate) + margin)
-    begin = opening - LOOK_BACK - round(measurement.LEAD * rate) - margin
+    margin = round(events.MARGIN * rate) + 1
+    end = min(block.samples, opening - round(events.COUNTED_LEAD * rate) + margin)
+    begin = opening - LOOK_BACK - round(events.LEAD * rate) - margin
     return max(end, shut), min(max(begin, shut), max(end, shut))
 
 
-def _excerpt(block: Chunk, event: measurement.JudgedEvent, starts: Sequence[int]) -> _Excerpt:
+def _excerpt(block: Chunk, event: events.JudgedEvent, starts: Sequence[int]) -> _Excerpt:
     """An event of a block with the standstill up to the next event; starts: of all events of the block."""
-    margin = round(measurement.MARGIN * block.sample_rate) + 1
+    margin = round(events.MARGIN * block.sample_rate) + 1
     last = event.openings[-1].last
     following = min(
-        (start - margin for start in starts if start > last - round(measurement.LEAD * block.sample_rate)),
+        (start - margin for start in starts if start > last - round(events.LEAD * block.sample_rate)),
         default=block.samples,
     )
     end = max(event.end + margin, min(following, last + round(STANDSTILL * block.sample_rate), block.samples))
@@ -150,13 +150,13 @@ def _joined(
     source: SignalStream, excerpts: Sequence[_Excerpt], injections: measurement.FoundInjections
 ) -> measurement.Measurement:
     """One recording of excerpts, with gaps between them."""
-    events, begin = [], 0
+    moved, begin = [], 0
     for excerpt in excerpts:
-        events.append(excerpt.event.moved(begin))
+        moved.append(excerpt.event.moved(begin))
         begin += excerpt.samples
     names = ("rail_pressure", "needle_lift", "line_pressure", *source.optional)
     parts = [excerpt.part.signals for excerpt in excerpts] or [dict.fromkeys(names, np.zeros(0))]
     of = {"path": source.path, "meaning": source.meaning, "meter": source.meter, "notes": source.notes}
     recording = measurement.joined(parts, source.sample_rate, **of)
-    openings = [opening for event in events for opening in event.openings]
-    return measurement.measurement_of(recording, openings, tuple(events), injections)
+    openings = [opening for event in moved for opening in event.openings]
+    return measurement.measurement_of(recording, openings, tuple(moved), injections)

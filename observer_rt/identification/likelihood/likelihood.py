@@ -16,8 +16,9 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood import jitter, windows
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time, smoothing_of
+from observer_rt.identification.likelihood.events import MARGIN
 from observer_rt.identification.likelihood.measured_rate import METER_ERROR, MeasuredRate
-from observer_rt.identification.likelihood.measurement import MARGIN, Measurement
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
 from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.baseline import HealthyShape

@@ -14,7 +14,8 @@ from observer_rt.foundation.documents import key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.likelihood import windows
 from observer_rt.identification.likelihood.channel_noise import smoothing_of
-from observer_rt.identification.likelihood.measurement import JudgedEvent, Measurement
+from observer_rt.identification.likelihood.events import JudgedEvent
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import in_stable_cells, substeps_needed

@@ -8,13 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
-from observer_rt.identification.likelihood.measurement import (
-    MARGIN,
-    JudgedEvent,
-    Measurement,
-    open_time,
-    rail_pressure_before,
-)
+from observer_rt.identification.likelihood.events import MARGIN, JudgedEvent, open_time, rail_pressure_before
+from observer_rt.identification.likelihood.measurement import Measurement
 
 POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these
 SMOOTHED = 0.2e-3  # s beside a stretch that the smoothing of the rail pressure reaches to

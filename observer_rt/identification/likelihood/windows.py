@@ -16,11 +16,13 @@ from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Sett
 from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.engine.learning.healthy import EventStretch, expected
 from observer_rt.files.signals.recording import shown_slowly
-from observer_rt.identification.likelihood.measurement import START_MEAN, JudgedEvent, Measurement, shut_mask
+from observer_rt.identification.likelihood.events import JudgedEvent, shut_mask
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
 
+START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
 RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
 

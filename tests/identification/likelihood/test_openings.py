@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import LOOK_BACK, dead_band
 from observer_rt.files.signals.recording import Recording, shown_slowly
-from observer_rt.identification.likelihood.measurement import Measurement, measurements, openings_of
+from observer_rt.identification.likelihood.events import openings_of
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.openings import GRID, find_openings, openings_without_lag, without_lag
 from observer_rt.identification.likelihood.windows import TrueInputs
 from observer_rt.model.effective import TRUE_INPUTS

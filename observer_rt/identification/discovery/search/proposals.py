@@ -64,17 +64,11 @@ def proposals_of(
     def proposal(candidate: Candidate) -> Proposal:
         half = NORMAL_975 * INTERVAL_MARGIN * fitter.sigmas(candidate)
         moves = consequence(measured, nominal, candidate.model(nominal))
-        return Proposal(
-            replace(candidate, half=tuple(half.tolist()), moves=moves, sizes_of_half=held_out.sizes(candidate)),
-            outcome.nominal.statistic - candidate.statistic,
-            phase,
-            adequate(candidate),
-            unsound(candidate.terms, nominal, seen),
-            (before, held_out.gap(candidate)),
-            probability=outcome.probability(candidate),
-            seen=seen,
-            largest_lift=nominal.injector.seat.max_lift,
-        )
+        sized = replace(candidate, half=tuple(half.tolist()), moves=moves, sizes_of_half=held_out.sizes(candidate))
+        gain, gap = outcome.nominal.statistic - candidate.statistic, (before, held_out.gap(candidate))
+        verdict = adequate(candidate), unsound(candidate.terms, nominal, seen)
+        lift, probability = nominal.injector.seat.max_lift, outcome.probability(candidate)
+        return Proposal(sized, gain, phase, *verdict, gap, probability, seen, largest_lift=lift)
 
     made = [proposal(one) for one in laws]
     if not made[0].adequate and made[0].objection in (TOO_MANY, TOO_FREE):

@@ -15,8 +15,8 @@ from observer_rt.identification.fit.calibrate import CalibrationResult, calibrat
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 from observer_rt.identification.fit.fitted_file import baseline_of, rounded
 from observer_rt.identification.fit.folds import sensor_gain, standstill, warnings
+from observer_rt.identification.fit.forms import PLAIN, STRUCTURES, Structure
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.fit.problem import PLAIN, STRUCTURES, Structure
 from observer_rt.identification.likelihood.commands import commanded_lift, commands_of
 from observer_rt.identification.likelihood.likelihood import RecordingLikelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain

@@ -12,8 +12,8 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
 from observer_rt.identification.fit.causes import TriedCause, tried_causes
 from observer_rt.identification.fit.folds import Fold, by_meter, folds_of, share_between_samples, thinned
+from observer_rt.identification.fit.forms import INERTANCE, NEEDLE, NOZZLE, STRUCTURES, FreeParameter, Structure
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.fit.problem import INERTANCE, NEEDLE, NOZZLE, STRUCTURES, FreeParameter, Structure
 from observer_rt.identification.fit.rate import rate_meter, rate_misfit
 from observer_rt.identification.fit.residuals import Comparison, compared
 from observer_rt.identification.fit.search import (

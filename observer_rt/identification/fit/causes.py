@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer_rt.identification.fit.problem import Calibration, EffectSize
+from observer_rt.identification.fit.forms import EffectSize
+from observer_rt.identification.fit.problem import Calibration
 from observer_rt.identification.fit.search import FittedStructure, fitted
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY, seen_in

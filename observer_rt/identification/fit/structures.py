@@ -11,7 +11,7 @@ import numpy as np
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.fit.folds import Fold
-from observer_rt.identification.fit.problem import (
+from observer_rt.identification.fit.forms import (
     OPTIONAL_GROUPS,
     STIFFENING,
     STIFFNESS,

@@ -12,7 +12,7 @@ from observer_rt.desk.evaluation.logged import open_source, without_truths
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.discover import DiscoveryTask
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
-from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
+from observer_rt.identification.likelihood.kept_events import evidence_of_model, read_folder
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.provenance import hashes, without_copies
 from observer_rt.identification.likelihood.reading import measured_recordings
@@ -64,7 +64,7 @@ def task_of_evidence(
     """
     named = model or (None if decoder is None else decoder.injector.parameters_path)
     wanted = None if named is None else model_hash(load_injector(named))
-    kept = evidence_against(read_folder(folder, console), folder, wanted, console)
+    kept = evidence_of_model(read_folder(folder, console), folder, wanted, console)
     start = named or kept.injector_file
     if model_hash(injector := load_injector(start)) != kept.model_sha256:
         raise UserError(

@@ -67,6 +67,8 @@ def tangent_of(c: Coefficients, theta: ByTheta, columns: int, is_commanded: bool
         by_part[BY_NOZZLE | BY_SEAT] = *theta.needle, *range(theta.first_shot, theta.first_shot + 2 * theta.shots)
     for part, acting in by_part.items():
         parts[list(acting)] |= part
-    scratch = map(np.zeros, ((n, m), (n, m), (4, n, COLUMNS), (4, n, m), (4, n, 2), (4, 2, m)))
+    by, moved, by_number = (np.zeros(shape) for shape in ((n, m), (n, m), (4, n, m)))
+    by_state, by_flow, of_flows = (np.zeros(shape) for shape in ((4, n, COLUMNS), (4, n, 2), (4, 2, m)))
     by_group = np.bitwise_or.reduce(parts.reshape(-1, COLUMNS), axis=1)
-    return Tangent(*scratch, by_group, np.zeros((n, len(c.line._fields))), theta)
+    by_coefficient = np.zeros((n, len(c.line._fields)))
+    return Tangent(by, moved, by_state, by_number, by_flow, of_flows, by_group, by_coefficient, theta)

@@ -167,7 +167,7 @@ def _as_stated(
 
 
 def choose(tried: Sequence[Trial]) -> Choice | None:
-    """The simplest of the best structures, one that conserves mass first; None if no structure could be fitted."""
+    """Choose the simplest structure as good as the best, first one that conserves mass; None if none was fitted."""
     candidates = [one for one in tried if isinstance(one, FittedStructure)]
     if not candidates:
         return None

@@ -121,8 +121,8 @@ class Law:
             case Call(operation, arguments):
                 return _NUMPY[operation](*(one._at(values, c, memory) for one in arguments))
             case LawTable(argument, points, heights):
-                knots = ([number.reckoned for number in row] for row in (points, heights))
-                return np.interp(argument._at(values, c, memory), *knots)
+                places, sizes = ([number.reckoned for number in row] for row in (points, heights))
+                return np.interp(argument._at(values, c, memory), places, sizes)
             case Lag(argument) | Resonance(argument):
                 if memory is None:
                     raise ValueError(f"'{self}' remembers: say what its memory makes of values")

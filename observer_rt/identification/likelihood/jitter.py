@@ -29,11 +29,7 @@ class ShotJitter:
     """
 
     def __init__(self, commands: Sequence[Vector], counted: NDArray[np.bool_], bounds: Bounds) -> None:
-        """Take every shot to be on time.
-
-        commands: of every event (k, 2); counted: innovations that are judged; bounds (events + 1,): of the events
-        among these.
-        """
+        """commands: of every event (k, 2); counted: judged innovations; bounds (events + 1,): of events in these."""
         self.late = [np.zeros_like(of_event) for of_event in commands]
         self.sigma = LEAST
         self.by_shots = np.empty((0, 0))

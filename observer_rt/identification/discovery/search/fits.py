@@ -65,12 +65,9 @@ class Fitter:
         appears: Mapping[str, Appearance] = MappingProxyType({}),
     ) -> None:
         """fitted: called with every new fit; appears: apparent effects of the healthy injector by id."""
-        self.likelihood = likelihood
-        self.nominal = nominal
-        self._workers = workers
+        self.likelihood, self.nominal = likelihood, nominal
+        self._workers, self._fitted, self._appears = workers, fitted, appears
         self._fits: dict[tuple[str, ...], Candidate | None] = {}  # by ids, and ROUGH or FREED after them
-        self._fitted = fitted
-        self._appears = appears
         self.signatures: dict[str, appearance.Signature] = {}
         self._sigmas: dict[_Key, NDArray[np.float64]] = {}
         self._judged: dict[_Key, list[JudgedModel] | None] = {}

@@ -136,13 +136,9 @@ class _Verdict:
     """The outcome of a search, from which the fields of a `Discovery` follow."""
 
     def __init__(self, fitter: Fitter, outcome: SearchOutcome, baseline: Healthy, held_out: HeldOutPoints) -> None:
-        self._fitter = fitter
-        self._held_out = held_out
-        self._nominal = fitter.nominal
-        self._likelihood = fitter.likelihood
+        self._fitter, self._outcome, self._baseline, self._held_out = fitter, outcome, baseline, held_out
+        self._nominal, self._likelihood = fitter.nominal, fitter.likelihood
         self._measured = [recorded.measurement for recorded in fitter.likelihood.recordings]
-        self._outcome = outcome
-        self._baseline = baseline
         self._names = _names_left(outcome)
         laws = [one for one in outcome.left or outcome.nearest if one.terms]
         self._proposals = proposals_of(laws[:MOST_PROPOSED], fitter, outcome, baseline, held_out)
@@ -218,13 +214,9 @@ class _Verdict:
         gains = [self._gain(number) for number in range(len(winner.ids))]
         result = []
         for number, (effect, gain) in enumerate(zip(winner.hypothesis.effects, gains, strict=True)):
-            instead = [
-                one
-                for name in self._names[1:]
-                if set(winner.ids) - {effect.id} <= set(name.ids)
-                for one in name.ids
-                if one not in winner.ids
-            ]
+            remaining = set(winner.ids) - {effect.id}
+            rivals = [name.ids for name in self._names[1:] if remaining <= set(name.ids)]
+            instead = [one for ids in rivals for one in ids if one not in winner.ids]
             others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
             moves = consequence(self._measured, winner.model_without(number, self._nominal), full_model)
             share = explained * gain / sum(gains)

@@ -1,7 +1,6 @@
 """Inputs of `fit` and `discover`: recordings from files, or evidence that a daemon kept, and the model."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -13,9 +12,10 @@ from observer_rt.desk.evaluation.logged import open_source, without_truths
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.discover import DiscoveryTask
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
-from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
+from observer_rt.identification.likelihood.kept_events import evidence_of_model, read_folder
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.reading import hashes, read_measured, without_copies
+from observer_rt.identification.likelihood.provenance import hashes, without_copies
+from observer_rt.identification.likelihood.reading import measured_recordings
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 
@@ -28,12 +28,12 @@ def measured_files(
     console: Console,
     most: int = MOST_SAMPLES,
 ) -> tuple[Measurement, ...]:
-    """Recordings of an injector, as `read_measured`. decoder: bench by which logs and foreign layouts are read."""
+    """Recordings of an injector, as `measured_recordings`. decoder: bench that says how logs are read."""
     density = effective_model(injector).coefficients.density
-    read = partial(open_source, bench=decoder, from_channels=from_channels, console=console, density=density)
+    sources = [open_source(path, decoder, from_channels, console, density=density) for path in paths]
     mounted = None if decoder is None else decoder.injector
     stated = () if mounted is None else effects_on_one_raster(mounted.config.signals, mounted.location)
-    return read_measured(paths, read, injector, console, most, stated)
+    return measured_recordings(sources, injector, console, most, stated)
 
 
 def task_of_recordings(
@@ -64,7 +64,7 @@ def task_of_evidence(
     """
     named = model or (None if decoder is None else decoder.injector.parameters_path)
     wanted = None if named is None else model_hash(load_injector(named))
-    kept = evidence_against(read_folder(folder, console), folder, wanted, console)
+    kept = evidence_of_model(read_folder(folder, console), folder, wanted, console)
     start = named or kept.injector_file
     if model_hash(injector := load_injector(start)) != kept.model_sha256:
         remedy = "name a copy with that content by --model, or let the observer see more injections"

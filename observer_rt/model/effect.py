@@ -1,12 +1,13 @@
 """Effects: named departures of injector, line or sensors from the nominal model, and their bounds.
 
-With it: measurements that tell effects apart which rail pressure, lift and line pressure may not.
+With them come measurements that tell effects apart where rail pressure, lift and line pressure do not.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
+from typing import Self
 
 from observer_rt.model.effective import EffectiveModel
 
@@ -40,34 +41,27 @@ class Equation(StrEnum):
 
 
 class Component(StrEnum):
-    """Part of the bench on which an effect acts, however the line between them is modelled."""
+    """Part of the bench on which an effect acts, and the equation that is violated while the effect is missing."""
 
-    RAIL_INLET = "rail_inlet"
-    LINE_FLOW = "line_flow"
-    CLOSED_END = "closed_end"
-    NEEDLE = "needle"
-    SEAT = "seat"
-    SAC = "sac"
-    NOZZLE = "nozzle"
-    CHAMBER = "chamber"
-    RAIL_SENSOR = "rail_sensor"
-    LIFT_SENSOR = "lift_sensor"
-    LINE_SENSOR = "line_sensor"
+    RAIL_INLET = "rail_inlet", Equation.LINE_FLOW
+    LINE_FLOW = "line_flow", Equation.LINE_FLOW
+    CLOSED_END = "closed_end", Equation.LINE_PRESSURE
+    NEEDLE = "needle", Equation.INPUT
+    SEAT = "seat", Equation.SAC_PRESSURE
+    SAC = "sac", Equation.SAC_PRESSURE
+    NOZZLE = "nozzle", Equation.LINE_PRESSURE
+    CHAMBER = "chamber", Equation.INPUT
+    RAIL_SENSOR = "rail_sensor", Equation.INPUT
+    LIFT_SENSOR = "lift_sensor", Equation.INPUT
+    LINE_SENSOR = "line_sensor", Equation.OUTPUT
 
+    equation: Equation
 
-_VIOLATED = {
-    Component.RAIL_INLET: Equation.LINE_FLOW,
-    Component.LINE_FLOW: Equation.LINE_FLOW,
-    Component.CLOSED_END: Equation.LINE_PRESSURE,
-    Component.NEEDLE: Equation.INPUT,
-    Component.SEAT: Equation.SAC_PRESSURE,
-    Component.SAC: Equation.SAC_PRESSURE,
-    Component.NOZZLE: Equation.LINE_PRESSURE,
-    Component.CHAMBER: Equation.INPUT,
-    Component.RAIL_SENSOR: Equation.INPUT,
-    Component.LIFT_SENSOR: Equation.INPUT,
-    Component.LINE_SENSOR: Equation.OUTPUT,
-}
+    def __new__(cls, name: str, equation: Equation = Equation.INPUT) -> Self:
+        """A member that is its name and knows its equation."""
+        member = str.__new__(cls, name)
+        member._value_, member.equation = name, equation
+        return member
 
 
 class Likeness(StrEnum):
@@ -80,9 +74,9 @@ class Likeness(StrEnum):
 
 @dataclass(frozen=True)
 class Relation:
-    """Effects that may be taken for one another.
+    """Other effects for which one may be taken; it is enough that one of two effects states it.
 
-    others: their ids; decided_by: the measurement that distinguishes them. It is enough that one of two states it.
+    others: their ids; decided_by: the measurement that distinguishes them.
     """
 
     others: tuple[str, ...]
@@ -129,12 +123,11 @@ def parameter(
 class Effect:
     """An entry of the vocabulary.
 
-    id: in lower case, as on the command line.
-    apply: leaves a model as it is at the `off` values; sentence: what it is, for a reader of reports; signature: what
-    it looks like in the signals; relations: what it may be taken for; decided_by: a measurement that distinguishes it
-    from all it has no relation to, empty when there is no such; apparent: None where its apparent size means nothing;
-    remedy: what a user does about an effect of the bench that an injector file cannot have in force; wear: whether
-    it is what injectors get as they age.
+    id: in lower case, as on the command line; apply: leaves a model unchanged at the `off` values; sentence: says to
+    a reader of reports what happens; signature: how that looks in the signals; relations: effects for which it may be
+    taken; decided_by: a measurement that distinguishes it from all effects without a relation, empty without one;
+    apparent: whether its apparent size is of interest where it was not found; remedy: what a user does about an
+    effect of the bench, which no injector file can have in force; wear: whether injectors get it as they age.
     """
 
     id: str
@@ -152,7 +145,7 @@ class Effect:
     @property
     def equation(self) -> Equation:
         """The equation that is violated while the effect is missing."""
-        return _VIOLATED[self.component]
+        return self.component.equation
 
     def relation_to(self, other: "Effect") -> Relation | None:
         """Relation to another effect, whichever of the two states it."""

@@ -1,8 +1,8 @@
-"""Models of the feed line, and the line as one lump, (19)-(20). Their laws are in core.model.
+"""The closed end that all models of the feed line share, and the line as one lump, (19)-(20); laws are in core.model.
 
 The whole state is x = [p_L at the closed end, Q_L into it, p_S, the line's further states], normalised by (24).
-`line.model` of the injector file chooses one by name, see `LINES` of `effective.py`. Every one has the members of
-`LumpLine`; another is in `wave_line.py`.
+`line.model` of the injector file chooses a model by name, see `LINES` of `effective.py`. Every model has the members
+of `LumpLine`; the one with waves is in `wave_line.py`.
 """
 
 import math

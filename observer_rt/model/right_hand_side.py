@@ -1,4 +1,4 @@
-"""Derivatives of the state by a parameter vector theta, and by the state at a start, as they are carried along."""
+"""Derivatives of the state by a parameter vector theta and by an earlier state, as the core carries them along."""
 
 from typing import NamedTuple
 
@@ -40,8 +40,8 @@ class ByTheta(NamedTuple):
 class Tangent(NamedTuple):
     """Derivatives carried with a state: `by` (n, m), of n states by m numbers, theta first; the rest is scratch.
 
-    Columns beyond those of theta are those of a change of the state: dx/dx(start), if the unit matrix at the start.
-    m fills vectors: the last columns may be of nothing.
+    Columns behind those of theta hold the derivatives by the state at the start, if they begin as the unit matrix. m
+    is a multiple of COLUMNS, so that the last columns may be unused.
     """
 
     by: NDArray[np.float64]
@@ -56,7 +56,7 @@ class Tangent(NamedTuple):
 
 
 def tangent_of(c: Coefficients, theta: ByTheta, columns: int, is_commanded: bool = False) -> Tangent:
-    """A tangent of 0, at least so many columns wide; is_commanded: the seat area is that of a needle's numbers."""
+    """A tangent of 0 with at least so many columns; is_commanded: whether the seat area follows from commands."""
     n, m = c.states, -(-columns // COLUMNS) * COLUMNS
     of_nozzle, of_seat = theta.neurons[:FIRST_OF_SEAT].sum(), theta.neurons[FIRST_OF_SEAT:].sum()
     nozzle = (theta.nozzle_bias, *theta.nozzle, *range(theta.nozzle_weight, theta.nozzle_weight + of_nozzle))
@@ -67,14 +67,8 @@ def tangent_of(c: Coefficients, theta: ByTheta, columns: int, is_commanded: bool
         by_part[BY_NOZZLE | BY_SEAT] = *theta.needle, *range(theta.first_shot, theta.first_shot + 2 * theta.shots)
     for part, acting in by_part.items():
         parts[list(acting)] |= part
-    return Tangent(
-        np.zeros((n, m)),
-        np.zeros((n, m)),
-        np.zeros((4, n, COLUMNS)),
-        np.zeros((4, n, m)),
-        np.zeros((4, n, 2)),
-        np.zeros((4, 2, m)),
-        np.bitwise_or.reduce(parts.reshape(-1, COLUMNS), axis=1),
-        np.zeros((n, len(c.line._fields))),
-        theta,
-    )
+    by, moved, by_number = (np.zeros(shape) for shape in ((n, m), (n, m), (4, n, m)))
+    by_state, by_flow, of_flows = (np.zeros(shape) for shape in ((4, n, COLUMNS), (4, n, 2), (4, 2, m)))
+    by_group = np.bitwise_or.reduce(parts.reshape(-1, COLUMNS), axis=1)
+    by_coefficient = np.zeros((n, len(c.line._fields)))
+    return Tangent(by, moved, by_state, by_number, by_flow, of_flows, by_group, by_coefficient, theta)

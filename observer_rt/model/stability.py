@@ -40,10 +40,10 @@ def refuse_unstable_cells(
 
 
 def in_stable_cells(model: EffectiveModel, interval: float, highest_pressure: float) -> EffectiveModel | None:
-    """The model in as many of its cells as are stable at a sample interval [s]; None where the fewest are not.
+    """The model with as many of its cells as are stable at a sample interval [s]; None if the fewest are not.
 
-    highest_pressure: of the rail [Pa], at which fuel that stiffens with pressure is stiffest; OVERSHOOT comes on top.
-    A model whose cells are stable is returned as it is.
+    highest_pressure: of the rail [Pa]; times OVERSHOOT, fuel that stiffens with pressure is stiffest there. A model
+    with stable cells is returned unchanged.
     """
     while (strain := _strain(model, interval, highest_pressure)) >= STABLE:
         cells = int(model.coefficients.line.cells)
@@ -56,7 +56,7 @@ def in_stable_cells(model: EffectiveModel, interval: float, highest_pressure: fl
 
 
 def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> float:
-    """Number that must stay below STABLE, where pressure is highest; 0 of a line without cells."""
+    """`strain` of a line at the highest pressure, which must stay below STABLE; 0 for a line without cells."""
     line = model.coefficients.line
     if not isinstance(line, WaveLine):
         return 0.0
@@ -67,16 +67,12 @@ def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> 
     return float(stiffened(line, stiffer).strain(interval))
 
 
-def fastest_rate(parameters: InjectorParameters, departures: Departures = NO_DEPARTURES) -> float:
+def fastest_rate(parameters: InjectorParameters, c: Coefficients) -> float:
     """Upper bound of the fastest rate [1/s] in a model, at full lift and any pressure.
 
     The orifice laws are steepest, 1/sqrt(t), at zero pressure difference; seat and nozzle act in parallel. Fuel is
     stiffest, and passes the seat densest, at the highest pressure.
     """
-    return _fastest_rate(parameters, coefficients(parameters, departures))
-
-
-def _fastest_rate(parameters: InjectorParameters, c: Coefficients) -> float:
     area = full_lift_area(parameters) / c.area_scale * (1.0 + max(-c.seat.loss, 0.0))
     fuel, chamber = parameters.fluid.in_sac, parameters.chamber.pressure
     stiffer = fuel.filling(HIGHEST_PRESSURE) / fuel.filling(chamber)
@@ -94,5 +90,5 @@ def substeps_needed(
     The number may exceed `MAX_SUBSTEPS`; whether to refuse that is the caller's decision.
     """
     c = coefficients(parameters, departures)
-    wanted = max(1, math.ceil(_fastest_rate(parameters, c) / (RK4_LIMIT * sample_rate)))
+    wanted = max(1, math.ceil(fastest_rate(parameters, c) / (RK4_LIMIT * sample_rate)))
     return int(c.line.substeps(wanted, 1.0 / sample_rate))

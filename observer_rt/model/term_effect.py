@@ -1,6 +1,11 @@
-"""Terms as effects: the size is the coefficient of their law, so they are searched, fitted and reported alike."""
+"""Terms as effects: the size of such an effect is the coefficient of its law.
+
+So terms are tried, fitted and reported as the effects of the vocabulary are. A law comes as a form: its text with
+letters in the places of the numbers that a fit may change.
+"""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -42,7 +47,9 @@ LAWS_OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
 """Effects of the vocabulary that are a law of order 1: a term with such a law is reported by the effect's name."""
 
 LETTERS = "AWFBCDEGIJKL"
-"""Letters that stand for the numbers of a form, in order, as `A` in `exp(-since/A)`."""
+"""Letters of the first number of a form, the second and so on, as `A` and `W` in `tanh((u - A)/W)`: first a position,
+a width or frequency, and a phase. H, M and P are not among them, for units have them."""
+_NUMBER = re.compile(rf"(, )?([{LETTERS}])")
 
 
 class FormNumber(NamedTuple):
@@ -60,10 +67,7 @@ class FormNumber(NamedTuple):
 
 @dataclass(frozen=True)
 class TermLaw:
-    """The law of an effect that is a term; its size is the coefficient.
-
-    form: the law as text, with letters where numbers of its own stand, empty where it has none.
-    """
+    """What an effect that is a term does to a model. law: that of `form` with `numbers` in it, times `c`."""
 
     equation: TermEquation
     law: Law
@@ -78,7 +82,7 @@ class TermLaw:
 
 @lru_cache(maxsize=4096)
 def term_effect(equation: TermEquation, form: str, numbers: tuple[FormNumber, ...] = ()) -> Effect:
-    """A term as an effect: its size is the coefficient of a law of order 1 whose numbers are fixed."""
+    """A term as an effect with one size, the coefficient; numbers: of the form, fixed. The law is of order 1."""
     applied = TermLaw(equation, _law_of(form, tuple(one.value for one in numbers)), form, numbers)
     highest = equation.bounds[1]
     lowest = max(equation.bounds[0], -highest)
@@ -87,7 +91,7 @@ def term_effect(equation: TermEquation, form: str, numbers: tuple[FormNumber, ..
 
 
 def form_freed(effect: Effect) -> Effect:
-    """A term whose numbers are further parameters of the effect, to be fitted; any other effect unchanged."""
+    """A term with its numbers as further parameters of the effect, to be fitted; any other effect unchanged."""
     law = effect.apply
     if not isinstance(law, TermLaw):
         return effect
@@ -99,7 +103,7 @@ def form_freed(effect: Effect) -> Effect:
 
 
 def form_settled(effect: Effect, numbers: Sequence[float]) -> Effect:
-    """A term whose numbers are fixed at these values, rounded; any other effect unchanged."""
+    """A term with its numbers fixed at these values, rounded; any other effect unchanged."""
     law = effect.apply
     if not isinstance(law, TermLaw):
         return effect
@@ -109,11 +113,14 @@ def form_settled(effect: Effect, numbers: Sequence[float]) -> Effect:
 
 @lru_cache(maxsize=4096)
 def _law_of(form: str, numbers: tuple[float, ...]) -> Law:
-    for letter, number in zip(LETTERS, numbers, strict=False):
-        text = f"{number:.8g}"
-        form = form.replace(f", {letter}", f", {text}")  # a table takes no parentheses
-        form = form.replace(letter, text if number >= 0.0 else f"({text})")
-    return parse(f"c*({form})")
+    """The law of a form times `c`; numbers to 8 digits, negative ones in parentheses unless they are arguments."""
+    texts = {letter: f"{number:.8g}" for letter, number in zip(LETTERS, numbers, strict=False)}
+
+    def number_text(match: re.Match[str]) -> str:
+        before, text = match[1] or "", texts[match[2]]
+        return before + text if before or not text.startswith("-") else f"({text})"
+
+    return parse(f"c*({_NUMBER.sub(number_text, form)})")
 
 
 def term_of(effect: Effect, coefficient: float) -> Term | None:

@@ -1,15 +1,16 @@
-"""The feed line as a pipe in which pressure travels: cells of volume between faces with inertia, staggered.
+"""The feed line as a pipe in which pressure travels: staggered cells of volume, and faces with inertia between them.
 
 Pressures p_1 .. p_n at i L/n, p_n at the closed end, the rail's p_0 in front; flows q_1 .. q_n at the faces before
 them, half a step earlier than the pressures. Stepped by `model.leapfrog`: with the right n, the errors of space and
 of time cancel. The end cell is half a cell and the volume beyond the pipe.
 
-What damps waves is a stress that goes with the rate at which a cell is compressed, as of a viscous fuel. That of
-the end cell must be of the same time as the flow it acts on: half a step later it would be inertia, and 1 % of mass.
+Waves are damped by a stress in proportion to the rate at which a cell is compressed, as in a viscous fuel. In the end
+cell it must belong to the same time as the flow on which it acts: half a step later it would act as inertia, and cost
+1 % of mass.
 
-Friction at the wall depends on how the flow changed before (Zielke 1968): a boundary layer that is still thin takes
-part in the flow, as inertance of some percent. For times far shorter than R^2/nu_w it pulls with sqrt(nu_w)/R times
-the flow's changes weighted by 2/sqrt(pi time), here a sum of exponentials, and of the mean flow of the line.
+Friction at the wall depends on earlier changes of the flow (Zielke 1968): a boundary layer that is still thin adds
+some percent to the inertance. For times far shorter than R^2/nu_w its pull is sqrt(nu_w)/R times the changes of the
+line's mean flow, weighted by 2/sqrt(pi time), here a sum of exponentials.
 
 x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1), p_n a step before, w_1 .. w_k: the memory of the flow].
 """
@@ -31,7 +32,7 @@ MOST_OF_A_STEP = 8  # implicit steps of the sac in one of the line's
 STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
 HALF_WAY = 0.5  # of the length, where two parts meet whose file does not state it
 DAMPING = 0.5  # m2/s, of a line whose file does not state it
-FASTER = 3.3e-3  # s^1/2, the integral of what that leaves below .01 ms: it adds to the inertance
+FASTER = 3.3e-3  # s^1/2, integral of the weights that the sum lacks below .01 ms, as a part of the inertance
 
 
 def before_at(cells: int) -> int:
@@ -55,7 +56,7 @@ def flow_at(face: int, cells: int) -> int:
 
 
 class WaveLine(model.WaveLine):
-    """A pipe as numbers; its members are as of `LumpLine`."""
+    """A pipe as numbers, with the members of `LumpLine`."""
 
     __slots__ = ()
     kind = model.WAVE
@@ -192,7 +193,7 @@ class WaveLine(model.WaveLine):
         return np.asarray(pressures @ flows, np.float64)
 
     def _drag(self, flows: NDArray[np.float64], faces: list[int], first: int, step: float) -> None:
-        """The friction that remembers, in the matrix of a step [s]; first: row of w_1."""
+        """Add the friction at the wall to the matrix of a step [s]; faces: rows of the flows; first: row of w_1."""
         change = np.mean(flows[faces], axis=0)
         change[faces] -= 1.0 / len(faces)
         pull, by_change = np.zeros_like(change), 0.0
@@ -243,14 +244,14 @@ class MeanWaveLine(WaveLine):
 
 
 def _parts(parameters: InjectorParameters) -> tuple[float, float]:
-    """Impedance near over far, and the share of the length that is far."""
+    """Ratio of the injector part's impedance to the rail part's, and the rail part's share of the length."""
     line = parameters.line
     ratio = 1.0 if line.impedance_ratio is None else line.impedance_ratio
     return ratio, HALF_WAY if line.impedance_step is None else line.impedance_step
 
 
 def _of_parts(ratio: float, far: float) -> tuple[float, float]:
-    """Slopes of flow and pressure in the far part over those of an even line as long, heavy and large as both."""
+    """Slopes of flow and pressure in the rail part over those of a uniform line of equal inertance and volume."""
     return far + (1.0 - far) * ratio, far + (1.0 - far) / ratio
 
 
@@ -273,7 +274,7 @@ def cells_for(parameters: InjectorParameters, step: float) -> int:
 
 
 def with_cells(parameters: InjectorParameters) -> InjectorParameters:
-    """The number of cells stated, so that effects on sound speed do not change it."""
+    """Parameters that state the number of cells, so that effects on the speed of sound do not change it."""
     line = parameters.line
     if line.cells is not None or line.model not in WAVE_LINES:
         return parameters

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_injector
-from observer_rt.identification.fit.problem import NOZZLE, SEAT, STIFFNESS, FreeParameter, with_values
+from observer_rt.identification.fit.forms import NOZZLE, SEAT, STIFFNESS, FreeParameter, with_values
 from observer_rt.model.plausibility import implausible
 
 

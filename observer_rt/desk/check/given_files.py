@@ -19,7 +19,7 @@ from observer_rt.files.signals.naming import BY_HEADINGS
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS, first_of
-from observer_rt.identification.likelihood.measurement import lift_noise
+from observer_rt.identification.likelihood.events import lift_noise
 
 _UNITS = {role.value: of[1:] for role, of in SIGNALS.items()}
 _UNITS |= {"injection_rate": ("mm3/ms", MM3_PER_MS), "energizing": ("", 1.0), "chamber_pressure": ("MPa", MEGAPASCAL)}

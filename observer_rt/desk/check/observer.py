@@ -63,7 +63,7 @@ def _integration(injector: BenchInjector) -> Iterator[Statement]:
     if stepping := model.coefficients.line.stepping(1.0 / rate):
         yield f"{substeps} steps a sample at {rate:g} Hz; {stepping}"
         return
-    fastest = fastest_rate(model.injector, model.departures)
+    fastest = fastest_rate(model.injector, model.coefficients)
     yield (
         f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {rate:g} Hz, for a fastest rate of {fastest:.3g} 1/s"
     )

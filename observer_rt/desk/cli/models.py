@@ -39,12 +39,14 @@ def fit(
     from observer_rt.desk.identification_inputs import measured_files
     from observer_rt.desk.library.fit import fitted_model
     from observer_rt.engine.service.injector import calibration_of
-    from observer_rt.identification.fit.calibrate import write_fitted
+    from observer_rt.identification.fit.fitted_file import write_fitted
     from observer_rt.identification.fit.folds import refuse_clipped, warnings
     from observer_rt.identification.fit.masses import read_masses
     from observer_rt.identification.fit.report import draw_fit, print_fit
-    from observer_rt.identification.likelihood import reading
+    from observer_rt.identification.likelihood import provenance
+    from observer_rt.identification.likelihood.coverage import coverage
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
+    from observer_rt.identification.likelihood.reading import refuse_rates_missing
     from observer_rt.model.effects import effective_model
 
     decoder = decoder_of(bench, injector, model)
@@ -54,19 +56,19 @@ def fit(
     for name, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
         if path is not None:
             check_output(name, path, force, suffixes=suffixes)
-    paths = reading.without_copies(without_truths(recordings, messages), messages)
+    paths = provenance.without_copies(without_truths(recordings, messages), messages)
     most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: a mass is the mean of all injections
     measured = measured_files(paths, start, decoder, from_channel, messages, most)
-    reading.refuse_rates_missing([measurement.recording for measurement in measured])
+    refuse_rates_missing([measurement.recording for measurement in measured])
     refuse_clipped(measured)
     density = effective_model(start).coefficients.density
     weighed = {} if mass is None else read_masses(mass, measured, density)
-    for line in (*map(reading.coverage, measured), *(f"warning: {warning}" for warning in warnings(measured))):
+    for line in (*map(coverage, measured), *(f"warning: {warning}" for warning in warnings(measured))):
         say(messages, line)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
             sensors = calibration_of((decoder or load_bench(model=model)).injector)
-            fitted = fitted_model(start, measured, weighed, reading.hashes(paths), progress, sensors)
+            fitted = fitted_model(start, measured, weighed, provenance.hashes(paths), progress, sensors)
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
     write_fitted(output, source, fitted.done, fitted.baseline)
@@ -115,7 +117,7 @@ def discover(
     from observer_rt.identification.discovery import discover as discovery
     from observer_rt.identification.discovery.findings import FINDINGS
     from observer_rt.identification.discovery.report.text import as_text
-    from observer_rt.identification.likelihood.reading import coverage
+    from observer_rt.identification.likelihood.coverage import coverage
 
     require("jinja2", "matplotlib")
     begin = time.monotonic()

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
 from observer_rt.foundation.errors import require
-from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, rounded
+from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
+from observer_rt.identification.fit.fitted_file import baseline_of, rounded
 from observer_rt.identification.fit.folds import sensor_gain, standstill, warnings
+from observer_rt.identification.fit.forms import PLAIN, STRUCTURES, Structure
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.fit.problem import PLAIN, STRUCTURES, Structure
 from observer_rt.identification.likelihood.commands import commanded_lift, commands_of
 from observer_rt.identification.likelihood.likelihood import RecordingLikelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain

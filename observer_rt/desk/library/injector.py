@@ -35,12 +35,13 @@ from observer_rt.identification.discovery.folder import REPORT, check_answer_fol
 from observer_rt.identification.discovery.law_words import law_text
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.proposal import Proposal
-from observer_rt.identification.fit.calibrate import write_fitted
+from observer_rt.identification.fit.fitted_file import write_fitted
 from observer_rt.identification.fit.folds import refuse_clipped
 from observer_rt.identification.fit.masses import read_masses
+from observer_rt.identification.likelihood.coverage import coverage
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.reading import coverage, read_measured, refuse_rates_missing
+from observer_rt.identification.likelihood.reading import measured_recordings, refuse_rates_missing
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import InjectorParameters
 
@@ -244,10 +245,8 @@ class Injector:
         self, sources: Sequence[SignalStream], notes: CallNotes, most: int = MOST_SAMPLES
     ) -> tuple[Measurement, ...]:
         """Looks for injections."""
-        named = {source.path: source for source in sources if source.path is not None}
-        paths = [source.path for source in sources if source.path is not None]
         stated = effects_on_one_raster(self.bench.injector.config.signals, self.bench.injector.location)
-        return read_measured(paths, named.__getitem__, self.parameters, notes.console, most, stated)
+        return measured_recordings(sources, self.parameters, notes.console, most, stated)
 
     def __repr__(self) -> str:
         return "\n".join(self._lines)

@@ -94,6 +94,6 @@ def _longest_step(model: EffectiveModel) -> tuple[float, EffectiveModel]:
     """The longest step [s], and the model for it: a line of cells gets more of them."""
     injector = model.injector
     if not isinstance(model.coefficients.line, WaveLine):
-        return min(LONGEST_STEP, STEP_TIMES_RATE / fastest_rate(injector, model.departures)), model
+        return min(LONGEST_STEP, STEP_TIMES_RATE / fastest_rate(injector, model.coefficients)), model
     line = injector.line.model_copy(update={"cells": cells_for(injector, LONGEST_WAVE_STEP)})
     return LONGEST_WAVE_STEP, replace(model, injector=injector.model_copy(update={"line": line}))

@@ -119,7 +119,7 @@ def learned_laws(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedLaw, ...
                 tuple(axes[number].unit * axes[number].grid + axes[number].origin for number in swept),
                 change,
                 Z_95 * np.sqrt(((slopes @ covariance) * slopes).sum(axis=-1)),
-                seen[0].T @ seen[1] if IS_PAIR[curve] else seen[0].any(axis=0),
+                np.einsum("ei,ej->ij", *seen) if IS_PAIR[curve] else np.logical_or.reduce(seen[0]),
                 float(probabilities[curve]),
             )
         )

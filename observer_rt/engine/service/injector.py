@@ -84,7 +84,7 @@ def _require_integrable(injector: BenchInjector, parameters: InjectorParameters,
     if substeps <= MAX_SUBSTEPS or constants.coefficients.line.resolved > 0.0:
         return
     model = effective_model(parameters)
-    fastest = fastest_rate(model.injector, model.departures)
+    fastest = fastest_rate(model.injector, model.coefficients)
     raise UserError(
         injector.location("sampling.rate_hz"),
         f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS}), "

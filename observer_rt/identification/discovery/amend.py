@@ -1,4 +1,4 @@
-"""Effects found on top of those in force, as one total for each: what the amended file must say."""
+"""The amended injector file: effects and terms in force with those found, an effect found again as one total."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from observer_rt.identification.discovery.search.results import Discovery, Fitte
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.reading import shortened
+from observer_rt.identification.likelihood.provenance import shortened
 from observer_rt.model.baseline import HealthyShape, Remainder
 from observer_rt.model.effects import effective_model, sized_in_force
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
@@ -37,12 +37,10 @@ def amended_effects(
     recordings: Mapping[str, str],
     healthy: HealthyShape | None = None,
 ) -> tuple[EffectInForce, ...]:
-    """All that the amended file has in force, nothing when no effect was found.
+    """Effects that the amended file has in force, empty if none was found.
 
-    recordings: SHA-256 by file name; healthy: mean innovation of the healthy injector, which is taken out.
-
-    An effect that is in force already and found again is fitted anew, from the model without it. Raises `RunError`
-    when that fails.
+    recordings: SHA-256 by file name; healthy: mean innovation of the healthy injector, which is subtracted. An effect
+    that was in force and is found again is fitted anew, from the model without it. Raises `RunError` if that fails.
     """
     if not discovery.effects:
         return ()
@@ -52,15 +50,10 @@ def amended_effects(
     sizes = {effect.id: effect.parameters for effect in discovery.effects}
     if again:
         sizes = _totals(parameters.model_copy(update={"effects": kept}), again, discovery, measured, healthy)
+    why = {"origin": ORIGIN, "date": date.today().isoformat()}
     added = (
-        EffectInForce(
-            id=effect.id,
-            parameters=sizes[effect.id],
-            origin=ORIGIN,
-            evidence=_reason(discovery, effect, recordings),
-            date=date.today().isoformat(),
-        )
-        for effect in discovery.effects
+        EffectInForce(id=one.id, parameters=sizes[one.id], evidence=_reason(discovery, one, recordings), **why)
+        for one in discovery.effects
     )
     return (*kept, *added)
 
@@ -68,9 +61,9 @@ def amended_effects(
 def accepted(
     parameters: InjectorParameters, discovery: Discovery, number: int, recordings: Mapping[str, str]
 ) -> tuple[tuple[EffectInForce, ...], tuple[TermInForce, ...]]:
-    """All effects and terms that the amended file has in force with a proposal, 1 for the first.
+    """Effects and terms that the amended file has in force with the proposal of a number, 1 for the first.
 
-    Raises `UserError` where there is no such proposal, or it may not enter a model.
+    Raises `UserError` if there is no such proposal, or a model may not have it.
     """
     option, many = f"--accept-term {number}", len(discovery.proposals)
     if not 1 <= number <= many:
@@ -92,7 +85,7 @@ def accepted(
 
 
 def _rounded(term: Term) -> Term:
-    """A term with its coefficient as far as anybody needs it."""
+    """A term with 6 digits of its coefficient."""
     low, high = term.interval or (term.coefficient, term.coefficient)
     value, low, high = (float(f"{each:.6g}") for each in (term.coefficient, low, high))
     return replace(term, coefficient=value, interval=(low, high))
@@ -101,7 +94,7 @@ def _rounded(term: Term) -> Term:
 def stable_cells(
     parameters: InjectorParameters, in_force: Sequence[EffectInForce], measured: Sequence[Measurement]
 ) -> int | None:
-    """Cells the amended file must state, since effects make waves faster than those of the file allow; else None."""
+    """Cells that the amended file must state if effects make waves too fast for those of the file; else None."""
     model = effective_model(parameters.model_copy(update={"effects": tuple(in_force)}))
     highest = max(float(np.nanmax(one.recording.rail_pressure)) for one in measured)
     stable = in_stable_cells(model, max(one.interval for one in measured), highest)
@@ -118,11 +111,10 @@ def write_amended(
     terms: Sequence[TermInForce] = (),
     remainder: Remainder | None = None,
 ) -> None:
-    """Write the file given with these effects and terms in force, and no others.
+    """Write the file given with exactly these effects and terms in force.
 
-    cells: its line's, None: as they are; remainder: what terms accepted in part leave.
-
-    Raises `RunError` when it would not be taken back.
+    cells: of the line, None for those of the file; remainder: residuals of terms accepted in part. Raises `RunError`
+    when the file could not be loaded again.
     """
     with file.changed(path) as document:
         content: Any = document
@@ -144,7 +136,7 @@ def _totals(
     measured: Sequence[Measurement],
     healthy: HealthyShape | None,
 ) -> dict[str, dict[str, Size]]:
-    """Parameters of the effects found, fitted to a model without them. again: those that were in force, SI."""
+    """Sizes of the effects found, fitted to a model without them; again: sizes in force before, by id [SI]."""
     base, hypothesis = effective_model(others), discovery.named.hypothesis
     before = [np.array(again.get(effect.id, 0.0 * values)) for effect, values, _ in discovery.named.parts]
     start = discovery.named.theta + np.concatenate(before)
@@ -159,7 +151,6 @@ def _totals(
 
 
 def _reason(discovery: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
-    """Reason for an effect's adoption, in a line."""
     or_else = ", ".join(effect.indistinguishable_from)
     doubt = f"; cannot be told from {or_else}" if or_else else ""
     if discovery.verdict is Verdict.AMBIGUOUS:

@@ -1,11 +1,11 @@
-"""Runs a discovery: checks, finds, names, adds and shows."""
+"""Runs a discovery: from recordings and a model to findings, with the amended model and all that reports show."""
 
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
-from functools import partial
+from typing import NamedTuple
 
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, is_same_rate
 from observer_rt.engine.learning.learned_laws import LearnedLaw, leading
@@ -13,22 +13,24 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.amend import AMENDED, ORIGIN, accepted, amended_effects
+from observer_rt.identification.discovery.disagreement import disagreements
 from observer_rt.identification.discovery.findings import Findings, is_level_measured, is_like_inertance, remedies
-from observer_rt.identification.discovery.gaps import disagreements, gaps_of
+from observer_rt.identification.discovery.gaps import gaps_of
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
 from observer_rt.identification.discovery.report.text import headline
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.proposal import Part
 from observer_rt.identification.discovery.search.proposals import variance_by_phase
-from observer_rt.identification.discovery.search.results import Cell, Verdict
+from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
+from observer_rt.identification.likelihood.coverage import chosen_words
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, with_free_needle, without_gain
 from observer_rt.identification.likelihood.operating_points import by_operating_point
-from observer_rt.identification.likelihood.reading import chosen_words, refuse_rates_missing
+from observer_rt.identification.likelihood.reading import refuse_rates_missing
 from observer_rt.model.baseline import Baseline, HealthyRemainder, Remainder
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
@@ -53,12 +55,12 @@ _AMEND_FIRST = (
 
 @dataclass(frozen=True, eq=False)
 class DiscoveryTask:
-    """Recordings to be explained, and how.
+    """Recordings to be explained, and the user's wishes.
 
-    healthy: recordings the model is judged against; hashes: SHA-256 of the recordings by name; chosen: effects the
-    user prefers among those that explain the recordings as well as each other, empty: none; accepted: number of the
-    proposal whose terms the amended model is to have, 0: none; observed: what measures the remainder of one that
-    leaves something; learned: what learns laws from the recordings, with which the search begins.
+    healthy: recordings by which the model is judged; hashes: SHA-256 of the recordings by name; chosen: effects that
+    are preferred among those that explain the recordings equally well, empty without a preference; accepted: number
+    of the proposal whose terms the amended model is to have, 0 for none; observed: measures what a proposal accepted
+    in part leaves; learned: learns laws from the recordings, with which the search begins.
     """
 
     parameters: InjectorParameters
@@ -72,7 +74,10 @@ class DiscoveryTask:
 
 
 def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
-    """Raise `UserError` for recordings that cannot be compared with the model, or not together; model: its file."""
+    """Raise `UserError` for recordings that cannot be compared with the model, or not together.
+
+    model: name of its file.
+    """
     refuse_rates_missing([one.recording for one in task.measured])
     first = task.measured[0]
     coefficients = first.coefficients_of(effective_model(task.parameters))
@@ -84,33 +89,22 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
 
     Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
     """
-    nominal = effective_model(task.parameters)
-    task = replace(task, measured=with_free_needle(task.measured), healthy=with_free_needle(task.healthy))
-    fitted = task.parameters.baseline
-    if fitted is not None and fitted.line_pressure_sensor_gain:
-        by_rail = partial(without_gain, gain=fitted.line_pressure_sensor_gain)
-        task = replace(task, measured=by_rail(task.measured), healthy=by_rail(task.healthy))
+    nominal, task = effective_model(task.parameters), _as_the_fit_saw(task)
     healthy, warning = _remembered(nominal, [*task.measured, *task.healthy])
     points = by_operating_point([with_healthy_offset(one, healthy) for one in task.measured])
     measured = [point.measurement for point in points]
-    workers = len(os.sched_getaffinity(0))
-    baseline = healthy
+    workers, baseline, begin = len(os.sched_getaffinity(0)), healthy, 0.0
     if task.healthy:
         baseline, warning = _judged_by_healthy(
             nominal, task.healthy, workers, healthy, lambda done: progress(_HEALTHY * done)
         )
-    begin = _HEALTHY if task.healthy else 0.0
+        begin = _HEALTHY
     progress(begin)
     recordings = [one.without_answers for one in task.measured]
     learned = task.learned(task.parameters, recordings) if task.learned else ()
+    choice = baseline, task.chosen, leading(learned)
     discovery = name_effects(
-        nominal,
-        measured,
-        workers,
-        lambda done: progress(begin + (_NAMED - begin) * done),
-        baseline,
-        task.chosen,
-        leading(learned),
+        nominal, measured, workers, lambda done: progress(begin + (_NAMED - begin) * done), *choice
     )
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
     accepted_term = task.accepted if task.accepted <= len(discovery.proposals) else 0
@@ -126,21 +120,9 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     amended = shown.model(nominal)
     # halves of 95 % intervals of masses, as shares, by what the proposal shown leaves
     halves = (one.part.mass_half for one in discovery.proposals if one.candidate is shown and one.part is not None)
-    in_force: tuple[EffectInForce, ...] = ()
-    if (discovery.verdict is not Verdict.AMBIGUOUS or task.chosen) and not remedies(discovery):
-        in_force = amended_effects(task.parameters, discovery, measured, task.hashes, baseline.shape)
-    terms, refused, remainder, taken = task.parameters.terms if in_force else (), "", None, 0
-    if task.accepted:
-        try:
-            in_force, terms = accepted(task.parameters, discovery, task.accepted, task.hashes)
-            taken = task.accepted
-            part = discovery.proposals[taken - 1].part
-            if part is not None:
-                remainder = _remainder(task, part, in_force, terms, [one.after for one in where])
-        except UserError as error:
-            refused = str(error)
+    amendment = _amendment(task, discovery, measured, baseline, [item.after for item in where])
     return Findings(
-        **vars(discovery) | {"accepted": taken},
+        **vars(discovery) | amendment._asdict(),
         where=where,
         gaps=gaps,
         checks=standstill_checks(
@@ -150,11 +132,7 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
         like_inertance=is_like_inertance(nominal, amended),
         level_measured=is_level_measured(nominal),
         chosen=task.chosen,
-        amended_model=AMENDED if in_force or terms else None,
-        in_force=in_force,
-        terms=terms,
-        not_accepted=refused,
-        remainder=remainder,
+        amended_model=AMENDED if amendment.in_force or amendment.terms else None,
         overlays=typical_overlays(shown, gaps, measured, nominal),
         injections=injection_gaps(gaps, measured, nominal),
         masses=mass_changes(shown, measured, nominal, next(halves, 0.0)),
@@ -170,6 +148,54 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     )
 
 
+def _as_the_fit_saw(task: DiscoveryTask) -> DiscoveryTask:
+    """The task with a free needle where no lift was measured, and without the sensor gain that a fit found."""
+    measured, healthy = with_free_needle(task.measured), with_free_needle(task.healthy)
+    fitted = task.parameters.baseline
+    if fitted is not None and (gain := fitted.line_pressure_sensor_gain):
+        measured, healthy = without_gain(measured, gain), without_gain(healthy, gain)
+    return replace(task, measured=measured, healthy=healthy)
+
+
+class _Amendment(NamedTuple):
+    """Fields of `Findings` that say which effects and terms the amended model has."""
+
+    in_force: tuple[EffectInForce, ...]
+    terms: tuple[TermInForce, ...]
+    not_accepted: str
+    remainder: Remainder | None
+    accepted: int
+
+
+def _amendment(
+    task: DiscoveryTask,
+    discovery: Discovery,
+    measured: Sequence[Measurement],
+    baseline: Healthy,
+    cells: Sequence[Cell],
+) -> _Amendment:
+    """What the amended model has: effects that are named beyond doubt or chosen, or the proposal accepted.
+
+    cells: of the map, with what was found.
+    """
+    in_force: tuple[EffectInForce, ...] = ()
+    if (discovery.verdict is not Verdict.AMBIGUOUS or task.chosen) and not remedies(discovery):
+        in_force = amended_effects(task.parameters, discovery, measured, task.hashes, baseline.shape)
+    terms = task.parameters.terms if in_force else ()
+    remainder: Remainder | None = None
+    refused, number = "", 0
+    if task.accepted:
+        try:
+            in_force, terms = accepted(task.parameters, discovery, task.accepted, task.hashes)
+            number = task.accepted
+            part = discovery.proposals[number - 1].part
+            if part is not None:
+                remainder = _remainder(task, part, in_force, terms, cells)
+        except UserError as error:
+            refused = str(error)
+    return _Amendment(in_force, terms, refused, remainder, number)
+
+
 def _remainder(
     task: DiscoveryTask,
     part: Part,
@@ -177,7 +203,7 @@ def _remainder(
     terms: tuple[TermInForce, ...],
     cells: Sequence[Cell],
 ) -> Remainder:
-    """States what a model with terms accepted in part leaves. cells: of the map, with the terms in force."""
+    """Residuals of a model with terms accepted in part. cells: of the map, with the terms in force."""
     amended = task.parameters.model_copy(update={"effects": effects, "terms": terms, "remainder": None})
     recordings = [one.without_answers for one in task.measured]
     return Remainder(
@@ -192,7 +218,7 @@ def _remainder(
 
 
 def _remembered(nominal: EffectiveModel, recordings: Sequence[Measurement]) -> tuple[Healthy, str]:
-    """Reads the healthy injector from a fitted model, with a warning about that fit, empty without one."""
+    """The healthy injector as a fitted model knows it, and a warning about that fit, empty without a doubt."""
     fitted = nominal.injector.baseline
     if fitted is None:
         return NOT_FITTED, ""
@@ -210,9 +236,9 @@ def _judged_by_healthy(
     remembered: Healthy,
     progress: Callable[[float], None],
 ) -> tuple[Healthy, str]:
-    """Judges a model by healthy recordings; also returns what they say against it, if anything.
+    """The healthy injector by healthy recordings, and a warning where they contradict the model, else empty.
 
-    remembered: what the fit of the model remembers, to which they add.
+    remembered: the healthy injector by the model's fit, to which the recordings add.
     """
     found_with = [with_healthy_offset(one, remembered) for one in healthy]
     points = [point.measurement for point in by_operating_point(found_with)]

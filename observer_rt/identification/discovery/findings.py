@@ -18,15 +18,16 @@ from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.foundation.documents import DocumentPart, Entry, Figures, Inside, Number, key
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
-from observer_rt.identification.discovery.gaps import RATE, Disagreement, ModelGaps
+from observer_rt.identification.discovery.disagreement import Disagreement
+from observer_rt.identification.discovery.gaps import RATE, ModelGaps
 from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
 from observer_rt.identification.discovery.search.candidates import Candidate, Size
 from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
 from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
-from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.open_loop import Consequence
 from observer_rt.identification.likelihood.operating_points import distinct
+from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.baseline import Remainder
 from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
@@ -224,7 +225,6 @@ def gap_entry(gaps: ModelGaps, _: object) -> GapEntry:
 
 
 def _key(unit: str) -> str:
-    """A unit as a part of a key."""
     return unit.replace("/", "_per_")
 
 

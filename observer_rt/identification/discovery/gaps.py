@@ -1,7 +1,4 @@
-"""The gap between model and measurement before and after: by operating point, and signal by phase.
-
-Operating points are those the model was not fitted to.
-"""
+"""How far models run open loop are from recordings, before and after what was found, at points held out."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,33 +7,27 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
-from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT, cells_of
 from observer_rt.identification.discovery.search.candidates import Candidate
-from observer_rt.identification.discovery.search.results import Cell, Discovery
-from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, JointLikelihood, Signal
+from observer_rt.identification.likelihood.measured_rate import GAIN_ERROR
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import mass, measured_mass, noisier, simulated
+from observer_rt.identification.likelihood.open_loop import mass, measured_mass, noisier, pressure_gap, simulated
 from observer_rt.identification.likelihood.operating_points import every_second_point
 from observer_rt.identification.likelihood.windows import in_mass_window
-from observer_rt.model.effect import Component, Effect, Equation
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.parameters import LineOutflow
 
 LINE_PRESSURE, RATE, MASS = "line_pressure", "injection_rate", "injected_mass"
 UNITS = {LINE_PRESSURE: ("MPa", MEGAPASCAL), RATE: ("mm3/ms", MM3_PER_MS), MASS: ("mg", MILLIGRAM)}
 NOISE_RUNS = 3  # with noise added, for the noise floor
-_Key = tuple[Signal, Phase, int]
 
 
 @dataclass(frozen=True)
 class Gap:
-    """Root mean squares of model minus measurement, in the unit of a quantity: nominal, amended, and what noise alone
-    would leave.
+    """Root mean squares of model minus measurement for a quantity, in its printed unit.
 
-    measured: else it is against the model amended by all recordings: before is then what the nominal model is wrong
-    if the amended one is right.
+    before, after: of the nominal model, and of the refitted one; noise_floor: that noise alone would leave; measured:
+    whether the quantity was measured. A mass that was not is compared with that of the amended model: `before` is
+    then the nominal model's error if the amended one is right.
     """
 
     name: str
@@ -47,18 +38,18 @@ class Gap:
 
     @property
     def unit(self) -> str:
-        """Its unit, as printed."""
+        """Unit of the quantity, as printed."""
         return UNITS[self.name][0]
 
     @property
     def words(self) -> str:
-        """The quantity, for people."""
+        """Name of the quantity for people."""
         return self.name.replace("_", " ")
 
 
 @dataclass(frozen=True)
 class PointGaps:
-    """The gaps of one held-out recording by quantity, the rate only where it is measured."""
+    """Gaps of one recording by quantity; a rate is among them only where it was measured."""
 
     recording: int
     by_name: Mapping[str, Gap]
@@ -66,8 +57,10 @@ class PointGaps:
 
 @dataclass(frozen=True)
 class ModelGaps:
-    """Gaps over all held-out recordings, and for each. refitted: the model with what was found, fitted to
-    `fitted_on`."""
+    """Gaps over all recordings held out, and of each.
+
+    fitted_on, held_out: numbers of recordings; refitted: the model with what was found, fitted to the former.
+    """
 
     by_name: Mapping[str, Gap]
     refitted: EffectiveModel
@@ -77,35 +70,33 @@ class ModelGaps:
 
 
 def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: EffectiveModel) -> ModelGaps:
-    """The gaps: with what was found refitted to every second operating point, on the others.
+    """Gaps of the nominal model, and of the model with what was found, fitted to every second operating point.
 
-    With one operating point there is nothing to hold out: it is fitted and shown. shown: what was found.
+    They are those at the other points; a single point is fitted and compared. shown: what was found.
     """
     amended = shown.model(nominal)
     fitted_on, held_out = every_second_point(measured)
     held_out = held_out or fitted_on
     refitted = shown.hypothesis.model(nominal, np.array(shown.sizes_of_half))
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
-    by_name = {}
-    for name, gap in points[0].by_name.items():
-        every = [point.by_name[name] for point in points]
-        before, after, floor = (  # root mean squares over recordings
-            float(np.sqrt(np.mean([getattr(one, of) ** 2 for one in every])))
-            for of in ("before", "after", "noise_floor")
-        )
-        by_name[name] = Gap(name, before, after, floor, gap.measured)
+    by_name = {name: _over_points([point.by_name[name] for point in points]) for name in points[0].by_name}
     return ModelGaps(by_name, refitted, points, fitted_on, held_out)
+
+
+def _over_points(gaps: Sequence[Gap]) -> Gap:
+    """The gap of a quantity over several recordings: the root mean square of theirs."""
+    columns = zip(*((gap.before, gap.after, gap.noise_floor) for gap in gaps), strict=True)
+    before, after, floor = (float(np.sqrt(np.mean([value**2 for value in column]))) for column in columns)
+    return Gap(gaps[0].name, before, after, floor, gaps[0].measured)
 
 
 def _point(
     number: int, measurement: Measurement, nominal: EffectiveModel, refitted: EffectiveModel, amended: EffectiveModel
 ) -> PointGaps:
+    """Gaps of a recording. amended: has the masses that count as true if no rate was measured."""
     density, is_measured = amended.coefficients.density, measurement.recording.injection_rate is not None
-    true_masses = np.array(
-        [measured_mass(measurement, one, density) for one in simulated(measurement, nominal)]
-        if is_measured
-        else [mass(measurement, one, density) for one in simulated(measurement, amended)]
-    )
+    mass_of, model = (measured_mass, nominal) if is_measured else (mass, amended)
+    true_masses = np.array([mass_of(measurement, one, density) for one in simulated(measurement, model)])
     before, after = (_errors(measurement, model, true_masses) for model in (nominal, refitted))
     noisy = [_errors(measurement, refitted, true_masses, seed) for seed in range(NOISE_RUNS)]
     own_errors = {LINE_PRESSURE: [measurement.noise.line_pressure]}
@@ -126,16 +117,16 @@ def _point(
 def _errors(
     measurement: Measurement, model: EffectiveModel, true_masses: NDArray[np.float64], seed: int | None = None
 ) -> dict[str, NDArray[np.float64]]:
-    """A model minus a recording, event after event: line pressure (n,), rate while fuel is injected (m,), where it
-    was measured, masses (events,) minus the true ones [SI].
+    """Model minus recording by quantity [SI], event after event.
 
-    seed: of noise that is added to what the model is driven with.
+    Line pressure (n,); a measured rate (m,) while fuel is injected; masses (events,) against `true_masses`. seed: of
+    noise that is added to the inputs of the model; None adds none.
     """
-    line, rate = measurement.recording.line_pressure, measurement.recording.injection_rate
+    rate = measurement.recording.injection_rate
     runs = simulated(measurement if seed is None else noisier(measurement, seed), model)
     masses = np.array([mass(measurement, one, model.coefficients.density) for one in runs])
     errors = {
-        LINE_PRESSURE: np.concatenate([one.line_pressure - line[one.samples] for one in runs]),
+        LINE_PRESSURE: np.concatenate([pressure_gap(measurement, one) for one in runs]),
         MASS: masses - true_masses,
     }
     if rate is not None:
@@ -149,65 +140,3 @@ def _errors(
 def rms(values: NDArray[np.float64]) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(values**2)))
-
-
-@dataclass(frozen=True)
-class Disagreement:
-    """One signal in one phase of one recording, with the nominal model and with what was found, or is nearest.
-
-    equation: which is violated; None where the nominal model does not disagree significantly, or nobody knows.
-    """
-
-    before: Cell
-    after: Cell
-    equation: Equation | None
-
-
-def disagreements(
-    discovery: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
-) -> tuple[Disagreement, ...]:
-    """The map of disagreement, in the order of the recordings, before and after the shown effects: the nearest, if
-    empty.
-
-    shown: effects or terms found.
-    """
-    left = discovery.after
-    if shown.ids != discovery.best.ids and shown.ids:
-        model = shown.model(nominal)
-        judged = likelihood.judge(model)
-        left = () if judged is None else cells_of(likelihood, judged, model)
-    after = {_key(cell): cell for cell in left}
-    equations = _equations(discovery, shown, likelihood, nominal)
-    result = []
-    for cell in discovery.before:
-        equation = equations.get(_key(cell)) if cell.excess > SIGNIFICANT else None
-        result.append(Disagreement(cell, after.get(_key(cell), cell), equation))
-    return tuple(result)
-
-
-def _equations(
-    discovery: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
-) -> dict[_Key, Equation]:
-    """Finds for every cell the equation of that effect without which it is explained worst."""
-    if not shown.ids and discovery.unexplained is not None:
-        return {_key(cell): discovery.unexplained.equation for cell in discovery.before}
-    worst: dict[_Key, tuple[float, Equation]] = {}
-    for number, effect in enumerate(shown.hypothesis.effects):
-        others = shown.model_without(number, nominal)
-        judged = likelihood.judge(others)
-        for cell in discovery.before if judged is None else cells_of(likelihood, judged, others):
-            key, loss = _key(cell), cell.variance
-            if key not in worst or loss > worst[key][0]:
-                worst[key] = loss, violated(effect, nominal)
-    return {key: equation for key, (_, equation) in worst.items()}
-
-
-def violated(effect: Effect, model: EffectiveModel) -> Equation:
-    """The equation of a model that is violated while an effect is missing."""
-    if effect.component is Component.NOZZLE and model.injector.line_outflow is LineOutflow.SEAT:
-        return Equation.SAC_PRESSURE  # the nozzle flow is in no other
-    return effect.equation
-
-
-def _key(cell: Cell) -> _Key:
-    return cell.signal, cell.phase, cell.recording

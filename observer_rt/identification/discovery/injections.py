@@ -1,4 +1,4 @@
-"""Injections shown: as curves, by what models miss of each, and by what was found changes of their masses."""
+"""Injections in reports: their curves, their gaps to models, and the changes of their masses by the effects found."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.gaps import LINE_PRESSURE, ModelGaps, rms
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import SimulatedInjection, mean_mass, simulated
+from observer_rt.identification.likelihood.open_loop import SimulatedInjection, mean_mass, pressure_gap, simulated
 from observer_rt.model.effective import EffectiveModel
 
 POINT = Entry(lambda number, findings: findings.points[number], str)  # name of an operating point
@@ -22,9 +22,9 @@ SHOWN_RINGING = 6e-3  # s after the last closing
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """One injection of a recording, and models over it: as given, and with what was found, None without anything.
+    """One injection of a recording under two models: `before` as given, `after` with the effects found, if any.
 
-    samples: how many are shown; noise_floor: of the line pressure [Pa]: what noise alone leaves of it.
+    samples: number of those shown; noise_floor: gap of the line pressure by noise alone [Pa].
     """
 
     title: str
@@ -38,15 +38,14 @@ class Overlay:
 def typical_overlays(
     shown: Candidate, gaps: ModelGaps, measured: Sequence[Measurement], nominal: EffectiveModel
 ) -> tuple[Overlay, ...]:
-    """Two held-out operating points, the one in the middle by its gap, and the one worst off: there the injection
-    the model misses most."""
+    """The injection with the largest gap at two operating points held out: that of the median gap, and the worst."""
     ranked = sorted(gaps.points, key=lambda point: point.by_name[LINE_PRESSURE].before)
     chosen = {point.recording: point for point in (ranked[(len(ranked) - 1) // 2], ranked[-1])}
     overlays = []
     for recording, point in chosen.items():
         measurement = measured[recording]
         every = simulated(measurement, nominal)
-        number = int(np.argmax([_missed(measurement, one) for one in every]))
+        number = int(np.argmax([rms(pressure_gap(measurement, one)) for one in every]))
         before = every[number]
         after = simulated(measurement, gaps.refitted)[number] if shown.ids else None
         last = before.event.openings[-1].last + round(SHOWN_RINGING * measurement.recording.sample_rate)
@@ -55,11 +54,6 @@ def typical_overlays(
         samples, floor = max(1, last - int(before.samples[0])), point.by_name[LINE_PRESSURE].noise_floor * MEGAPASCAL
         overlays.append(Overlay(title, measurement, before, after, samples, floor))
     return tuple(overlays)
-
-
-def _missed(measurement: Measurement, simulated_injection: SimulatedInjection) -> float:
-    """Rms of the line pressure's gap on an event [Pa]."""
-    return rms(simulated_injection.line_pressure - measurement.recording.line_pressure[simulated_injection.samples])
 
 
 @dataclass(frozen=True)
@@ -105,11 +99,11 @@ class MassChange:
 def injection_gaps(
     gaps: ModelGaps, measured: Sequence[Measurement], nominal: EffectiveModel
 ) -> tuple[InjectionGap, ...]:
-    """Every event of every recording, in order."""
+    """Gaps of every event, in the order of the recordings."""
     return tuple(
-        InjectionGap(recording, number, _missed(measurement, before), _missed(measurement, after))
+        InjectionGap(recording, number, *(rms(pressure_gap(measurement, run)) for run in runs))
         for recording, measurement in enumerate(measured)
-        for number, (before, after) in enumerate(
+        for number, runs in enumerate(
             zip(simulated(measurement, nominal), simulated(measurement, gaps.refitted), strict=True), start=1
         )
     )
@@ -118,12 +112,10 @@ def injection_gaps(
 def mass_changes(
     shown: Candidate, measured: Sequence[Measurement], nominal: EffectiveModel, left: float = 0.0
 ) -> tuple[MassChange, ...]:
-    """Every recording.
+    """Change of the mean mass of every recording.
 
-    shown: what was found, with half widths of its sizes; left: half width, as a share, that what it leaves gives a
-    mass.
+    shown: the effects found, with half widths of their sizes; left: half width of a mass, as a share, by residuals.
     """
-
     moved = [shown.hypothesis.model(nominal, shown.theta + step) for step in np.diag(shown.half)]
     result = []
     for recording, measurement in enumerate(measured):

@@ -1,9 +1,8 @@
-"""Reads the tree of a law: its size and gates, and whether it is a straight line over a physical quantity."""
+"""Structure of a law: its size, its gates, and the straight line over a physical quantity that it may be."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 
@@ -21,7 +20,7 @@ GATES = {
 
 @dataclass(frozen=True)
 class Subject:
-    """A physical quantity: one variable, or the difference of two; unit: of its values."""
+    """A physical quantity, one variable or the difference of two: words and unit; of: factor of every variable."""
 
     words: str
     unit: str
@@ -91,7 +90,7 @@ def with_unit(number: str, unit: str) -> str:
 
 
 def product_of(law: Law) -> Product:
-    """Split a law into its factors; the coefficient counts as 1."""
+    """The factors of a law; its coefficient counts as 1."""
     match law:
         case Coefficient():
             return Product(1.0, (), ())
@@ -103,12 +102,8 @@ def product_of(law: Law) -> Product:
             product = product_of(argument)
             return Product(-product.size, product.gates, product.factors)
         case Call(Operation.MULTIPLY, arguments):
-            parts = [product_of(one) for one in arguments]
-            size = parts[0].size * parts[1].size
-            gates, factors = (
-                tuple(chain.from_iterable(getattr(one, name) for one in parts)) for name in ("gates", "factors")
-            )
-            return Product(size, gates, factors)
+            left, right = map(product_of, arguments)
+            return Product(left.size * right.size, left.gates + right.gates, left.factors + right.factors)
         case Call(Operation.DIVIDE, (argument, Number() as number)) if number != ZERO:
             product = product_of(argument)
             return Product(product.size / number.reckoned, product.gates, product.factors)
@@ -116,7 +111,7 @@ def product_of(law: Law) -> Product:
 
 
 def line_of(law: Law) -> StraightLaw | None:
-    """The law as a straight line over one physical quantity, as its values say; None if it is not one."""
+    """The law as a straight line over one physical quantity, by its values; None for any other law."""
     variables = sorted(law.variables)
     if not variables or law.variables & set(GATES) or law.has_coefficient or law.remembers:
         return None
@@ -140,5 +135,5 @@ def line_of(law: Law) -> StraightLaw | None:
 
 
 def _rounded(value: float) -> float:
-    """Free of rounding errors, so that equal lines are equal."""
+    """A value to 12 digits: without rounding errors equal lines are equal."""
     return float(f"{value:.12g}")

@@ -1,4 +1,4 @@
-"""Laws in the words of an engineer: one sentence, physical numbers with units, digits as the interval deserves."""
+"""Laws in the words of an engineer: one sentence with physical numbers, units and significant digits."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -49,15 +49,15 @@ _AS_IF: Mapping[TermEquation, tuple[str, str, str]] = {
         "the rail pressure were {} lower than measured", "the rail pressure were {} higher than measured",
     ),
 }  # fmt: skip
-"""By equation: of any law, and of a simple one with a negative coefficient and a positive one."""
+"""Phrases by equation: for any law, and for a simple one with a negative and with a positive coefficient."""
 
 
 @dataclass(frozen=True)
 class Reading:
     """A simple law in words.
 
-    size: factor of the coefficient; per: quantity that the amount refers to, empty where it is a
-    plain amount; where: when and where it is so much.
+    size: factor of the coefficient; where: when and where the law has this size; per: unit of the quantity with which
+    the amount grows, empty for a plain amount.
     """
 
     size: float
@@ -75,9 +75,9 @@ def as_if(term: Term, largest_lift: float | None = None) -> str:
 
 
 def plain_words(term: Term, largest_lift: float | None = None) -> str:
-    """Such as `the nozzle lost 21 % of its flow from 0.605 ms after the opening on`; empty where no words are simple.
+    """Such as `the nozzle lost 21 % of its flow from 0.605 ms after the opening on`; empty without simple words.
 
-    largest_lift: of the needle [m]; None where it is not known.
+    largest_lift: of the needle [m]; None if unknown.
     """
     largest = {} if largest_lift is None else {Variable.MAX_LIFT: Number(largest_lift / MILLIMETRE)}
     product = product_of(term.law.replaced(largest))
@@ -166,7 +166,7 @@ def _read(factors: tuple[Law, ...]) -> Reading | None:
 
 
 def _squared(left: StraightLaw | None, right: StraightLaw | None, words: str) -> Reading | None:
-    """The product of two straight lines over the same quantity, from the same place on."""
+    """The product of two straight lines that are 0 at the same value of one quantity."""
     if left is None or right is None or (left.subject, left.zero) != (right.subject, right.zero):
         return None
     power = _power_of(right, words)
@@ -174,7 +174,6 @@ def _squared(left: StraightLaw | None, right: StraightLaw | None, words: str) ->
 
 
 def _read_one(law: Law) -> Reading | None:
-    """Words for one factor: a straight line over a quantity, or an operation on one."""
     line = line_of(law)
     if line is not None:
         return _in_proportion(line)
@@ -234,7 +233,6 @@ def _kinked(line: StraightLaw) -> Reading:
 
 
 def _step(line: StraightLaw, before: str, size: float) -> Reading:
-    """From a place on, or before it."""
     if line.slope < 0.0:
         return Reading(size, f"{before} {line.subject.at(line.zero)}")
     if line.subject.of == {Variable.INJECTION_NUMBER: 1.0}:
@@ -259,7 +257,7 @@ def _wave(line: StraightLaw) -> Reading | None:
 
 
 def _decay(law: Law) -> float | None:
-    """Time [ms] in which exp(-time_since_opening/A) falls."""
+    """A [ms] of exp(-time_since_opening/A); None for another law."""
     line = line_of(law.parts[0])
     fades = line is not None and line.subject.of == SINCE and line.slope < 0.0 and not line.zero
     return -1.0 / line.slope if line is not None and fades else None
@@ -271,7 +269,7 @@ def _round(line: StraightLaw) -> Reading:
 
 
 def _fading(line: StraightLaw) -> Reading | None:
-    """exp(-(u - A)/W)."""
+    """The law exp(-(u - A)/W) of a quantity u."""
     if line.slope >= 0.0:
         return None
     width = line.subject.amount(-1.0 / line.slope, 2)
@@ -279,7 +277,7 @@ def _fading(line: StraightLaw) -> Reading | None:
 
 
 def _power_of(line: StraightLaw, words: str) -> Reading | None:
-    """At a round value of the quantity; the law is 0 where that is."""
+    """A power of a straight line, stated at the value of the quantity where the power is 1."""
     if line.slope <= 0.0:
         return None
     subject, reference = line.subject, 1.0 / line.slope

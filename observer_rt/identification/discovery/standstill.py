@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,8 +49,8 @@ def standstill_checks(
 ) -> tuple[StandstillFigure, ...]:
     """Offset, slope and noise of every recording, and the lag of a sensor over all recordings.
 
-    usual_offset: of the line-pressure sensor on the healthy injector [Pa]. A lag does not show at rest, a ringing
-    recorded late being a ringing like any other: it is its residual beside the amended model, from opening on.
+    usual_offset: of the line-pressure sensor on the healthy injector [Pa]. Nothing at rest shows a lag, for ringing
+    that is recorded late looks like any other: it is found beside the amended model, from the opening on.
     """
     result: list[StandstillFigure] = []
     for number, measurement in enumerate(measured):
@@ -67,13 +67,15 @@ def _of_recording(
     number: int, measurement: Measurement, c: Coefficients, usual_offset: float
 ) -> list[StandstillFigure]:
     noise, result = measurement.noise, list[StandstillFigure]()
-    means = _period_means(measurement, 2.0 * math.pi / c.line.mode)
-    if means is not None:
+    stretches = _period_means(measurement, 2.0 * math.pi / c.line.mode)
+    if sum(one.differences.size for one in stretches) >= _FEWEST_BLOCKS:
+        means = _PeriodMeans(*map(np.concatenate, zip(*stretches, strict=True)))
         offset, scatter = float(np.mean(means.differences)), float(np.std(means.differences, ddof=1))
         moved = offset - usual_offset, scatter / math.sqrt(means.differences.size)
+        slope = _slope(means, len(stretches))
         result = [
             _judged("rail_line_offset", number, *moved, MEGAPASCAL, "MPa", OFFSET_TOLERATED),
-            _judged("line_pressure_slope", number, *means.slope(), MEGAPASCAL, "MPa/s", SLOPE_TOLERATED),
+            _judged("line_pressure_slope", number, *slope, MEGAPASCAL, "MPa/s", SLOPE_TOLERATED),
         ]
     levels = [
         ("rail_pressure_noise", noise.rail_pressure / MEGAPASCAL, "MPa"),
@@ -88,14 +90,13 @@ def _of_recording(
 def _judged(
     name: str, number: int | None, value: float, sigma: float, si: float, unit: str, tolerated: float
 ) -> StandstillFigure:
-    """A figure and its standard deviation [SI], which stands out beyond both that and its tolerance."""
+    """A figure that passes within its tolerance or SIGNIFICANT standard deviations; value, sigma, tolerated in SI."""
     passed = abs(value) <= max(tolerated, SIGNIFICANT * sigma)
     return StandstillFigure(name, number, value / si, sigma / si, unit, passed)
 
 
-@dataclass(frozen=True, eq=False)
-class _PeriodMeans:
-    """Means over whole periods of the line, in which its ringing cancels (b,), SI.
+class _PeriodMeans(NamedTuple):
+    """Means over whole periods of the line, in which its ringing cancels, (b,) each, SI.
 
     differences: line minus rail pressure; times, lines: from the means of their stretch of standstill.
     """
@@ -103,38 +104,35 @@ class _PeriodMeans:
     differences: NDArray[np.float64]
     times: NDArray[np.float64]
     lines: NDArray[np.float64]
-    stretches: int
-
-    def slope(self) -> tuple[float, float]:
-        """Slope of the line pressure within the stretches, and its standard deviation [Pa/s]."""
-        spread, freedom = float(self.times @ self.times), self.times.size - self.stretches - 1
-        if not spread > 0.0 or freedom < 1:
-            return 0.0, math.inf
-        slope = float(self.times @ self.lines) / spread
-        left = self.lines - slope * self.times
-        return slope, math.sqrt(float(left @ left) / freedom / spread)
 
 
-def _period_means(measurement: Measurement, period: float) -> _PeriodMeans | None:
-    """None where too little of the needle's rest is there."""
+def _period_means(measurement: Measurement, period: float) -> list[_PeriodMeans]:
+    """Means in every stretch of standstill that lasts a period [s] or longer."""
     recording = measurement.recording
     signals = recording.time, recording.line_pressure, recording.rail_pressure
     size = max(1, round(period * recording.sample_rate))
-    places = np.flatnonzero(_calm(measurement))
-    moments = []
-    for stretch in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
+    calm = np.flatnonzero(_calm(measurement))
+    means = []
+    for stretch in np.split(calm, np.flatnonzero(np.diff(calm) > 1) + 1):
         if stretch.size >= size:
             rows = stretch[: stretch.size - stretch.size % size].reshape(-1, size)
             time, line, rail = (signal[rows].mean(axis=1) for signal in signals)
-            moments.append((line - rail, time - time.mean(), line - line.mean()))
-    if sum(differences.size for differences, *_ in moments) < _FEWEST_BLOCKS:
-        return None
-    differences, times, lines = (np.concatenate(each) for each in zip(*moments, strict=True))
-    return _PeriodMeans(differences, times, lines, len(moments))
+            means.append(_PeriodMeans(line - rail, time - time.mean(), line - line.mean()))
+    return means
+
+
+def _slope(means: _PeriodMeans, stretches: int) -> tuple[float, float]:
+    """Slope of the line pressure within the stretches, and its standard deviation [Pa/s]."""
+    spread, freedom = float(means.times @ means.times), means.times.size - stretches - 1
+    if not spread > 0.0 or freedom < 1:
+        return 0.0, math.inf
+    slope = float(means.times @ means.lines) / spread
+    left = means.lines - slope * means.times
+    return slope, math.sqrt(float(left @ left) / freedom / spread)
 
 
 def _calm(measurement: Measurement) -> NDArray[np.bool_]:
-    """Samples (n,) with both pressures, SETTLED and more after the needle was last seen open, or not seen."""
+    """Samples (n,) with both pressures, SETTLED and more after the last one with an open or unknown needle."""
     recording = measurement.recording
     opens, _ = dead_band(measurement.noise.needle_lift)
     every, settled = np.arange(recording.samples), round(SETTLED * recording.sample_rate)
@@ -144,9 +142,9 @@ def _calm(measurement: Measurement) -> NDArray[np.bool_]:
 
 
 def _apparent(effect: Effect, judged: Sequence[JudgedModel], moved: Sequence[JudgedModel]) -> StandstillFigure:
-    """Size of an effect on top of a judged model by one Gauss-Newton step on the innovations, as if it were alone.
+    """Size of a single effect beside a judged model, by one Gauss-Newton step on the innovations.
 
-    moved: the model with the effect as small as it matters.
+    moved: the model with the effect at its dead zone.
     """
     parameter = effect.parameters[0]
     here = np.concatenate([one.z for one in judged])

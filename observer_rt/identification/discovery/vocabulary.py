@@ -43,7 +43,6 @@ def as_json(effects: Iterable[Effect]) -> dict[str, Any]:
 
 
 def _more(effect: Effect, in_detail: bool) -> list[str]:
-    """Lines below what an effect is."""
     lines = [f"shows as: {effect.signature}"] if in_detail else []
     sizes = [p for p in effect.parameters if p.dead_zone > 0.0]
     if in_detail and sizes:

@@ -1,10 +1,11 @@
-"""Tries what may have caused what a fit leaves: effects of the vocabulary, the likeliest by refits with them."""
+"""Possible causes of the residuals of a fit: effects of the vocabulary, the likeliest tried by refits with them."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from observer_rt.identification.fit.problem import Calibration, EffectSize
+from observer_rt.identification.fit.forms import EffectSize
+from observer_rt.identification.fit.problem import Calibration
 from observer_rt.identification.fit.search import FittedStructure, fitted
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY, seen_in
@@ -18,7 +19,7 @@ EXPLAINED = 0.1  # of a mean chi2 beyond noise, up to which an effect explains i
 
 @dataclass(frozen=True, eq=False)
 class TriedCause:
-    """An effect in a structure fitted again with it. before: mean chi2 without."""
+    """An effect, and the structure fitted again with it; before: mean chi2 without the effect."""
 
     effect: Effect
     fit: FittedStructure
@@ -26,12 +27,12 @@ class TriedCause:
 
     @property
     def explains(self) -> bool:
-        """Whether little is left with it."""
+        """Whether the residuals are small with the effect."""
         return self.fit.left.mean - 1.0 <= EXPLAINED * min(self.before - 1.0, 10.0)
 
     @property
     def is_of_bench(self) -> bool:
-        """Whether a sensor has it: the recordings are wrong then, not the model."""
+        """Whether the effect is a sensor's: then the recordings are wrong, not the model."""
         return self.effect.component.endswith("_sensor")
 
     @property
@@ -46,7 +47,7 @@ class TriedCause:
 
 
 def tried_causes(best: FittedStructure) -> tuple[TriedCause, ...]:
-    """The likeliest causes of what a structure leaves, the best first; none where no effect promises much."""
+    """The likeliest causes of a structure's residuals, the best first; empty if no effect promises much."""
     sizes = [EffectSize.of_effect(one) for one in seen_in(has_lift=True) if one.parameters]
     gains = {size: _gain(best, size) for size in sizes}
     left = best.minimum.at.residuals
@@ -61,9 +62,9 @@ def tried_causes(best: FittedStructure) -> tuple[TriedCause, ...]:
 
 
 def _gain(best: FittedStructure, size: EffectSize) -> float:
-    """By how much -2 log L would fall with an effect, all parameters fitted again.
+    """Fall of -2 log L with an effect and all parameters fitted again, to first order.
 
-    To first order: what the parameters can do as well is taken from what the effect does.
+    Only the part of the effect's change that no parameter can make counts.
     """
     at, free = best.minimum.at, best.calibration.free
     calibration = Calibration(best.injector, (*free, size), best.calibration.folds)

@@ -1,4 +1,4 @@
-"""Judges every fold by what the others say of the parameters."""
+"""Judges every fold with the parameters that the other folds give."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -6,17 +6,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.identification.fit.problem import INERTANCE, Calibration
+from observer_rt.identification.fit.forms import INERTANCE
+from observer_rt.identification.fit.problem import Calibration
 from observer_rt.identification.fit.residuals import UnexplainedSignal, pooled
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Every fold judged by what the others say of the parameters.
+    """Every fold judged with the parameters that the other folds give.
 
-    unexplained: of the line pressure; mass_shift: by what share the mass of its injections moves when a fold is left
-    out (folds,), which is how sure masses are at operating points nobody fitted.
+    unexplained: residuals of the line pressure; mass_shift (folds,): change of the mass of a fold's injections, as a
+    share, when it is left out: the uncertainty of masses at operating points that were not fitted.
     """
 
     unexplained: UnexplainedSignal
@@ -24,7 +25,7 @@ class HeldOut:
 
 
 def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
-    """Judges every fold so, by the minimum of all; None for a single one, or where without one there is no solution.
+    """All folds judged, from the minimum of all; None for a single fold, and if there is no solution without one.
 
     theta without a fold is one Newton step from the minimum: it is near, and all slopes are known there.
     """
@@ -43,7 +44,7 @@ def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
 
 
 def without(calibration: Calibration, at: Quadratic, number: int) -> NDArray[np.float64]:
-    """theta by all folds but one, its own offset as it is, and the level, which may be measured in that one."""
+    """theta by all folds but one. The offset of this one stays, and so does the level, which it may have measured."""
     own = calibration.residuals_of(at.theta, number)
     assert own is not None  # the minimum has it
     alone = linearise(partial(calibration.residuals_of, number=number), at.theta, own, calibration.ranges)

@@ -203,6 +203,5 @@ def oddities(done: CalibrationResult) -> list[str]:
 
 
 def _beyond_physics(done: CalibrationResult) -> list[ImplausibleNumber]:
-    """Implausible numbers among the parameters fitted."""
     names = {one.name for one in done.fitted.calibration.free}
     return [one for one in implausible(done.injector) if one.name in names]

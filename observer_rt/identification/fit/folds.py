@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.likelihood.measurement import Measurement, open_time, rail_pressure_before
+from observer_rt.identification.likelihood.events import open_time, rail_pressure_before
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import POINT_DURATION, distinct, events_by_point
 from observer_rt.model.accuracy import StatedAccuracy
 
@@ -29,11 +30,11 @@ DRIFT = 0.05 * MEGAPASCAL  # and of what it differs by from recording to recordi
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """Data that are left out to judge a fit by: a recording, or some events of the only one.
+    """A part of the data that can be left out of a fit: a recording, or some events of the only one.
 
-    measurement: its events shortened; recording: number of its recording; weights: how
-    many injections of the recording each event stands for (events,); weighed: mean mass, None: not measured;
-    rate_shape: whether a measured rate counts sample by sample, and not by its integrals alone.
+    measurement: with shortened events; recording: its number; weights (events,): number of injections for which each
+    event stands; weighed: mean mass, None if not measured; rate_shape: whether a measured rate counts sample by
+    sample, and not by its integrals alone.
     """
 
     measurement: Measurement
@@ -51,10 +52,10 @@ class Fold:
 
 
 def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeanMass]) -> tuple[Fold, ...]:
-    """Every recording as a fold; of a single one its operating points, or else its events by halves.
+    """Every recording as a fold; a single recording is divided by operating points, or else into halves.
 
-    A single one whose mass was measured stays whole: the mass is that of all its injections. weighed: by the number
-    of the recording.
+    A single one with a measured mass stays whole, for the mass is that of all its injections. weighed: masses by the
+    number of the recording.
     """
     short = []
     for recording in recordings:
@@ -129,7 +130,7 @@ def refuse_clipped(recordings: Sequence[Measurement]) -> None:
 
 
 def _clipped(values: NDArray[np.float64], both: bool) -> tuple[float, int] | None:
-    """The edge at which a noisy signal stays, and its longest run there; None where it does not."""
+    """The edge at which a noisy signal stays, and its longest run there; None for a signal that does not."""
     present = values[np.isfinite(values)]
     if present.size < 2 or float(np.mean(np.diff(present) == 0.0)) > _FINE:
         return None  # so coarse, or so smooth, that equal samples say nothing
@@ -143,15 +144,15 @@ def _clipped(values: NDArray[np.float64], both: bool) -> tuple[float, int] | Non
 
 
 def share_between_samples(measurement: Measurement) -> float:
-    """Standard deviation of a mass, as a share: instants far apart miss where the needle leaves and meets its seat.
+    """Standard deviation of a mass, as a share, by lift edges that lie between instants far apart.
 
-    A mean over the sample period does not, for it holds what flowed in between.
+    It is 0 for means, which contain the flow between the samples.
     """
     return 0.0 if measurement.means else BETWEEN_SAMPLES * max(0.0, (measurement.interval - FAST) / (SLOW - FAST))
 
 
 def warnings(recordings: Sequence[Measurement]) -> list[str]:
-    """Reasons why a result is less sure, in sentences."""
+    """Reasons for which a fit of these recordings is uncertain, in sentences."""
     result = []
     events = [(one, event) for one in recordings for event in one.events]
     pressures = distinct(rail_pressure_before(event, one.recording) for one, event in events)
@@ -177,10 +178,9 @@ def warnings(recordings: Sequence[Measurement]) -> list[str]:
 
 
 def sensor_gain(recordings: Sequence[Measurement], calibration: StatedAccuracy) -> float:
-    """The gain g of y = (1 + g) p_L + o by rest at the pressures of the recordings; 0 of sensors without any.
+    """The gain g of y = (1 + g) p_L + o by standstill at the pressures of all recordings; 0 for exact sensors.
 
-    From all together: with one pressure a recording the offsets of the recordings would absorb it, and the level with
-    it; with several no model explains it.
+    A fit cannot find it: with one pressure in each recording the offsets would absorb it, and falsify the level.
     """
     if calibration.gain == 0.0:
         return 0.0

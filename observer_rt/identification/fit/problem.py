@@ -1,248 +1,38 @@
-"""Defines the problem of a fit: structures and free parameters, residuals, identifiability."""
+"""The problem of a fit: residuals as a function of free parameters and offsets, and the certainty at a minimum."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import STEP
-from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROSECOND, MILLIMETRE, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.fit.folds import Fold, standstill
-from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, Quadratic, Range, Residuals
+from observer_rt.identification.fit.forms import STIFFENING, FreeParameter, with_values
+from observer_rt.identification.likelihood.bounded_fit import Quadratic, Range, Residuals
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
-from observer_rt.model.effect import Effect
-from observer_rt.model.effective import EffectiveModel, coefficients
-from observer_rt.model.effects import VOCABULARY, effective_model
-from observer_rt.model.hydraulics import CONTROL_END, CONTROL_START
-from observer_rt.model.parameters import FEWEST_CELLS, EffectInForce, EffectValue, InjectorParameters, LineOutflow
-from observer_rt.model.wave_line import DAMPING, RESOLVED, STABLE, cells_for
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.wave_line import RESOLVED, STABLE
 
-CALM = 0.93  # of what a step may be, so that a fit can still move
-_DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
 OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
 _DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
 _MOST_KEPT = 24  # residuals cached of a fold: those of a linearisation
 UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
-LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
-_TRIED = "tried"  # origin of an effect that is not the file's
-
-
-@dataclass(frozen=True)
-class FreeParameter:
-    """A parameter of the injector file that a fit sizes, on a logarithmic scale or a linear one.
-
-    symbol: as in the equations; section, key: where it stands in the file; unit, si: of printed values; lowest,
-    highest: bounds [SI]; start: where the file has none, or, on a logarithmic scale, 0 [SI]; spread: standard
-    deviation of its logarithm before anything was measured. linear: size [SI] of 1 on a linear scale, on which
-    the spread is about `start` then; 0: it is logarithmic.
-    """
-
-    symbol: str
-    section: str
-    key: str
-    unit: str
-    si: float
-    lowest: float
-    highest: float
-    start: float
-    spread: float
-    linear: float = 0.0
-
-    @property
-    def name(self) -> str:
-        """Such as `line.loss_factor`."""
-        return f"{self.section}.{self.key}"
-
-    def stated(self, injector: InjectorParameters) -> float | None:
-        """Value [SI] in an injector's file; None where it has none."""
-        value: float | None = getattr(getattr(injector, self.section), self.key)
-        return value
-
-    def of(self, injector: InjectorParameters) -> float:
-        """Value [SI] of an injector, within the bounds."""
-        stated = self.stated(injector)
-        value = self.start if stated is None or not (stated or self.linear) else stated
-        return float(np.clip(value, self.lowest, self.highest))
-
-    def theta_of(self, value: float) -> float:
-        """A value [SI] on its scale."""
-        return value / self.linear if self.linear else math.log(value)
-
-    def value_of(self, theta: float) -> float:
-        """Value [SI] of a place on its scale."""
-        return theta * self.linear if self.linear else math.exp(theta)
-
-    def interval(self, value: float, sigma: float) -> tuple[float, float]:
-        """95 % interval of a value [SI] whose standard deviation on its scale is `sigma`."""
-        half = NORMAL_975 * min(sigma, self.spread if self.linear else LARGEST_SIGMA)
-        if self.linear:
-            return max(value - half * self.linear, self.lowest), min(value + half * self.linear, self.highest)
-        return value * math.exp(-half), value * math.exp(half)
-
-
-@dataclass(frozen=True)
-class EffectSize(FreeParameter):
-    """Size of an effect of the vocabulary beside those in force, on a linear scale of its dead zones."""
-
-    @classmethod
-    def of_effect(cls, effect: Effect) -> Self:
-        """Its first parameter's; the others are where a search begins."""
-        first = effect.parameters[0]
-        lowest, highest, scale = first.lowest, first.highest, first.dead_zone
-        spread = (highest - lowest) / scale
-        return cls(first.name, "effects", effect.id, first.unit, first.si, lowest, highest, 0.0, spread, scale)
-
-    def stated(self, injector: InjectorParameters) -> float | None:
-        """Value [SI] in force; None where it is not."""
-        sizes = [each.parameters[self.symbol].value for each in injector.effects if self._is_made(each)]
-        return self.si * sizes[0] if sizes else None
-
-    def in_force(self, injector: InjectorParameters, value: float) -> InjectorParameters:
-        """An injector with the effect at a value [SI]."""
-        parameters = VOCABULARY[self.key].parameters
-        values = [value, *(one.starts[0] for one in parameters[1:])]
-        sizes = {
-            one.name: EffectValue(value=size / one.si, unit=one.unit)
-            for one, size in zip(parameters, values, strict=True)
-        }
-        others = [each for each in injector.effects if not self._is_made(each)]
-        effect = EffectInForce(id=self.key, parameters=sizes, origin=_TRIED)
-        return injector.model_copy(update={"effects": (*others, effect)})
-
-    def _is_made(self, effect: EffectInForce) -> bool:
-        return (effect.id, effect.origin) == (self.key, _TRIED)
-
-
-STIFFNESS = FreeParameter("K_L", "fluid", "bulk_modulus_line", "GPa", 1e9, 0.2e9, 8e9, 1.6e9, 0.5)
-LOSS = FreeParameter("xi", "line", "loss_factor", "-", 1.0, 0.01, 500.0, 8.0, 1.0)
-SEAT = FreeParameter("alpha_S", "seat", "flow_coefficient", "-", 1.0, 0.05, 5.0, 0.75, 0.5)
-NOZZLE = FreeParameter("alpha_H", "nozzle", "flow_coefficient", "-", 1.0, 0.05, 5.0, 0.78, 0.5)
-SAC = FreeParameter("V_S", "nozzle", "sac_volume", "mm3", CUBIC_MILLIMETRE, 1e-11, 1e-6, 1e-9, 1.0)
-WAVE_DAMPING = FreeParameter("nu", "line", "damping", "m2/s", 1.0, 0.01, 20.0, DAMPING, 2.0)
-END = FreeParameter("V_E", "line", "end_volume", "mm3", CUBIC_MILLIMETRE, 1e-10, 1e-5, 1e-8, 2.0)
-WALL = FreeParameter("nu_w", "line", "wall_viscosity", "mm2/s", 1e-6, 1e-7, 1e-4, 4e-6, 1.0)
-INLET = FreeParameter("xi_I", "line", "inlet_loss_factor", "-", 1.0, 0.01, 500.0, 4.0, 1.5)
-RATIO = FreeParameter("Z_2/Z_1", "line", "impedance_ratio", "-", 1.0, 0.2, 5.0, 1.0, 0.5)
-JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5, 0.5)
-INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
-"""Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass gives the level."""
-STIFFENING = FreeParameter("K_1", "fluid", "bulk_modulus_by_pressure", "-", 1.0, 0.1, 20.0, 10.5, 1.0, 1.0)
-"""Free where the fuel stiffens; its prior is what is known of fuels, so it is never left to the file.
-
-K_0 is then that of `STIFFNESS`.
-"""
-_TIME = 1e-4  # s
-CONTROL_FLOW = FreeParameter("c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 30e-6, 0.0, 4.0, MM3_PER_MS)
-CONTROL = (
-    CONTROL_FLOW,
-    FreeParameter("t_on", "line", "control_start", "us", MICROSECOND, -0.2e-3, 0.8e-3, CONTROL_START, 0.8, _TIME),
-    FreeParameter("t_off", "line", "control_end", "us", MICROSECOND, -0.4e-3, 0.8e-3, CONTROL_END, 0.8, _TIME),
-    FreeParameter("h", "line", "control_hold", "-", 1.0, -1.0, 1.0, 0.0, 0.3, 1.0),
-    FreeParameter("n", "line", "control_exponent", "-", 1.0, -2.0, 2.0, 0.0, 0.4, 1.0),
-)
-"""Of the pilot valve of a servo injector."""
-DISPLACEMENT = FreeParameter("A_d", "line", "displacement", "mm2", 1e-6, -6e-6, 6e-6, 0.0, 1.5, 1e-6)
-NEEDLE = (
-    FreeParameter("t_o", "needle", "opening_delay", "us", MICROSECOND, 10e-6, 5e-3, 0.3e-3, 0.3),
-    FreeParameter("v_o", "needle", "opening_speed", "m/s", 1.0, 0.05, 10.0, 0.8, 0.2),
-    FreeParameter("t_c", "needle", "closing_delay", "us", MICROSECOND, 10e-6, 5e-3, 0.3e-3, 0.4),
-    FreeParameter("v_c", "needle", "closing_speed", "m/s", 1.0, 0.05, 10.0, 0.9, 0.2),
-)
-"""Free where the lift was not measured; speeds at 100 MPa."""
-OPTIONAL_GROUPS = (CONTROL, (DISPLACEMENT,))
-"""What an injector has or has not, in groups that begin with what must be beyond doubt."""
-
-
-@dataclass(frozen=True)
-class Structure:
-    """A form of the model: what drains the line, which line it is, and the parameters a fit sizes in it."""
-
-    name: str
-    outflow: LineOutflow
-    line: str
-    free: tuple[FreeParameter, ...]
-
-    def of(self, injector: InjectorParameters, spare: float = 1.0) -> InjectorParameters:
-        """An injector in this form, its numbers as they are, its line in the cells that serve it best.
-
-        spare: by what factor the stiffness, and more than that the damping, may still grow in these cells.
-        """
-        keys: dict[str, object] = {"model": self.line, "cells": None}
-        if RATIO not in self.free:
-            keys |= {RATIO.key: None, JOINT.key: None}
-        keys |= {one.key: None for one in (WALL, INLET) if one not in self.free}
-        line = injector.line.model_copy(update=keys)
-        formed = injector.model_copy(update={"line_outflow": self.outflow, "line": line})
-        if WAVE_DAMPING not in self.free:
-            return formed
-        return _in_cells(formed, _cells(formed, spare))
-
-
-def _cells(injector: InjectorParameters, spare: float) -> int:
-    """The cells that serve it best, or as many as are stable with what may still grow."""
-    free = (STIFFNESS, WAVE_DAMPING)
-    grown = with_values(injector, free, values_of(injector, free) * [spare, spare**4])
-    best = cells_for(injector, STEP)
-    for cells in range(best, FEWEST_CELLS, -1):
-        if coefficients(_in_cells(grown, cells)).line.strain(STEP) <= CALM:
-            return cells
-    return FEWEST_CELLS
-
-
-def _in_cells(injector: InjectorParameters, cells: int) -> InjectorParameters:
-    return injector.model_copy(update={"line": injector.line.model_copy(update={"cells": cells})})
-
-
-_ORIFICES = (SEAT, NOZZLE, SAC)
-_WAVES = (STIFFNESS, LOSS, WAVE_DAMPING, END)
-_LINES: Sequence[tuple[str, str, tuple[FreeParameter, ...]]] = (
-    ("lump", "one lump", (STIFFNESS, LOSS)),
-    ("wave", "waves", _WAVES),
-    ("wave", "waves with wall friction", (*_WAVES, WALL)),
-    ("wave", "waves behind a throttle", (*_WAVES, INLET)),
-    ("wave", "waves with both", (*_WAVES, WALL, INLET)),
-    ("wave_two_part", "waves in two parts", (*_WAVES, RATIO, JOINT)),
-)
-STRUCTURES: tuple[Structure, ...] = tuple(
-    Structure(f"{words}, {drained}", outflow, line, (*free, *_ORIFICES))
-    for line, words, free in _LINES
-    for outflow, drained in _DRAINED.items()
-)
-"""All that are tried, the simplest first."""
-PLAIN = STRUCTURES[:4]
-"""One lump, and waves without losses of their own."""
-
-
-def with_values(
-    injector: InjectorParameters, free: Sequence[FreeParameter], values: NDArray[np.float64]
-) -> InjectorParameters:
-    """An injector with other values (p,) [SI] of its free parameters."""
-    sections: dict[str, dict[str, float]] = {}
-    for parameter, value in zip(free, values, strict=True):
-        if isinstance(parameter, EffectSize):
-            injector = parameter.in_force(injector, float(value))
-            continue
-        sections.setdefault(parameter.section, {})[parameter.key] = float(value)
-    changed = {name: getattr(injector, name).model_copy(update=keys) for name, keys in sections.items()}
-    return injector.model_copy(update=changed)
-
-
-def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> NDArray[np.float64]:
-    """Values (p,) [SI] of the free parameters of an injector."""
-    return np.array([parameter.of(injector) for parameter in free])
 
 
 class Calibration:
-    """Its residuals are a problem. theta: (p + folds,) parameters on their scales, then an offset [MPa] of each fold.
+    """The problem of a fit, whose residuals are a function of theta.
 
-    What a fold's residuals depend on is its own offset only, so those of the others are taken from memory.
+    theta: (p + folds,) the parameters on their scales, then an offset [MPa] of each fold. A step of one offset
+    changes the residuals of its fold alone; those of the others are remembered.
     """
 
     def __init__(self, start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold]) -> None:
-        """start: the injector in the structure to be fitted, which the prior is centred at."""
+        """start: the injector in the structure to be fitted, at which the prior is centred."""
         self.free = tuple(free)
         self.folds = tuple(folds)
         self._injector = start
@@ -253,15 +43,13 @@ class Calibration:
         offsets = [standstill(fold.measurement)[0] / MEGAPASCAL for fold in folds]
         self.centre = np.concatenate([numbers, offsets])
         """Where a search begins, (p + folds,)."""
-        self.prior_mean = self.centre.copy()
-        """The same, but what is usual of parameters on a linear scale."""
-        for number, parameter in enumerate(free):
-            if parameter.linear:
-                self.prior_mean[number] = parameter.theta_of(parameter.start)
+        usual = [one.theta_of(one.start) if one.linear else theta for one, theta in zip(free, numbers, strict=True)]
+        self.prior_mean = np.concatenate([usual, offsets])
+        """The same, but for parameters on a linear scale their usual values."""
 
     @property
     def prior_sigmas(self) -> NDArray[np.float64]:
-        """(p + folds,)"""
+        """Standard deviations of theta (p + folds,) before anything was measured."""
         return np.array([one.spread for one in self.free] + [OFFSET_SIGMA / MEGAPASCAL] * len(self.folds))
 
     @property
@@ -302,10 +90,10 @@ class Calibration:
         return complete if len(complete) == len(judged) else None
 
     def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        """Line pressure, rate and masses of every fold, then what the prior says of theta.
+        """Line pressure, rate and masses of every fold, then theta beside its prior; None without a solution.
 
-        Of the line pressure, means of a few innovations: short waves, which cells do not carry as a pipe does, would
-        be made up for by the stiffness and the volume at the end, at the cost of the level.
+        The line pressure counts by means of a few innovations. Cells do not carry short waves as a pipe does: single
+        innovations would change stiffness and end volume for them, at the cost of the level.
         """
         judged = self.judge_all(theta)
         if judged is None:
@@ -317,7 +105,7 @@ class Calibration:
     def _groups(self, number: int, judged_model: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
         fold = self.folds[number]
         samples = max(1, round(RESOLVED / fold.measurement.interval))
-        # What is left over is left out.
+        # whole blocks only
         blocks = judged_model.z[: judged_model.z.size - judged_model.z.size % samples].reshape(-1, samples)
         pressure = np.asarray(blocks.sum(axis=1) / math.sqrt(samples), np.float64)
         return [
@@ -334,9 +122,9 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class Certainty:
-    """Certainty of the parameters by the data alone, the offsets unknown.
+    """Certainty of the parameters by the data alone, with unknown offsets.
 
-    sigmas: on their scales (p,), very large where nothing is determined.
+    sigmas: standard deviations on the scales (p,), very large for a parameter that the data do not determine.
     """
 
     free: tuple[FreeParameter, ...]
@@ -344,14 +132,14 @@ class Certainty:
 
     @property
     def undetermined(self) -> FreeParameter | None:
-        """The least certain of the parameters that are not determined."""
+        """The least certain of the parameters that the data do not determine; None if they determine all."""
         shares = self.sigmas / [math.inf if one is STIFFENING else one.spread for one in self.free]
         worst = int(np.argmax(shares))
         return self.free[worst] if shares[worst] > UNDETERMINED else None
 
 
 def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Certainty:
-    """At a minimum. inflation: of the variance, where residuals are more than noise."""
+    """Certainty at a minimum; inflation: factor of the variance for residuals that are more than noise."""
     p = len(calibration.free)
     data = at.information - np.diag(calibration.prior_sigmas**-2)
     own, cross, offsets = data[:p, :p], data[:p, p:], data[p:, p:]

@@ -18,7 +18,8 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, Z_95
 from observer_rt.identification.fit.calibrate import CalibrationResult
 from observer_rt.identification.fit.document import FitDocument, verdict_words
 from observer_rt.identification.fit.folds import spread
-from observer_rt.identification.likelihood.measurement import Measurement, open_time, rail_pressure_before
+from observer_rt.identification.likelihood.events import open_time, rail_pressure_before
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SimulatedInjection, simulated
 from observer_rt.identification.likelihood.operating_points import point_name
 

@@ -16,7 +16,8 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.fit.folds import Fold
 from observer_rt.identification.fit.problem import Calibration
-from observer_rt.identification.likelihood.likelihood import JudgedModel, Pool, RecordingLikelihood, Signal, pool_of
+from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
+from observer_rt.identification.likelihood.signals import Pool, Signal, pool_of
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import InjectorParameters
 
@@ -25,7 +26,7 @@ Pair = Annotated[dict[str, Number], Field(description="`file`: by the model give
 
 @dataclass(frozen=True, eq=False)
 class UnexplainedSignal:
-    """Residuals of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples."""
+    """Residuals of a signal: mean squares by phase, 1 for noise alone, nan without samples."""
 
     statistics: PhaseStatistics
 
@@ -34,7 +35,7 @@ class UnexplainedSignal:
 
     @cached_property
     def chi2(self) -> Mapping[Phase, float]:
-        """Mean square by phase, of means of 8 samples, which coloured residuals fill; of samples if it is shorter."""
+        """Mean square by phase, of means of 8 samples, which coloured residuals fill; of samples in a short phase."""
         has_blocks, quotients = self.statistics.blocks[:, 0] > 0.0, self.statistics.quotients
         return self._by_phase(lambda phase: float(quotients[phase, 1 if has_blocks[phase] else 0]))
 
@@ -49,7 +50,7 @@ class UnexplainedSignal:
         return self._by_phase(self.statistics.colour)
 
     def excess(self, phase: Phase) -> float:
-        """Root mean square of what chi2 is of beyond noise, in standard deviations of a sample."""
+        """Root mean square beyond noise of the means that chi2 is of, in standard deviations of a sample."""
         samples = BLOCKS[0] if self.statistics.blocks[phase, 0] else 1
         return math.sqrt(max(self.chi2[phase] - 1.0, 0.0) / samples)
 
@@ -65,7 +66,7 @@ class UnexplainedSignal:
 
 
 def pooled(recordings: Sequence[RecordingLikelihood], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
-    """Pools the line pressure of folds."""
+    """Residuals of the line pressure on all folds together."""
     return UnexplainedSignal(pool_of(recordings, judged)[Signal.LINE_PRESSURE])
 
 
@@ -91,10 +92,7 @@ class RecordingMass(DocumentPart):
 
 @dataclass(frozen=True, eq=False)
 class ModelOnFolds:
-    """A model on the recordings as they are, their rail pressure not averaged.
-
-    models: with the offset of each fold.
-    """
+    """A model on all folds, with the rail pressure as recorded; models: with the offset of each fold."""
 
     folds: Sequence[Fold]
     pool: Pool
@@ -103,7 +101,7 @@ class ModelOnFolds:
 
     @classmethod
     def of(cls, injector: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]) -> Self | None:
-        """Judges it on folds; None without a finite solution. offsets: of the line-pressure sensor by fold [MPa]."""
+        """An injector's model on folds, None without a finite solution; offsets (folds,): of the sensor [MPa]."""
         calibration = Calibration(injector, (), folds)
         judged = calibration.judge_all(offsets)
         if judged is None:
@@ -116,7 +114,7 @@ class ModelOnFolds:
         return UnexplainedSignal(self.pool[signal]).chi2[phase]
 
     def rms(self, signal: Signal, phase: Phase) -> float:
-        """Root mean square in the signal's unit: normalised one times the standard deviation of the normalisation."""
+        """Root mean square in the signal's unit."""
         sigma = math.sqrt(self.pool[signal].variance(phase)) / signal.si
         if signal is Signal.INJECTION_RATE:
             return sigma * float(np.mean([fold.measurement.rate_noise for fold in self.folds]))
@@ -135,18 +133,18 @@ class ModelOnFolds:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """The fitted model and the file's on the same folds. before: None where the file's has no solution."""
+    """The file's model and the fitted one on the same folds; before: None if the file's has no solution."""
 
     before: ModelOnFolds | None
     after: ModelOnFolds
 
     @cached_property
     def left(self) -> UnexplainedSignal:
-        """What the fitted model leaves of the line pressure."""
+        """Residuals of the line pressure with the fitted model."""
         return UnexplainedSignal(self.after.pool[Signal.LINE_PRESSURE])
 
     def share(self, phase: Phase) -> float:
-        """Residuals in a phase beyond noise, over what the flow does to the line pressure."""
+        """Residuals in a phase beyond noise, as a share of the swing of the line pressure by the flow."""
         return self.left.excess(phase) * self.after.innovation / self._swing
 
     @cached_property
@@ -180,7 +178,7 @@ class Comparison:
         )
 
     def masses(self, level: float) -> tuple[RecordingMass, ...]:
-        """Masses of every fold; level: times these, where the gain of a sensor was taken out before."""
+        """Masses of every fold; level: factor on all, for a sensor's gain that was removed before the fit."""
         return tuple(
             RecordingMass(
                 recording=str(fold.measurement.recording.path or fold.recording),
@@ -202,5 +200,5 @@ def compared(
     try:
         before = ModelOnFolds.of(file, offsets, folds)
     except UserError:
-        before = None  # too few samples for its sac: nothing to compare with
+        before = None  # too slow a sample rate for the sac of the file
     return Comparison(before, after)

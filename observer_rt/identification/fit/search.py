@@ -1,9 +1,8 @@
-"""Fits one structure: coarsely for comparison, and in full for the one that is chosen.
+"""Fits one structure: coarsely for comparison, and in full if it is chosen.
 
-Where a search begins: the stiffness and damping of the line, of many, that explain the recordings best.
-
-How long a wave takes to and fro decides which period of the ringing the model's falls upon: from a stiffness 5 %
-wrong (at 20 kHz) a search ends beside the minimum, with no damping or at the edge of what its cells can step.
+A search begins at the stiffness and damping of the line, among many, that explain the recordings best: a wave's
+travel time decides with which period of the ringing the model is compared. From a stiffness 5 % wrong (at 20 kHz) a
+search ends beside the minimum, without damping or at the stability limit of its cells.
 """
 
 import math
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.fit import problem
+from observer_rt.identification.fit import forms, problem
 from observer_rt.identification.fit.cross_validation import HeldOut, held_out
 from observer_rt.identification.fit.folds import Fold, thinned
 from observer_rt.identification.fit.residuals import UnexplainedSignal, pooled
@@ -29,7 +28,7 @@ MOST_FITS = 3  # of a structure, as its cells change with the sound speed found
 STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart
 SPARE = 1.2  # by which the stiffness that a search begins with may be too small
 DAMPINGS = (0.5, 2.0)  # m2/s; a strong one makes the minimum wide
-STIFFENINGS = (1.0, problem.STIFFENING.start)  # K_1 of a wave speed that hardly depends on pressure, and of fuels
+STIFFENINGS = (1.0, forms.STIFFENING.start)  # K_1 of a wave speed that hardly depends on pressure, and of fuels
 SURE = 4.0  # standard deviations of a control flow or a displacement, below which there is none
 LEAST = 0.1  # mm3/ms, mm2: what no mass notices
 EXPLAINED = 5.0  # mean chi2, below which a search has not ended beside the minimum
@@ -37,12 +36,13 @@ EXPLAINED = 5.0  # mean chi2, below which a search has not ended beside the mini
 
 @dataclass(frozen=True, eq=False)
 class FittedStructure:
-    """A structure at its best.
+    """A structure at its minimum.
 
-    judged: of every fold there; left: of the line pressure on the recordings it was fitted to.
+    judged: every fold at the minimum; left: residuals of the line pressure on the recordings of the fit; held_out:
+    those on recordings left out, None if none could be.
     """
 
-    structure: problem.Structure
+    structure: forms.Structure
     calibration: problem.Calibration
     minimum: Minimum
     judged: Sequence[JudgedModel]
@@ -66,7 +66,7 @@ class FittedStructure:
 
     @property
     def certainty(self) -> problem.Certainty:
-        """Certainty of the parameters; residuals that are more than noise say less."""
+        """Certainty of the parameters, reduced where residuals are more than noise."""
         return problem.certainty(self.calibration, self.minimum.at, max(1.0, self.left.mean))
 
 
@@ -74,14 +74,14 @@ class FittedStructure:
 class FailedStructure:
     """A structure that could not be fitted, with the reason."""
 
-    structure: problem.Structure
+    structure: forms.Structure
     reason: str
 
 
 def fitted(
-    structure: problem.Structure,
+    structure: forms.Structure,
     start: InjectorParameters,
-    free: Sequence[problem.FreeParameter],
+    free: Sequence[forms.FreeParameter],
     folds: Sequence[Fold],
     iterations: int,
     spare: float = 1.0,
@@ -116,7 +116,7 @@ def fitted(
 
 
 def _fit(
-    start: InjectorParameters, free: Sequence[problem.FreeParameter], folds: Sequence[Fold], iterations: int
+    start: InjectorParameters, free: Sequence[forms.FreeParameter], folds: Sequence[Fold], iterations: int
 ) -> tuple[problem.Calibration, Minimum | None]:
     calibration = problem.Calibration(start, free, folds)
     return calibration, fit(calibration.residuals, calibration.centre, calibration.ranges, iterations)
@@ -124,21 +124,21 @@ def _fit(
 
 def settled(
     best: FittedStructure, start: InjectorParameters, folds: Sequence[Fold]
-) -> tuple[FittedStructure, tuple[problem.FreeParameter, ...]]:
-    """The chosen structure fitted to `folds`, and the parameters left to the file since the data do not tell them.
+) -> tuple[FittedStructure, tuple[forms.FreeParameter, ...]]:
+    """The chosen structure fitted to `folds`, and the parameters left to the file, which the data do not determine.
 
-    start: the file's injector. One parameter at a time is left to the file, the least certain: with it fixed the
+    start: the file's injector. The least certain parameter is left to it first, then the next one: with one fixed the
     others may be determined.
     """
-    left_out: list[problem.FreeParameter] = []
+    left_out: list[forms.FreeParameter] = []
     free, now = list(best.calibration.free), best
     while True:
-        numbers = problem.with_values(now.injector, left_out, problem.values_of(best.structure.of(start), left_out))
+        numbers = forms.with_values(now.injector, left_out, forms.values_of(best.structure.of(start), left_out))
         again = fitted(best.structure, numbers, free, folds, FINE_ITERATIONS)
         if isinstance(again, FailedStructure):
             return now, tuple(left_out)
         now = again
-        groups = [group for group in problem.OPTIONAL_GROUPS if group[0] in free and group not in certain_groups(now)]
+        groups = [group for group in forms.OPTIONAL_GROUPS if group[0] in free and group not in certain_groups(now)]
         if groups:
             doubtful = [one for group in groups for one in group if one in free]
             left_out += doubtful
@@ -152,17 +152,14 @@ def settled(
 
 
 def searched(
-    structure: problem.Structure,
-    file: InjectorParameters,
-    free: Sequence[problem.FreeParameter],
-    folds: Sequence[Fold],
+    structure: forms.Structure, file: InjectorParameters, free: Sequence[forms.FreeParameter], folds: Sequence[Fold]
 ) -> FittedStructure | FailedStructure:
-    """A structure fitted coarsely from the numbers of the file, the line's stiffness and damping being sought first.
+    """A structure fitted coarsely from the numbers of the file.
 
-    A line in one lump has no travelling waves: the file's numbers do. Where a search ends with much unexplained
-    they are sought once more, by the orifices found by then.
+    In a line with waves, stiffness and damping are scanned first, and once more with the orifices found where the
+    first search leaves much unexplained.
     """
-    if problem.WAVE_DAMPING not in structure.free:
+    if forms.WAVE_DAMPING not in structure.free:
         return fitted(structure, file, free, folds, ROUGH_ITERATIONS)
     few = tuple(thinned(fold, 1) for fold in folds)
     start = _best(structure, _around(file, free), free, few)
@@ -178,10 +175,10 @@ def searched(
     return other if is_better else structure_fit
 
 
-def certain_groups(structure: FittedStructure) -> tuple[tuple[problem.FreeParameter, ...], ...]:
-    """Groups of `OPTIONAL_GROUPS` that an injector has beyond doubt, or as stated."""
+def certain_groups(structure: FittedStructure) -> tuple[tuple[forms.FreeParameter, ...], ...]:
+    """Groups of `OPTIONAL_GROUPS` whose first parameter is certain, or stated in the file."""
     free, sigmas, groups = structure.calibration.free, structure.certainty.sigmas, []
-    for group in problem.OPTIONAL_GROUPS:
+    for group in forms.OPTIONAL_GROUPS:
         size, sigma = group[0].of(structure.injector), 0.0
         if group[0] in free:
             sigma = max(SURE * float(sigmas[free.index(group[0])]), LEAST) * group[0].linear
@@ -190,24 +187,24 @@ def certain_groups(structure: FittedStructure) -> tuple[tuple[problem.FreeParame
     return tuple(groups)
 
 
-def _around(injector: InjectorParameters, free: Sequence[problem.FreeParameter]) -> list[InjectorParameters]:
-    fuels = [np.array([])] if problem.STIFFENING not in free else [np.array([each]) for each in STIFFENINGS]
-    sized = (problem.STIFFNESS, problem.WAVE_DAMPING, *(one for one in free if one is problem.STIFFENING))
+def _around(injector: InjectorParameters, free: Sequence[forms.FreeParameter]) -> list[InjectorParameters]:
+    fuels = [np.array([])] if forms.STIFFENING not in free else [np.array([each]) for each in STIFFENINGS]
+    sized = (forms.STIFFNESS, forms.WAVE_DAMPING, *(one for one in free if one is forms.STIFFENING))
     return [
-        problem.with_values(injector, sized, np.array([stiffness, damping, *fuel]))
-        for stiffness in problem.STIFFNESS.of(injector) * STIFFNESSES
+        forms.with_values(injector, sized, np.array([stiffness, damping, *fuel]))
+        for stiffness in forms.STIFFNESS.of(injector) * STIFFNESSES
         for damping in DAMPINGS
         for fuel in fuels
     ]
 
 
 def _best(
-    structure: problem.Structure,
+    structure: forms.Structure,
     starts: Sequence[InjectorParameters],
-    free: Sequence[problem.FreeParameter],
+    free: Sequence[forms.FreeParameter],
     folds: Sequence[Fold],
 ) -> InjectorParameters:
-    """Start with the least -2 log L, nothing fitted."""
+    """The start with the least -2 log L before any fit."""
 
     def statistic(start: InjectorParameters) -> float:
         calibration = problem.Calibration(structure.of(start), free, folds)

@@ -1,6 +1,6 @@
 """Tries structures of the model on few events, the fullest line of each kind first, and chooses one.
 
-Chosen is the simplest of those that explain recordings they were not fitted to as well as the best.
+The choice is the simplest structure that explains recordings left out as well as the best one does.
 """
 
 import math
@@ -11,7 +11,7 @@ import numpy as np
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.fit.folds import Fold
-from observer_rt.identification.fit.problem import (
+from observer_rt.identification.fit.forms import (
     OPTIONAL_GROUPS,
     STIFFENING,
     STIFFNESS,
@@ -43,9 +43,9 @@ Trial = FittedStructure | FailedStructure
 
 @dataclass(frozen=True)
 class Choice:
-    """The structure chosen, the others, and why, in words.
+    """The structure chosen, and the reason in words.
 
-    as_good: those that explain the recordings as well, the one chosen among them.
+    tried: all structures; as_good: those that explain the recordings as well as the best, with the one chosen.
     """
 
     best: FittedStructure
@@ -55,12 +55,12 @@ class Choice:
 
     @property
     def mass_spread(self) -> float:
-        """By what share the mass differs, root mean square, between structures that do as well; 0 with one."""
+        """Root mean square difference of the mass, as a share, between structures as good; 0 for a single one."""
         return float(np.sqrt(np.mean([(one.mass / self.best.mass - 1.0) ** 2 for one in self.as_good])))
 
 
 def judged_by(structure: FittedStructure) -> UnexplainedSignal:
-    """Residuals of a structure on recordings it was not fitted to; on all, where none could be left out."""
+    """Residuals of a structure on recordings left out of its fit; on all, if none could be left out."""
     return structure.left if structure.held_out is None else structure.held_out.unexplained
 
 
@@ -71,9 +71,9 @@ def tried_structures(
     folds: Sequence[Fold],
     progress: Callable[[float], None],
 ) -> list[Trial]:
-    """Structures fitted roughly: kinds of lines in their order, until one leaves little.
+    """Structures fitted roughly: kinds of lines in their order, until the residuals of one are small.
 
-    further: free parameters beside a structure's own; progress: hears the share of the structures so far.
+    further: free parameters beside a structure's own; progress takes the share of the structures tried.
     """
     # the seat's first; a lump, whose sac is large, has neither flow when it is drained by the wrong one
     ordered = sorted(structures, key=lambda one: (one.line, one.outflow is not LineOutflow.SEAT))
@@ -92,10 +92,10 @@ def tried_structures(
 def _trials(
     structures: Sequence[Structure], file: InjectorParameters, further: Sequence[FreeParameter], folds: Sequence[Fold]
 ) -> list[Trial]:
-    """Lines of one kind: the fullest, then those without a part of it, then the best with the other outflow.
+    """Lines of one kind: the fullest, then those without one of its parts, then the best with the other outflow.
 
-    The parts of the fullest hardly stand in for each other, those of a line that lacks one do: from it a search ends
-    beside the minimum.
+    In this order, for the parts of a line that lacks one compensate for it: from there a search for more ends beside
+    the minimum.
     """
     conserving = [one for one in structures if one.outflow is LineOutflow.SEAT] or structures
     full = _fullest(max(conserving, key=lambda one: len(one.free)), file, further, folds)
@@ -122,9 +122,9 @@ def _trials(
 def _fullest(
     structure: Structure, file: InjectorParameters, further: Sequence[FreeParameter], folds: Sequence[Fold]
 ) -> Trial:
-    """A structure searched for with all that an injector may have; in a line with waves the fuel stiffens.
+    """A structure fitted with every optional part; in a line with waves the fuel stiffens, too.
 
-    Parts in doubt are taken out again, and those without which recordings left out are explained as well.
+    A part is removed again if it is uncertain, or if recordings left out are explained as well without it.
     """
     stiffens = WAVE_DAMPING in structure.free or STIFFENING.stated(file)
     every = [one for group in OPTIONAL_GROUPS for one in group]
@@ -151,9 +151,9 @@ def _fullest(
 def _as_stated(
     injector: InjectorParameters, parts: Sequence[FreeParameter], file: InjectorParameters, folds: Sequence[Fold]
 ) -> InjectorParameters:
-    """An injector with what the file says of some parts, if only nothing.
+    """An injector with some parts as in the file, which may lack them.
 
-    Its fuel is then everywhere as stiff as at the folds' mean rail pressure.
+    Fuel that does not stiffen any more is everywhere as stiff as it was at the folds' mean rail pressure.
     """
     if STIFFENING in parts:
         pressure = float(np.mean([fold.measurement.rail_pressure for fold in folds]))
@@ -167,7 +167,7 @@ def _as_stated(
 
 
 def choose(tried: Sequence[Trial]) -> Choice | None:
-    """None where no structure could be fitted. Of equally good and simple ones that which conserves mass."""
+    """Choose the simplest structure as good as the best, first one that conserves mass; None if none was fitted."""
     candidates = [one for one in tried if isinstance(one, FittedStructure)]
     if not candidates:
         return None
@@ -176,7 +176,6 @@ def choose(tried: Sequence[Trial]) -> Choice | None:
 
 
 def _simplest(fits: Sequence[FittedStructure]) -> FittedStructure:
-    """Of those as good as the best."""
     return min(
         _as_good(fits),
         key=lambda one: (len(one.structure.free), one.structure.outflow is not LineOutflow.SEAT, judged_by(one).mean),

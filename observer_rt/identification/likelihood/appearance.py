@@ -1,4 +1,7 @@
-"""Measures the apparent effects of a healthy injector, and the smallest sizes that recordings would show."""
+"""Apparent sizes of effects on a healthy injector, and the smallest sizes that recordings would show.
+
+Both rest on signatures: how a small size of an effect changes the residuals of a model.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -47,24 +50,16 @@ Judge = Callable[[Effect, tuple[float, ...]], list[JudgedModel] | None]
 """A model with an effect of these sizes more, on every recording; None without a solution."""
 
 
-def signatures(
-    judged: Sequence[JudgedModel],
-    effects: Sequence[Effect],
-    judge: Judge,
-    remaining: Sequence[JudgedModel] | None = None,
-) -> list[Signature]:
-    """Measures all effects that have a size, beside a model that was `judged`.
-
-    remaining: residuals that the gains are of, where they are others.
-    """
-    results = (_signature(judged, remaining or judged, effect, judge) for effect in effects if effect.parameters)
-    return [one for one in results if one is not None]
-
-
-def _signature(
-    judged: Sequence[JudgedModel], remaining: Sequence[JudgedModel], effect: Effect, judge: Judge
+def signature_of(
+    effect: Effect, judged: Sequence[JudgedModel], judge: Judge, remaining: Sequence[JudgedModel] | None = None
 ) -> Signature | None:
-    """At the smallest probe that is visible; None where no size has a solution or changes anything."""
+    """Signature of an effect beside a model that was `judged`, at the smallest probe that is visible.
+
+    None where the effect has no size, no size has a solution, or none changes anything. remaining: residuals that the
+    gains are of, where they are others than those of `judged`.
+    """
+    if not effect.parameters:
+        return None
     first, others = effect.parameters[0], effect.parameters[1:]
     signature = None
     for probe in PROBES:
@@ -73,7 +68,9 @@ def _signature(
         moved = judge(effect, (size, *(p.starts[0] for p in others)))
         if moved is None or not first.lowest <= size <= first.highest:
             break
-        before, after, left = ([residuals_of([one]).z for one in every] for every in (judged, moved, remaining))
+        before, after, left = (
+            [residuals_of([one]).z for one in every] for every in (judged, moved, remaining or judged)
+        )
         changes = [one - other for one, other in zip(before, after, strict=True)]
         information = np.array([float(change @ change) for change in changes])
         gain = np.array([float(change @ one) for change, one in zip(changes, left, strict=True)])
@@ -87,11 +84,10 @@ def _signature(
 def healthy_remainder(
     likelihood: JointLikelihood, model: EffectiveModel, effects: Sequence[Effect], remembered: Healthy = NOT_FITTED
 ) -> HealthyRemainder:
-    """Measures what a model leaves of healthy recordings: its shape, and apparent effects beyond that.
+    """Residuals of a model on healthy recordings: their shape, and apparent effects beyond the shape.
 
-    Each recording is compared with the shape of the others, so that the appearances hold at operating points of
-    which no healthy injection was seen. remembered: what was known before, whose shape the likelihood has taken out.
-
+    Each recording is compared with the shape of the others, so that the appearances hold at operating points without
+    a healthy injection, too. remembered: healthy injector by an earlier fit, whose shape the likelihood subtracts.
     Raises ArithmeticError when the model has no finite solution.
     """
     judged = likelihood.judge(model)
@@ -107,9 +103,10 @@ def healthy_remainder(
         replace(one, z=one.z - expected_of(fit.shape(number if several else None), measurement) / sigma)
         for number, (one, measurement, sigma) in enumerate(zip(judged, measured, sigmas, strict=True))
     ]
-    signatures_left = signatures(
-        judged, effects, lambda effect, sizes: likelihood.judge(effect.apply(model, sizes)), remaining
-    )
+    signatures = [
+        signature_of(effect, judged, lambda one, sizes: likelihood.judge(one.apply(model, sizes)), remaining)
+        for effect in effects
+    ]
     statistics = [
         phase_statistics(one.z, 1.0, recorded.phases, 0)
         for recorded, one in zip(likelihood.recordings, remaining, strict=True)
@@ -118,7 +115,7 @@ def healthy_remainder(
         line_pressure_offset_MPa=remembered.line_pressure_offset_MPa,
         variance=PhaseFigures.of({p.name: max(one.variance(p) for one in statistics) for p in Phase}),
         colour=PhaseFigures.of({p.name: max(one.colour(p) for one in statistics) for p in Phase}),
-        appears={one.effect.id: _appearance(one) for one in signatures_left},
+        appears={one.effect.id: _appearance(one) for one in signatures if one is not None},
         shape=fit.shape() if remembered.shape is None else together(remembered.shape, fit.shape()),
     )
 
@@ -131,7 +128,7 @@ def _by_event(measurement: Measurement, z: NDArray[np.float64]) -> list[tuple[Ev
 
 
 def _appearance(signature: Signature) -> Appearance:
-    """Mean size over the recordings, how sure that is, and by how much it differs between them beyond noise."""
+    """Mean size over the recordings, its uncertainty, and its scatter between the recordings beyond noise."""
     seen = signature.information > SEEN * np.max(signature.information)
     size, weights = signature.size, signature.information[seen] / signature.size**2
     apparent, total = size * signature.gain[seen] / signature.information[seen], float(np.sum(weights))
@@ -148,7 +145,7 @@ def _appearance(signature: Signature) -> Appearance:
 
 
 def with_healthy_offset(measured: Measurement, healthy: Healthy) -> Measurement:
-    """A recording with the offset its line-pressure sensor had already when the injector was healthy."""
+    """A recording with the offset that its line-pressure sensor had when the injector was healthy."""
     if healthy.line_pressure_offset_MPa == 0.0:
         return measured
     offset = sized("line_pressure_sensor_offset", o=healthy.line_pressure_offset_MPa * MEGAPASCAL)
@@ -156,9 +153,9 @@ def with_healthy_offset(measured: Measurement, healthy: Healthy) -> Measurement:
 
 
 def reference(appears: Mapping[str, Appearance], signature: Signature) -> tuple[float, float]:
-    """Size [SI] an effect has on the healthy injector as recordings with this signature see it: mean and sigma.
+    """Mean and sigma of the size [SI] that an effect has on the healthy injector, as its signature weighs recordings.
 
-    0 and sure where nothing is known of it.
+    Both are 0 for an effect without an appearance.
     """
     apparent = appears.get(signature.effect.id)
     if apparent is None:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -55,7 +55,7 @@ class Residuals:
 
     @property
     def spread(self) -> float:
-        """Their mean square as `statistic` counts it, 1 at least."""
+        """Mean square of the residuals as `statistic` counts it, 1 at least."""
         return max(1.0, self.squares / self.z.size)
 
 
@@ -115,7 +115,7 @@ def linearise(problem: Problem, theta: NDArray[np.float64], here: Residuals, ran
 
 
 def _squares(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """slopes.T @ slopes (p, p), in blocks that BLAS does not spread over threads: they would wait more than work."""
+    """slopes.T @ slopes (p, p), in blocks so small that BLAS starts no threads, which would wait more than work."""
     p = slopes.shape[1]
     rows = max(1, _ALONE // max(1, p * p))
     total = np.zeros((p, p))
@@ -127,7 +127,7 @@ def _squares(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Minimum at which the search ended: theta (p,) and the residuals there.
+    """Minimum of a problem at which the search ended: theta (p,) and the residuals there.
 
     stuck: no step along the slopes was short enough to lower -2 log L, as beside a kink.
     """
@@ -136,12 +136,14 @@ class Minimum:
     residuals: Residuals
     converged: bool
     stuck: bool
-    linearised: Callable[[], Quadratic]
+    problem: Problem
+    ranges: Sequence[Range]
+    expansion: Quadratic | None = None
 
     @cached_property
     def at(self) -> Quadratic:
-        """The linearisation there, made when it is first asked for."""
-        return self.linearised()
+        """The linearisation at the minimum: that of the search, else made at the first use."""
+        return self.expansion or linearise(self.problem, self.theta, self.residuals, self.ranges)
 
     @property
     def statistic(self) -> float:
@@ -174,18 +176,12 @@ def fit(
         here = linearise(problem, theta, residuals, ranges)
         lower, damping = _lower(problem, here, ranges, damping)
         if lower is None:
-            stuck = math.isinf(damping)
-            return Minimum(here.theta, here.residuals, True, stuck, partial(_as_it_is, here))
+            return Minimum(here.theta, here.residuals, True, math.isinf(damping), problem, ranges, here)
         theta, residuals = lower
         converged = here.statistic - residuals.statistic < TOLERANCE
         if converged:
             break
-    return Minimum(theta, residuals, converged, False, partial(linearise, problem, theta, residuals, ranges))
-
-
-def _as_it_is(here: Quadratic) -> Quadratic:
-    """What a minimum gives that was expanded already: a function that can be pickled with it."""
-    return here
+    return Minimum(theta, residuals, converged, False, problem, ranges)
 
 
 def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -202,9 +198,9 @@ def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
 def _lower(
     problem: Problem, here: Quadratic, ranges: Sequence[Range], damping: float
 ) -> tuple[tuple[NDArray[np.float64], Residuals] | None, float]:
-    """A point with a lower statistic (None: none is worth going to) and the damping for the next step.
+    """A point with a lower statistic, None where none is expected, and the damping for the next step.
 
-    The damping is inf where there should be one, and no step was short enough.
+    The damping is inf where a lower statistic was expected, but no step was short enough.
     """
     lowest = np.array([r.lowest for r in ranges])
     highest = np.array([r.highest for r in ranges])

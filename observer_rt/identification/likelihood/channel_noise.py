@@ -1,11 +1,11 @@
-"""Noise of lift and rail pressure on its way into the innovations: one restored, the other smoothed.
+"""Noise of lift and rail pressure on its way into the innovations: of a restored lift and a smoothed rail pressure.
 
-y + lag y' has the noise of the lift y several times over: 3 times for a lag of 40 us at 100 kHz. What that does to
-the line pressure is no error of a model, and must not count as one.
+A lift y whose lag is undone, y + lag y', has the noise of y several times over: 3 times for 40 us at 100 kHz. The
+line pressure that this noise makes is no error of a model, and must not count as one.
 
-A line in which pressure travels takes the noise of its rail pressure for pressure. What rounds that noise - a rail
-pressure read between two samples, a line pressure taken for late and early at once - would explain any recording
-better. So the rail pressure is smoothed first, by one kernel whatever its delay: the same noise is left of it.
+In a line in which pressure travels, the noise of the rail pressure travels, too. A delay by a part of a sample rounds
+this noise, and would explain any recording better. So the rail pressure is smoothed first, by one kernel for every
+delay: the same noise is left of it.
 """
 
 import math
@@ -37,8 +37,8 @@ def smoothing_of(interval: float) -> float:
 def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.float64]:
     """Rail pressure [Pa] (n,), smoothed, of a channel that records it `delay` [s] late.
 
-    The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass as they are. A rail at rest
-    during events is not moved: to move its noise is to draw another noise, which some delay always likes.
+    The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass unchanged. A rail at rest during
+    events is not moved: its noise would only become another one, which some delay always fits better.
     """
     rail = measurement.recording.rail_pressure
     late, width = delay / measurement.interval, smoothing_of(measurement.interval) / measurement.interval
@@ -62,7 +62,6 @@ def rail_on_time(measurement: Measurement, terms: InputTerms) -> NDArray[np.floa
 
 
 def _moves(measurement: Measurement) -> bool:
-    """Whether the rail pressure moves within events."""
     rail, noise = measurement.recording.rail_pressure, measurement.noise.rail_pressure
     variance = np.mean([np.var(rail[event.start : event.end]) for event in measurement.events])
     return bool(variance > (1.0 + MOVING**2) * noise**2)
@@ -77,19 +76,17 @@ class LiftNoise:
         self._cache: dict[int, NDArray[np.float64]] = {}
 
     def variance(self, lag: float) -> NDArray[np.float64]:
-        """(n,): beyond that without a lag [s]; straight between multiples of `LAG_GRID`: a fit meets no step."""
+        """Variance (n,) added by a lag [s], linear between multiples of `LAG_GRID`, so that a fit meets no step."""
         below = math.floor(lag / LAG_GRID)
         share = lag / LAG_GRID - below
         added = (1.0 - share) * self._at(below) + share * self._at(below + 1)
         return np.asarray(np.maximum(added - self._at(0), 0.0))
 
     def _at(self, multiple: int) -> NDArray[np.float64]:
-        if multiple not in self._cache:
-            self._cache[multiple] = self._estimate(multiple * LAG_GRID)
-        return self._cache[multiple]
-
-    def _estimate(self, lag: float) -> NDArray[np.float64]:
-        measurement, rng = self._measurement, np.random.default_rng(0)
+        """Variance (n,) with a lag of so many times LAG_GRID, by draws of the noise."""
+        if multiple in self._cache:
+            return self._cache[multiple]
+        measurement, lag, rng = self._measurement, multiple * LAG_GRID, np.random.default_rng(0)
         recording = measurement.recording
         undisturbed = self._innovations(measurement, lag)
         squares = np.zeros(undisturbed.size)
@@ -98,4 +95,5 @@ class LiftNoise:
             louder = replace(recording, needle_lift=recording.needle_lift + noise)
             squares += (self._innovations(replace(measurement, recording=louder), lag) - undisturbed) ** 2
         mean = np.convolve(squares / DRAWS, np.full(AVERAGED, 1.0 / AVERAGED), mode="same")
-        return np.where(np.isfinite(mean), mean, 0.0)
+        self._cache[multiple] = variance = np.where(np.isfinite(mean), mean, 0.0)
+        return variance

@@ -1,4 +1,4 @@
-"""A needle whose lift was not recorded: its commands, the lift by them, and the jitter of its shots."""
+"""The commands of a needle whose lift was not recorded, and the lift by which it would answer them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,8 +13,6 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.hydraulics import CONTROL_REFERENCE
 from observer_rt.model.parameters import InjectorParameters
 
-Vector = NDArray[np.float64]
-Bounds = NDArray[np.int64]
 SEEN_LATE = 0.5  # samples, on average, by which a command shows
 
 
@@ -56,33 +54,3 @@ def commanded_lift(injector: InjectorParameters, recording: Recording, commands:
         for sample in range(max(int(first), 0), min(int(last), lift.size)):
             lift[sample] = lift_of_stroke(sample / rate, stroke)
     return replace(recording, needle_lift=lift)
-
-
-def likelier_delays(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> list[Vector]:
-    """Delays (columns,) of the shots of every event by innovations (n,) at others, in standard deviations.
-
-    moved (n, columns), bounds (events + 1,): as of `without_jitter`.
-    """
-    results = []
-    for delay, first, end in zip(delays, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
-        by_shots = moved[first:end]
-        information = by_shots.T @ by_shots + np.eye(delay.size)
-        results.append(delay - np.linalg.solve(information, by_shots.T @ z[first:end] + delay))
-    return results
-
-
-def without_jitter(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> tuple[Vector, float]:
-    """White innovations (n,), and the sum of the logarithms of their standard deviations beyond 1.
-
-    z (n,): at the likely delays; moved (n, columns): by one standard deviation of the delays of every shot, drawn
-    anew in each event; bounds (events + 1,): of the events. Exact for Gaussian ones, as far as they go straight.
-    """
-    result, logs = z.copy(), 0.0
-    for delay, first, end in zip(delays, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
-        by_shots = moved[first:end]
-        variances, axes = np.linalg.eigh(by_shots.T @ by_shots)
-        spread = np.sqrt(1.0 + np.maximum(variances, 0.0))
-        along = axes.T @ (by_shots.T @ z[first:end])
-        result[first:end] -= by_shots @ (axes @ ((along / (1.0 + spread) + axes.T @ delay) / spread))
-        logs += float(np.sum(np.log(spread)))
-    return result, logs

@@ -1,7 +1,7 @@
-"""Recordings as measurements, in memory that does not depend on their length: some injections of long ones.
+"""Recordings as measurements, in memory that does not depend on their length: of a long one some injections are kept.
 
-Those are the first, then every second, fourth, ... of each operating point, with the standstill after them: rare
-operating points keep all of theirs, the others are spread over the whole recording.
+Of each operating point they are at first all, then every second, every fourth and so on, with the standstill after
+them. So rare operating points keep all of theirs, and the others are spread over the whole recording.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -12,7 +12,7 @@ import numpy as np
 from observer_rt.core.stream.stream import LOOK_BACK, dead_band
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, copied, cut, followed
-from observer_rt.identification.likelihood import measurement
+from observer_rt.identification.likelihood import events, measurement
 from observer_rt.identification.likelihood.operating_points import operating_point
 from observer_rt.identification.likelihood.white_noise import noise_level
 
@@ -26,11 +26,11 @@ class _Excerpt:
     """An injection with the standstill after it; event: by the samples of the part."""
 
     part: Chunk
-    event: measurement.JudgedEvent
+    event: events.JudgedEvent
 
     @property
     def samples(self) -> int:
-        """With those after it that are not available."""
+        """Samples of the part and of the gap after it."""
         return self.part.samples + round(measurement.APART * self.part.sample_rate)
 
 
@@ -53,9 +53,9 @@ class _ChosenEvents:
         self._samples = 0
 
     def take(self, excerpt: _Excerpt) -> None:
-        """Choose it, or not; others may have to go."""
+        """Keep an injection or pass it over; others make room for it."""
         part, event = excerpt.part, excerpt.event
-        key = operating_point(measurement.rail_pressure_before(event, part), measurement.open_time(event, part))
+        key = operating_point(events.rail_pressure_before(event, part), events.open_time(event, part))
         point = self._points.setdefault(key, _Point())
         if point.seen % point.stride == 0:
             point.kept.append(excerpt)
@@ -71,7 +71,7 @@ class _ChosenEvents:
             self._samples -= sum(each.samples for each in dropped)
 
     def excerpts(self) -> list[_Excerpt]:
-        """In the order of time."""
+        """Injections kept, in the order of time."""
         every = [excerpt for point in self._points.values() for excerpt in point.kept]
         return sorted(every, key=lambda excerpt: excerpt.part.first)
 
@@ -88,16 +88,16 @@ def measured(
     measurement.refuse_slow(source)
     chosen = _ChosenEvents(most)
     samples = missing = complete = 0
-    left_out: list[measurement.LeftOut] = []
+    left_out: list[events.LeftOut] = []
     for block in _blocks(source.on_one_grid()):
-        missing += int(np.count_nonzero(measurement.missing_samples(block)[samples - block.first :]))
+        missing += int(np.count_nonzero(events.missing_samples(block)[samples - block.first :]))
         samples = block.first + block.samples
-        openings = measurement.openings_of(block)
-        events, others = measurement.events_of(block, openings)
-        complete += len(events)
+        openings = events.openings_of(block)
+        judged, others = events.events_of(block, openings)
+        complete += len(judged)
         left_out += others
-        starts = [opening.first - round(measurement.LEAD * block.sample_rate) for opening in openings]
-        for event in events:
+        starts = [opening.first - round(events.LEAD * block.sample_rate) for opening in openings]
+        for event in judged:
             chosen.take(_excerpt(block, event, starts))
         progress(samples)
     injections = measurement.FoundInjections(samples, missing, complete, tuple(left_out))
@@ -105,7 +105,7 @@ def measured(
 
 
 def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
-    """The samples in parts that overlap where the needle is shut longest, so that injections stay whole."""
+    """The samples in blocks that overlap where the needle is shut longest, so that injections stay whole."""
     held: Chunk | None = None
     for chunk in chunks:
         held = chunk if held is None else followed(held, chunk)
@@ -118,7 +118,7 @@ def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
 
 
 def _ends(block: Chunk) -> tuple[int, int]:
-    """End of a block and begin of the next one: round the longest standstill of its second half."""
+    """End of a block and begin of the next one, both in the longest standstill of the block's second half."""
     half, rate = block.samples // 2, block.sample_rate
     noise = noise_level(block.needle_lift, np.ones(block.samples, np.bool_), rate)
     opens, _ = dead_band(noise if np.isfinite(noise) else 0.0)
@@ -127,18 +127,18 @@ def _ends(block: Chunk) -> tuple[int, int]:
         return block.samples, block.samples
     longest = int(np.argmax(edges[1::2] - edges[::2]))
     shut, opening = (half + int(edge) for edge in edges[2 * longest : 2 * longest + 2])
-    margin = round(measurement.MARGIN * rate) + 1
-    end = min(block.samples, opening - round(measurement.COUNTED_LEAD * rate) + margin)
-    begin = opening - LOOK_BACK - round(measurement.LEAD * rate) - margin
+    margin = round(events.MARGIN * rate) + 1
+    end = min(block.samples, opening - round(events.COUNTED_LEAD * rate) + margin)
+    begin = opening - LOOK_BACK - round(events.LEAD * rate) - margin
     return max(end, shut), min(max(begin, shut), max(end, shut))
 
 
-def _excerpt(block: Chunk, event: measurement.JudgedEvent, starts: Sequence[int]) -> _Excerpt:
-    """An event of a block, up to the start of the next one; starts: of all of the block."""
-    margin = round(measurement.MARGIN * block.sample_rate) + 1
+def _excerpt(block: Chunk, event: events.JudgedEvent, starts: Sequence[int]) -> _Excerpt:
+    """An event of a block with the standstill up to the next event; starts: of all events of the block."""
+    margin = round(events.MARGIN * block.sample_rate) + 1
     last = event.openings[-1].last
     following = min(
-        (start - margin for start in starts if start > last - round(measurement.LEAD * block.sample_rate)),
+        (start - margin for start in starts if start > last - round(events.LEAD * block.sample_rate)),
         default=block.samples,
     )
     end = max(event.end + margin, min(following, last + round(STANDSTILL * block.sample_rate), block.samples))
@@ -149,14 +149,14 @@ def _excerpt(block: Chunk, event: measurement.JudgedEvent, starts: Sequence[int]
 def _joined(
     source: SignalStream, excerpts: Sequence[_Excerpt], injections: measurement.FoundInjections
 ) -> measurement.Measurement:
-    """One recording of excerpts, nothing being available between them."""
-    events, begin = [], 0
+    """One recording of excerpts, with gaps between them."""
+    moved, begin = [], 0
     for excerpt in excerpts:
-        events.append(excerpt.event.moved(begin))
+        moved.append(excerpt.event.moved(begin))
         begin += excerpt.samples
     names = ("rail_pressure", "needle_lift", "line_pressure", *source.optional)
     parts = [excerpt.part.signals for excerpt in excerpts] or [dict.fromkeys(names, np.zeros(0))]
     of = {"path": source.path, "meaning": source.meaning, "meter": source.meter, "notes": source.notes}
     recording = measurement.joined(parts, source.sample_rate, **of)
-    openings = [opening for event in events for opening in event.openings]
-    return measurement.measurement_of(recording, openings, tuple(events), injections)
+    openings = [opening for event in moved for opening in event.openings]
+    return measurement.measurement_of(recording, openings, tuple(moved), injections)

@@ -58,13 +58,13 @@ def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
     return tuple(events)
 
 
-def evidence_against(
+def evidence_of_model(
     events: Sequence[KeptEvent], folder: Path, model_sha256: str | None, console: Console
 ) -> KeptEvidence:
     """Evidence of one model: its refused events, or if they are too few the doubtful ones, or else the good ones.
 
-    model_sha256: of the model; None: the model of the newest event. Raises `UserError` if this model has no evidence,
-    or too little.
+    model_sha256: of the model, None for that of the newest event. Raises `UserError` if the model has no evidence, or
+    too little.
     """
     option = f"--from-evidence {folder}"
     model = model_sha256 or str(events[-1].belief["model_sha256"])
@@ -84,15 +84,19 @@ def evidence_against(
     others = {other: sum(event.kind is other for event in own) for other in EvidenceKind if other is not kind}
     counts = ", ".join(f"{count} {other}" for other, count in others.items())
     say(console, f"{folder}: {len(chosen)} {kind} events are searched ({counts} events are not)")
-    recordings = [event.recording for event in chosen]
-    refuse_sample_rates(recordings)
-    names = ("rail_pressure", "needle_lift", "line_pressure")
-    parts = [{name: each.arrays[name] for name in names} for each in recordings]
-    meaning = Meaning(chosen[-1].belief["meaning"])
-    (measurement,) = measurements([joined(parts, recordings[0].sample_rate, path=folder, meaning=meaning)])
-    # of the line pressure; the samples are already corrected by the delays and lags of other channels
-    sensor = chosen[-1].belief["line_sensor"]
-    stated = tuple(SizedEffect(VOCABULARY[name], tuple(values)) for name, values in sensor.items())
     digests = "".join(sorted(event.sha256 for event in chosen))  # the same in any order
     hashes = {str(folder): hashlib.sha256(digests.encode()).hexdigest()}
-    return KeptEvidence(model, Path(chosen[-1].belief["injector_file"]), replace(measurement, stated=stated), hashes)
+    return KeptEvidence(model, Path(chosen[-1].belief["injector_file"]), _measured(chosen, folder), hashes)
+
+
+def _measured(events: Sequence[KeptEvent], folder: Path) -> Measurement:
+    """Events of one model as a measurement. Raises `UserError` for different sample rates."""
+    recordings, belief = [event.recording for event in events], events[-1].belief
+    refuse_sample_rates(recordings)
+    names = ("rail_pressure", "needle_lift", "line_pressure")
+    parts = [{name: recording.arrays[name] for name in names} for recording in recordings]
+    meaning = Meaning(belief["meaning"])
+    (measurement,) = measurements([joined(parts, recordings[0].sample_rate, path=folder, meaning=meaning)])
+    # of the line pressure; the samples are already corrected by the delays and lags of other channels
+    stated = (SizedEffect(VOCABULARY[name], tuple(values)) for name, values in belief["line_sensor"].items())
+    return replace(measurement, stated=tuple(stated))

@@ -1,4 +1,4 @@
-"""A model run through a recording as a reader of a report imagines it: open loop from the opening on."""
+"""A model run through a recording: with the measurement up to an opening, open loop from the opening on."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,9 @@ from observer_rt.foundation.documents import key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.likelihood import windows
 from observer_rt.identification.likelihood.channel_noise import smoothing_of
-from observer_rt.identification.likelihood.measurement import JudgedEvent, Measurement
+from observer_rt.identification.likelihood.events import JudgedEvent
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import in_stable_cells, substeps_needed
 
@@ -78,7 +80,7 @@ def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulat
     late = math.floor(sensor.delay / interval)
     share = sensor.delay / interval - late
     rows = windows.Rows(measurement)
-    inputs = windows.TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
+    inputs = TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
     batch = windows.batch_of(measurement, rows, inputs, late, sensor.offset, c)
     sample_rate = measurement.recording.sample_rate
     smoothing = smoothing_of(interval)
@@ -105,6 +107,11 @@ def mass(measurement: Measurement, injection: SimulatedInjection, density: float
     return float(np.trapezoid(injection.rate[inside])) * measurement.interval * density
 
 
+def pressure_gap(measurement: Measurement, injection: SimulatedInjection) -> NDArray[np.float64]:
+    """Simulated minus measured line pressure of an event (n,) [Pa]."""
+    return injection.line_pressure - measurement.recording.line_pressure[injection.samples]
+
+
 def mean_mass(measured: Sequence[Measurement], model: EffectiveModel) -> float:
     """Mean injected mass of an event of recordings [kg]."""
     density = model.coefficients.density
@@ -125,7 +132,7 @@ def consequence(measured: Sequence[Measurement], before: EffectiveModel, after: 
 
 
 def measured_mass(measurement: Measurement, injection: SimulatedInjection, density: float) -> float:
-    """Mass of an event by the measured rate [kg], nan without one; what its meter shows too late, by the model."""
+    """Mass of an event by the measured rate [kg], nan without one; the meter's delay is corrected by the model."""
     measured = measurement.recording.injection_rate
     if measured is None:
         return math.nan
@@ -135,19 +142,15 @@ def measured_mass(measurement: Measurement, injection: SimulatedInjection, densi
 
 
 def noisier(measurement: Measurement, seed: int) -> Measurement:
-    """The recording with its own noise added once more: how far a result moves is how far it may be off."""
-    random = np.random.default_rng(seed)
-    recording, noise = measurement.recording, measurement.noise
-
-    def moved(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-        return values + random.normal(0.0, sigma, values.size)
-
-    return replace(
-        measurement,
-        recording=replace(
-            recording,
-            rail_pressure=moved(recording.rail_pressure, noise.rail_pressure),
-            needle_lift=moved(recording.needle_lift, noise.needle_lift),
-            line_pressure=moved(recording.line_pressure, noise.line_pressure),
-        ),
+    """The recording with as much noise added as it has: the change of a result shows the uncertainty of it."""
+    random, recording, noise = np.random.default_rng(seed), measurement.recording, measurement.noise
+    rail, lift, line = (
+        values + random.normal(0.0, sigma, values.size)
+        for values, sigma in (
+            (recording.rail_pressure, noise.rail_pressure),
+            (recording.needle_lift, noise.needle_lift),
+            (recording.line_pressure, noise.line_pressure),
+        )
     )
+    louder = replace(recording, rail_pressure=rail, needle_lift=lift, line_pressure=line)
+    return replace(measurement, recording=louder)

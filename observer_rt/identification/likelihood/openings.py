@@ -90,9 +90,10 @@ def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float, ram
 
 
 def _ramp(lift: NDArray[np.float64], samples: int) -> Ramp:
-    """The straight line through the first samples of a ramp, never falling.
+    """The straight line through the first samples of a ramp, level where they fall.
 
-    The very first lies in the rounded foot; an opening shorter than two ramps has its line from its first half.
+    The very first sample, in the rounded foot, is left out. Of an opening shorter than two ramps the line goes
+    through the first half.
     """
     first, end = (1, 1 + samples) if lift.size > 2 * samples else (0, max(2, math.ceil(lift.size / 2)))
     used = lift[first:end]
@@ -110,7 +111,7 @@ def without_lag(lift: NDArray[np.float64], sample_rate: float, lag: float) -> ND
 def openings_without_lag(
     lift: NDArray[np.float64], noise: float, recorded: Sequence[Opening], sample_rate: float, lag: float
 ) -> list[tuple[float, list[Opening]]]:
-    """Openings of `without_lag`, as those of two multiples of GRID beside the lag, with the share of each.
+    """Openings of a lift without lag [s]: those at the multiples of GRID below and above the lag, with their shares.
 
     noise: white, of the recorded lift [m]. Only openings that were recorded remain; they begin and end earlier.
     """

@@ -8,13 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
-from observer_rt.identification.likelihood.measurement import (
-    MARGIN,
-    JudgedEvent,
-    Measurement,
-    open_time,
-    rail_pressure_before,
-)
+from observer_rt.identification.likelihood.events import MARGIN, JudgedEvent, open_time, rail_pressure_before
+from observer_rt.identification.likelihood.measurement import Measurement
 
 POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these
 SMOOTHED = 0.2e-3  # s beside a stretch that the smoothing of the rail pressure reaches to
@@ -39,7 +34,7 @@ def point_name(rail_pressure: float, duration: float) -> str:
 
 
 def distinct(rail_pressures: Iterable[float]) -> int:
-    """Counts rail pressures [Pa] that differ by more than how closely they are controlled."""
+    """Number of rail pressures [Pa] that differ by more than the accuracy with which they are controlled."""
     ordered = sorted(rail_pressures)
     return 1 + sum(after - before > POINT_PRESSURE / 2.0 for before, after in pairwise(ordered))
 
@@ -66,7 +61,7 @@ def events_by_point(measurement: Measurement) -> list[list[JudgedEvent]]:
 def _clusters(
     events: Sequence[JudgedEvent], value: Callable[[JudgedEvent], float], gap: float
 ) -> list[list[JudgedEvent]]:
-    """Events in the order of a value, taken apart where it leaps by more than `gap`."""
+    """Events in the order of a value, divided where it leaps by more than `gap`."""
     clusters: list[list[JudgedEvent]] = []
     for event in sorted(events, key=value):
         if clusters and value(event) - value(clusters[-1][-1]) <= gap:
@@ -77,7 +72,7 @@ def _clusters(
 
 
 def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measurement:
-    """Some events of a recording, one stretch after another; what lies between them is left out."""
+    """A recording of some of the events, one stretch after another, without the samples between them."""
     recording = measurement.recording
     margin = round((MARGIN + SMOOTHED) / measurement.interval) + 1
     ordered = sorted(events, key=lambda event: event.start)
@@ -94,20 +89,16 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
 
     signals = {name: np.ascontiguousarray(values[kept]) for name, values in recording.signals.items()}
     part = recording.with_arrays({"time": np.arange(kept.size, dtype=np.float64) * measurement.interval, **signals})
-    return replace(
-        measurement,
-        recording=part,
-        events=tuple(moved),
-        commands=np.concatenate(commands) if commands else None,
-        rail_pressure=float(np.mean([rail_pressure_before(event, recording) for event in ordered])),
-        duration=float(np.mean([open_time(event, recording) for event in ordered])),
-    )
+    pressure = float(np.mean([rail_pressure_before(event, recording) for event in ordered]))
+    duration = float(np.mean([open_time(event, recording) for event in ordered]))
+    split = replace(measurement, recording=part, events=tuple(moved), rail_pressure=pressure, duration=duration)
+    return replace(split, commands=np.concatenate(commands) if commands else None)
 
 
 def every_second_point(recordings: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Recordings (by number) of every second operating point, and the others: like the squares of a chessboard.
+    """Numbers of the recordings at every second operating point, and of the others.
 
-    Of rail pressures by durations each half has all of both, as far as there are two.
+    Like the squares of a chessboard of rail pressures and durations: each half has all of both, if there are two.
     """
     points = [operating_point(one.rail_pressure, one.duration) for one in recordings]
     pressures = sorted({pressure for pressure, _ in points})

@@ -1,6 +1,5 @@
-"""The judged stretches of a recording as inputs and output of the predictor, for given input terms."""
+"""The judged stretches of a recording as windows of the predictor, and the predictor run through them."""
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -8,33 +7,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.identification.areas import fill_areas
 from observer_rt.core.learning.phases import phases_of
 from observer_rt.core.learning.predictor import follow
-from observer_rt.core.model.model import InputTerms, rest_state
-from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, commanded_areas
-from observer_rt.core.stream.stream import dead_band
+from observer_rt.core.model.model import rest_state
+from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.engine.learning.healthy import EventStretch, expected
 from observer_rt.files.signals.recording import shown_slowly
-from observer_rt.identification.likelihood.channel_noise import rail_on_time
-from observer_rt.identification.likelihood.measurement import START_MEAN, JudgedEvent, Measurement, shut_mask
-from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
+from observer_rt.identification.likelihood.events import JudgedEvent, shut_mask
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
-from observer_rt.model.hydraulics import CONTROL_REFERENCE
 
+START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
 RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
-FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
 
 LateShots = Sequence[NDArray[np.float64]]
 
 
 class Batch(NamedTuple):
-    """All windows of a recording, one after another; n samples, w windows, normalised by (24).
+    """All windows of a recording, one after another; n samples in w windows, normalised by (24).
 
     inputs (n, 2), output (n,), resting (n,), starts (w, states + 1), knots (n, 2) or (0, 2) as in `Window`; bounds
     (w + 1,): window i is [bounds[i], bounds[i+1]); openings (w,): in the window; clocks (w, 2): as of `Clock`;
@@ -52,7 +48,7 @@ class Batch(NamedTuple):
     commands: tuple[NDArray[np.float64], ...] = ()
 
     def window(self, number: int) -> Window:
-        """One of the windows."""
+        """A window by its number."""
         part = slice(self.bounds[number], self.bounds[number + 1])
         return Window(
             self.inputs[part],
@@ -86,23 +82,20 @@ class Rows:
         self.counted = np.concatenate([np.arange(e.start, e.end) >= e.counted for e in events])
         """(n,): rows whose innovation is judged."""
         self.counted_bounds = np.concatenate(([0], np.cumsum([e.end - e.counted for e in events])))
-        """(events + 1,): of these, event after event."""
+        """(events + 1,): event i has the judged rows from counted_bounds[i] to counted_bounds[i + 1]."""
         skipped = round(RATE_DELAY * measurement.recording.sample_rate)
-        rows, times = [], []
+        near = np.zeros(self.samples.size, np.bool_)
         for event, bound in zip(events, self.bounds, strict=False):
-            near = np.zeros(event.end - event.start, np.bool_)
             for opening in event.openings:
                 end = opening.last + 1 - int(measurement.means)
-                near[opening.first - event.start + skipped : end - event.start] = True
-            rows.append(bound + np.flatnonzero(near))
-            times.append(event.start + np.flatnonzero(near))
-        self.rate_rows = np.concatenate(rows)
-        """(m,): rows at which a measured rate is judged, when the line pressure is not recorded late.
+                near[bound + opening.first - event.start + skipped : bound + end - event.start] = True
+        self.rate_rows = np.flatnonzero(near)
+        """(m,): rows at which a measured rate is judged, if the line pressure is not recorded late.
 
-        Those with an open needle, from RATE_DELAY on: a lift within its noise, and an orifice law that is smooth at
-        low pressure, say little of how the sac begins to fill. Of means, not the one in which the needle shuts.
+        The needle is open there for RATE_DELAY or longer: how the sac begins to fill is uncertain, by the noise of
+        the lift and an orifice law that is smooth at low pressure. The mean in which the needle shuts does not count.
         """
-        self.rate_samples = np.concatenate(times)
+        self.rate_samples = self.samples[self.rate_rows]
         self._injecting = np.concatenate([in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events])
         self._interval = measurement.interval
 
@@ -110,85 +103,6 @@ class Rows:
         """Volume of every event (w,) [m3] by the injection rate (n,) [m3/s] of its rows."""
         inside = np.where(self._injecting, rate, 0.0)
         return np.add.reduceat(inside, self.bounds[:-1]) * self._interval
-
-
-class TrueInputs:
-    """A recording's true inputs under given input terms, normalised, for every sample.
-
-    A mean over the sample period that ends at a sample's time is the value half a period before. The rail pressure is
-    brought from there to the times of the samples; the area has its corners there, as knots.
-    """
-
-    def __init__(
-        self,
-        measurement: Measurement,
-        terms: InputTerms,
-        c: Coefficients,
-        rail: NDArray[np.float64] | None = None,
-        needle: NeedleLaw | None = None,
-    ) -> None:
-        """rail: `rail_on_time` of the same terms, where it is known already; needle: that answers commands."""
-        rail = terms.rail_factor * (rail_on_time(measurement, terms) if rail is None else rail) + terms.rail_shift
-        self.rail = (rail - c.chamber_pressure) / c.pressure_scale
-        if needle is None or measurement.commands is None:
-            self.area = _areas(measurement, terms, c)
-        else:
-            self.area = _answered_areas(measurement, measurement.commands, needle, c)
-        self.knots = np.empty((0, 2))
-        if measurement.means:
-            later = np.append(self.area[1:], self.area[-1])
-            self.knots = np.column_stack([np.full(later.size, 0.5), later])
-            self.area = 0.5 * (self.area + later)
-
-
-def _answered_areas(
-    measurement: Measurement, commands: NDArray[np.float64], needle: NeedleLaw, c: Coefficients
-) -> NDArray[np.float64]:
-    """Normalised seat areas (n,) by commands (k, 2), as a needle answers them."""
-    recording, n, nothing = measurement.recording, measurement.recording.samples, np.zeros(NEEDLE_NUMBERS)
-    pressures = np.nan_to_num(recording.rail_pressure[commands[:, 0].astype(np.int64)] / CONTROL_REFERENCE, nan=1.0)
-    area, slopes, shots = np.zeros(n), np.zeros((n, NEEDLE_NUMBERS)), np.zeros(n, np.int64)
-    commanded_areas(commands, pressures, needle, nothing, c.seat, measurement.interval, area, slopes, shots)
-    return area
-
-
-def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> NDArray[np.float64]:
-    """Normalised seat areas (n,) of the true lift, at the times of its samples."""
-    lift, noise = measurement.recording.needle_lift, measurement.noise.needle_lift
-    openings = [o for event in measurement.events for o in event.openings]
-    if terms.lift_lag <= 0.0:
-        return _areas_of(measurement, lift, openings, terms, c)
-    rate = measurement.recording.sample_rate
-    restored = without_lag(lift, rate, terms.lift_lag)
-    area = np.zeros(lift.size)
-    for share, openings_at_lag in openings_without_lag(lift, noise, openings, rate, terms.lift_lag):
-        area += share * _areas_of(measurement, restored, openings_at_lag, terms, c)
-    return area
-
-
-def _areas_of(
-    measurement: Measurement,
-    lift: NDArray[np.float64],
-    openings: Sequence[Opening],
-    terms: InputTerms,
-    c: Coefficients,
-) -> NDArray[np.float64]:
-    """Normalised seat areas (n,) of a lift [m] (n,) without lag, with its openings."""
-    area = np.zeros(lift.size)
-    if not openings:
-        return area
-    fill_areas(
-        lift,
-        np.array([(o.first, o.last) for o in openings]),
-        np.array([(o.rising.lift, o.rising.slope, o.falling.lift, o.falling.slope) for o in openings]),
-        terms.lift_factor,
-        terms.lift_shift,
-        FOOT_ROUNDING / measurement.interval,
-        dead_band(measurement.noise.needle_lift)[1] if measurement.means else math.nan,
-        c.seat,
-        area,
-    )
-    return area
 
 
 def batch_of(
@@ -201,7 +115,7 @@ def batch_of(
     recording = measurement.recording
     openings = [o for event in measurement.events for o in event.openings]
     resting = shut_mask(recording, openings)
-    resting &= inputs.area <= 0.0  # the foot of a ramp the sensor did not see
+    resting &= inputs.area <= 0.0  # the sensor does not see the foot of a ramp
     source = rows.samples - late
     output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale
     return Batch(
@@ -243,10 +157,10 @@ def setting_of(
 def followed(
     batch: Batch, setting: Setting, needle: NeedleLaw, until_opening: bool = False, late: LateShots = ()
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording.
+    """Normalised innovations (n,) and injection rate [m3/s] (n,) of x~ over all windows of a recording.
 
-    needle: that answers commands where it is free; until_opening: of x^, which runs open loop from the opening of its
-    window on; late: of each event, by how much later [s] its shots (k, 2) open, and shut.
+    needle: answers the commands of the batch, if it has any; until_opening: gives those of x^ instead, which runs
+    open loop from the opening of its window on; late: delays [s] (k, 2) of the shots of every event.
     """
     learned = nothing_learned(setting.coefficients)
     innovation, rate = np.empty((2, batch.output.size))
@@ -261,7 +175,7 @@ def followed(
 
 
 def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A modelled injection rate (n,) at the samples as a measured one is: over each period where that is a mean."""
+    """A modelled injection rate (n,) as it would be recorded: averaged over each period if samples are means."""
     if not measurement.means:
         return rate
     beyond = np.concatenate([rate[:1], rate, rate[-1:]])
@@ -270,7 +184,7 @@ def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDA
 
 
 def as_by_meter(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A modelled injection rate (n,) at the samples as the meter shows it, at rest before: events lie far apart."""
+    """A modelled injection rate (n,) as the meter shows it; events lie so far apart that it rests before each."""
     return shown_slowly(rate, measurement.interval, *(measurement.recording.meter or ()))
 
 
@@ -282,7 +196,7 @@ def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:
 
 
 def stretches(measurement: Measurement) -> tuple[EventStretch, ...]:
-    """The counted samples of every event; edges are where the ramps of the lift meet 0."""
+    """Every event as a stretch of judged samples, with edges where the ramps of the lift meet 0."""
     return tuple(
         EventStretch(event.end - event.counted, measurement.interval, measurement.rail_pressure, _edges(event))
         for event in measurement.events

@@ -1,8 +1,8 @@
-"""Terms are tried over all an injector may meet, so that none makes the model unstable or a flow run backwards.
+"""Refusal of terms that would make the model unstable, or a flow run backwards, anywhere in an injector's range.
 
-At run time a term is held within its equation's bounds. One that is far beyond them somewhere, or undefined, is
-refused. Feedback of a term on itself is limited: with the line of the nominal injector each limit lets a disturbance
-grow by a factor of e in 11 ms, where nothing else damps it; in 1.9 ms, as long as an injection, at 100 mm3/ms.
+At run time a term is held within its equation's bounds; a term that is far beyond them somewhere, or undefined, is
+refused. Feedback of a term on itself is limited. With the line of the nominal injector each limit lets an undamped
+disturbance grow by a factor of e in 11 ms, and at 100 mm3/ms in 1.9 ms, as long as an injection.
 """
 
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ from observer_rt.model.terms.variable import Variable
 
 FAR = 5.0  # times the equation's bounds
 LEAST_LOSS_SLOPE = -0.005  # of the pressure lost by line_flow, the line's own included, MPa/(mm3/ms)
-FLOWING_SLOPE = -2.4e-4  # that more of it is left to each mm3/ms that flows: an injection is soon over
+FLOWING_SLOPE = -2.4e-4  # by which the former falls further with each mm3/ms, for an injection is short
 LEAST_OUTFLOW_SLOPE = -0.1  # of the outflow by line_pressure, mm3/ms/MPa
 LARGEST_REST = 0.01  # mm, by which a needle seen to be shut may be held open
 _FEEDBACK = {
     TermEquation.LINE_FLOW: (Variable.LINE_FLOW, LEAST_LOSS_SLOPE),
     TermEquation.LINE_PRESSURE: (Variable.LINE_PRESSURE, LEAST_OUTFLOW_SLOPE),
 }
-RUNG = 0.1  # of a change, that a resonance may add: nothing here jumps
+RUNG = 0.1  # share of a change that a resonance may add, for no input jumps
 _STEP, _ROUNDED = 1e-6, 1e-6  # of a variable, for slopes; rounding of these
 _POINTS = 20_000  # half of them corners, edges and centres
 
@@ -43,10 +43,10 @@ _RANGES |= {
 
 @dataclass(frozen=True)
 class TermDomain:
-    """Domain in which a term must be sound; in the units of `variable`.
+    """Domain in which a term must be sound, in the units of `variable`.
 
-    friction: the line's own loss rises by friction * abs(line_flow) with the line_flow.
-    in_cells: the line is a line of cells, whose observer a resonance of the sensor would make unstable.
+    friction: slope of the line's own loss over the line_flow, divided by abs(line_flow); in_cells: whether the line
+    has cells, so that a resonance of the sensor would make the observer unstable.
     """
 
     max_lift: float
@@ -55,7 +55,7 @@ class TermDomain:
 
     @cached_property
     def points(self) -> dict[str, Values]:
-        """Values (n,) of every variable; what grows without bounds, time and injection number, is at its start."""
+        """Values (n,) of every variable; time and injection number, which have no bounds, are at their start."""
         random = np.random.default_rng(1)
         ranges = _RANGES | {Variable.NEEDLE_LIFT: (0.0, self.max_lift)}
         values = {}
@@ -81,9 +81,9 @@ class TermDomain:
 
 
 def refuse_unbounded(term: Term, domain: TermDomain) -> None:
-    """Refuse a term that is unsound somewhere in the domain, whatever was before, and settled.
+    """Raise `UserError` for a term that is unsound somewhere in the domain, after any history or settled.
 
-    Raises `UserError` naming the term, the point and the value.
+    The error names the term, the point and the value.
     """
     rings = any(isinstance(part, Resonance) for part in term.law.all_parts)
     if rings and domain.in_cells and term.equation is TermEquation.LINE_PRESSURE_SENSOR:
@@ -115,7 +115,6 @@ def refuse_unbounded(term: Term, domain: TermDomain) -> None:
 
 
 def _refuse_values(term: Term, value: Values, domain: TermDomain) -> None:
-    """Refuse a term for its values (n,) at the domain's points."""
     if not np.all(np.isfinite(value)):
         raise _unsound(term, domain, int(np.argmin(np.isfinite(value))), "has no finite value")
     unit = "" if term.equation.is_share else f" {term.equation.unit}"
@@ -129,7 +128,7 @@ def _refuse_values(term: Term, value: Values, domain: TermDomain) -> None:
 
 
 def _over(law: Law, term: Term, domain: TermDomain) -> Values:
-    """A law's values (n,); what was before is any value that an argument has elsewhere."""
+    """A law's values (n,), with the values at other points of the domain as history."""
     return np.broadcast_to(law.at(domain.points, term.coefficient, _elsewhere), (_POINTS,))
 
 
@@ -139,7 +138,7 @@ def _elsewhere(law: Lag | Resonance, values: Values) -> Values:
 
 
 def _slope(law: Law, by: Variable, term: Term, domain: TermDomain) -> Values:
-    """A law's slopes (n,) by a variable, 0 where undefined; what was before stays, and a jump has none."""
+    """A law's slopes (n,) by a variable with the same history; 0 at a jump, and where undefined."""
     before: dict[Law, Values] = {}
 
     def values(step: float) -> Values:

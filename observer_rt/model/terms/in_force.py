@@ -27,7 +27,7 @@ _KEPT = (Operation.NEGATE, Operation.ABS)
 
 
 class TermCoefficient(Section):
-    """The value of a law's `c`, in the unit named; low, high: its 95 % interval, where somebody estimated it."""
+    """The value of a law's `c` in a unit; low, high: ends of the 95 % interval, None if it was not estimated."""
 
     value: _Finite
     unit: str
@@ -44,9 +44,9 @@ class TermCoefficient(Section):
 
 
 class TermInForce(Section):
-    """A term added to the nominal model: what `discover` found, or somebody knows, of this injector.
+    """A term added to the nominal model, because `discover` found it or somebody knows it of this injector.
 
-    seen: range of every variable in which the law was seen; beyond, it stays what it is at the end.
+    seen: range of every variable in which the law was seen; beyond its ends the law stays constant.
     """
 
     equation: TermEquation
@@ -59,7 +59,7 @@ class TermInForce(Section):
 
     @classmethod
     def of(cls, term: Term, unit: str = "", seen: SeenRange = NOT_SEEN, **why: str) -> Self:
-        """A term as a file states it. unit: of its `c`, where the law leaves it open; why: origin, evidence, date."""
+        """A term as a file states it; unit: of its `c`, if the law leaves it open; why: origin, evidence, date."""
         stated = None
         if term.law.has_coefficient:
             low, high = term.interval or (None, None)
@@ -78,10 +78,10 @@ class TermInForce(Section):
 
     @property
     def term(self) -> Term:
-        """The term stated.
+        """The term of this entry, its law held in the range seen.
 
-        Raises `UserError` at a key of it for a law that cannot be read or whose units do not fit, and for a
-        coefficient that is missing, superfluous or of another unit.
+        Raises `UserError`, located by key, for a law that cannot be read or whose units do not fit, and for a
+        coefficient that is missing, superfluous or in a wrong unit.
         """
         from observer_rt.model.terms.parser import parse
 
@@ -102,7 +102,7 @@ class TermInForce(Section):
 
     @property
     def range_seen(self) -> SeenRange:
-        """The range of every variable. Raises `UserError` for an entry that is no range."""
+        """Ranges by variable. Raises `UserError` for an entry of `seen` that is no range."""
         for name, (low, high) in self.seen.items():
             if name not in VARIABLES or not low < high:
                 meant = did_you_mean(name, VARIABLES) if name not in VARIABLES else ""
@@ -110,7 +110,6 @@ class TermInForce(Section):
         return {VARIABLES[name]: ends for name, ends in self.seen.items()}
 
     def _sized(self, stated: TermCoefficient, needed: object) -> tuple[float, tuple[float, float] | None]:
-        """Value and interval of `c` in the units of laws."""
         factor_and_unit = unit_named(stated.unit)
         if factor_and_unit is None:
             remedy = f"{did_you_mean(stated.unit, UNIT_NAMES)}units: {', '.join(UNIT_NAMES)}"
@@ -123,9 +122,9 @@ class TermInForce(Section):
 
 
 def coefficient_unit(equation: TermEquation, law: Law) -> Unit | None:
-    """The unit that `c` must have; None where the law leaves it open, or has none.
+    """The unit that `c` must have; None if the law leaves it open or has no `c`.
 
-    Raises `UserError` for a law whose units do not fit together, or not the equation.
+    Raises `UserError` for a law whose units do not fit each other or the equation.
     """
     check = _Check()
     check.alike(check.unit_of(law), equation.unit, f"'{law}'", f"what {equation} adds")
@@ -133,13 +132,13 @@ def coefficient_unit(equation: TermEquation, law: Law) -> Unit | None:
 
 
 class _Check:
-    """Units of parts, None where open. coefficient: the unit of `c`, as soon as it is known."""
+    """Units of the parts of a law, None for an open one; coefficient: unit of `c`, None until it is known."""
 
     def __init__(self) -> None:
         self.coefficient: Unit | None = None
 
     def unit_of(self, law: Law) -> Unit | None:
-        """The unit of a law; refuses what does not fit in it."""
+        """The unit of a law. Raises `UserError` for parts whose units do not fit."""
         match law:
             case Number(_, name):
                 factor_and_unit = unit_named(name)
@@ -163,7 +162,7 @@ class _Check:
         raise TypeError(f"no law: {law!r}")
 
     def alike(self, left: Unit | None, right: Unit | None, first: str, second: str) -> Unit | None:
-        """The unit of two operands; refuses units that differ. first, second: the operands as text."""
+        """The unit of two operands. Raises `UserError` if theirs differ; first, second: the operands as text."""
         if left is None or right is None:
             return left or right
         if left.c != right.c and self.coefficient is None:
@@ -176,7 +175,7 @@ class _Check:
         return left
 
     def _resolved(self, unit: Unit) -> Unit:
-        """The unit with that of `c` put in."""
+        """A unit with the unit of `c` inserted."""
         if self.coefficient is None:
             return unit
         return unit._replace(c=0.0).times(self.coefficient, unit.c)

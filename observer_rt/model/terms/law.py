@@ -21,7 +21,7 @@ Memory = Callable[["Lag | Resonance", Values], Values]
 
 LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
 
-# how tightly text binds: a part that binds less than its place asks for stands in parentheses
+# how tightly text binds: a part that binds less than its surroundings stands in parentheses
 _COMPARISON, _ADDITION, _FACTOR, _MINUS, _RAISED, _WHOLE = range(6)
 
 
@@ -35,6 +35,11 @@ class Law:
     @property
     def parts(self) -> "tuple[Law, ...]":
         """Parts of the law, one level down."""
+        match self:
+            case Call(_, arguments):
+                return arguments
+            case Lag(argument) | Resonance(argument) | LawTable(argument):
+                return (argument,)
         return ()
 
     def __str__(self) -> str:
@@ -55,13 +60,13 @@ class Law:
 
     @property
     def has_coefficient(self) -> bool:
-        """Whether `c` is in it."""
+        """Whether `c` is in the law."""
         return any(isinstance(part, Coefficient) for part in self.all_parts)
 
     @property
     def remembers(self) -> bool:
-        """Whether it depends on what was before."""
-        return any(isinstance(part, _LawWithMemory) for part in self.all_parts)
+        """Whether the law depends on earlier values of its variables."""
+        return any(isinstance(part, Lag | Resonance) for part in self.all_parts)
 
     def replaced(self, what: "Mapping[Variable, Law]") -> "Law":
         """The law with other laws in the places of variables."""
@@ -83,20 +88,46 @@ class Law:
             }
         )
 
+    def settled(self) -> "Law":
+        """The law once its variables have been constant for long."""
+        match self:
+            case Lag(argument):
+                return argument.settled()
+            case Resonance():
+                return ZERO
+            case Call(operation, arguments):
+                return Call(operation, tuple(one.settled() for one in arguments))
+            case LawTable(argument):
+                return replace(self, argument=argument.settled())
+        return self
+
     def at(self, values: Mapping[str, Any], c: float = 1.0, memory: Memory | None = None) -> Values:
         """Values (n,) of the law at those of its variables, by name, each (n,) or a number.
 
-        Raises ValueError for one that remembers, without `memory`.
+        memory: makes values of a lag or a resonance of those of its argument. Raises ValueError for a law that
+        remembers, without `memory`.
         """
         with np.errstate(all="ignore"):
             return np.asarray(self._at(values, c, memory), dtype=np.float64)
 
-    def settled(self) -> "Law":
-        """The law once all it remembers is over."""
-        return self
-
     def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
-        raise NotImplementedError
+        match self:
+            case Number():
+                return np.float64(self.reckoned)
+            case Coefficient():
+                return np.float64(c)
+            case Quantity(variable):
+                return np.asarray(values[variable.word], dtype=np.float64)
+            case Call(operation, arguments):
+                return _NUMPY[operation](*(one._at(values, c, memory) for one in arguments))
+            case LawTable(argument, points, heights):
+                places, sizes = ([number.reckoned for number in row] for row in (points, heights))
+                return np.interp(argument._at(values, c, memory), places, sizes)
+            case Lag(argument) | Resonance(argument):
+                if memory is None:
+                    raise ValueError(f"'{self}' remembers: say what its memory makes of values")
+                return memory(self, np.asarray(argument._at(values, c, memory), dtype=np.float64))
+        raise TypeError(f"no law: {self!r}")
 
 
 @dataclass(frozen=True)
@@ -112,16 +143,10 @@ class Number(Law):
         factor_and_unit = unit_named(self.unit)
         return self.value if factor_and_unit is None else self.value * factor_and_unit[0]
 
-    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
-        return np.float64(self.reckoned)
-
 
 @dataclass(frozen=True)
 class Coefficient(Law):
     """`c`, whose value the term states."""
-
-    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
-        return np.float64(c)
 
 
 @dataclass(frozen=True)
@@ -129,9 +154,6 @@ class Quantity(Law):
     """The value of a variable."""
 
     variable: Variable
-
-    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
-        return np.asarray(values[self.variable.word], dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -141,53 +163,22 @@ class Call(Law):
     operation: Operation
     arguments: tuple[Law, ...]
 
-    @property
-    def parts(self) -> tuple[Law, ...]:
-        return self.arguments
-
-    def settled(self) -> Law:
-        return Call(self.operation, tuple(one.settled() for one in self.arguments))
-
-    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
-        return _NUMPY[self.operation](*(one._at(values, c, memory) for one in self.arguments))
-
 
 @dataclass(frozen=True)
-class _LawWithMemory(Law):
-    """Law that depends on earlier values of its argument, and was settled at the first."""
+class Lag(Law):
+    """Argument behind a first-order lag, settled at the first value."""
 
     argument: Law
-
-    @property
-    def parts(self) -> tuple[Law, ...]:
-        return (self.argument,)
-
-    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
-        assert isinstance(self, Lag | Resonance)
-        if memory is None:
-            raise ValueError(f"'{self}' remembers: say what its memory makes of values")
-        return memory(self, np.asarray(self.argument._at(values, c, memory), dtype=np.float64))
-
-
-@dataclass(frozen=True)
-class Lag(_LawWithMemory):
-    """Argument behind a first-order lag."""
-
     milliseconds: float
 
-    def settled(self) -> Law:
-        return self.argument.settled()
-
 
 @dataclass(frozen=True)
-class Resonance(_LawWithMemory):
-    """Addition of a resonance of this frequency and damping, below 1, to its argument behind it."""
+class Resonance(Law):
+    """What a resonance of this frequency and damping, below 1, adds to its argument; settled at the first value."""
 
+    argument: Law
     kilohertz: float
     damping: float
-
-    def settled(self) -> Law:
-        return ZERO
 
 
 @dataclass(frozen=True)
@@ -197,10 +188,6 @@ class LawTable(Law):
     argument: Law
     points: tuple[Number, ...]
     values: tuple[Number, ...]
-
-    @property
-    def parts(self) -> tuple[Law, ...]:
-        return (self.argument,)
 
     @property
     def spelled(self) -> Law:
@@ -213,13 +200,6 @@ class LawTable(Law):
             rising = Call(Operation.MULTIPLY, (Number((high - low) / (end - start)), part))
             law = Call(Operation.ADD, (law, rising))
         return law
-
-    def settled(self) -> Law:
-        return LawTable(self.argument.settled(), self.points, self.values)
-
-    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
-        points, heights = ([number.reckoned for number in row] for row in (self.points, self.values))
-        return np.interp(self.argument._at(values, c, memory), points, heights)
 
 
 ZERO, ONE = Number(0.0), Number(1.0)
@@ -274,7 +254,7 @@ def _printed(law: Law) -> tuple[str, int]:
         case LawTable(argument, points, values):
             knots = ", ".join(f"{point}, {value}" for point, value in zip(points, values, strict=True))
             return f"{TABLE}({argument}, {knots})", _WHOLE
-        case Call(Operation.NEGATE, (Number() as number,)):  # without parentheses it were a negative number
+        case Call(Operation.NEGATE, (Number() as number,)):  # without parentheses a negative number would be read
             return f"-({number})", _MINUS
         case Call(Operation.NEGATE, (argument,)):
             return f"-{_within(argument, _MINUS)}", _MINUS
@@ -290,6 +270,6 @@ def _printed(law: Law) -> tuple[str, int]:
 
 
 def _within(part: Law, least: int) -> str:
-    """Text of a part, in parentheses where it binds less than its place asks for."""
+    """Text of a part, in parentheses if it binds less than `least`."""
     text, binding = _printed(part)
     return f"({text})" if binding < least else text

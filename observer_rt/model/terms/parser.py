@@ -1,7 +1,4 @@
-"""The language of laws, from text to tree: few of Python's expressions, ^ for powers, and units, as in `100[MPa]`.
-
-Errors are reported with the part of the law at fault.
-"""
+"""The language of laws, from text to tree: few of Python's expressions, ^ for powers, and units as in `100[MPa]`."""
 
 import ast
 import re

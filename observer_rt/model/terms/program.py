@@ -1,6 +1,7 @@
-"""Terms as one program that compiled code runs, without compiling anything anew for another law.
+"""Terms as one program, which compiled code interprets, so that no law needs a compiler.
 
-A program is postfix: rows (operation, operand), the end of a term adds the top of the stack to its equation's total.
+A program is postfix, in rows of operation and operand. The end of a term adds the top of the stack to the total of
+its equation.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,10 +19,7 @@ Numbers = NDArray[np.float64]
 
 
 def program_of(terms: Sequence[Term], fixed: Mapping[Variable, float] = MappingProxyType({})) -> Numbers:
-    """The program (n, 2) of these terms, the sensor's last; no rows for no terms.
-
-    fixed: variables that stay as they are.
-    """
+    """The program (n, 2) of terms, those of the sensor last; fixed: variables that are constants."""
     rows: list[tuple[float, float]] = []
     for term in sorted(terms, key=lambda term: term.equation is TermEquation.LINE_PRESSURE_SENSOR):
         rows.extend(_rows(term.law, term.coefficient, fixed))

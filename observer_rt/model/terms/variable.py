@@ -28,7 +28,7 @@ class Unit(NamedTuple):
 
     def to(self, power: float) -> "Unit":
         """The unit raised to a power."""
-        return Unit(*(round(mine * power, 6) for mine in self))
+        return PURE.times(self, power)
 
     def __str__(self) -> str:
         above = [_power(name, power) for name, power in zip(SYMBOLS, self, strict=False) if power > 0.0]
@@ -45,7 +45,7 @@ def _power(name: str, power: float) -> str:
 
 
 PURE = Unit()
-_KNOWN = {  # a unit as users write it: how many of ours, and which
+_KNOWN = {  # factor and unit by the name that users write
     "-": (1.0, PURE),
     "1": (1.0, PURE),
     "mm": (1.0, Unit(mm=1.0)),

@@ -9,7 +9,7 @@ import pytest
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench
 from observer_rt.desk.check.findings import Level
 from observer_rt.desk.check.observer import observer_findings
-from observer_rt.identification.fit.calibrate import BASELINE
+from observer_rt.identification.fit.fitted_file import BASELINE
 from tests.desk.cli.conftest import Command, document
 from tests.desk.cli.injector_files import FITTED, injector
 

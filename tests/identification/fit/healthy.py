@@ -8,7 +8,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
 from observer_rt.files.signals.recording import Recording
-from observer_rt.identification.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, with_values
+from observer_rt.identification.fit.forms import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, with_values
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
 from tests.observed_plants import recording_of

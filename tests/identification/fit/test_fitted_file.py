@@ -8,8 +8,9 @@ import tomlkit
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, rounded, write_fitted
-from observer_rt.identification.fit.problem import STRUCTURES
+from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
+from observer_rt.identification.fit.fitted_file import baseline_of, rounded, write_fitted
+from observer_rt.identification.fit.forms import STRUCTURES
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import NOMINAL, off_by_ten_percent, simulations
 

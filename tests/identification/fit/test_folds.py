@@ -17,7 +17,8 @@ from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.fit.calibrate import baseline_of, calibrate, write_fitted
+from observer_rt.identification.fit.calibrate import calibrate
+from observer_rt.identification.fit.fitted_file import baseline_of, write_fitted
 from observer_rt.identification.fit.folds import (
     folds_of,
     refuse_clipped,

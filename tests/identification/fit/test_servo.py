@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
-from observer_rt.identification.fit.problem import CONTROL, DISPLACEMENT, OPTIONAL_GROUPS
+from observer_rt.identification.fit.forms import CONTROL, DISPLACEMENT, OPTIONAL_GROUPS
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import LUMPS, of_independent_plant, off_by_ten_percent
 from tests.plants.laws import Laws

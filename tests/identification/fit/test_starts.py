@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.identification.fit.calibrate import calibrate
-from observer_rt.identification.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, values_of, with_values
+from observer_rt.identification.fit.forms import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, values_of, with_values
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.model.parameters import InjectorParameters
 from tests.identification.fit.healthy import NOMINAL

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from observer_rt.core.model.model import STEP
-from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate
-from observer_rt.identification.fit.problem import SAC, STIFFNESS, STRUCTURES, Structure, values_of, with_values
+from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
+from observer_rt.identification.fit.fitted_file import baseline_of
+from observer_rt.identification.fit.forms import SAC, STIFFNESS, STRUCTURES, Structure, values_of, with_values
 from observer_rt.identification.fit.search import FailedStructure
 from observer_rt.identification.fit.structures import judged_by
 from observer_rt.identification.likelihood.measurement import measurements

@@ -10,7 +10,7 @@ import pytest
 
 from observer_rt.identification.fit.calibrate import calibrate
 from observer_rt.identification.fit.document import oddities, verdict_words
-from observer_rt.identification.fit.problem import LOSS, NOZZLE, SAC, SEAT, STIFFNESS, with_values
+from observer_rt.identification.fit.forms import LOSS, NOZZLE, SAC, SEAT, STIFFNESS, with_values
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import LUMPS, NOMINAL, of_independent_plant, off_by_ten_percent, simulations
 from tests.plants.parameters import Faults, Injector

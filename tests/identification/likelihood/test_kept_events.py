@@ -8,7 +8,7 @@ from rich.console import Console
 from observer_rt.config.bench import load_bench
 from observer_rt.config.injector_sections import EvidenceConfig
 from observer_rt.foundation.files import file_hash
-from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
+from observer_rt.identification.likelihood.kept_events import evidence_of_model, read_folder
 from tests.kept_evidence import keep
 
 
@@ -24,10 +24,10 @@ def test_events_that_a_daemon_drops_meanwhile_are_counted_and_left_out(
     events = read_folder(folder, console)
     assert f"{folder}: 3 events were dropped" in capsys.readouterr().out.replace("\n", " ")
     assert file_hash(first) in {one.sha256 for one in events}
-    before = evidence_against(events, folder, None, console)
+    before = evidence_of_model(events, folder, None, console)
     for path in folder.glob("*.parquet"):
         path.unlink()
-    assert evidence_against(events, folder, None, console).hashes == before.hashes
+    assert evidence_of_model(events, folder, None, console).hashes == before.hashes
 
 
 def test_a_stated_lag_of_the_line_pressure_is_known_of_its_evidence(tmp_path: Path) -> None:
@@ -37,7 +37,7 @@ def test_a_stated_lag_of_the_line_pressure_is_known_of_its_evidence(tmp_path: Pa
     bench = bench.with_sections(signals=signals.model_copy(update={"line_pressure": lagging}))
     keep(bench, injections=10)
     console = Console(quiet=True)
-    kept = evidence_against(read_folder(tmp_path / "kept", console), tmp_path / "kept", None, console)
+    kept = evidence_of_model(read_folder(tmp_path / "kept", console), tmp_path / "kept", None, console)
     (stated,) = kept.measurement.stated
     assert stated.effect.id == "line_pressure_sensor_lag"
     assert stated.values == pytest.approx((5e-6,))

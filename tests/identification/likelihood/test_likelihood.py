@@ -14,12 +14,8 @@ from hypothesis import strategies as st
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.identification.likelihood.appearance import healthy_remainder
-from observer_rt.identification.likelihood.likelihood import (
-    GAIN_ERROR,
-    JointLikelihood,
-    RecordingLikelihood,
-    joint_likelihood,
-)
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, RecordingLikelihood, joint_likelihood
+from observer_rt.identification.likelihood.measured_rate import GAIN_ERROR
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.identification.likelihood.open_loop import simulated
 from observer_rt.model.effect import SizedEffect

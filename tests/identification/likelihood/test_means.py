@@ -11,7 +11,7 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.likelihood.likelihood import JudgedModel, joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import mass, simulated
-from observer_rt.identification.likelihood.windows import TrueInputs
+from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import TRUE_INPUTS
 from observer_rt.model.effects import effective_model, sized

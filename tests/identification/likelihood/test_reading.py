@@ -10,8 +10,10 @@ from rich.console import Console
 from observer_rt.config.bench import load_injector
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
 from observer_rt.files.tables import signals_of
+from observer_rt.identification.likelihood.coverage import coverage
 from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.identification.likelihood.reading import coverage, read_measured, without_copies
+from observer_rt.identification.likelihood.provenance import without_copies
+from observer_rt.identification.likelihood.reading import measured_recordings
 from tests.device import simulated
 from tests.identification.discovery.hidden import recordings
 
@@ -27,7 +29,7 @@ SECTION = {
 
 def said(source: SignalStream) -> str:
     output = io.StringIO()
-    read_measured([Path("a.csv")], lambda _: source, load_injector(), Console(file=output, width=200))
+    measured_recordings([source], load_injector(), Console(file=output, width=200))
     return output.getvalue()
 
 

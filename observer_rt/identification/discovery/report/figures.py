@@ -40,13 +40,11 @@ def overlay_figure(findings: Findings) -> str:
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
-    """Above the axes of a figure, by what one of them shows."""
     handles = axes.get_legend_handles_labels()
     figure.legend(*handles, loc="outside upper right", ncols=3, frameon=False)
 
 
 def _draw_overlay(axes: Sequence[Axes], overlay: Overlay, amended: str) -> None:
-    """Lift, line pressure, what models miss of it, rate."""
     measurement, before, shown = overlay.measurement, overlay.before, slice(0, overlay.samples)
     recording, samples = measurement.recording, before.samples[shown]
     time = (samples - samples[0]) * measurement.interval / MILLISECOND

@@ -13,8 +13,8 @@ from observer_rt.files.learned_picture import learned_figure
 from observer_rt.foundation import units
 from observer_rt.foundation.units import shown, sign, significant
 from observer_rt.foundation.version import __version__
+from observer_rt.identification.discovery.disagreement import Disagreement
 from observer_rt.identification.discovery.findings import Findings
-from observer_rt.identification.discovery.gaps import Disagreement
 from observer_rt.identification.discovery.injections import MassChange
 from observer_rt.identification.discovery.report import figures, text
 from observer_rt.identification.discovery.search import proposal
@@ -23,7 +23,7 @@ from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.laws import guess_words
 from observer_rt.identification.discovery.search.results import Cell, Discovery, SmallestVisible, Verdict
 from observer_rt.identification.discovery.standstill import StandstillFigure
-from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.effect import Equation
 from observer_rt.model.effects import VOCABULARY
 

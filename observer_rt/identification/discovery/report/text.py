@@ -83,7 +83,7 @@ def _verdict_words(discovery: Discovery) -> str:
 
 
 def standing_words(proposal: Proposal) -> str:
-    """Rates a proposal: how far it explains the recordings, and whether a model may have it."""
+    """Says how much a proposal explains, whether a model may accept it, and where it was seen."""
     before, after = (value / MEGAPASCAL for value in proposal.held_out)
     apart = "" if math.isnan(before) else f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after"
     moved = f"injected mass {proposal.candidate.moves.mass / MILLIGRAM:+.2g} mg"
@@ -99,19 +99,17 @@ def standing_words(proposal: Proposal) -> str:
 
 
 def visible_words(smallest: SmallestVisible) -> str:
-    """The smallest size of an effect that would have been seen, such as `v_H = 0.0034`."""
+    """Smallest size of an effect that recordings would show, such as `v_H = 0.0034`."""
     return f"{smallest.parameter} = {smallest.size:.2g} {sign(smallest.unit)}".rstrip()
 
 
 def _choices(discovery: Discovery) -> str:
-    """Names the options that choose among tied candidates."""
     options = [f"--choose {'+'.join(ids)}" for ids in (discovery.named.ids, *discovery.rivals) if ids]
     options += [f"--accept-term {one.number}" for one in discovery.proposals if one.may_enter]
     return f"give the command again with {' or '.join(options)}, and --force"
 
 
 def _gap_lines(findings: Findings) -> list[str]:
-    """The gaps on held-out operating points."""
     apart = findings.held_apart and findings.shown.ids
     where = "on operating points held out" if apart else "on the recordings"
     lines = []

@@ -1,23 +1,17 @@
-"""Tests residuals for adequacy, by signal, phase and operating point."""
+"""Adequacy of a model: whether its residuals, by signal, phase and operating point, are noise alone."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from observer_rt.engine.estimation.phases import Phase, phase_statistics
+from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.results import Cell
-from observer_rt.identification.likelihood.likelihood import (
-    JointLikelihood,
-    JudgedModel,
-    Pool,
-    Signal,
-    normalised,
-    phases_by_signal,
-)
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
+from observer_rt.identification.likelihood.signals import Pool, Signal, statistics_by_signal
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.effective import EffectiveModel
 
@@ -30,7 +24,7 @@ MOST_LATE = 4.0  # mean square of the delays of shots that jitter, over their va
 
 
 def cells_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel], model: EffectiveModel) -> tuple[Cell, ...]:
-    """Every signal in every phase of every recording."""
+    """The map of residuals: a cell for every signal in every phase of every recording."""
     result = []
     for number, (recorded, judged_model) in enumerate(zip(likelihood.recordings, judged, strict=True)):
         measurement = recorded.measurement
@@ -38,34 +32,23 @@ def cells_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel], model: 
             Signal.LINE_PRESSURE: float(np.exp(judged_model.log_sigma)) * model.coefficients.pressure_scale,
             Signal.INJECTION_RATE: measurement.rate_noise,
         }
-        for signal, z in normalised(judged_model).items():
-            phases = phases_by_signal(recorded)[signal]
-            statistics = phase_statistics(z, 1.0, phases, 0)
+        for signal, statistics in statistics_by_signal(recorded, judged_model).items():
             for phase in Phase:
-                if not (phases == phase).any():
+                if statistics.samples[phase] == 0.0:
                     continue
-                result.append(
-                    Cell(
-                        signal,
-                        phase,
-                        number,
-                        measurement.rail_pressure,
-                        measurement.duration,
-                        int(statistics.samples[phase]),
-                        statistics.variance(phase),
-                        statistics.colour(phase),
-                        statistics.excess(phase),
-                        float(np.sqrt(statistics.variance(phase))) * scale[signal],
-                    )
-                )
+                point = number, measurement.rail_pressure, measurement.duration, int(statistics.samples[phase])
+                variance = statistics.variance(phase)
+                figures = variance, statistics.colour(phase), statistics.excess(phase)
+                result.append(Cell(signal, phase, *point, *figures, float(np.sqrt(variance)) * scale[signal]))
     return tuple(result)
 
 
 def healthy_of_fit(baseline: Baseline, comparable: bool) -> Healthy:
-    """Reads what a fitted injector file remembers of the healthy injector.
+    """The healthy injector as a fitted injector file knows it.
 
-    What a model leaves whose fit was not adequate is searched, not taken for the injector's. comparable: whether the
-    recordings have the sample rate of the fit's, so that innovations mean the same; the sensor has any one's offset.
+    Residuals of an inadequate fit do not count as the injector's, so that discovery searches them. comparable:
+    whether the recordings have the sample rate of the fit, without which innovations differ; the sensor's offset
+    holds anyway.
     """
     healthy, offset = baseline.healthy, baseline.healthy.line_pressure_offset_MPa if baseline.healthy else 0.0
     if not baseline.adequate:
@@ -75,7 +58,7 @@ def healthy_of_fit(baseline: Baseline, comparable: bool) -> Healthy:
 
 
 def healthy_level(healthy: Healthy, signal: Signal, phase: Phase) -> tuple[float, float]:
-    """Variance and colour of the healthy injector's innovations, never below what noise alone leaves."""
+    """Variance and colour of the healthy injector's innovations, at least those of noise alone."""
     if signal is Signal.LINE_PRESSURE:
         return float(healthy.variance[phase]), float(healthy.colour[phase].max())
     if healthy.rate is None:
@@ -85,7 +68,7 @@ def healthy_level(healthy: Healthy, signal: Signal, phase: Phase) -> tuple[float
 
 @dataclass(frozen=True)
 class Worst:
-    """The signal and phase a model explains worst: how many times its limit (above 1: not adequate)."""
+    """The signal and phase that a model explains worst; ratio: to the limit, above 1 for an inadequate model."""
 
     signal: Signal
     phase: Phase
@@ -93,7 +76,7 @@ class Worst:
 
 
 def worst(pool: Pool, healthy: Healthy = NOT_FITTED) -> Worst:
-    """Signal and phase at which the model is least adequate; within SIGNIFICANT of noise counts as explained."""
+    """Signal and phase at which a model is least adequate; residuals within SIGNIFICANT of noise are explained."""
     ranked = []
     for signal, statistics in pool.items():
         for phase in Phase:
@@ -107,31 +90,31 @@ def worst(pool: Pool, healthy: Healthy = NOT_FITTED) -> Worst:
 
 
 class Adequacy:
-    """Whether candidates leave nothing but noise, or the model's own error."""
+    """Adequacy of candidates: whether their residuals are noise, or errors that the fitted model has itself."""
 
     def __init__(self, fits: Fitter, healthy: Healthy) -> None:
         self._fits, self._healthy = fits, healthy
         self.remainder = REMAINDER if healthy.appears else EXACT
-        """Share of what effects explain that may be the model's own error."""
+        """Share of the explained residuals that may be the model's own error."""
 
     def ratio(self, candidate: Candidate) -> float:
-        """Ratio of a candidate's worst phase to its limit; above 1 it does not explain the recordings."""
+        """Ratio of a candidate's worst phase to its limit, above 1 if it does not explain the recordings."""
         pool = self._fits.pool(candidate)
         return np.inf if pool is None else max(worst(pool, self._healthy).ratio, self._late(candidate))
 
     def __call__(self, candidate: Candidate) -> bool:
-        """Whether a candidate with laws explains the recordings, but for the model's own error."""
+        """Whether a candidate explains the recordings, up to the model's own error."""
         pool = self._fits.pool(candidate)
         if pool is None or self._late(candidate) > 1.0:
             return False
         return self.ratio(candidate) <= 1.0 or bool(candidate.hypothesis.effects and self._is_remainder(pool))
 
     def _late(self, candidate: Candidate) -> float:
-        """How late shots answer, where no lift was measured; above 1 jitter does not explain it."""
+        """Mean square delay of shots over its limit, above 1 if it is no jitter; 0 with a measured lift."""
         return max((judged.late for judged in self._fits.judged(candidate) or ()), default=0.0) / MOST_LATE
 
     def _is_remainder(self, pool: Pool) -> bool:
-        """Whether so little is left of what there was in every phase that it may be the model's own error."""
+        """Whether the residuals of every phase fell so far that the rest may be the model's own error."""
         before = self._fits.pool(self._fits.nothing())
         assert before is not None  # the search began with it
         for signal, statistics in pool.items():

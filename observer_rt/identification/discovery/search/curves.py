@@ -1,7 +1,7 @@
-"""Laws made to measure: a free curve over one variable, and the simple form that comes nearest to it; waves.
+"""Laws made to measure: a free curve over one variable and the simple form nearest to it, and waves.
 
-A curve is a sum of hats, each a term of its own: what they do to the innovations, linearised, says what any law over
-that variable would gain. Oscillations of a fixed frequency stand out of the spectrum of the residuals.
+A curve is a sum of hats, each a term of its own. Their signatures in the innovations give the gain of any law over
+that variable. Waves are oscillations of a fixed frequency that stand out of the spectrum of the residuals.
 """
 
 import math
@@ -40,7 +40,7 @@ SWINGING = (TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, TermE
 
 
 class Shape(Enum):
-    """What a simple law looks like: of those of one shape, knots hardly tell one from another."""
+    """Appearance of a simple law; the knots of a curve hardly distinguish two laws of one shape."""
 
     POWER = "power"
     KINK = "kink"
@@ -52,10 +52,7 @@ class Shape(Enum):
 
 @dataclass(frozen=True)
 class Axis:
-    """A variable u of curves, of order 1.
-
-    over: u in the language of laws; knots: where its hats are; of: variables of the laws over it.
-    """
+    """A variable u of curves, of order 1: `over` in the language of laws; knots: of its hats; of: its variables."""
 
     over: str
     knots: tuple[float, ...]
@@ -63,7 +60,7 @@ class Axis:
 
     @cached_property
     def forms(self) -> tuple["Form", ...]:
-        """Simple laws of it."""
+        """Simple laws over the axis."""
         start, span = self.knots[0], self.knots[-1] - self.knots[0]
         places = tuple(FormNumber(start + 0.1 * tenth * span, start, self.knots[-1]) for tenth in range(11))
         widths = tuple(FormNumber(w * span, 0.2 * w * span, 4.0 * w * span) for w in (0.02, 0.08, 0.2, 0.35))
@@ -82,7 +79,7 @@ class Axis:
         )
 
     def _even_and_odd(self, places: tuple[FormNumber, ...], widths: tuple[FormNumber, ...]) -> tuple["Form", ...]:
-        """Laws with only one half free."""
+        """Laws that are symmetric about 0, or antisymmetric."""
         right = tuple(one for one in places[:-1] if one.value > 0.0)
         return (
             Form("abs(u)"),
@@ -93,7 +90,7 @@ class Axis:
 
     @property
     def hat_laws(self) -> list[str]:
-        """Laws that are 1 at a knot, 0 at the next ones; the first and last stay 1 beyond."""
+        """Laws that are 1 at one knot and 0 at its neighbours; the first and the last stay 1 beyond the knots."""
         laws = []
         for knot in range(len(self.knots)):
             shown = range(max(0, knot - 1), min(knot + 2, len(self.knots)))
@@ -140,21 +137,21 @@ CURVES: Mapping[TermEquation, tuple[tuple[Axis, str], ...]] = {
 
 
 def axis_of(law: Law) -> Axis | None:
-    """The one variable of a law beside its gates; None of one that remembers, or has several."""
+    """The axis of a law beside its gates; None for a law that remembers or has variables of several axes."""
     words = {variable.word for variable in law.variables if variable not in GATES}
     return next((axis for axis in AXES if words and words <= axis.of and not law.remembers), None)
 
 
 @dataclass(frozen=True)
 class Form:
-    """A law of a variable u; numbers: by `LETTERS`, what each is tried with, and between what it may be."""
+    """A law of a variable u; numbers: in the order of `LETTERS`, the values that are tried for each, with bounds."""
 
     law: str
     numbers: tuple[tuple[FormNumber, ...], ...] = ()
     shape: "Shape" = Shape.POWER
 
     def values(self, numbers: Sequence[FormNumber], knots: Floats) -> Floats:
-        """At knots (k,)."""
+        """Values of the law at knots (k,)."""
         text = self.law.replace("u", "time")
         for letter, number in zip(LETTERS, numbers, strict=False):
             text = text.replace(letter, f"({number.value!r})")
@@ -214,10 +211,7 @@ def parts_of(groups: Sequence[Sequence[Effect]], score: Score) -> list[Scores]:
 def made_to_measure(
     curves: Sequence[FreeCurve], swings: Sequence[tuple[Effect, Effect]], score: Score
 ) -> list[Effect]:
-    """Terms near these curves that would gain most, and waves, given by their sine and cosine.
-
-    Each wave is linearised once.
-    """
+    """The terms that would gain most: forms near these curves, and waves; swings: sine and cosine of each wave."""
     promising = [law for curve in curves for law in _laws(curve)]
     for pair, part in zip(swings, parts_of(swings, score), strict=True):
         sizes = part.sizes(range(len(part.effects)))
@@ -228,7 +222,7 @@ def made_to_measure(
 
 
 def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
-    """The best form of every shape of a curve, and what each would gain."""
+    """The best form of every shape near a curve, with its gain."""
     equation, axis, part, knots = curve.equation, curve.axis, curve.scores, curve.knots
     laws_by_shape: dict[Shape, tuple[float, Effect]] = {}
     for form in axis.forms:
@@ -243,7 +237,7 @@ def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
 
 
 def gains_of(values: Floats, scores: Scores, equation: TermEquation) -> Floats:
-    """What laws (k,) would gain by their values (k, m) where the hats that were scored are 1, sizes within bounds."""
+    """Gains (k,) of laws by their values (k, m) at the knots of the hats scored, with sizes within their bounds."""
     weights = np.einsum("ij,jk,ik->i", values, scores.information, values)
     slopes = values @ scores.gradient
     sizes = np.divide(slopes, weights, out=np.zeros_like(slopes), where=weights > 0.0)

@@ -24,7 +24,8 @@ from observer_rt.identification.likelihood.bounded_fit import (
     linearise,
     sigmas_of,
 )
-from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, Pool, pool_of, residuals_of
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, residuals_of
+from observer_rt.identification.likelihood.signals import Pool, pool_of
 from observer_rt.model.baseline import Appearance
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
@@ -63,14 +64,10 @@ class Fitter:
         fitted: Callable[[Candidate], None] | None = None,
         appears: Mapping[str, Appearance] = MappingProxyType({}),
     ) -> None:
-        """fitted: called with every fit as soon as it is there; appears: what the healthy injector
-        appears to have."""
-        self.likelihood = likelihood
-        self.nominal = nominal
-        self._workers = workers
+        """fitted: called with every new fit; appears: apparent effects of the healthy injector by id."""
+        self.likelihood, self.nominal = likelihood, nominal
+        self._workers, self._fitted, self._appears = workers, fitted, appears
         self._fits: dict[tuple[str, ...], Candidate | None] = {}  # by ids, and ROUGH or FREED after them
-        self._fitted = fitted
-        self._appears = appears
         self.signatures: dict[str, appearance.Signature] = {}
         self._sigmas: dict[_Key, NDArray[np.float64]] = {}
         self._judged: dict[_Key, list[JudgedModel] | None] = {}
@@ -85,18 +82,18 @@ class Fitter:
         return Candidate(Hypothesis(), (), residuals.statistic, residuals.spread)
 
     def measure(self, effects: Sequence[Effect]) -> None:
-        """Measures how a small size of every effect moves the residuals of the nominal model."""
+        """Fill `signatures` with those of the effects beside the nominal model."""
         judged = self.judged(self.nothing())
         assert judged is not None  # the search began with it
 
         def judge(effect: Effect, sizes: tuple[float, ...]) -> list[JudgedModel] | None:
             return self._judged_at(Hypothesis((effect,)), np.array(sizes))
 
-        signatures = self.map(lambda effect: appearance.signatures(judged, [effect], judge), effects)
-        self.signatures = {one.effect.id: one for each in signatures for one in each}
+        signatures = self.map(lambda effect: appearance.signature_of(effect, judged, judge), effects)
+        self.signatures = {one.effect.id: one for one in signatures if one is not None}
 
     def reference(self, effect: Effect) -> tuple[float, float]:
-        """The size an effect appears to have on the healthy injector, as these recordings see it."""
+        """Mean and sigma of an effect's size on the healthy injector, as these recordings see it."""
         signature = self.signatures.get(effect.id)
         return (0.0, 0.0) if signature is None else appearance.reference(self._appears, signature)
 
@@ -114,19 +111,17 @@ class Fitter:
         return judged
 
     def pool(self, candidate: Candidate) -> Pool | None:
-        """What a candidate leaves by signal and phase; None without a solution."""
+        """Statistics of a candidate's residuals by signal and phase; None without a solution."""
         if candidate.key not in self._pools:
             judged = self.judged(candidate)
             self._pools[candidate.key] = None if judged is None else pool_of(self.likelihood.recordings, judged)
         return self._pools[candidate.key]
 
     def residuals(self, candidate: Candidate) -> Residuals | None:
-        """What a candidate leaves; None without a solution."""
+        """Residuals of a candidate; None without a solution."""
         return self._problem(candidate.hypothesis)(candidate.theta)
 
     def _problem(self, hypothesis: Hypothesis) -> Problem:
-        """That of finding the sizes of a hypothesis' effects."""
-
         def residuals(theta: NDArray[np.float64]) -> Residuals | None:
             judged = self._judged_at(hypothesis, theta)
             return None if judged is None else residuals_of(judged)
@@ -134,7 +129,7 @@ class Fitter:
         return residuals
 
     def sigmas(self, candidate: Candidate) -> NDArray[np.float64]:
-        """Standard deviations of a candidate's sizes by noise, from the information there; inf where it has none."""
+        """Standard deviations of a candidate's sizes by noise; inf for sizes without information."""
         if candidate.key not in self._sigmas:
             residuals = self.residuals(candidate)
             if residuals is None or not candidate.hypothesis.effects:
@@ -147,7 +142,7 @@ class Fitter:
         return self._sigmas[candidate.key]
 
     def map(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
-        """Results of `work` in the order of the items; an interruption does not wait for those not begun."""
+        """Results of `work` in the order of the items; an interruption cancels those not begun."""
         with ThreadPoolExecutor(self._workers) as pool:
             try:
                 return list(pool.map(work, items))
@@ -156,7 +151,7 @@ class Fitter:
                 raise
 
     def scores(self, about: Candidate, effects: Sequence[Effect]) -> Scores:
-        """Scores of effects that a candidate does not have, by a little of each beside it, names by more as well."""
+        """Scores of further effects beside a candidate, by small sizes, and by larger ones of effects with a name."""
         here = self.residuals(about)
         assert here is not None  # it was fitted
         weights = here.roots
@@ -171,7 +166,7 @@ class Fitter:
                     gain = max(float(slope @ left) * math.copysign(1.0, sizes[0]), 0.0) ** 2
                     probed.append((gain / max(float(slope @ slope), _TINY), slope))
                 if probed and is_term(effect) and equation_of(effect) != TermEquation.NEEDLE_LIFT:
-                    break  # but a needle is shut or open: little more is not little less the other way round
+                    break  # a needle is shut or open: its two directions differ
             return max(probed, key=itemgetter(0))[1] if probed else None
 
         scored_effects = [
@@ -182,7 +177,7 @@ class Fitter:
         return scored([effects[number] for number in numbers], numbers, slopes, here)
 
     def laws(self, hypotheses: Sequence[tuple[Hypothesis, NDArray[np.float64]]]) -> list[Candidate]:
-        """Fits of laws, perhaps beside effects of one size, each from where it is said; those there are."""
+        """Fits of laws, perhaps beside effects of one size, each from its start; without those that fail."""
         return [one for one in self.map(lambda item: self._law(*item), hypotheses) if one is not None]
 
     def _law(self, hypothesis: Hypothesis, start: NDArray[np.float64]) -> Candidate | None:
@@ -197,9 +192,9 @@ class Fitter:
         return self._remembered(hypothesis, hypothesis.ids, minimum_of_law)
 
     def sharpened(self, candidate: Candidate) -> Candidate | None:
-        """A candidate with the numbers within its laws fitted, too; None where they have none.
+        """A candidate with the numbers within its laws fitted, too; None if the laws have none.
 
-        Those of a table are, where it stands alone: beside another law they hardly move, and are many.
+        The many numbers of a table are fitted if it stands alone: beside another law they hardly move.
         """
         effects, numbers = candidate.hypothesis.effects, candidate.hypothesis.numbers
         few = [len(effects) == 1 or number <= MOST_NAMED for number in numbers]
@@ -228,7 +223,7 @@ class Fitter:
     def _remembered(
         self, hypothesis: Hypothesis, key: tuple[str, ...], search: Callable[[], Minimum | None]
     ) -> Candidate | None:
-        """A fit made before, else made now and kept."""
+        """The fit kept under a key, else the result of a search, kept from now on."""
         if key not in self._fits:
             minimum, candidate = search(), None
             if minimum is not None:
@@ -243,10 +238,10 @@ class Fitter:
     def named(
         self, about: Candidate, effects: Sequence[Effect], sizes: Sequence[float] | None = None
     ) -> list[Candidate]:
-        """Each effect of the vocabulary beside a candidate, all sizes fitted together, the best first.
+        """A fit with each of the effects beside a candidate, the best first.
 
-        sizes: of their first parameters by their scores, one more place to begin. Those within reach of the best are
-        fitted to the end, the others roughly.
+        sizes: of the effects' first parameters by their scores, further starts. Fits near the best are refined, the
+        others stay rough.
         """
         tasks = []
         for number, effect in enumerate(effects):
@@ -286,7 +281,7 @@ class Fitter:
 
 
 def _probes(effect: Effect, small: float) -> list[tuple[float, ...]]:
-    """Sizes at which an effect is scored; of a name also where a fit begins, for some show only from there on."""
+    """Sizes at which an effect is scored; with a name also the starts of a fit, for some show only from there on."""
     if not effect.parameters or is_term(effect):
         lowest, highest = bounds_of(effect)
         return [(step,) for step in (small, -small) if lowest <= step <= highest]
@@ -297,7 +292,7 @@ def _probes(effect: Effect, small: float) -> list[tuple[float, ...]]:
 
 
 def best_of_each(candidates: Sequence[Candidate], by: Callable[[Candidate], float]) -> list[Candidate]:
-    """The best first, each combination of effects once, in whichever order."""
+    """Every combination of effects once, the best candidate first."""
     best: dict[frozenset[str], Candidate] = {}
     for candidate in sorted(candidates, key=by):
         best.setdefault(frozenset(candidate.ids), candidate)
@@ -305,7 +300,7 @@ def best_of_each(candidates: Sequence[Candidate], by: Callable[[Candidate], floa
 
 
 def _has_twins(hypothesis: Hypothesis, minimum: Minimum) -> bool:
-    """Whether two effects of one equation stand for one: alike, or with a size at its bound."""
+    """Whether two effects of one equation are one: with signatures alike, or a size at its bound."""
     effects, theta = hypothesis.effects, minimum.theta
     bounds = [(effect.parameters[0].lowest, effect.parameters[0].highest) for effect in effects]
     for first, second in combinations(range(len(effects)), 2):

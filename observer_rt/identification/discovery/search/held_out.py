@@ -1,7 +1,6 @@
 """Candidates judged on operating points that they were not fitted to."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +10,7 @@ from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.identification.discovery.search.candidates import Candidate, sizing
 from observer_rt.identification.likelihood.bounded_fit import fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, RecordingLikelihood
-from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import simulated
+from observer_rt.identification.likelihood.open_loop import pressure_gap, simulated
 from observer_rt.identification.likelihood.operating_points import every_second_point
 from observer_rt.model.effective import EffectiveModel
 
@@ -29,14 +27,14 @@ class HeldOutPoints:
         self._cache: dict[tuple[tuple[str, ...], tuple[float, ...]], _Events | None] = {}
 
     def statistic(self, candidate: Candidate) -> float:
-        """-2 log L of all events held out; inf without a solution, nan where there is nothing to hold out."""
+        """-2 log L of all events held out; inf without a solution, nan if nothing is held out."""
         if not self._judged.recordings:
             return math.nan
         events = self._events(candidate)
         return math.inf if events is None else float(np.sum(events.statistic))
 
     def sizes(self, candidate: Candidate) -> tuple[float, ...]:
-        """Sizes fitted to every second operating point; those of all where there is nothing to hold out."""
+        """Sizes fitted to every second operating point; to all points if nothing is held out."""
         events = self._events(candidate) if self._judged.recordings else None
         return candidate.sizes if events is None else tuple(events.theta.tolist())
 
@@ -48,11 +46,10 @@ class HeldOutPoints:
         return math.inf if events is None else math.sqrt(float(np.mean(events.gap)))
 
     def pays(self, candidate: Candidate, smaller: Candidate) -> bool:
-        """Whether a candidate explains the events held out better than a smaller one.
+        """Whether a candidate explains the events held out better than a smaller one; true if nothing is held out.
 
-        -2 log L must fall by more than its fall scatters between events. The open-loop gap of the line pressure must
-        not grow by more than it scatters: it shows small effects less clearly, but a small gap is what users want of
-        the model. Where no operating point can be held out, a candidate is accepted.
+        -2 log L must fall by more than its fall scatters between events. The open-loop gap of the line pressure may
+        grow by its scatter at most: it shows small effects less clearly, but users want a model with a small gap.
         """
         if not self._judged.recordings:
             return True
@@ -81,8 +78,9 @@ class HeldOutPoints:
             return None
         recordings = self._judged.recordings
         statistic = [_statistic_by_event(*pair) for pair in zip(recordings, judged, strict=True)]
-        gap = [_gap_by_event(recorded.measurement, model) for recorded in recordings]
-        return _Events(theta, np.concatenate(statistic), np.concatenate(gap))
+        measured = [recorded.measurement for recorded in recordings]
+        gap = [float(np.mean(pressure_gap(one, run) ** 2)) for one in measured for run in simulated(one, model)]
+        return _Events(theta, np.concatenate(statistic), np.array(gap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,28 +101,9 @@ def _sum_with_scatter(values: NDArray[np.float64]) -> tuple[float, float]:
     return float(np.sum(values)), scatter
 
 
-def _gap_by_event(measurement: Measurement, model: EffectiveModel) -> NDArray[np.float64]:
-    """Mean square of the line pressure's open-loop gap (events,) [Pa2]."""
-    line = measurement.recording.line_pressure
-    runs = simulated(measurement, model)
-    return np.array([float(np.mean((run.line_pressure - line[run.samples]) ** 2)) for run in runs])
-
-
 def _statistic_by_event(recorded: RecordingLikelihood, judged_model: JudgedModel) -> NDArray[np.float64]:
-    """-2 log L of the events of a recording (events,); that of its measured rate is divided among them evenly."""
-    sizes: Sequence[int] = [event.end - event.counted for event in recorded.measurement.events]
-    ends = np.cumsum(sizes)
-    rate = (
-        2.0
-        * (robust_cost(judged_model.rate_z, 0, 1.0) + judged_model.rate_z.size * judged_model.rate_log_sigma)
-        / len(sizes)
-    )
-    return np.array(
-        [
-            2.0 * robust_cost(judged_model.z, int(end - size), 1.0)
-            - 2.0 * robust_cost(judged_model.z, int(end), 1.0)
-            + 2.0 * size * judged_model.log_sigma
-            + rate
-            for size, end in zip(sizes, ends, strict=True)
-        ]
-    )
+    """-2 log L of the events of a recording (events,); the part of a measured rate is divided among them evenly."""
+    sizes = np.array([event.end - event.counted for event in recorded.measurement.events])
+    beyond = np.array([2.0 * robust_cost(judged_model.z, first, 1.0) for first in [0, *np.cumsum(sizes).tolist()]])
+    of_rate = robust_cost(judged_model.rate_z, 0, 1.0) + judged_model.rate_z.size * judged_model.rate_log_sigma
+    return np.asarray(beyond[:-1] - beyond[1:] + 2.0 * sizes * judged_model.log_sigma + 2.0 * of_rate / sizes.size)

@@ -1,7 +1,8 @@
-"""Laws beside a candidate: of one linearised pass the best are refitted; others are made for its residuals.
+"""Laws beside a candidate: the best of one linearised pass are refitted, and others are made for its residuals.
 
-The first guess, the law of nozzle or seat that stands out of what the network learned, says which law, or product
-of two, is refitted first, and no more: it comes of the same recordings, and as prior odds would count them twice.
+The law of nozzle or seat that stands out of what the network learned is the first guess. It decides which law, or
+product of two, is refitted first, and nothing else: it comes from the same recordings, and prior odds by it would
+count them twice.
 """
 
 from collections.abc import Sequence
@@ -68,7 +69,7 @@ Guess = LearnedLaw | None
 
 
 class Laws:
-    """Fits with a law more; names of one size may stand beside laws as these do."""
+    """Fits with one law more, or one name with one size, for such names are treated as laws."""
 
     def __init__(self, fits: Fitter, names: Sequence[Effect], adequate: Adequacy, guess: Guess) -> None:
         self._fits, self._is_adequate, self._guess = fits, adequate, guess
@@ -78,7 +79,7 @@ class Laws:
         self._scored: dict[tuple[str, ...], Scores] = {}  # beside the last candidate
 
     def promise(self, about: Candidate) -> float:
-        """What the best law alone would gain beside a candidate, each part of the data judged by the others."""
+        """Gain of the best single law beside a candidate, each part of the data judged by the others."""
         return float(np.max(self._scores(about).validated, initial=0.0))
 
     @cached_property
@@ -86,7 +87,7 @@ class Laws:
         return (*library(span_of(self._fits.likelihood)), *self._names)
 
     def _scores(self, about: Candidate) -> Scores:
-        """Scores beside a candidate; after a pass over all laws, of those only that promise most by that pass."""
+        """Scores beside a candidate; after a first pass over all laws, only those that promised most are scored."""
         if not about.ids:
             self._first = self._first or self._fits.scores(self._nothing, self._effects)
             return self._first
@@ -102,7 +103,7 @@ class Laws:
         return self._scored[about.ids]
 
     def fits_with(self, about: Candidate) -> list[Candidate]:
-        """Fits with a law more, or two of one equation: those whose signatures explain most of the residuals."""
+        """Fits with a law more, or two of one equation, whose signatures explain most of the residuals."""
         scores = self._scores(about)
         fits = self._sharpened(self._added(about, scores, self._leaders(scores)))
         if fits and self._is_adequate(min(fits, key=attrgetter("price"))):
@@ -112,26 +113,22 @@ class Laws:
         return fits + (self._tailored(about, scores) if about.ids else self.made_alone)
 
     def _added(self, about: Candidate, scores: Scores, rows: Sequence[tuple[int, ...]]) -> list[Candidate]:
-        """Fits with the effects of these rows more, from what their signatures say of their sizes."""
-        return self._fits.laws(
-            [
-                (
-                    Hypothesis((*about.hypothesis.effects, *(scores.effects[row] for row in some))),
-                    np.append(about.theta, scores.sizes(some)),
-                )
-                for some in rows
-            ]
-        )
+        """Fits with the effects of these rows more, begun at the sizes by their signatures."""
+        starts = []
+        for some in rows:
+            effects = (*about.hypothesis.effects, *(scores.effects[row] for row in some))
+            starts.append((Hypothesis(effects), np.append(about.theta, scores.sizes(some))))
+        return self._fits.laws(starts)
 
     def _sharpened(self, fits: list[Candidate]) -> list[Candidate]:
-        """Fits, and the best of them with the numbers within their laws fitted, too."""
+        """The fits, and the best of them again with the numbers within their laws free."""
         return fits + self._freed(sorted(fits, key=attrgetter("price"))[:SHARPENED])
 
     def _freed(self, fits: Sequence[Candidate]) -> list[Candidate]:
         return [one for one in self._fits.map(self._fits.sharpened, fits) if one is not None]
 
     def _tailored(self, about: Candidate, scores: Scores) -> list[Candidate]:
-        """Fits with another effect, made for the residuals: a law, else a table."""
+        """Fits with an effect made for the residuals: a law, else a product, else a table."""
         promising = dict.fromkeys(equation_of(scores.effects[row]) for row in np.argsort(-scores.validated))
         equations = [TermEquation(one) for one in promising if one in set(TermEquation)]
         where = equations[:TAILORED_FURTHER] if about.ids else CURVES
@@ -149,7 +146,7 @@ class Laws:
         return self._sharpened(self._fits.laws([(about.hypothesis.with_effect(one), start) for one in made]))
 
     def _waves(self, about: Candidate) -> list[tuple[Effect, Effect]]:
-        """Waves of frequencies that stand out of what a candidate leaves."""
+        """Waves whose frequencies stand out of a candidate's residuals."""
         here, recordings = self._fits.residuals(about), self._fits.likelihood.recordings
         assert here is not None  # it was fitted
         by_group = np.split(here.z, np.cumsum(here.counts)[:-1])  # line pressure and rate in turn
@@ -159,7 +156,7 @@ class Laws:
 
     @cached_property
     def made_alone(self) -> list[Candidate]:
-        """Fits with a single law or table that is made for what the model as it is leaves."""
+        """Fits with a single law or table made for the residuals of the model as given."""
         return self._tailored(self._nothing, self._scores(self._nothing))
 
     @cached_property
@@ -169,11 +166,11 @@ class Laws:
         return self._fitted_beside(self._nothing, products(partial(self._fits.scores, self._nothing), guessed))
 
     def stand_ins(self, best: Candidate) -> list[Candidate]:
-        """Laws that a single effect may stand for.
+        """Laws that may be right instead of a single effect.
 
-        For a law: made to measure over its variable, in every other equation; of its form, where line pressure hardly
-        tells the equation from its own; a product that explains more by as much as odds are against a law. For a name
-        that explains all: of another form where it sits.
+        Instead of a law: laws made to measure over its variable in every other equation; its form in equations that
+        the line pressure hardly distinguishes from its own; products that explain more by the odds against a law.
+        Instead of a name that explains everything: laws of another form at its place.
         """
         law, score = best.hypothesis.effects[0].apply, partial(self._fits.scores, self._nothing)
         others, pairs = list[Effect](), list[Candidate]()
@@ -194,7 +191,7 @@ class Laws:
         return promising + self._freed(promising) + pairs
 
     def _unlike(self, name: Candidate) -> list[tuple[TermEquation, Axis, str]]:
-        """Curves where a name sits that beside it gain what a law costs; the form of a right name leaves nothing."""
+        """Curves at a name's place that gain a law's price beside it; beside a right name no form gains that much."""
         own = [one for one in _EVERY if COMPONENTS[one[0]] is name.hypothesis.effects[0].component]
         explained = self._nothing.statistic - name.statistic
         least = max(UNNAMED * name.spread, min(OTHER_FORM, self._is_adequate.remainder) * explained)
@@ -203,7 +200,7 @@ class Laws:
         return [(one.equation, one.axis, one.factor) for one in more]
 
     def _leaders(self, scores: Scores) -> list[tuple[int, ...]]:
-        """Rows of the best singles, a guessed one first, but for those that another of their equation stands for."""
+        """Rows of the best single laws, a guessed one first; of laws of one equation that are alike only the best."""
         leaders: list[tuple[int, ...]] = []
         ranked = [row for row in np.argsort(-scores.validated).tolist() if scores.validated[row] > 0.0]
         guessed = [row for row in ranked if is_guessed(scores.effects[row], self._guess)]
@@ -219,7 +216,7 @@ class Laws:
         return leaders
 
     def _pairs(self, scores: Scores) -> list[tuple[int, ...]]:
-        """Rows of the best pairs of one equation, where they are worth more than the best single."""
+        """Rows of the best pairs of one equation, if they are worth more than the best single law."""
         limit = (1.0 + PAIR_SHARE) * float(np.max(scores.gains, initial=0.0)) + PAIR_GAIN
         equations = [equation_of(effect) for effect in scores.effects]
         worth = [

@@ -1,4 +1,4 @@
-"""A proposal: laws that would explain recordings, how far, and what speaks against them in a model."""
+"""A proposal: laws that would explain recordings, how much they explain, and objections to them in a model."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, NamedTuple
@@ -52,10 +52,6 @@ class Part:
 def _gap_held_out(gap: tuple[float, float], _: object) -> Figures:
     before, after = gap
     return {"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL}
-
-
-def _stated(term: Term) -> tuple[Number | str, ...]:
-    return term.coefficient, *(term.interval or (None, None)), str(term.equation.unit)
 
 
 class ProposedTerm(DocumentPart):
@@ -132,11 +128,12 @@ class Proposal:
                 equation=term.equation,
                 law=str(term.law),
                 sentence=as_if(term, self.largest_lift),
-                coefficient=dict(zip(("value", "low", "high", "unit"), _stated(term), strict=True)),
+                coefficient={"value": term.coefficient, "low": low, "high": high, "unit": str(term.equation.unit)},
                 hardly_told_from=term.equation.alike,
                 depends_on=tuple(sorted(variable.word for variable in term.law.variables)),
             )
             for term in self.terms
+            for low, high in (term.interval or (None, None),)
         )
 
     @computed_field(alias="effects")  # type: ignore[prop-decorator]
@@ -159,16 +156,16 @@ class Proposal:
 
     @property
     def refusal(self) -> Refusal | None:
-        """Objection to the proposal in any model; None where it explains all, or enough, with few terms."""
+        """Objection to the proposal in any model; None if few terms explain everything, or enough."""
         if self.adequate or self.objection is not None:
             return self.objection
         return INCOMPLETE if self.part is None else self.part.refusal
 
     @property
     def objection(self) -> Refusal | None:
-        """Objection to its terms, however much they explain.
+        """Objection to the terms, however much they explain.
 
-        What blames several equations must do it without numbers within its laws: with them it would fit anything.
+        Terms in several equations may have no numbers of their own within the laws: they would fit anything.
         """
         effects = self.candidate.hypothesis.effects
         laws = [effect.apply for effect in effects if isinstance(effect.apply, TermLaw)]

@@ -1,7 +1,7 @@
-"""Laws that explain recordings as proposals: intervals, consequences, gaps held out, and what a model may have.
+"""Laws that explain recordings, as proposals: with intervals, consequences, gaps held out, and objections to them.
 
-A law is judged in the range in which recordings show it, between the ends of what its inputs were there, and a
-margin. Of one that leaves something a model may have a part, what it leaves being its uncertainty.
+A law is judged in the range of its inputs in the recordings, and a margin. A model may accept a law in part that
+leaves residuals: they become the uncertainty of the model.
 """
 
 import math
@@ -24,9 +24,9 @@ from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.proposal import TOO_FREE, TOO_MANY, Part, Proposal, Refusal
 from observer_rt.identification.discovery.search.results import INTERVAL_MARGIN, Cell, SearchOutcome
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
-from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import consequence, mean_mass, simulated
+from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.baseline import PhaseFigures
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import is_term
@@ -51,7 +51,7 @@ def proposals_of(
 ) -> tuple[Proposal, ...]:
     """Proposals of laws that a search found.
 
-    Where the first piles up laws and leaves something all the same, the best of them alone is one more.
+    If the first one has too many laws and yet is inadequate, the best of its laws alone is a further proposal.
     """
     if not laws:
         return ()
@@ -64,17 +64,11 @@ def proposals_of(
     def proposal(candidate: Candidate) -> Proposal:
         half = NORMAL_975 * INTERVAL_MARGIN * fitter.sigmas(candidate)
         moves = consequence(measured, nominal, candidate.model(nominal))
-        return Proposal(
-            replace(candidate, half=tuple(half.tolist()), moves=moves, sizes_of_half=held_out.sizes(candidate)),
-            outcome.nominal.statistic - candidate.statistic,
-            phase,
-            adequate(candidate),
-            unsound(candidate.terms, nominal, seen),
-            (before, held_out.gap(candidate)),
-            probability=outcome.probability(candidate),
-            seen=seen,
-            largest_lift=nominal.injector.seat.max_lift,
-        )
+        sized = replace(candidate, half=tuple(half.tolist()), moves=moves, sizes_of_half=held_out.sizes(candidate))
+        gain, gap = outcome.nominal.statistic - candidate.statistic, (before, held_out.gap(candidate))
+        verdict = adequate(candidate), unsound(candidate.terms, nominal, seen)
+        lift, probability = nominal.injector.seat.max_lift, outcome.probability(candidate)
+        return Proposal(sized, gain, phase, *verdict, gap, probability, seen, largest_lift=lift)
 
     made = [proposal(one) for one in laws]
     if not made[0].adequate and made[0].objection in (TOO_MANY, TOO_FREE):
@@ -87,7 +81,7 @@ def proposals_of(
 
 
 def unsound(terms: Sequence[Term], nominal: EffectiveModel, seen: SeenRange) -> Refusal | None:
-    """Objection to an injector file with these terms more, their inputs held where they were seen; None: none."""
+    """Objection to a model with these terms, their inputs held in the ranges seen; None for sound terms."""
     domain = term_domain(nominal.injector)
     try:
         for term in terms:
@@ -98,7 +92,7 @@ def unsound(terms: Sequence[Term], nominal: EffectiveModel, seen: SeenRange) -> 
 
 
 def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange:
-    """Ranges of pressures, flows, speeds and what counts from an opening or the start, in the units of laws."""
+    """Ranges of pressures, flows, speeds and times in recordings, in the units of laws."""
     events = [(one, event) for one in measured for event in one.events]
     ranges = {Variable.INJECTION_NUMBER: (1.0, float(max(e.clock.injections + len(e.openings) for _, e in events)))}
     ranges[Variable.TIME] = (0.0, max(e.clock.time + (e.end - e.start) * one.interval for one, e in events))
@@ -112,7 +106,7 @@ def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange
         ranges[VARIABLES[_RATE[name]]] = _widened(changes)
         low, high = _widened(values)
         ranges[VARIABLES[name]] = max(low, 0.0), high
-    del ranges[Variable.NEEDLE_LIFT]  # which may be anywhere up to its stop
+    del ranges[Variable.NEEDLE_LIFT]  # laws hold up to the stop, seen or not
     ranges[Variable.SAC_PRESSURE] = 0.0, ranges[Variable.LINE_PRESSURE][1]
     flow = FLOW_MARGIN * max(float(np.max(run.rate)) for one in measured for run in simulated(one, model))
     for variable in (Variable.LINE_FLOW, Variable.SEAT_FLOW, Variable.NOZZLE_FLOW):
@@ -125,7 +119,7 @@ def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange
 
 
 def _widened(values: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
-    """Ends of all values, with the margin."""
+    """Lowest and highest of all values, with the margin."""
     low, high = (float(end(list(map(end, values)))) for end in (np.nanmin, np.nanmax))
     margin = MARGIN * (high - low)
     return low - margin, high + margin
@@ -134,7 +128,7 @@ def _widened(values: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
 def with_parts(
     proposals: Sequence[Proposal], measured: Sequence[Measurement], nominal: EffectiveModel
 ) -> tuple[Proposal, ...]:
-    """Proposals, with what may be accepted of those that leave something but have no other objection."""
+    """Proposals, the inadequate ones without an objection with the part that may be accepted."""
     noise = float(np.mean([each.noise.line_pressure**2 for each in measured]))
 
     def with_part(proposal: Proposal) -> Proposal:
@@ -143,7 +137,7 @@ def with_parts(
             return proposal
         model, closed = proposal.candidate.model(nominal), 1.0 - after / before
         mass, moved = mean_mass(measured, model), consequence(measured, model, model.with_term(_PROBE))
-        # what a change of the nozzle would make of a mass that leaves as much in the line pressure
+        # of the mass change by a nozzle that leaves as much in the line pressure
         half = after / moved.line_pressure * abs(moved.mass) / mass
         refusal = _refusal_in_part(proposal, proposals, closed, half * mass)
         return replace(proposal, part=Part(closed, after, half, refusal))
@@ -154,7 +148,7 @@ def with_parts(
 def _refusal_in_part(
     proposal: Proposal, proposals: Sequence[Proposal], closed: float, interval: float
 ) -> Refusal | None:
-    """Objection to a proposal that closes a share of the gap, and gives masses an interval [kg]."""
+    """Objection to accepting a proposal in part; closed: share of the gap; interval: half width of a mass [kg]."""
     if closed < LEAST_CLOSED:
         return Refusal(f"it closes {max(closed, 0.0):.0%} of the gap held out, not two thirds", _MORE)
     moved = [each.candidate.moves.mass - proposal.candidate.moves.mass for each in proposals]
@@ -169,7 +163,7 @@ def _refusal_in_part(
 
 
 def variance_by_phase(cells: Sequence[Cell]) -> PhaseFigures:
-    """Mean square of the line pressure's normalised innovations by phase, of the recording with the most left."""
+    """Mean square of the line pressure's normalised innovations by phase, of the recording with the largest."""
     worst: dict[str, float] = {}
     for cell in cells:
         if cell.signal is Signal.LINE_PRESSURE:

@@ -14,15 +14,15 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Figure, Inside, key
 from observer_rt.identification.discovery.search.candidates import Candidate, Size
 from observer_rt.identification.discovery.search.proposal import PhaseName, Proposal
-from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.open_loop import Consequence
 from observer_rt.identification.likelihood.operating_points import point_name
+from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.effect import Equation, Likeness
 
-# For what a steady gain does not know: errors on independent plants are that much larger.
+# of standard deviations by a steady gain: errors on independent plants are that much larger
 INTERVAL_MARGIN = 1.08
-TEMPER = 2.0  # of -2 log L, for what no model knows of noise and line: 12 behind are odds of 1 to 20
-HIGHEST = 0.96  # of all candidates, the rest for what none of them is: of 43 that stood alone 3 were wrong
+TEMPER = 2.0  # divides -2 log L, for no model knows noise and line exactly: 12 behind are odds of 1 to 20
+HIGHEST = 0.96  # probability of all candidates together: of 43 that stood alone 3 were wrong
 SURE = 0.95  # probability from which on a name is an answer, and that the explanations left together hold
 
 
@@ -60,6 +60,9 @@ class Decisive:
     separates: tuple[str, ...]
 
 
+CellKey = tuple[Signal, Phase, int]
+
+
 @dataclass(frozen=True)
 class Cell:
     """Innovations of one signal in one phase at one operating point (recording).
@@ -80,8 +83,13 @@ class Cell:
     rms: float
 
     @property
+    def key(self) -> CellKey:
+        """Place in the map: signal, phase, number of the recording."""
+        return self.signal, self.phase, self.recording
+
+    @property
     def point(self) -> str:
-        """Names the operating point."""
+        """Name of the operating point."""
         return point_name(self.rail_pressure, self.duration)
 
 
@@ -114,11 +122,11 @@ class LargestMisfit:
 class SearchOutcome:
     """Result of the search.
 
-    winner: the best without a law, the nominal model when no name is accepted; posterior: probabilities of all
-    candidates that explain the recordings, the best first; nearest: without any, the best, and those of
-    other equations that explain as much; fitted: all candidates; threshold: the gain an effect had to exceed; ratio:
-    of the winner's worst phase to its limit, above 1 when the winner does not explain the recordings, not even with
-    an effect too small to matter.
+    winner: the best without a law, the nominal model if no name is accepted; posterior: probabilities of all
+    candidates that explain the recordings, the best first; nearest: if none does, the best, and those of other
+    equations that explain as much; fitted: all candidates; threshold: gain that an effect had to exceed; ratio: of
+    the winner's worst phase to its limit, above 1 if the winner does not explain the recordings, even with an effect
+    too small to matter.
     """
 
     nominal: Candidate
@@ -136,13 +144,13 @@ class SearchOutcome:
 
     @property
     def soft(self) -> bool:
-        """Whether two effects were named together that are so alike that they may be one."""
+        """Whether two effects of the winner are so alike that they may be one."""
         pairs = combinations(self.winner.hypothesis.effects, 2)
         return any(one.is_like(other, Likeness.ALIKE) for one, other in pairs)
 
     @property
     def left(self) -> tuple[Candidate, ...]:
-        """The fewest explanations that together are as good as sure, the most probable first."""
+        """The fewest explanations whose probabilities sum up to SURE, the most probable first."""
         candidates, sum_of = list[Candidate](), 0.0
         for candidate, probability in self.posterior:
             if sum_of >= SURE * HIGHEST:
@@ -157,7 +165,7 @@ class SearchOutcome:
 
 
 def probabilities(behind: Sequence[float]) -> list[float]:
-    """Probabilities of explanations that are behind the best by these amounts of -2 log L, their prices in it."""
+    """Probabilities of explanations that are behind the best by these amounts of -2 log L, prices included."""
     weights = [math.exp(min(0.0, -one / (2.0 * TEMPER))) for one in behind]
     return [HIGHEST * weight / sum(weights) for weight in weights]
 

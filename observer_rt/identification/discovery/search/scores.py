@@ -1,4 +1,4 @@
-"""Scores of explanations: from one linearisation each, what every one would gain beside a model."""
+"""Scores of explanations: the gain of each beside a model, from one linearisation."""
 
 import math
 from collections.abc import Sequence
@@ -17,11 +17,11 @@ Signature = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Signatures of effects in the residuals about a model, and what each alone would gain.
+    """Signatures of m effects in the n residuals of a model, and the gain of each effect alone.
 
-    effects: (m,), numbers: their places among those tried; information_of, gradient_of: (parts, m, m) and (parts, m)
-    of every part of the data, the gradient half of that of -2 log L, downwards; slopes: (n, m) the signatures; left:
-    weighted sum of squares of the residuals.
+    numbers (m,): of the effects among those tried; information_of (parts, m, m), gradient_of (parts, m): of every
+    part of the data, the gradient as half the fall of -2 log L; slopes (n, m): the signatures; left: weighted sum of
+    squares of the residuals.
     """
 
     effects: tuple[Effect, ...]
@@ -33,24 +33,24 @@ class Scores:
 
     @cached_property
     def information(self) -> NDArray[np.float64]:
-        """Of all data (m, m)."""
+        """Information of all data (m, m)."""
         return np.asarray(self.information_of.sum(axis=0))
 
     @cached_property
     def gradient(self) -> NDArray[np.float64]:
-        """Of all data (m,)."""
+        """Gradient of all data (m,)."""
         return np.asarray(self.gradient_of.sum(axis=0))
 
     @cached_property
     def gains(self) -> NDArray[np.float64]:
-        """Of -2 log L (m,), sizes limited by bounds."""
+        """Gains of -2 log L (m,) by sizes within their bounds."""
         own = np.diag(self.information)
         sizes = self._within_bounds(self.gradient / own)
         return np.asarray(2.0 * sizes * self.gradient - sizes**2 * own)
 
     @cached_property
     def validated(self) -> NDArray[np.float64]:
-        """The same (m,) with every part of the data left out in turn."""
+        """Gains (m,) of every part of the data by the sizes that the other parts give."""
         own, total = np.diagonal(self.information_of, axis1=1, axis2=2), np.diag(self.information)
         sizes = self._within_bounds((self.gradient - self.gradient_of) / np.maximum(total - own, 1e-12 * total))
         return np.asarray(np.sum(2.0 * sizes * self.gradient_of - sizes**2 * own, axis=0))
@@ -65,16 +65,11 @@ class Scores:
         return abs(float(self.information[first, second])) / length
 
     def part(self, tried: range) -> "Scores":
-        """Those of some that were tried, their numbers counted from the first; what has no signature is not there."""
+        """Scores of the effects with these numbers, counted from the first; one without a signature is missing."""
         rows = np.flatnonzero((self.numbers >= tried.start) & (self.numbers < tried.stop))
-        return Scores(
-            tuple(self.effects[row] for row in rows),
-            self.numbers[rows] - tried.start,
-            self.information_of[:, rows[:, None], rows],
-            self.gradient_of[:, rows],
-            self.slopes[:, rows],
-            self.left,
-        )
+        effects, numbers = tuple(self.effects[row] for row in rows), self.numbers[rows] - tried.start
+        information, gradient = self.information_of[:, rows[:, None], rows], self.gradient_of[:, rows]
+        return Scores(effects, numbers, information, gradient, self.slopes[:, rows], self.left)
 
     def sizes(self, rows: Sequence[int]) -> NDArray[np.float64]:
         """Sizes (k,) of several rows together."""
@@ -83,7 +78,7 @@ class Scores:
 
 
 def bounds_of(effect: Effect) -> tuple[float, float]:
-    """Ends of its first parameter; a switch is there or not."""
+    """Bounds of an effect's first parameter; of a switch, 0 and 1."""
     return (effect.parameters[0].lowest, effect.parameters[0].highest) if effect.parameters else (0.0, WHOLE)
 
 

@@ -1,4 +1,4 @@
-"""Laws by table: free curves over one variable, with as few knots as the recordings ask for."""
+"""Laws by table: free curves over one variable, with as few knots as explain the recordings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -45,7 +45,7 @@ ODD = Symmetry(
 
 
 def tables(curves: Sequence[FreeCurve], score: Score) -> list[Effect]:
-    """Tables near the curves that would gain most, none over time, by which everything can be said."""
+    """Tables near the curves that would gain most, but none over time, which could imitate any law."""
     usable = (one for one in curves if one.axis is not SINCE)
     coarse = sorted(usable, key=_gain, reverse=True)[:MOST_TABLES]
     finer = [(one.equation, _with_midpoints(one.axis), one.factor) for one in coarse]
@@ -72,12 +72,12 @@ def _values(information: Floats, gradient: Floats) -> Floats:
 
 
 def _simplest(curve: FreeCurve) -> Effect | None:
-    """The table of the symmetry and knots that explain most of the held-out residuals, each knot at its price.
+    """The table with the symmetry and knots that explain held-out residuals best, each knot at a price.
 
-    None where all go up and down.
+    None if every table turns at too many knots.
     """
     knots = curve.knots
-    # of a knot: more, the more the whole curve leaves
+    # the larger the residuals of the whole curve, the more a knot must gain
     price = PRICE * max(1.0, (curve.scores.left - _gain(curve)) / len(curve.scores.slopes))
     choices: list[tuple[float, Symmetry, list[int]]] = []
     for symmetry in (NONE, EVEN, ODD) if (knots < 0.0).any() else (NONE,):
@@ -102,7 +102,7 @@ def _is_smooth(values: Floats) -> bool:
 
 
 def _best_values(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Floats:
-    """Values at the knots kept that explain most."""
+    """Best values at the knots kept."""
     shapes = _shapes(curve.knots, symmetry, kept)
     return _values(shapes.T @ curve.scores.information @ shapes, shapes.T @ curve.scores.gradient)
 
@@ -125,7 +125,7 @@ def _explained(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> flo
 
 
 def validated(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> float:
-    """Gain in every part of the data by the values that the others give; in all where there are few parts."""
+    """Gain of every part of the data by the values that the other parts give; of all data if the parts are few."""
     shapes = _shapes(curve.knots, symmetry, kept)
     information = np.einsum("ik,rij,jl->rkl", shapes, curve.scores.information_of, shapes)
     gradient = curve.scores.gradient_of @ shapes

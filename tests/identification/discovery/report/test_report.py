@@ -14,7 +14,7 @@ from observer_rt.identification.discovery.findings import ModelSource
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.results import Decisive, LargestMisfit, Verdict
-from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.effect import Equation
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.term_effect import term_effect
@@ -76,7 +76,7 @@ def test_the_page_stands_alone_with_size_confidence_and_amended_model_first(worn
 def test_what_the_network_learned_is_the_first_figure_and_a_law_of_two_inputs_leads(worn: Worn) -> None:
     inputs, names = np.linspace(10.0, 100.0, 5), ("pressure_drop_MPa", "time_since_opening_ms")
     change, half, seen = 1e-3 * np.outer(inputs, inputs), np.full((5, 5), 0.01), np.eye(5, dtype=bool)
-    curve = LearnedLaw("orifice_area", names[:1], (inputs,), change[0], half[0], seen.any(axis=0), 0.97)
+    curve = LearnedLaw("orifice_area", names[:1], (inputs,), change[0], half[0], seen[0], 0.97)
     surface = LearnedLaw("seat_area", names, (inputs, inputs), change, half, seen, 0.6)
     for learned, over in (((curve,), "sac_pressure"), ((curve, surface), "sac_pressure and time_since_opening")):
         findings = replace(worn.findings, learned=learned)

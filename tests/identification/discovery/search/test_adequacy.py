@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
-from observer_rt.engine.learning.healthy import NOT_FITTED, healthy_for_naming
+from observer_rt.engine.learning.healthy import healthy_for_naming
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit, worst
-from observer_rt.identification.likelihood.likelihood import Pool, Signal
+from observer_rt.identification.likelihood.signals import Pool, Signal
 from observer_rt.model.baseline import HealthyRemainder, HealthyShape
 from tests.baselines import WHITE
 from tests.baselines import baseline as fitted
@@ -61,12 +61,6 @@ def test_a_measured_rate_has_a_baseline_of_its_own() -> None:
     baseline = healthy_for_naming(_remainder(1.0), True, of_rate[Signal.INJECTION_RATE])
     assert worst(of_rate, baseline).ratio <= 1.0
     assert worst(_pool(scale=1.4), baseline).ratio > 1.0
-
-
-def test_no_baseline_is_trusted_and_knows_nothing() -> None:
-    assert NOT_FITTED.adequate
-    assert NOT_FITTED.shape is None
-    assert not NOT_FITTED.appears
 
 
 @pytest.mark.parametrize("comparable", [True, False])

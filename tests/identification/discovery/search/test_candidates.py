@@ -38,7 +38,3 @@ def test_a_law_has_its_own_size_beside_an_effect_of_two(
     assert term.interval == pytest.approx((-0.25, -0.15))
     (term,) = Candidate(Hypothesis(effects), sizes, 0.0).terms
     assert term.interval is None
-
-
-def test_an_effect_of_two_sizes_is_no_law() -> None:
-    assert Candidate(Hypothesis((RISE,)), (8e6, 0.5), 0.0).terms == ()

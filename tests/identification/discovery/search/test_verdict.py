@@ -6,10 +6,11 @@ from itertools import combinations
 import pytest
 
 from observer_rt.foundation.errors import UserError
+from observer_rt.identification.discovery.search.decisive import decide_between, decide_by
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
-from observer_rt.identification.discovery.search.verdict import decide_between, decide_by, name_effects
-from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.model.parameters import InjectorParameters
@@ -32,7 +33,7 @@ def _discover(
     measured_rate: bool = False,
     parameters: InjectorParameters = NOMINAL,
     workers: int = 2,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> Discovery:
     return name_effects(MODEL, measurements(recordings(effects, measured_rate, parameters)), workers, progress)
 

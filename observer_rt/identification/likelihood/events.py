@@ -1,0 +1,135 @@
+"""Events of a recording: stretches of samples that are judged, and injections that are left out for a reason."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.predictor import SETTLE
+from observer_rt.engine.observer import Durations
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.units import MICROMETRE
+from observer_rt.identification.likelihood.openings import Opening, find_openings, ramp_samples
+from observer_rt.identification.likelihood.white_noise import noise_level
+from observer_rt.model.effective import NO_CLOCK, Clock
+
+LEAD = 3e-3  # s before an opening from which x~ runs
+COUNTED_LEAD = 1e-3  # s before an opening from which innovations count: by then x~ has forgotten its start
+RING_DOWN = 12e-3  # s after the last closing that count
+EVENT_GAP = Durations().event_gap  # s of shut needle that end an event
+MARGIN = 80e-6  # s at both ends, for channels recorded late or early
+LIFT_FLOOR, _GUESSED_LIFT_NOISE = 0.02e-6, 0.4 * MICROMETRE  # m: least noise of a lift, and that of too few samples
+SHORTEST_OPENING = 0.05e-3  # s
+
+
+@dataclass(frozen=True)
+class JudgedEvent:
+    """Openings closer than EVENT_GAP: x~ runs from sample `start`, innovations count in [counted, end).
+
+    clock: time and openings of the recording up to `start`.
+    """
+
+    openings: tuple[Opening, ...]
+    start: int
+    counted: int
+    end: int
+    clock: Clock = NO_CLOCK
+
+    def moved(self, by: int) -> "JudgedEvent":
+        """The event some samples later."""
+        openings = tuple(Opening(o.first + by, o.last + by, o.rising, o.falling) for o in self.openings)
+        return JudgedEvent(openings, self.start + by, self.counted + by, self.end + by, self.clock)
+
+
+class Lack(StrEnum):
+    """Reasons for which an injection cannot be judged."""
+
+    GAP = "samples are missing in it or beside it"
+    AFTER = f"less than {EVENT_GAP / 2 * 1e3:g} ms of shut needle follow"
+    BEFORE = f"less than {LEAD * 1e3:g} ms of shut needle come before"
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """An injection that is not judged; time: when the needle opens [s]."""
+
+    time: float
+    lack: Lack
+
+
+def rail_pressure_before(event: JudgedEvent, recording: Recording) -> float:
+    """Mean rail pressure before an event [Pa]."""
+    first = event.openings[0].first
+    lead = max(1, round(COUNTED_LEAD * recording.sample_rate))
+    return float(np.mean(recording.rail_pressure[first - lead : first]))
+
+
+def open_time(event: JudgedEvent, recording: Recording) -> float:
+    """Time the needle is open in an event [s]."""
+    return sum(o.last - o.first + 1 for o in event.openings) / recording.sample_rate
+
+
+def missing_samples(recording: Recording) -> NDArray[np.bool_]:
+    """Samples (n,) whose inputs or line pressure are not available."""
+    return np.isnan(recording.rail_pressure + recording.needle_lift + recording.line_pressure)
+
+
+def openings_of(recording: Recording) -> list[Opening]:
+    """Openings of the needle, found with the lift's own noise."""
+    shortest, ramp = SHORTEST_OPENING * recording.sample_rate, ramp_samples(recording.sample_rate)
+    openings = find_openings(recording.needle_lift, lift_noise(recording), ramp)
+    return [o for o in openings if o.last - o.first >= shortest]
+
+
+def lift_noise(recording: Recording) -> float:
+    """Noise of the lift [m], by which the dead band goes."""
+    noise = noise_level(recording.needle_lift, np.ones(recording.samples, np.bool_), recording.sample_rate)
+    return max(noise if np.isfinite(noise) else _GUESSED_LIFT_NOISE, LIFT_FLOOR)
+
+
+def events_of(
+    recording: Recording, openings: Sequence[Opening]
+) -> tuple[tuple[JudgedEvent, ...], tuple[LeftOut, ...]]:
+    """Complete events whose samples are all available, and the others with their reasons."""
+    rate = recording.sample_rate
+    groups: list[list[Opening]] = []
+    for opening in openings:
+        if groups and opening.first - groups[-1][-1].last < EVENT_GAP * rate:
+            groups[-1].append(opening)
+        else:
+            groups.append([opening])
+    margin = round(MARGIN * rate) + 1
+    lead = round(COUNTED_LEAD * rate)
+    limits = [*(group[0].first - lead for group in groups), recording.samples - margin][1:]
+    missing = missing_samples(recording)
+    events, left_out = [], []
+    previous_end, before = 0, 0
+    for group, limit in zip(groups, limits, strict=True):
+        start = group[0].first - round(LEAD * rate)
+        counted = group[0].first - lead
+        end = min(group[-1].last + round(RING_DOWN * rate), limit)
+        lack = None
+        if start - margin < previous_end:
+            lack = Lack.BEFORE
+        elif end - group[-1].last < 0.5 * EVENT_GAP * rate:
+            lack = Lack.AFTER
+        elif missing[start - margin : end + margin].any():
+            lack = Lack.GAP
+        if lack is None:
+            clock = Clock(float(recording.time[start]), float(before))
+            events.append(JudgedEvent(tuple(group), start, counted, end, clock))
+        else:
+            left_out.append(LeftOut(float(recording.time[group[0].first]), lack))
+        previous_end = group[-1].last
+        before += len(group)
+    return tuple(events), tuple(left_out)
+
+
+def shut_mask(recording: Recording, openings: Sequence[Opening]) -> NDArray[np.bool_]:
+    """Samples (n,) at which the needle has been shut for `SETTLE` and more."""
+    result = np.ones(recording.samples, np.bool_)
+    for opening in openings:
+        result[opening.first : opening.last + 1 + round(SETTLE * recording.sample_rate)] = False
+    return result

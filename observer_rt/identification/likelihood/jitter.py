@@ -1,0 +1,115 @@
+"""How late the shots of a needle answer its commands, by the innovations that their delays explain.
+
+A shot is one opening of a needle whose lift was not measured. It has two delays, of its opening and of its closing,
+each drawn anew in every event: that is its jitter. Innovations change in proportion to delays as short as these.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.identification.likelihood.windows import LateShots
+
+Vector = NDArray[np.float64]
+Bounds = NDArray[np.int64]
+Run = Callable[[LateShots], tuple[Vector, Vector]]
+"""Innovations (n,) and injection rate (n,) of a model whose shots have these delays."""
+STEP = 5e-6  # s, of a delay, for a slope
+LEAST, WIDEST, ROUNDS = 12e-6, 60e-6, 2  # s, standard deviations of the jitter between which it is looked for
+MOST = 5.0  # standard deviations, up to which a delay is followed
+
+
+class ShotJitter:
+    """Delays of the shots in one recording.
+
+    late: delays [s] (k, 2) of the k shots of every event by the nominal model; sigma: their standard deviation [s];
+    by_shots: derivatives (n, columns) of the judged innovations by the delays of a shot of every event.
+    """
+
+    def __init__(self, commands: Sequence[Vector], counted: NDArray[np.bool_], bounds: Bounds) -> None:
+        """commands: of every event (k, 2); counted: judged innovations; bounds (events + 1,): of events in these."""
+        self.late = [np.zeros_like(of_event) for of_event in commands]
+        self.sigma = LEAST
+        self.by_shots = np.empty((0, 0))
+        self._counted, self._bounds = counted, bounds
+
+    def observe(self, run: Run, innovation_sigma: float) -> None:
+        """Move the shots to where a run of the nominal model shows them, beside the mean of all events.
+
+        Their scatter is the jitter where it is larger than usual.
+        """
+        here = run(self.late)[0]
+        self.by_shots = self._derivatives(run, here, self.late)
+        moved = self.by_shots * (WIDEST / innovation_sigma)
+        z, on_time = here[self._counted] / innovation_sigma, np.zeros(moved.shape[1])
+        seen = WIDEST * np.array(likelier_delays(z, [on_time] * len(self.late), moved, self._bounds))
+        for delays, later in zip(self.late, seen - np.mean(seen, axis=0), strict=True):
+            delays += later[: delays.size].reshape(-1, 2)
+        squares = sum(float(np.sum(delays**2)) for delays in self.late)
+        self.sigma = max(LEAST, math.sqrt(squares / max(np.size(seen) - len(seen[0]), 1)))
+
+    def likely(
+        self, run: Run, innovation_sigma: float, normalised: Callable[[Vector], Vector]
+    ) -> tuple[list[Vector], Vector]:
+        """Likeliest delays (columns,) of every event beyond `late`, in standard deviations, by a run of a model.
+
+        normalised: makes judged innovations (n,) of those of the run. The second result says by what one standard
+        deviation of each delay moves them (n, columns).
+        """
+        delays = [np.zeros(self.by_shots.shape[1]) for _ in self.late]
+        shots: LateShots = self.late
+        moved = self.by_shots * (self.sigma / innovation_sigma)
+        for number in range(ROUNDS):
+            here, _ = run(shots)
+            if number:
+                moved = self._derivatives(run, here, shots) * (self.sigma / innovation_sigma)
+            delays = likelier_delays(normalised(here), delays, moved, self._bounds)
+            shots = self.shots(delays)
+        return delays, moved
+
+    def shots(self, delays: Sequence[Vector]) -> LateShots:
+        """Delays [s] of all shots with further ones (columns,) of every event, in standard deviations."""
+        moves = [self.sigma * np.clip(of_event, -MOST, MOST) for of_event in delays]
+        return [late + move[: late.size].reshape(-1, 2) for late, move in zip(self.late, moves, strict=True)]
+
+    def _derivatives(self, run: Run, here: Vector, shots: LateShots) -> Vector:
+        moved = [run(later)[0] - here for later in a_step_later(shots)]
+        return np.asarray(np.column_stack(moved)[self._counted] / STEP)
+
+
+def a_step_later(shots: LateShots) -> list[LateShots]:
+    """The delays of shots, each time with one delay of every event longer by `STEP`: column after column."""
+    columns = range(max((late.size for late in shots), default=0))
+    return [[late + STEP * (column == np.arange(late.size).reshape(-1, 2)) for late in shots] for column in columns]
+
+
+def likelier_delays(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> list[Vector]:
+    """Delays (columns,) of the shots of every event by innovations (n,) at others, in standard deviations.
+
+    moved (n, columns), bounds (events + 1,): as of `without_jitter`.
+    """
+    results = []
+    for delay, first, end in zip(delays, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
+        by_shots = moved[first:end]
+        information = by_shots.T @ by_shots + np.eye(delay.size)
+        results.append(delay - np.linalg.solve(information, by_shots.T @ z[first:end] + delay))
+    return results
+
+
+def without_jitter(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> tuple[Vector, float]:
+    """White innovations (n,), and the sum of the logarithms of their standard deviations beyond 1.
+
+    z (n,): at the likely delays; moved (n, columns): by one standard deviation of the delays of every shot, drawn
+    anew in each event; bounds (events + 1,): of the events. Exact for Gaussian ones, as far as they go straight.
+    """
+    result, logs = z.copy(), 0.0
+    for delay, first, end in zip(delays, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
+        by_shots = moved[first:end]
+        variances, axes = np.linalg.eigh(by_shots.T @ by_shots)
+        spread = np.sqrt(1.0 + np.maximum(variances, 0.0))
+        along = axes.T @ (by_shots.T @ z[first:end])
+        result[first:end] -= by_shots @ (axes @ ((along / (1.0 + spread) + axes.T @ delay) / spread))
+        logs += float(np.sum(np.log(spread)))
+    return result, logs

@@ -53,7 +53,7 @@ class Appearance(Section):
 
 
 class HealthyShape(Section):
-    """Mean innovation of the healthy injector [MPa] at the knots of `engine.estimation.healthy_shape`.
+    """Mean innovation of the healthy injector [MPa] at the knots of `engine.learning.healthy`.
 
     opening, closing: after the needle leaves its seat and after it returns, at 100 MPa of rail pressure; slopes:
     change for every 40 MPa above that.

@@ -31,7 +31,7 @@ class Window(NamedTuple):
     inputs: (n, 2) u = [p_R, A_S]; output: (n,) y, moved by the whole samples it is recorded late; resting:
     (n,) needle shut so long that p_S = p_C; start: (states + 1,) x~ and the indicated pressure at the first sample;
     opening: index of the first sample with an open needle; knots: (n, 2), where the area bends after each sample, as
-    in `integrator.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not. masked:
+    in `model.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not. masked:
     (n,) y is an outlier and does not count; (0,): none is. clock: time and openings up to the first sample. commands:
     (k, 2), first samples with and without energizing, infinite where not known, by which a pilot valve may go.
     needle: that answers them, None where its lift is recorded; by_needle: (n, NEEDLE_NUMBERS), slopes of A_S, and

@@ -131,7 +131,7 @@ cdef const double[::1] _state(x):
 
 
 def advance_state(double[::1] x, interval, coefficients, network, tangent=None, knot=(0.0, 0.0)) -> None:
-    """State x (n,) one `integrator.Interval` later, in place.
+    """State x (n,) one `Interval` later, in place.
 
     knot: share (0..1) of the interval after which the area bends, and the normalised area there; a share of 0: it does
     not. tangent: the `Tangent` that moves with it, None for none.

@@ -1,7 +1,7 @@
 # The feed line as a pipe in which pressure travels: cells of volume between faces with inertia, staggered, by leapfrog.
 #
 # x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1), p_n a step before, w_1 .. w_k: what is remembered of the flow], and
-# of a mean its integral: see model.line.wave. Flows and pressures of the line take turns, explicitly; its end and the
+# of a mean its integral: see model.wave_line. Flows and pressures of the line take turns, explicitly; its end and the
 # sac are stepped implicitly (closed_end.pxi). What remembers is the wall friction: a boundary layer still thin.
 
 cdef enum:

@@ -73,7 +73,7 @@ def write_text(target: Path, text: str) -> None:
 
 
 def begin_stream(path: Path, force: bool) -> None:
-    """Make an empty file for a stream that grows while it is recorded, so that no rename can complete it.
+    """Make the empty file of a stream, which grows while it is recorded, and which no rename can complete.
 
     force: an earlier file is emptied. Raises `RunError` for a file that came meanwhile.
     """

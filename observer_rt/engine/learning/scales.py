@@ -40,18 +40,18 @@ Pairs = frozenset[int]
 """Curves along two inputs that are in use."""
 
 
-def _offered(scales: NDArray[np.int64], lawless: float) -> Vector:
-    """Logarithms of how likely choices (k, curves) of a flow's scales are before any event; lawless: all of none.
+def _offered(scales: NDArray[np.int64]) -> Vector:
+    """Logarithms of how likely choices (k, curves) of a flow's scales are before any event.
 
     Of a flow with a law all curves have one scale as likely as not: a law over one input is nearly one over others.
     """
     choices = _SCALES.size ** scales.shape[1] - 1
     one_scale = (scales == scales[:, :1]).all(axis=1) / (_SCALES.size - 1)
-    lawful = (1.0 - lawless) * (c.ONE_SCALE * one_scale + (1.0 - c.ONE_SCALE) / choices)
-    return np.log(np.where(scales.any(axis=1), lawful, lawless))
+    lawful = (1.0 - c.LAWLESS) * (c.ONE_SCALE * one_scale + (1.0 - c.ONE_SCALE) / choices)
+    return np.log(np.where(scales.any(axis=1), lawful, c.LAWLESS))
 
 
-_BEFORE = _offered(_CHOICES[:, :_OF_NOZZLE], c.NOZZLE_LAWLESS) + _offered(_CHOICES[:, _OF_NOZZLE:], c.SEAT_LAWLESS)
+_BEFORE = _offered(_CHOICES[:, :_OF_NOZZLE]) + _offered(_CHOICES[:, _OF_NOZZLE:])
 _BEFORE -= 0.5 * np.log1p(-_SQUARES).sum(axis=1)
 
 

@@ -11,15 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS
-from observer_rt.engine.learning.constants import (
-    CHOICES,
-    CHOSEN,
-    MOST_PAIRS,
-    NOZZLE_LAWLESS,
-    ONE_SCALE,
-    PAIRED,
-    SEAT_LAWLESS,
-)
+from observer_rt.engine.learning.constants import CHOICES, CHOSEN, LAWLESS, MOST_PAIRS, ONE_SCALE, PAIRED
 from observer_rt.engine.learning.scales import NONE, SMALL, law_probabilities, shrink, weigh_choices, without_others
 from observer_rt.model.network import IS_PAIR, NEURONS
 
@@ -41,13 +33,13 @@ def with_pairs(squares: NDArray[np.float64], pairs: frozenset[int]) -> NDArray[n
 def prior_logs() -> NDArray[np.float64]:
     """Of the choices: a flow has no law, or one in which all curves have one scale, or one with any scales."""
     flows = list[NDArray[np.float64]]()
-    for curves, lawless in ((OF_NOZZLE, NOZZLE_LAWLESS), (SINGLE.size - OF_NOZZLE, SEAT_LAWLESS)):
+    for curves in (OF_NOZZLE, SINGLE.size - OF_NOZZLE):
         choices = [*itertools.product(range(3), repeat=curves)]
-        any_scales = (1.0 - lawless) * (1.0 - ONE_SCALE) / (len(choices) - 1)
+        any_scales = (1.0 - LAWLESS) * (1.0 - ONE_SCALE) / (len(choices) - 1)
         weights = dict.fromkeys(choices, any_scales)
-        weights[(0,) * curves] = lawless
+        weights[(0,) * curves] = LAWLESS
         for scale in (1, 2):
-            weights[(scale,) * curves] += (1.0 - lawless) * ONE_SCALE / 2
+            weights[(scale,) * curves] += (1.0 - LAWLESS) * ONE_SCALE / 2
         assert sum(weights.values()) == pytest.approx(1.0)
         flows.append(np.array([*weights.values()]))
     return np.asarray(np.log(np.outer(flows[0], flows[1]).ravel()))

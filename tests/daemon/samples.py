@@ -13,7 +13,8 @@ from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.account import Account, Overdispersion
 from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilPulse, EdgeSearch, Energizing
-from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail, TimeJitter
+from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail
+from observer_rt.engine.learning.disturbances.time_jitter import TimeJitter
 from observer_rt.engine.learning.hypotheses import Mode, Velocity
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.interval import VolumeBudget

@@ -6,7 +6,6 @@ What makes coloured innovations white: a high pass that takes the slow part away
 import math
 from copy import copy
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +22,9 @@ from observer_rt.engine.estimation.predictor import (
     innovations_with_sensitivity,
 )
 from observer_rt.engine.estimation.scalars import EVERY, LAWLESS, NEEDLE_LAW, Parameter, learned_of
+from observer_rt.engine.estimation.shot_delays import JITTER_SIZE, ShotDelays
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.model.effective import LAG_UNIT
 
-JITTER_SIZE = NEEDLE_JITTER / LAG_UNIT
 ANSWERS = 4  # runs of an event at most, until its shots are as late as explains most
 MOST_JITTER, NEAR_JITTER = 3.0, 0.3  # standard deviations: of a move between two runs, and of one that slopes tell
 NONE_MASKED = np.empty(0, np.bool_)
@@ -106,33 +104,6 @@ class Linearisation:
         after, _ = inverse_of(information + before)
         chi2 = float((gradient @ weights) @ before @ (after @ gradient))
         return float(chi2 / max(gradient.size - INFORMED * np.vdot(weights, before), 1.0))
-
-
-class ShotDelays(NamedTuple):
-    """Delays of an event's shots beyond what theta says, both of each, in `JITTER_SIZE`; they are marginalised.
-
-    likeliest (k,): with theta (m,), by_theta (k, m): how they go with it, where J is linearised; covariance (k, k),
-    theta held; slopes (n, k): of the whitened innovations; solved (k, n): changes of the likeliest by innovations.
-    """
-
-    slopes: NDArray[np.float64]
-    solved: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    theta: NDArray[np.float64] = NO_RATE
-    likeliest: NDArray[np.float64] = NO_RATE
-    by_theta: NDArray[np.float64] = NO_SLOPES
-
-    @classmethod
-    def of(cls, slopes: NDArray[np.float64], burn_in: int, sigma: float) -> "ShotDelays":
-        """By slopes (n, k); each anew, with a standard deviation of 1."""
-        counted = slopes / sigma**2
-        counted[:burn_in] = 0.0
-        covariance, _ = inverse_of(counted.T @ slopes + np.eye(slopes.shape[1]))
-        return cls(slopes, -covariance @ counted.T, covariance)
-
-    def seconds(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The likeliest with another theta (m,), in s."""
-        return np.asarray(NEEDLE_JITTER * (self.likeliest + self.by_theta @ (theta - self.theta)))
 
 
 class EventCost:
@@ -255,11 +226,11 @@ class EventCost:
         self.unfiltered, self.delays = np.empty(self._window.output.size), None
         slopes, is_near = self._slopes(theta, self.columns), True
         if self.jitter.size:
-            self.delays, is_near = self._delay(slopes[:, self.columns.size :])
+            self.delays, is_near = self._move_shots(slopes[:, self.columns.size :])
         if not is_near:
             self._answer(theta)
             slopes = self._slopes(theta, self.columns)
-            self.delays, _ = self._delay(slopes[:, self.columns.size :])
+            self.delays, _ = self._move_shots(slopes[:, self.columns.size :])
         self.unfiltered_slopes = np.zeros((self.unfiltered.size, theta.size))
         self.unfiltered_slopes[:, self.columns] = slopes[:, : self.columns.size]
         self.slopes = self.whitened(self.unfiltered_slopes)
@@ -272,7 +243,7 @@ class EventCost:
         """Follow the event with theta (m,), its shots as late as explains most."""
         for _ in range(ANSWERS):
             slopes = self._slopes(theta, NEEDLE_LAW.columns)
-            if self._delay(slopes[:, NEEDLE_NUMBERS:])[1]:
+            if self._move_shots(slopes[:, NEEDLE_NUMBERS:])[1]:
                 return
 
     def _slopes(self, theta: NDArray[np.float64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -283,8 +254,12 @@ class EventCost:
         self._whiten()
         return slopes
 
-    def _delay(self, by_shots: NDArray[np.float64]) -> tuple[ShotDelays | None, bool]:
-        """Move the shots by slopes (n, k) of the innovations, which move, too, where slopes tell how; and whether."""
+    def _move_shots(self, by_shots: NDArray[np.float64]) -> tuple[ShotDelays | None, bool]:
+        """One Gauss-Newton step of the shots' delays, by slopes (n, k) of the innovations.
+
+        Returns them, None where an innovation is not finite, and whether the step was small enough to be linear:
+        then the innovations go along.
+        """
         if not np.isfinite(self.innovations).all():
             return None, True
         by_shots = by_shots * JITTER_SIZE

@@ -20,8 +20,9 @@ from observer_rt.core.learning.gating import inverse_of
 from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.engine.estimation.gating import Belief, Gate, best_subset
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
-from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation, ShotDelays
+from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta
+from observer_rt.engine.estimation.shot_delays import ShotDelays
 from observer_rt.engine.learning.constants import BEYOND, NEARLY_WHITE, NEARLY_WHITE_BLOCKS
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.model.effective import LIFT_UNIT, Coefficients

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.prediction_error import JITTER_SIZE, ShotDelays
 from observer_rt.engine.estimation.predictor import (
     InputVariance,
     OpenLoop,
@@ -19,6 +18,7 @@ from observer_rt.engine.estimation.predictor import (
     open_loop,
 )
 from observer_rt.engine.estimation.scalars import Parameter
+from observer_rt.engine.estimation.shot_delays import JITTER_SIZE, ShotDelays
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
 # Error of the rate (one sigma) as a share of its change from sample to sample: between samples the inputs are not

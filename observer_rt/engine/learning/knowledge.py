@@ -18,7 +18,8 @@ from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.account import Account, Overdispersion, of_healthy
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.disturbances.coil_current import Energizing
-from observer_rt.engine.learning.disturbances.colour import SlowRail, TimeJitter
+from observer_rt.engine.learning.disturbances.colour import SlowRail
+from observer_rt.engine.learning.disturbances.time_jitter import TimeJitter
 from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_injector import LearnedInjector

@@ -11,7 +11,6 @@ from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.disturbances.colour import offset_between
 from observer_rt.engine.learning.disturbances.masks import median
 from observer_rt.engine.learning.fitting import theta_limits
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
@@ -20,7 +19,7 @@ from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.event import explain
 from observer_rt.engine.learning.posterior.outcome import outcome_of
 from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader
-from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.engine.stream.standstill import Standstill, offset_between
 from observer_rt.engine.stream.state import Constants, Reason
 from observer_rt.foundation.units import MEGAPASCAL
 

@@ -87,6 +87,17 @@ class Standstill:
     lift: LiftFigures = field(default_factory=LiftFigures)
 
 
+def offset_between(before: Standstill | None, after: Standstill) -> float | None:
+    """Mean of line over rail pressure at rest [p_0] between the ends of two events, None without a sample.
+
+    before: None, where there was no event.
+    """
+    samples, total = after.samples, after.samples * after.offset
+    if before is not None:
+        samples, total = samples - before.samples, total - before.samples * before.offset
+    return total / samples if samples > 0 else None
+
+
 def standstill_of(record: np.void, pressure_scale: float, stated: NDArray[np.float64] | None = None) -> Standstill:
     """Read the statistics out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa].
 

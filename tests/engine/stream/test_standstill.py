@@ -10,6 +10,7 @@ from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.observer import event_standstill
+from observer_rt.engine.stream.standstill import Standstill, offset_between
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.effects import sized
 from tests.engine.sample_stream import NOISE, NOMINAL, RAIL, Stream, assert_levels, at_rest, opened
@@ -145,3 +146,11 @@ def test_what_moves_on_and_on_is_followed_no_further() -> None:
 
 def test_slow_noise_is_not_followed() -> None:
     assert offset_after(0.8 * MEGAPASCAL, is_coloured=True) == 0.0
+
+
+def test_the_offset_is_the_mean_since_the_event_before() -> None:
+    first, second = Standstill(1000, 0.01, None), Standstill(3000, 0.03, None)
+    assert offset_between(None, Standstill(0, 0.0, None)) is None
+    assert offset_between(None, first) == pytest.approx(0.01)
+    assert offset_between(first, second) == pytest.approx(0.04)
+    assert offset_between(second, second) is None

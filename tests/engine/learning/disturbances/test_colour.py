@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, offset_between, resting_segments
-from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, resting_segments
 
 INTERVAL = 1e-5  # s
 REST = 700  # samples of an event at 100 kHz
@@ -153,11 +152,3 @@ def test_segments_are_long_enough_and_late_enough() -> None:
     masked = np.zeros(1000, np.bool_)
     masked[650:655] = True
     assert resting_segments(window._replace(masked=masked), 50, 300) == [slice(200, 520), slice(655, 1000)]
-
-
-def test_the_offset_is_the_mean_since_the_event_before() -> None:
-    first, second = Standstill(1000, 0.01, None), Standstill(3000, 0.03, None)
-    assert offset_between(None, Standstill(0, 0.0, None)) is None
-    assert offset_between(None, first) == pytest.approx(0.01)
-    assert offset_between(first, second) == pytest.approx(0.04)
-    assert offset_between(second, second) is None

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.colour import TimeJitter
+from observer_rt.engine.learning.disturbances.time_jitter import TimeJitter
 
 SIGMA = 0.15
 SAMPLES = 1300

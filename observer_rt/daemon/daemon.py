@@ -13,9 +13,10 @@ from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
 from observer_rt.daemon.arrivals import SECOND
-from observer_rt.daemon.bus_connection import RETRY, Port, buses_of
 from observer_rt.daemon.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.daemon.input_watch import InputWatch, StateWatch
+from observer_rt.daemon.link_opening import buses_of
+from observer_rt.daemon.port import RETRY, Port
 from observer_rt.daemon.pump import FramePump
 from observer_rt.daemon.pump_memory import Latency
 from observer_rt.daemon.rights import drop_priority, touch

@@ -11,7 +11,7 @@ from observer_rt.bus.links.link import LONGEST_WAIT, Link
 from observer_rt.bus.links.opening import DescriptorLink
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.core.frames.frames import SLOTS
-from observer_rt.daemon.bus_connection import RETRY
+from observer_rt.daemon.port import RETRY
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
 

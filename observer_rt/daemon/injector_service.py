@@ -10,9 +10,9 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.bus_connection import LinkOpening, StoppedError, buses_of
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.keeper import Keeper
+from observer_rt.daemon.link_opening import LinkOpening, StoppedError, buses_of
 from observer_rt.daemon.log import EventLogger, ServiceLog
 from observer_rt.daemon.notifier import Notifier
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper

@@ -11,7 +11,7 @@ from typing import Self
 
 from observer_rt.model.effective import EffectiveModel
 
-Law = Callable[[EffectiveModel, Sequence[float]], EffectiveModel]
+ModelChange = Callable[[EffectiveModel, Sequence[float]], EffectiveModel]
 """The model with an effect at parameter values, in SI and in the order of its parameters."""
 
 BOTH_CHANNELS = "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
@@ -133,7 +133,7 @@ class Effect:
     id: str
     component: Component
     parameters: tuple[EffectParameter, ...]
-    apply: Law
+    apply: ModelChange
     sentence: str
     signature: str
     relations: tuple[Relation, ...] = ()
@@ -167,13 +167,13 @@ class SizedEffect:
     values: tuple[float, ...]
 
 
-def scaled(section: str, *names: str) -> Law:
-    """Law of a share: the parameters `names` of a section of the injector file times 1 + value [-]."""
+def scaled(section: str, *names: str) -> ModelChange:
+    """Change by a share: the parameters `names` of a section of the injector file times 1 + value [-]."""
     return partial(_scaled, section, names)
 
 
-def added(terms: str, name: str) -> Law:
-    """Law of a sum: the value [SI] added to `name` of the model's `departures`, `inputs` or `sensor`, its `terms`."""
+def added(terms: str, name: str) -> ModelChange:
+    """Change by a value [SI]: it is added to `name` of the model's `terms`, its `departures`, `inputs` or `sensor`."""
     return partial(_added, terms, name)
 
 

@@ -1,23 +1,18 @@
 """Terms as effects: the size of such an effect is the coefficient of its law.
 
-So terms are tried, fitted and reported as the effects of the vocabulary are. A law comes as a form: its text with
-letters in the places of the numbers that a fit may change.
+So terms are tried, fitted and reported as the effects of the vocabulary are. A law comes as a form (`terms.form`).
 """
 
-import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
 
 from observer_rt.model.effect import Component, Effect, EffectParameter
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.terms.form import LETTERS, FormNumber, law_of
 from observer_rt.model.terms.law import Law
-from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 
-EXACT_DIGITS = 3  # of a number within a law, beside its range
 DEAD_ZONE = 0.002  # of the bound: a smaller term does not matter
 
 COMPONENTS = {
@@ -46,24 +41,6 @@ LAWS_OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
 }
 """Effects of the vocabulary that are a law of order 1: a term with such a law is reported by the effect's name."""
 
-LETTERS = "AWFBCDEGIJKL"
-"""Letters of the first number of a form, the second and so on, as `A` and `W` in `tanh((u - A)/W)`: first a position,
-a width or frequency, and a phase. H, M and P are not among them, for units have them."""
-_NUMBER = re.compile(rf"(, )?([{LETTERS}])")
-
-
-class FormNumber(NamedTuple):
-    """A number within a law, and the bounds between which it may be fitted."""
-
-    value: float
-    lowest: float
-    highest: float
-
-    def settled(self, value: float) -> "FormNumber":
-        """The number with another value, rounded to EXACT_DIGITS of its range."""
-        decimals = EXACT_DIGITS - math.floor(math.log10(self.highest - self.lowest))
-        return self._replace(value=round(value, decimals) + 0.0)
-
 
 @dataclass(frozen=True)
 class TermLaw:
@@ -76,14 +53,14 @@ class TermLaw:
 
     def __call__(self, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
         coefficient, *numbers = values
-        law = _law_of(self.form, tuple(numbers)) if numbers else self.law
+        law = law_of(self.form, tuple(numbers)) if numbers else self.law
         return model.with_term(Term(self.equation, law, coefficient))
 
 
 @lru_cache(maxsize=4096)
 def term_effect(equation: TermEquation, form: str, numbers: tuple[FormNumber, ...] = ()) -> Effect:
     """A term as an effect with one size, the coefficient; numbers: of the form, fixed. The law is of order 1."""
-    applied = TermLaw(equation, _law_of(form, tuple(one.value for one in numbers)), form, numbers)
+    applied = TermLaw(equation, law_of(form, tuple(one.value for one in numbers)), form, numbers)
     highest = equation.bounds[1]
     lowest = max(equation.bounds[0], -highest)
     size = EffectParameter("c", str(equation.unit), 1.0, 0.0, lowest, highest, DEAD_ZONE * highest, (0.0,))
@@ -109,18 +86,6 @@ def form_settled(effect: Effect, numbers: Sequence[float]) -> Effect:
         return effect
     settled = (one.settled(value) for one, value in zip(law.numbers, numbers, strict=True))
     return term_effect(law.equation, law.form, tuple(settled))
-
-
-@lru_cache(maxsize=4096)
-def _law_of(form: str, numbers: tuple[float, ...]) -> Law:
-    """The law of a form times `c`; numbers to 8 digits, negative ones in parentheses unless they are arguments."""
-    texts = {letter: f"{number:.8g}" for letter, number in zip(LETTERS, numbers, strict=False)}
-
-    def number_text(match: re.Match[str]) -> str:
-        before, text = match[1] or "", texts[match[2]]
-        return before + text if before or not text.startswith("-") else f"({text})"
-
-    return parse(f"c*({_NUMBER.sub(number_text, form)})")
 
 
 def term_of(effect: Effect, coefficient: float) -> Term | None:

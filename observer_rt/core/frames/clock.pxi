@@ -15,7 +15,9 @@ cdef double MAX_DRIFT = 500e-6  # of any clock worth the name; more is a wrong s
 cdef double CLOCK_STEP = 1e6  # ns that the lowest stamps of a window may leave the line by before the clock counts as set anew
 cdef double PROMPT = 2e3  # ns of delay, within which a frame came without waiting
 cdef double FEW_PROMPT = 1.0 / 3.0  # share of such frames, below which it is not sure that any did
-cdef double LEAST_OF_DELAYS = 0.75  # of the mean delay, up to which the least may be then: batches beat with the cycle
+# Share of the mean delay that even the quickest frame of a window may have waited, where few frames are prompt; added
+# to `residual`. Batches that beat with the cycle come so.
+cdef double LEAST_OF_DELAYS = 0.75
 cdef double USUAL_GAIN = 0.25  # weight of a window's greatest delay in the usual one
 cdef double FEW_TOGETHER = 0.1  # share of frames closer than a bus can carry them, above which they came in batches
 

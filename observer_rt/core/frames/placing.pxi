@@ -40,7 +40,7 @@ cdef int64_t place_block(
         stream.jump_from = stream.next_index
         stream.jump_to = start
         stream.jump_contiguous = contiguous
-        decide_until(alignment, start + count - SLOTS // 2)
+        decide_until(alignment, start + count - PATIENCE)  # what waited longer is stale, and a jump needs its slots
     _extend(alignment, message, start, count)
     return placing
 

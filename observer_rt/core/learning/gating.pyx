@@ -35,8 +35,7 @@ def search_subsets(
 ) -> int:
     """The best subset of the gated columns (g,) as a bit mask, and the estimate with it, theta (m,).
 
-    What a subset explains is the sum of squares of what its Cholesky factor leaves of the information's vector. One
-    subset follows another as numbers do, the factor has the last column first: so each adds a single row to it. Raises
+    What a subset explains is the sum of squares of what its Cholesky factor leaves of the information's vector. Raises
     numpy.linalg.LinAlgError when singular.
     """
     cdef int64_t g = columns.shape[0], m = mean.shape[0], size = 0, best_subset = 0, subset, column, i, j
@@ -56,6 +55,8 @@ def search_subsets(
     for i in range(g):
         for j in range(g):
             vector[i] += information[i, j] * mean[columns[j]]
+    # Subsets are counted up in binary, and the factor has the highest column first: the next number drops only the
+    # rows of the low columns, and adds one.
     for subset in range(1, <int64_t> 1 << g):
         column = 0
         while not subset >> column & 1:

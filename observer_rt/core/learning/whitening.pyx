@@ -19,16 +19,21 @@ globals().update(NO_HIGH_PASS=NO_HIGH_PASS, HUBER=HUBER, LEVEL_SAMPLES=LEVEL_SAM
 def whiten(
     const double[:, :] values, masked, double forgetting, const double[::1] taps, double[:, ::1] result
 ) -> None:
-    """Values (n, m) down the columns, see `prediction_error.Whitening`; masked: (n,), or (0,)."""
+    """Values (n, m) down the columns, see `prediction_error.Whitening`; masked: (n,), or (0,).
+
+    passed[k] = values[k] + theta passed[k - 1] - values[k - 1] is behind the high pass, of which
+    expected[k] = -(a_1 passed[k - 1] + .. + a_p passed[k - p]) was to come; the result is passed - expected.
+    theta: `forgetting`; a: `taps`. A masked sample is taken to have the value with which passed is as expected.
+    """
     cdef int64_t n = values.shape[0], m = values.shape[1], parts = (m + WIDTH - 1) // WIDTH, i, j, k, count, unknown = 0
     cdef const unsigned char[:] is_out = masked.view("u1")
-    cdef double[:, ::1] passed = zeros((n, parts * WIDTH)), rows = zeros((4, parts * WIDTH))
-    cdef double* row = &rows[0, 0]  # of values; then of what is expected, then of those before, behind the high pass
-    cdef Columns* now = <Columns*> row
-    cdef Columns* expected = now + parts
-    cdef Columns* before = expected + parts
-    cdef Columns* nothing = before + parts
-    cdef Columns* behind
+    cdef double[:, ::1] passed = zeros((n, parts * WIDTH)), lines = zeros((4, parts * WIDTH))
+    cdef Columns* value = <Columns*> &lines[0, 0]
+    cdef Columns* expected = <Columns*> &lines[1, 0]
+    cdef Columns* last_value = <Columns*> &lines[2, 0]
+    cdef Columns* zero = <Columns*> &lines[3, 0]
+    cdef Columns* last_passed
+    cdef Columns carried
     cdef bint is_masked
     if result.shape[0] != n or result.shape[1] != m or 0 < is_out.shape[0] < n:
         raise ValueError("values, marks and result do not fit each other")
@@ -37,25 +42,26 @@ def whiten(
             count = min(LEVEL_SAMPLES, n - 1)
             for k in range(1, 1 + count):
                 for j in range(m):
-                    rows[2, j] += values[k, j] / <double> count
+                    lines[2, j] += values[k, j] / <double> count
         # unknown: samples for which some tap still lies on an expected value
         result[:1] = 0.0
         for k in range(1, n):
             is_masked = is_out.shape[0] > 0 and is_out[k] != 0
-            behind = <Columns*> &passed[k - 1, 0]
+            last_passed = <Columns*> &passed[k - 1, 0]
             for j in range(m):
-                row[j] = values[k, j]
+                lines[0, j] = values[k, j]
             for j in range(parts):
-                expected[j] = nothing[j]
+                expected[j] = zero[j]
                 for i in range(min(taps.shape[0], k - 1)):
-                    expected[j] = expected[j] - taps[i] * behind[j - i * parts]
+                    expected[j] = expected[j] - taps[i] * last_passed[j - i * parts]
                 if forgetting == NO_HIGH_PASS:
-                    behind[parts + j] = expected[j] if is_masked else now[j]
+                    last_passed[parts + j] = expected[j] if is_masked else value[j]
                 else:
-                    behind[parts + j] = expected[j] if is_masked else now[j] + (forgetting * behind[j] - before[j])
-                    before[j] = behind[parts + j] - (forgetting * behind[j] - before[j]) if is_masked else now[j]
+                    carried = forgetting * last_passed[j] - last_value[j]
+                    last_passed[parts + j] = expected[j] if is_masked else value[j] + carried
+                    last_value[j] = last_passed[parts + j] - carried if is_masked else value[j]
             for j in range(m):
-                result[k, j] = passed[k, j] - rows[1, j] if unknown == 0 and not is_masked else 0.0
+                result[k, j] = passed[k, j] - lines[1, j] if unknown == 0 and not is_masked else 0.0
             unknown = taps.shape[0] if is_masked else max(unknown - 1, 0)
 
 

@@ -1,8 +1,51 @@
-# False openings: the zero of the lift has stepped, and the line pressure tells that the needle is shut.
+# False openings: the lift leaps as no needle can, or its zero has stepped. The next samples of the lift tell it, or
+# later the line pressure, which shows that the needle is shut.
 
 cdef int64_t EDGE = 3  # samples in which a lift steps
 cdef double CALM = 0.7e6  # Pa, rms of a line pressure in which no injection rings
 cdef double AS_CALM = 1.5  # times the mean square before: a calm line rings no more than that
+cdef int64_t LEAPS = 3  # within the look-ahead, quicker than a needle moves: so many are noise (a spike has two)
+cdef double SLOWEST_OPENING = 0.3  # m/s
+cdef double LOWEST = 15e-6  # m, below which an opening needle does not stop
+cdef double STEPPED = 30e-6  # m, below which an opening that stops is probably a step of the sensor's zero
+cdef double OFF_SEAT = 40e-6  # m, that a lift may leap at its seat, because the sensor's offset is not that of the seat
+
+
+cdef bint stays_low(Observer* observer, int64_t position, double highest) noexcept nogil:
+    """Whether the lift of a needle long at rest crosses the dead band after `position`, but rises no further.
+
+    Then the sensor's zero has stepped, because no needle stops just off its seat. highest [m]: lifts above it are not
+    examined. To be called at an opening only: the search is slow.
+    """
+    memory = observer.memory
+    band = &memory.dead_band
+    timing = &observer.constants.timing
+    ring = observer.ring
+    if ring[position & MASK].index - memory.needle.shut_index <= timing.bounce:
+        return False
+    ahead, first = lookahead_at(observer, position), 0
+    while first < ahead and not ring[(position + first) & MASK].lift > band.lift_on:
+        first += 1
+    last = min(first + timing.confirm - 1, ahead)
+    half = (last - first + 1) // 2
+    if half == 0:
+        return False
+    earlier, later = 0.0, 0.0
+    for k in range(half):
+        earlier += ring[(position + first + k) & MASK].lift / half
+        later += ring[(position + last - k) & MASK].lift / half
+    slowest = 0.5 * SLOWEST_OPENING * observer.constants.interval * half
+    return later - earlier < min(band.lift_on, slowest) and 0.5 * (earlier + later) < highest
+
+
+cdef bint leaps_about(Observer* observer, int64_t position) noexcept nogil:
+    """Whether the lift from `position` on leaps as no needle can: noise in a wrong unit, a loose connection."""
+    memory, ring = observer.memory, observer.ring
+    quickest = observer.constants.quickest + memory.dead_band.lift_on + OFF_SEAT
+    cdef int64_t leaps = 0
+    for k in range(position, position + lookahead_at(observer, position) + 1):
+        leaps += abs(ring[k & MASK].lift - ring[(k - 1) & MASK].lift) > quickest
+    return leaps >= LEAPS
 
 
 cdef inline void look_for_false_opening(Observer* observer, int64_t position) noexcept nogil:

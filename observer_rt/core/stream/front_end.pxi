@@ -1,4 +1,5 @@
-# Front end from measured lift to seat area: dead band with hysteresis, look-back to the foot of the ramp.
+# Front end from the lift, measured or by commands, to the seat area: dead band with hysteresis, look-back to
+# the foot of the ramp.
 #
 # A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
 # extended to where the needle leaves or meets its seat. Where samples are means over their interval, the first and the
@@ -8,15 +9,10 @@ cpdef enum:
     LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts
     CONFIRM = 2  # consecutive samples that shut the needle
     FEWEST_OPENING = 2
-    LEAPS = 3  # within the look-ahead, quicker than a needle moves: so many are noise (a spike has two)
 
 cdef double DEAD_BAND_SIGMAS = 5.0
 cdef double DEAD_BAND_FLOOR = 2.0e-6  # m
 cdef double FOOT = 0.3  # of the dead band, above which these samples are the foot of a ramp
-cdef double SLOWEST_OPENING = 0.3  # m/s
-cdef double LOWEST = 15e-6  # m, below which an opening needle does not stop
-cdef double STEPPED = 30e-6  # m, below which an opening that stops is probably a step of the sensor's zero
-cdef double OFF_SEAT = 40e-6  # m, that a lift may leap at its seat, because the sensor's offset is not that of the seat
 
 
 cdef double commanded_lift(Observer* observer, int64_t position) noexcept nogil:
@@ -117,43 +113,6 @@ cdef bint _opens_within(Observer* observer, int64_t position, int64_t samples) n
         elif run > 0 or lift < FOOT * threshold:
             return False
     return False
-
-
-cdef bint stays_low(Observer* observer, int64_t position, double highest) noexcept nogil:
-    """Whether the lift of a needle long at rest crosses the dead band after `position`, but rises no further.
-
-    Then the sensor's zero has stepped, because no needle stops just off its seat. highest [m]: lifts above it are not
-    examined. To be called at an opening only: the search is slow.
-    """
-    memory = observer.memory
-    band = &memory.dead_band
-    timing = &observer.constants.timing
-    ring = observer.ring
-    if ring[position & MASK].index - memory.needle.shut_index <= timing.bounce:
-        return False
-    ahead, first = lookahead_at(observer, position), 0
-    while first < ahead and not ring[(position + first) & MASK].lift > band.lift_on:
-        first += 1
-    last = min(first + timing.confirm - 1, ahead)
-    half = (last - first + 1) // 2
-    if half == 0:
-        return False
-    earlier, later = 0.0, 0.0
-    for k in range(half):
-        earlier += ring[(position + first + k) & MASK].lift / half
-        later += ring[(position + last - k) & MASK].lift / half
-    slowest = 0.5 * SLOWEST_OPENING * observer.constants.interval * half
-    return later - earlier < min(band.lift_on, slowest) and 0.5 * (earlier + later) < highest
-
-
-cdef bint leaps_about(Observer* observer, int64_t position) noexcept nogil:
-    """Whether the lift from `position` on leaps as no needle can: noise in a wrong unit, a loose connection."""
-    memory, ring = observer.memory, observer.ring
-    quickest = observer.constants.quickest + memory.dead_band.lift_on + OFF_SEAT
-    cdef int64_t leaps = 0
-    for k in range(position, position + lookahead_at(observer, position) + 1):
-        leaps += abs(ring[k & MASK].lift - ring[(k - 1) & MASK].lift) > quickest
-    return leaps >= LEAPS
 
 
 cdef double _recorded_lift(Observer* observer, int64_t position) noexcept nogil:

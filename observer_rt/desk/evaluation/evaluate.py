@@ -13,7 +13,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals
-from observer_rt.desk.evaluation.run import ObserverRun, Progress
+from observer_rt.desk.evaluation.observer_run import ObserverRun, Progress
 from observer_rt.desk.evaluation.trace import open_trace
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.learned_laws import learned_laws

@@ -15,8 +15,8 @@ from observer_rt.daemon.state_file import model_hash, restored_knowledge, save_k
 from observer_rt.desk.evaluation.evaluate import bench_for_all, evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs, open_source, without_truths
+from observer_rt.desk.evaluation.observer_run import Progress
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
-from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.evaluation.trace import SUFFIXES, TRACE_SUFFIX
 from observer_rt.desk.recording_options import EvaluateOptions
 from observer_rt.engine.learning.knowledge import Knowledge

@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import BenchInjector
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import Terms
+from observer_rt.core.stream.stream import RING, Break
 from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
+from observer_rt.engine.observer import commands_at, remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.service.injector import bench_constants
-from observer_rt.engine.stream.state import Constants
+from observer_rt.engine.stream.state import Constants, Observer
 from observer_rt.model.effective import NO_CLOCK, Clock, Coefficients
 
 
@@ -48,6 +50,35 @@ class Follower:
         )
         self._x = follow(window, setting, nothing_learned(c), 0, errors, rate, None, NO_SLOPES, self._terms)
         return rate
+
+
+class NominalModel:
+    """The model without correction along an observer's samples; it begins anew from x~ where the observer does."""
+
+    def __init__(self, constants: Constants) -> None:
+        self._follower = Follower(constants)
+        self._end = self._injections = 0
+
+    def rates(self, observer: Observer, first: int, end: int) -> NDArray[np.float64]:
+        """Rates [m3/s] at positions [first, end), processed and remembered; nan where the observer has none."""
+        if first != self._end:
+            self._follower.begin(np.full(observer.constants.coefficients.states, np.nan))
+        self._follower.constants, self._end = observer.constants, end  # in the surroundings of these samples
+        before = max(first - 1, 0)
+        rows = remembered(observer.ring, before, end)
+        rates, is_open = np.zeros(len(rows)), rows["seat_area"] > 0.0
+        openings = self._injections + np.cumsum(np.diff(is_open, prepend=is_open[:1]) & is_open)
+        runs = ~(rows["resting"] | (rows["broken"] != Break.NONE))  # elsewhere x^ is x~
+        for start, stop in np.flatnonzero(np.diff(runs, prepend=False, append=False)).reshape(-1, 2).tolist():
+            from_row = max(start - 1, 0)
+            if start > 0:
+                position = before + from_row
+                clock = Clock(position * observer.constants.interval, float(openings[from_row]))
+                self._follower.begin(observer.x_tilde[position % RING], clock)
+            commands = commands_at(observer, before + from_row, before + stop)
+            rates[from_row:stop] = self._follower.along(rows[from_row:stop], commands)
+        self._injections = int(openings[-1])
+        return np.where(np.isnan(rows["injection_rate"]), np.nan, rates)[first - before :]
 
 
 class ComparedRate(NamedTuple):

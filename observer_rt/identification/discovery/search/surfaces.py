@@ -15,7 +15,8 @@ from observer_rt.identification.discovery.search import curves
 from observer_rt.identification.discovery.search.curves import Axis, Form, Score, Shape
 from observer_rt.identification.discovery.search.scores import Scores
 from observer_rt.model.effect import Effect
-from observer_rt.model.term_effect import LETTERS, FormNumber, term_effect
+from observer_rt.model.term_effect import term_effect
+from observer_rt.model.terms.form import LETTERS, FormNumber
 from observer_rt.model.terms.term import TermEquation
 
 Floats = NDArray[np.float64]

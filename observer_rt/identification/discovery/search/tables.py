@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from observer_rt.identification.discovery.search.candidates import PRICE
 from observer_rt.identification.discovery.search.curves import SINCE, Axis, FreeCurve, Score, free_curves
 from observer_rt.model.effect import Effect
-from observer_rt.model.term_effect import LETTERS, FormNumber, term_effect
+from observer_rt.model.term_effect import term_effect
+from observer_rt.model.terms.form import LETTERS, FormNumber
 
 Floats = NDArray[np.float64]
 

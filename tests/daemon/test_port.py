@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.bus.links.link import Frame, LinkDownError
-from observer_rt.daemon.bus_connection import CAPACITY, Port
+from observer_rt.daemon.port import CAPACITY, Port
 from observer_rt.engine.service.messages import OutputFrame
 from tests.links import FakeLink
 

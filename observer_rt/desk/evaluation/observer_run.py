@@ -7,55 +7,23 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.links.link import FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.core.stream.stream import RING, Break
+from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.samples import HistorySamples, Run
-from observer_rt.desk.evaluation.trace import Signal
-from observer_rt.engine.observer import commands_at, energize, remembered
+from observer_rt.engine.observer import energize
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
-from observer_rt.engine.service.nominal import Follower
-from observer_rt.engine.stream.state import Constants, Observer
+from observer_rt.engine.service.nominal import NominalModel
 from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, cut
-from observer_rt.model.effective import Clock
 from observer_rt.model.surroundings import Surroundings
 
 PIECE = 5e-3  # s of a recording, in which the pressure in the chamber is one
 Progress = Callable[[int], None]  # samples done
-
-
-class NominalModel:
-    """The model without correction along an observer's samples; it begins anew from x~ where the observer does."""
-
-    def __init__(self, constants: Constants) -> None:
-        self._follower = Follower(constants)
-        self._end = self._injections = 0
-
-    def rates(self, observer: Observer, first: int, end: int) -> Signal:
-        """Rates [m3/s] at positions [first, end), processed and remembered; nan where the observer has none."""
-        if first != self._end:
-            self._follower.begin(np.full(observer.constants.coefficients.states, np.nan))
-        self._follower.constants, self._end = observer.constants, end  # in the surroundings of these samples
-        before = max(first - 1, 0)
-        rows = remembered(observer.ring, before, end)
-        rates, is_open = np.zeros(len(rows)), rows["seat_area"] > 0.0
-        openings = self._injections + np.cumsum(np.diff(is_open, prepend=is_open[:1]) & is_open)
-        runs = ~(rows["resting"] | (rows["broken"] != Break.NONE))  # elsewhere x^ is x~
-        for start, stop in np.flatnonzero(np.diff(runs, prepend=False, append=False)).reshape(-1, 2).tolist():
-            from_row = max(start - 1, 0)
-            if start > 0:
-                position = before + from_row
-                clock = Clock(position * observer.constants.interval, float(openings[from_row]))
-                self._follower.begin(observer.x_tilde[position % RING], clock)
-            commands = commands_at(observer, before + from_row, before + stop)
-            rates[from_row:stop] = self._follower.along(rows[from_row:stop], commands)
-        self._injections = int(openings[-1])
-        return np.where(np.isnan(rows["injection_rate"]), np.nan, rates)[first - before :]
 
 
 class ObserverRun:

@@ -173,7 +173,7 @@ def scaled(section: str, *names: str) -> ModelChange:
 
 
 def added(terms: str, name: str) -> ModelChange:
-    """Change by a value [SI]: it is added to `name` of the model's `terms`, its `departures`, `inputs` or `sensor`."""
+    """Change by a value [SI], added to `name` of the model's `terms`: its `departures`, `inputs` or `sensor`."""
     return partial(_added, terms, name)
 
 

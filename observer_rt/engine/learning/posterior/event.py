@@ -237,20 +237,9 @@ class _Reads:
         )
         cost = reader.cost_of(state, learned, window, follows)
         first, resting = self._linearised(learned, window, cost)
+        of_cost = cost.innovations, cost.unfiltered, cost.slopes
         return EventReading(
-            learned,
-            window,
-            schedule,
-            follows,
-            cost,
-            first,
-            cost.innovations,
-            cost.unfiltered,
-            cost.slopes,
-            self._phases,
-            reader.healthy,
-            resting,
-            off,
+            learned, window, schedule, follows, cost, first, *of_cost, self._phases, reader.healthy, resting, off
         )
 
     def _first(self, learned: LearnedInjector, window: Window, cost: EventCost) -> Linearisation:

@@ -111,7 +111,7 @@ def _law_of_two(first: int, second: int, nozzle: float = 0.0, seat: float = 0.0)
 
 TEN_PRODUCTS = {  # of two inputs of nozzle or seat
     "nozzle by rail pressure and time": _law_of_two(BY_RAIL, BY_TIME, nozzle=0.1),
-    "the same, the other way": _law_of_two(BY_RAIL, BY_TIME, nozzle=-0.06),
+    "nozzle by time and rail pressure": _law_of_two(BY_RAIL, BY_TIME, nozzle=-0.06),
     "nozzle by rail pressure and lift": _law_of_two(BY_RAIL, BY_LIFT, nozzle=0.1),
     "nozzle by time and lift": _law_of_two(BY_TIME, BY_LIFT, nozzle=0.1),
     "nozzle by drop and time": _law_of_two(BY_DROP, BY_TIME, nozzle=0.1),

@@ -7,23 +7,22 @@ from typing import Any
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
+from tests.plants.laws import TEN_PRODUCTS
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_cases
 from tools.benchmarks.discovery.discrepancies import Discrepancy
+from tools.benchmarks.discovery.laws import PRODUCT_KINDS
 from tools.benchmarks.discovery.outside import facts_of, score_outside
 from tools.benchmarks.discovery.outside_answers import OutsideAnswer, ProposedTerms
 from tools.benchmarks.discovery.scoring import Misfit
 
 GOOD = ProposedTerms(("line_pressure",), "a leak", (), True, Misfit(0.1, 0.2))
 SEAT = replace(GOOD, equations=("needle_lift",))
-ANSWER = OutsideAnswer(
-    "unknown", 0.98, (), (), "line_pressure", GOOD, Misfit(1.0, 2.0), Misfit(0.0, 0.0), Misfit(1.0, 2.0), 7.0
-)
+ANSWER = OutsideAnswer("unknown", 0.98, (), (), GOOD, Misfit(1.0, 2.0), Misfit(0.0, 0.0), Misfit(1.0, 2.0), 7.0)
 
 
 def facts(
     best: ProposedTerms | None = None,
-    *,
     asked: Query = Query.OUTSIDE,
     name: str = "root_leakage",
     with_rate: bool = True,
@@ -77,8 +76,18 @@ def test_gaps_are_halved_or_not_and_only_where_they_matter(
     proposal = replace(GOOD, misfit=Misfit(*after))
     row = facts(proposal, before=Misfit(*before), own=Misfit(0.2, own_mg))
     assert (row["pressure_halved"], row["mass_halved"], row["accepted_worse"]) == (*halved, worse)
-    refused = facts(replace(proposal, may_enter=False), before=Misfit(*before))
-    assert not refused["accepted_worse"]
+    assert not facts(replace(proposal, may_enter=False), before=Misfit(*before))["accepted_worse"]
+
+
+@pytest.mark.parametrize("name", PRODUCT_KINDS)
+def test_a_law_of_two_inputs_is_the_networks_and_right_by_both(name: str) -> None:
+    (case,) = outside_cases("A", 0, (False,), tuple(Discrepancy), 1, (name,))
+    assert PRODUCT_KINDS[name].laws(case.parts[0][1]) == TEN_PRODUCTS[name][0]
+    law, inputs = (str(PRODUCT_KINDS[name].equation),), PRODUCT_KINDS[name].inputs
+    for by in (inputs, inputs - {min(inputs)}):
+        best, stated = replace(GOOD, equations=law, inputs=by), ((0.96, (), law, by),)
+        row = facts(best, asked=Query.PRODUCT, name=name, stated=stated)
+        assert row["right_inputs"] is (by == inputs) is not row["wrong_and_sure"]
 
 
 def test_a_law_without_a_name_is_recorded_asked_about_and_judged() -> None:

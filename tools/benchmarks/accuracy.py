@@ -60,12 +60,8 @@ BARS = (
     Bar("mass_sum_error_max_pct", "sum_error_pct", "m100", of=_MAIN),
 )  # fmt: skip
 COLUMNS: dict[str, tuple[str, How]] = {
-    "cases": ("label", "count"),
-    "mass error %, single valid: median / p95 / max": (ERRORS, "spread"),
+    **scoring.COLUMNS,
     "summed max": ("sum_error_pct", "m100"),
-    "RMSE mm3/ms": (RMSE, "spread"),
-    "valid": ("valid_share", "mean"),
-    "wrong": ("wrong_valid", "sum"),
     "in time": ("in_time", "of"),
     "worse than nominal %": ("excess_pct", "max"),
     "covered": ("covered", "of"),

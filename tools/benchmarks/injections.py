@@ -20,8 +20,6 @@ from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.scoring import NO_REPORT, WRONG_MASS, WRONG_RATE, injections_of
 
 LEAST_RATE = 0.5  # share of an opening's largest rate from which on a sample's own error counts: not at the flanks
-
-
 _LIMITS: dict[str, tuple[float, float, float]] = {  # largest error [%], share valid, share inside, of every set
     "first": (3.0, 0.9, 0.93),
     "laws": (3.0, 68 / 72, 0.93),

@@ -26,8 +26,6 @@ MODEL_NOISE, MEASURED_NOISE = 3e4 / PRESSURE_SCALE, 2.0  # sigma a sample of p_L
 WALKS = np.array([1e-5, 3e-5, 1e-4, 1e-7])  # sigmas a sample of the last four states
 PRIORS = np.array([1.5e-3, 0.1, 1e-5, 0.3, 0.3, 1.0, 0.01])  # sigmas at the first sample
 RESTING = 1e-10  # variance of a sac that is known to be at chamber pressure
-
-
 Stream = tuple[Array, Array, NDArray[np.bool_]]
 """A recording of n samples: inputs (n, 2) [p_R, A_S], output (n,) p_L, whether the sac is at rest (n,)."""
 

@@ -34,9 +34,9 @@ class Grade(StrEnum):
     WRONG = "wrong"
     NOT_LOOKED_FOR = "not looked for"  # too small to be asked for: whatever was answered
 
-
-def _counted(grade: Grade) -> Callable[[pd.Series], int]:
-    return lambda grades: int((grades == grade).sum())
+    def count_among(self, grades: pd.Series) -> int:
+        """How many of the grades are it."""
+        return int((grades == self).sum())
 
 
 def calibration(confidences: pd.Series) -> pd.DataFrame:
@@ -44,13 +44,14 @@ def calibration(confidences: pd.Series) -> pd.DataFrame:
     stated = confidences.abs().astype(float)
     within = pd.cut(stated, BIN_EDGES, include_lowest=True)
     columns = pd.DataFrame({"expected": stated, "seen": (confidences > 0.0).astype(float), "of": 1})
-    return columns.groupby(within, observed=True).agg({"expected": "mean", "seen": "mean", "of": "sum"})
+    bins = columns.groupby(within, observed=True).agg({"expected": "mean", "seen": "mean", "of": "sum"})
+    return bins.assign(off=(bins["expected"] - bins["seen"]).abs())
 
 
 def calibration_error(confidences: pd.Series) -> float:
     """Mean distance between expected and seen in `calibration`."""
     bins = calibration(confidences)
-    return float(np.average((bins["expected"] - bins["seen"]).abs(), weights=bins["of"]))
+    return float(np.average(bins["off"], weights=bins["of"]))
 
 
 def draw_calibration(confidences: pd.Series, path: Path) -> None:
@@ -64,7 +65,7 @@ def draw_calibration(confidences: pd.Series, path: Path) -> None:
         low, high = (beta.ppf(q, right + 0.5, wrong + 0.5) for q in (0.025, 0.975))
         axes.vlines(bins["expected"], low, high, colors=FOUND, alpha=0.5)
         axes.scatter(bins["expected"], bins["seen"], 36.0, FOUND, zorder=3, label="seen")
-        for expected, seen, count in bins.itertuples(index=False):
+        for expected, seen, count, _ in bins.itertuples(index=False):
             axes.annotate(f"{count}", (expected, seen), (7, -4), textcoords="offset points")
         axes.set(xlim=(-0.03, 1.08), ylim=(-0.03, 1.03), xlabel="probability said", ylabel="share that is right")
         axes.set_title(f"{bins['of'].sum()} explanations, off by {calibration_error(confidences):.3f} in the mean")
@@ -72,7 +73,7 @@ def draw_calibration(confidences: pd.Series, path: Path) -> None:
         save_figure(figure, path, dpi=150)
 
 
-GRADES: dict[str, tuple[str, How]] = {str(grade): ("grade", _counted(grade)) for grade in Grade}
+GRADES: dict[str, tuple[str, How]] = {str(grade): ("grade", grade.count_among) for grade in Grade}
 """Columns of tables."""
 
 

@@ -15,16 +15,14 @@ from numpy.random import Generator
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Surroundings, drawn_needle
 from tools.benchmarks.discovery.discrepancies import Discrepancy
-from tools.benchmarks.discovery.kinds import HiddenKind
-from tools.benchmarks.discovery.laws import ALL_KINDS, KINDS, NOT_IN, VOCABULARY_KINDS
+from tools.benchmarks.discovery.kinds import RECIPROCAL, HiddenKind
+from tools.benchmarks.discovery.laws import ALL_KINDS, KINDS, NOT_IN, PRODUCT_KINDS, VOCABULARY_KINDS
 from tools.benchmarks.discovery.rigs import DISTANCE, FIRST, Rig, bench_of
 from tools.benchmarks.discovery.vocabulary import ALL_EFFECTS, EFFECTS, HIDDEN, OUTSIDE, PAIR_FROM, PAIRS, Parts
 
 HEALTHY = "healthy"
 NOMINAL_INJECTIONS, REAL_INJECTIONS, OUTSIDE_INJECTIONS = 2, 3, 4  # in each recording
 REAL_SHARES = {"healthy": 0.20, "pair": 0.15, "outside": 0.15}  # the rest are single effects
-SAME_TO_RECORDINGS = ({"bulk_modulus", "line_volume"},)
-"""Names of the vocabulary that are one to any recording, and are taken away together."""
 Points = Sequence[tuple[float, float]]
 
 
@@ -36,9 +34,11 @@ class Query(StrEnum):
     PAIR = "pair"  # two of them
     OUTSIDE = "outside"  # what no name is for
     LEFT_OUT = "left_out"  # an effect whose name is taken away
+    PRODUCT = "product"  # a law of two inputs at once
 
 
-OUTSIDE_SHARES = {Query.OUTSIDE: 0.5, Query.LEFT_OUT: 0.2, Query.SINGLE: 0.2, Query.HEALTHY: 0.1}
+OUTSIDE_SHARES = {Query.OUTSIDE: 0.5, Query.LEFT_OUT: 0.2, Query.SINGLE: 0.2, Query.HEALTHY: 0.1, Query.PRODUCT: 0.25}
+"""Of a count; products are beside it."""
 _IN_KEYS = {Query.SINGLE: "named"}
 """What stands for it in the keys that cases are drawn by, where not its name."""
 
@@ -73,7 +73,7 @@ def _drawn(
     kinds: Sequence[HiddenKind],
     with_rate: bool,
     rig: Rig | None,
-    from_share: float | None = 0.0,
+    from_share: float | None = None,
 ) -> HiddenCase:
     """The case of a key, on which all of it depends; its label tells nothing of it."""
     rng = np.random.default_rng(key)
@@ -88,7 +88,7 @@ def nominal_cases(effects: Sequence[str], count: int, rates: Sequence[bool], see
     def case(effect: str, with_rate: bool, number: int) -> HiddenCase:
         key = [seed, zlib.crc32(effect.encode()), int(with_rate), number]
         kinds = [] if effect == HEALTHY else [HIDDEN[effect]]
-        return _drawn(key, Query.SINGLE if kinds else Query.HEALTHY, kinds, with_rate, None, None)
+        return _drawn(key, Query.SINGLE if kinds else Query.HEALTHY, kinds, with_rate, None)
 
     kinds = [
         (effect, rates[(number + turn) % len(rates)])
@@ -148,7 +148,7 @@ def real_case(names: Sequence[str], rig: Rig, number: int) -> HiddenCase:
     """The case with this number among those of its kind, with these effects hidden on a rig."""
     asked = Query.HEALTHY if not names else Query.SINGLE if len(names) == 1 else Query.PAIR
     asked = Query.OUTSIDE if any(name in OUTSIDE for name in names) else asked
-    from_share = PAIR_FROM if asked is Query.PAIR else 0.0
+    from_share = PAIR_FROM if asked is Query.PAIR else None
     key = [rig.seed, number, rig.discrepancy.number, int(rig.with_rate), *(zlib.crc32(n.encode()) for n in names)]
     return _drawn(key, asked, [ALL_EFFECTS[name] for name in names], rig.with_rate, rig, from_share)
 
@@ -171,13 +171,13 @@ def outside_cases(
 ) -> list[HiddenCase]:
     """Cases of every asking, spread over kinds, plants and rates.
 
-    count: of all askings together, 0: one of every kind and rate; names: of what alone is hidden.
+    count: of all askings together, 0: one of every kind and rate; names: of what alone is hidden, or askings.
     """
     named = [name for name in VOCABULARY_KINDS if name not in NOT_IN[tier]]
-    of_asked = {Query.OUTSIDE: [*KINDS], Query.LEFT_OUT: named, Query.SINGLE: named, Query.HEALTHY: [HEALTHY]}
+    of_asked = dict(zip(OUTSIDE_SHARES, ([*KINDS], named, named, [HEALTHY], [*PRODUCT_KINDS]), strict=True))
     made = []
     for asked, share in OUTSIDE_SHARES.items():
-        hidden = [name for name in of_asked[asked] if not names or name in names]
+        hidden = [name for name in of_asked[asked] if not names or name in names or asked in names]
         for number in range(round(share * count) if count else len(hidden) * len(rates)) if hidden else ():
             # kind after kind, then the next rate, with other sizes and plants
             turn, index = divmod(number, len(hidden))
@@ -201,10 +201,10 @@ def outside_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> lis
 
 
 def taken_away(case: HiddenCase) -> tuple[str, ...]:
-    """Names the vocabulary is asked without."""
+    """Names the vocabulary is asked without: all that are one to any recording."""
     if case.asked is not Query.LEFT_OUT:
         return ()
-    return tuple(sorted(next((same for same in SAME_TO_RECORDINGS if case.name in same), {case.name})))
+    return tuple(sorted(RECIPROCAL if case.name in RECIPROCAL else {case.name}))
 
 
 def _at_rest(case: HiddenCase, point: tuple[float, float], rng: Generator, noise: float) -> Bench:

@@ -18,7 +18,7 @@ from tools.benchmarks.discovery import cases as campaigns
 from tools.benchmarks.discovery import nominal, outside, real_line
 from tools.benchmarks.discovery.answers import calibration, draw_calibration
 from tools.benchmarks.discovery.discrepancies import Discrepancy
-from tools.benchmarks.discovery.laws import KINDS, VOCABULARY_KINDS
+from tools.benchmarks.discovery.laws import ALL_KINDS
 from tools.benchmarks.discovery.rigs import Rig
 from tools.benchmarks.discovery.vocabulary import EFFECTS, HIDDEN, OUTSIDE
 
@@ -27,7 +27,7 @@ RATES = {"without": (False,), "with": (True,), "both": (False, True)}
 
 @cli.app.command(
     epilog="Examples: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without; "
-    "tools/bench discovery --tier B --cases 20 --discrepancy taper; tools/bench discovery --outside --all-kinds"
+    "tools/bench discovery --tier B --cases 20 --discrepancy taper; tools/bench discovery --outside --cases 0"
 )
 def discovery(
     cases: Annotated[
@@ -35,11 +35,11 @@ def discovery(
         typer.Option(
             min=0,
             help=f"Faulty cases, and as many healthy ones ({nominal.CASES}); of all kinds together in tier B "
-            f"({real_line.CASES}) and outside ({outside.CASES}).",
+            f"({real_line.CASES}) and outside ({outside.CASES}; 0: one of everything for each --rate).",
         ),
     ] = None,
     effects: Annotated[
-        str, typer.Option(help="Hidden effects, by commas (default: all); tier B: also a+b, healthy.")
+        str, typer.Option(help="Hidden effects, by commas (default: all); tier B: also a+b, healthy, or an asking.")
     ] = "",
     rate: Annotated[str, typer.Option(help="Measured rate: without, with or both.")] = "both",
     tier: cli.TierOption = cli.Tier.A,
@@ -52,9 +52,6 @@ def discovery(
     is_outside: Annotated[
         bool, typer.Option("--outside", help="Instead: what no vocabulary has, and what is proposed for it.")
     ] = False,
-    all_kinds: Annotated[
-        bool, typer.Option("--all-kinds", help="With --outside: a case of everything, for each --rate.")
-    ] = False,
     seed: cli.SeedOption = 1,
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
@@ -62,13 +59,11 @@ def discovery(
     """Whether `discover` names effects hidden in recordings of independent plants."""
     if rate not in RATES:
         raise UserError("--rate", f"is '{rate}'", f"give {', '.join(RATES)}")
-    if all_kinds and not is_outside:
-        raise UserError("--all-kinds", "is for --outside", "add --outside, or give --cases")
     plants, rates = tuple(discrepancy or Discrepancy), RATES[rate]
     out = out or Path(f"build/discovery{'-outside' if is_outside else ''}-{tier}")
     if is_outside:
-        named = cli.chosen_names(effects, "--effects", (*KINDS, *VOCABULARY_KINDS, campaigns.HEALTHY), ())
-        count = 0 if all_kinds else outside.CASES if cases is None else cases
+        named = cli.chosen_names(effects, "--effects", (*ALL_KINDS, *campaigns.OUTSIDE_SHARES), ())
+        count = outside.CASES if cases is None else cases
         hidden = campaigns.outside_cases(str(tier), count, rates, plants, seed, named)
         frame = _run(outside.score_outside, hidden, jobs, out)
         tables = {

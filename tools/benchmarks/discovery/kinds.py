@@ -36,7 +36,9 @@ class HiddenParameter:
     most_negative: float = 0.0
 
     def draw(self, rng: Generator) -> float:
-        """A size, of either sign where both are allowed."""
+        """A size, of either sign where both are allowed; the only one there is."""
+        if self.lowest == self.highest:
+            return self.lowest
         negative = self.most_negative < 0.0 and rng.random() < 0.5
         highest = -self.most_negative if negative else self.highest
         size = math.exp(rng.uniform(math.log(self.lowest), math.log(highest)))
@@ -98,7 +100,7 @@ class HiddenKind:
     equation: of the true term; also: where a term does the same in every signal; without_rate: where it does the same
     in the line pressure; in_library: whether the product's terms have its form; by_number: factor of the first
     parameter for the injection with this number from 0 on; steps: of sensors; supply: added to the rail [Pa];
-    switch: fault that is set to 1, of an effect without a size.
+    switch: fault that is set to 1, of an effect without a size; inputs: of a law that goes by two at once.
     """
 
     name: str
@@ -111,6 +113,7 @@ class HiddenKind:
     step: Callable[..., Step] | None = None
     supply: Callable[..., Callable[[Array], Array]] | None = None
     switch: str = ""
+    inputs: frozenset[str] = frozenset()
 
     def draw(self, rng: Generator, from_share: float | None) -> tuple[float, ...]:
         """Sizes of its parameters; from_share: the lower part of the (log) range of the first that is left out."""

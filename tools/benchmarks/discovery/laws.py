@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tests.plants.arrays import Array
 from tests.plants.filters import filtered
+from tests.plants.laws import BY_DROP, BY_LIFT, BY_RAIL, BY_TIME, NO_LAWS, TEN_PRODUCTS, Laws
 from tests.plants.plant import LINE, RAIL, Step, seen_as
 from tools.benchmarks.discovery import kinds
 from tools.benchmarks.discovery.discrepancies import resonant_line
@@ -124,4 +125,16 @@ VOCABULARY_KINDS = EFFECTS | {
 """Effects that have a name: to be found by it, or, where it is taken away, by a term as good."""
 NOT_IN = {"A": frozenset({"rail_pressure_skew"}), "B": frozenset({"seat_outflow"})}
 """Effects that plants of a tier cannot show: a rail at rest has no delay, and all real lines drain by the seat."""
-ALL_KINDS = VOCABULARY_KINDS | KINDS
+_INPUTS = {BY_RAIL: "rail_pressure", BY_TIME: "time_since_opening", BY_LIFT: "needle_lift", BY_DROP: "sac_pressure"}
+
+
+def _of_two(name: str, laws: Laws) -> kinds.HiddenKind:
+    """A law of two inputs at once, at its one size."""
+    stated = ((what, value) for what, value in laws._asdict().items() if value != getattr(NO_LAWS, what))
+    inputs = frozenset(_INPUTS[int(number)] for number in (laws.first_factor, laws.second_factor))
+    parameters = tuple(_law(what, value, value) for what, value in stated)
+    return _K(name, _SEAT if laws.seat_product else _HOLES, parameters, in_library=False, inputs=inputs)
+
+
+PRODUCT_KINDS = {name: _of_two(name, laws) for name, (laws, _) in TEN_PRODUCTS.items()}
+ALL_KINDS = VOCABULARY_KINDS | KINDS | PRODUCT_KINDS

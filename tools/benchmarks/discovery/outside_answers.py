@@ -2,14 +2,15 @@
 
 import os
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
 from observer_rt.config.bench import load_injector
+from observer_rt.desk.evaluation.healthy_events import learn_laws
 from observer_rt.engine.learning.healthy import NOT_FITTED
+from observer_rt.engine.learning.learned_laws import leading
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.results import SearchOutcome
@@ -25,6 +26,7 @@ from observer_rt.model.terms.term import Term
 from tools.benchmarks.discovery.scoring import Misfit, misfit
 
 IMPROBABLE = 0.02
+CONSTANT = {"chamber_pressure", "max_lift"}  # in laws, of an injector
 Measurements = Sequence[Measurement]
 
 
@@ -32,7 +34,7 @@ Measurements = Sequence[Measurement]
 class ProposedTerms:
     """Terms proposed together, by equation and as text, beside effects of the vocabulary.
 
-    may_enter: into an amended model, by the guard.
+    may_enter: into an amended model, by the guard; inputs: variables of the laws.
     """
 
     equations: tuple[str, ...]
@@ -40,6 +42,7 @@ class ProposedTerms:
     effects: tuple[str, ...]
     may_enter: bool
     misfit: Misfit
+    inputs: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -47,22 +50,21 @@ class OutsideAnswer:
     """What was answered.
 
     best: of the proposals; claims: names given; by_vocabulary: names its search ended with where they explain all,
-    whatever is proposed besides; suspect: the equation an unknown effect is said to violate; before: of the model as
-    given; own: of it where nothing is hidden; named: with what the vocabulary has for it; core_seconds: of processor
-    time; stated: probability, names and equations of laws of every explanation that is not improbable.
+    whatever is proposed besides; before: of the model as given; own: of it where nothing is hidden; named: with what
+    the vocabulary has for it; core_seconds: of processor time; stated: probability, names, equations and inputs of
+    laws of every explanation that is not improbable.
     """
 
     verdict: str
     confidence: float
     claims: tuple[str, ...]
     by_vocabulary: tuple[str, ...]
-    suspect: str
     best: ProposedTerms | None
     before: Misfit
     own: Misfit
     named: Misfit
     core_seconds: float
-    stated: tuple[tuple[float, tuple[str, ...], tuple[str, ...]], ...] = ()
+    stated: tuple[tuple[float, tuple[str, ...], tuple[str, ...], frozenset[str]], ...] = ()
 
 
 def ask_outside(
@@ -78,42 +80,37 @@ def ask_outside(
     recordings = [with_healthy_offset(one, baseline) for one in recorded]
     points = [point.measurement for point in by_operating_point(recordings)]
     begin = time.process_time()
-    with patch.dict(effects._in_use), noted_search() as noted:
+    guess = leading(learn_laws(nominal.injector, [one.recording for one in recorded]))
+    noted, run = list[SearchOutcome](), Search.run
+
+    def run_noted(search: Search) -> SearchOutcome:
+        noted.append(run(search))
+        return noted[-1]
+
+    with patch.dict(effects._in_use), patch.object(Search, "run", run_noted):
         for name in without:
             del effects._in_use[name]
-        findings = name_effects(nominal, points, os.cpu_count() or 1, baseline=baseline)
+        findings = name_effects(nominal, points, os.cpu_count() or 1, baseline=baseline, guess=guess)
     core_seconds = time.process_time() - begin
     outcome = noted[-1]
     winner = outcome.winner if outcome.adequate else outcome.nominal
     said = str(findings.verdict), findings.confidence, findings.named.ids, winner.ids
-    suspect = str(findings.unexplained.equation) if findings.unexplained is not None else ""
     best = proposed(findings.proposals[0], nominal, further) if findings.proposals else None
     misfits = misfit(nominal, further), misfit(nominal, healthy), misfit(winner.model(nominal), further)
-    explained = ((odds, one.named, equations_of(one.terms)) for one, odds in outcome.posterior if odds >= IMPROBABLE)
-    return OutsideAnswer(*said, suspect, best, *misfits, core_seconds, tuple(explained))
+    likely = [(odds, one.named, one.terms) for one, odds in outcome.posterior if odds >= IMPROBABLE]
+    explained = tuple((odds, names, *laws_of(terms)) for odds, names, terms in likely)
+    return OutsideAnswer(*said, best, *misfits, core_seconds, explained)
 
 
-def equations_of(terms: Sequence[Term]) -> tuple[str, ...]:
-    """Where terms stand in the model."""
-    return tuple(str(term.equation) for term in terms)
+def laws_of(terms: Sequence[Term]) -> tuple[tuple[str, ...], frozenset[str]]:
+    """Where terms stand in the model, and what they go by."""
+    inputs = frozenset(one.word for term in terms for one in term.law.variables)
+    return tuple(str(term.equation) for term in terms), inputs - CONSTANT
 
 
 def proposed(proposal: Proposal, nominal: EffectiveModel, further: Measurements) -> ProposedTerms:
     """A proposal beside the vocabulary, in plain values."""
     named, off = proposal.candidate.named, misfit(proposal.candidate.model(nominal), further)
     text = " + ".join((*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in proposal.terms), *named))
-    return ProposedTerms(equations_of(proposal.terms), text, named, proposal.may_enter, off)
-
-
-@contextmanager
-def noted_search() -> Iterator[list[SearchOutcome]]:
-    """How searches end meanwhile."""
-    noted: list[SearchOutcome] = []
-    original = Search.run
-
-    def run(self: Search) -> SearchOutcome:
-        noted.append(original(self))
-        return noted[-1]
-
-    with patch.object(Search, "run", run):
-        yield noted
+    where, inputs = laws_of(proposal.terms)
+    return ProposedTerms(where, text, named, proposal.may_enter, off, inputs)

@@ -116,27 +116,35 @@ def gaps(benches: Iterable[Bench], injectors: Sequence[InjectorParameters]) -> t
 
 @dataclass(frozen=True)
 class Misfit:
-    """Rms of model minus plant at operating points that were not given: line pressure around openings, and mass."""
+    """Rms of model minus plant at operating points that were not given: line pressure around openings, and mass.
+
+    flow: largest difference of the injection rates, as share of an injection's largest.
+    """
 
     pressure_mpa: float
     mass_mg: float
+    flow: float = 0.0
 
 
 def misfit(model: EffectiveModel, further: Sequence[Measurement]) -> Misfit:
     """Of a model, against recordings without noise; inf where it has no solution."""
-    pressures, masses = [], []
+    pressures, masses, flow = [], [], 0.0
     try:
         for measurement in further:
             for run in simulated(measurement, model):
                 inside = in_mass_window(measurement, run.event, run.rate_samples)
                 off = run.line_pressure - measurement.recording.line_pressure[run.samples]
                 pressures.append(off[inside] / MEGAPASCAL)
+                true = measurement.recording.injection_rate
+                assert true is not None  # these have one
+                off_rate = np.abs(run.rate - true[run.rate_samples])[inside]
+                flow = max(flow, float(np.max(off_rate) / np.max(true)))
                 density = model.coefficients.density
                 off_mass = mass(measurement, run, density) - measured_mass(measurement, run, density)
                 masses.append(off_mass / MILLIGRAM)
     except ArithmeticError:
-        return Misfit(math.inf, math.inf)
-    values = (float(np.sqrt(np.mean(np.square(found)))) for found in (np.concatenate(pressures), masses))
+        return Misfit(math.inf, math.inf, math.inf)
+    values = (*(float(np.sqrt(np.mean(np.square(found)))) for found in (np.concatenate(pressures), masses)), flow)
     return Misfit(*(value if math.isfinite(value) else math.inf for value in values))
 
 

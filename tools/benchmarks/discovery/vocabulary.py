@@ -87,8 +87,6 @@ _LATE_RAIL = kinds.HiddenKind(
     step=lambda delay: seen_as(RAIL, lambda time, p: np.interp(time - delay, time, p)))  # fmt: skip
 EFFECTS = {kind.name: kind for of_tiers in _EFFECTS for kind in of_tiers[1:]} | {_LATE_RAIL.name: _LATE_RAIL}
 """Every effect of the vocabulary that has a size, by its id; `seat_outflow` is a structure, which `fit` chooses."""
-
-
 _K, _P = kinds.HiddenKind, kinds.HiddenParameter
 _UNNAMED = (
     _K("tap_resonance", _T.LINE_PRESSURE_SENSOR, (_P("frequency", "", 2.5e3, 3.5e3),),  # Hz
@@ -112,7 +110,5 @@ PAIRS = (
     ("orifice_area", "needle_lift_sensor_lag"), ("guide_leakage", "rail_pressure_sensor_offset"),
 )  # fmt: skip
 """Effects that are different in kind."""
-
-
 Parts = tuple[tuple[str, tuple[float, ...]], ...]
 """Effects that are there together, each with the sizes of its parameters."""

@@ -18,8 +18,6 @@ TRANSIENT, TRANSIENT_AT, TRANSIENT_BACK = 20e-3, 9, 14  # s; events (from 0) wit
 BALLISTIC_SPREAD = 0.05e-3  # s
 SHOT_GAPS, PILOT_DURATIONS, MAIN_DURATIONS = (0.3e-3, 0.8e-3), (0.25e-3, 0.5e-3), (0.5e-3, 1.5e-3)  # s
 BOUNCE, BOUNCE_DELAY, OVERSHOOT = 60e-6, 40e-6, 120e-6  # s: bounce, its distance from the closing, overshoot
-
-
 Change = Callable[[Bench, float, Generator], Bench]
 
 

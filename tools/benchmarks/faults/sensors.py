@@ -146,12 +146,8 @@ def _coarse(time: Array, values: Array, size: float, rng: Generator) -> Array:
 
 def few_bits(part: Part) -> Signals:
     """Converters of `size` bits."""
-    ranges = {RAIL: 250e6, LINE: 250e6, LIFT: 500e-6}
-    coarse = {
-        r: _coarse(part.seen.time, getattr(part.seen, r), each / 2.0**part.size, part.chance)
-        for r, each in ranges.items()
-    }
-    return replace(part.seen, **coarse)
+    pressures = on(_coarse, RAIL, LINE)(replace(part, size=250e6 / 2.0**part.size))
+    return on(_coarse, LIFT)(replace(part, seen=pressures, size=500e-6 / 2.0**part.size))
 
 
 def through(response_of: Callable[[float], filters.Response]) -> Wave:

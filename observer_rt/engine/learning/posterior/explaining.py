@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, HeldBelief
+from observer_rt.engine.estimation.belief import Belief, HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.scalars import PARAMETERS, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning import constants as c

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from observer_rt.engine.estimation.gating import prior_belief
+from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.hypotheses import BEFORE

@@ -12,7 +12,7 @@ from observer_rt.config.injector_file import InjectorFile, section_of
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.fit.calibrate import CalibrationResult
-from observer_rt.identification.fit.residuals import pooled
+from observer_rt.identification.fit.comparison import pooled
 from observer_rt.identification.likelihood.appearance import healthy_remainder
 from observer_rt.identification.likelihood.events import rail_pressure_before
 from observer_rt.identification.likelihood.likelihood import joint_likelihood

@@ -1,12 +1,11 @@
-"""Alignment of frames to one gapless stream of samples, by index or by clock: their order, times and breaks.
+"""Memory by which the compiled core aligns frames to one gapless stream of samples, and keeps their time.
 
-Messages of one time base are joined by their unwrapped sample index, those of others follow on the same grid
-(`mapping.timing.GridRelation`). Up to two missing samples are interpolated, more are a loss. An index jump is legal
-only with a contiguous E2E counter in every message on the grid and a closed needle before and after. Of a repeated
-block the first wins; an older one is dropped; an index that jumps back or to 0 is a restart of the device.
+`alignment.pxi` and `placing.pxi` of `core/frames` align by it: messages of one time base are joined by their
+unwrapped sample index, those of others follow on the same grid (`mapping.timing.GridRelation`). Up to two missing
+samples are interpolated, more are a loss. An index jump is legal only with a contiguous E2E counter in every message
+on the grid and a closed needle before and after.
 
-Frames without an index are counted, and a device's clock is found by the stamps of its frames: `frame_numbers.pxi`
-and `clock.pxi` of `core/frames` say how.
+Frames without an index are counted (`frame_numbers.pxi`), and a device's clock is found by stamps (`clock.pxi`).
 """
 
 import math

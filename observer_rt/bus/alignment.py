@@ -19,8 +19,7 @@ from observer_rt.bus.mapping.timing import GridRelation
 from observer_rt.core.frames import frames as core
 from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.core.stream.stream import Break
-
-SECOND = 1e9  # ns
+from observer_rt.foundation.units import NANOSECONDS
 
 
 class Alignment(NamedTuple):
@@ -96,7 +95,7 @@ def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leadi
         np.any(timing["numbering"] != Numbering.INDEX) or np.any(timing["joining"] == Joining.CLOCK)
     )
     clocks, counts = np.zeros(len(timing), core.CLOCK), np.zeros(len(timing), core.COUNTING)
-    clocks["interval"], clocks["shortest"] = timing["interval"] * SECOND, timing["shortest"] * SECOND
+    clocks["interval"], clocks["shortest"] = timing["interval"] * NANOSECONDS, timing["shortest"] * NANOSECONDS
     clocks["samples"], clocks["residual"] = samples, math.inf
     counts["modulus"] = timing["modulus"]
     return Timekeeping(memory, timing, clocks, counts, np.zeros(len(timing), core.SHIFT))

@@ -12,13 +12,13 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.optional_inputs import NANOSECONDS, EnergizingLayout, EnergizingSignal
+from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, EnergizingSignal
 from observer_rt.core.stream.stream import INJECTIONS, RING
 from observer_rt.engine.observer import energize, samples_between, was_shut
 from observer_rt.engine.reports.injection_report import CommandedOpening
 from observer_rt.engine.reports.news import MissingInjection
 from observer_rt.engine.service.messages import CompiledPipeline
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECONDS
 
 OVERTAKEN = 10 * MILLISECOND  # by which a frame may be older than the one before; more is a new count
 REMEMBERED = 64  # commands

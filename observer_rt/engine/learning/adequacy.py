@@ -28,7 +28,7 @@ TEMPER_SIGNIFICANT = 2.5
 _TEMPERS_ABOVE = np.array([RELEVANT_VARIANCE, TEMPER_ABOVE, TEMPER_ABOVE])  # blocks have two lengths
 POOLING = 0.85  # weight of the statistics before this event
 # Standard deviations up to which they count, so that a passing trouble is over with the next event.
-REMEMBERED = 5.0
+LARGEST_POOLED = 5.0
 LARGEST_OFFSET = 1.5e6  # Pa, between line and rail pressure
 UNTOLD = 2.5  # standard deviations of what of a gain may be an offset, which is then allowed on top
 # Of the logarithm of 1 + r; and standard deviations of the line's own inertance.
@@ -76,7 +76,7 @@ def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
 
 def pooled(before: PhaseStatistics, event: PhaseStatistics) -> PhaseStatistics:
     """Statistics over recent events, the newest in full."""
-    return before.capped(REMEMBERED).faded(POOLING, event)
+    return before.capped(LARGEST_POOLED).faded(POOLING, event)
 
 
 def tempering(statistics: PhaseStatistics) -> float:

@@ -1,4 +1,4 @@
-"""The Gaussian belief about the parameters, carried from event to event, of which one may be held.
+"""The Gaussian belief about the parameters, carried from event to event, where one may be held.
 
 A parameter is held at a value found elsewhere, and considered: Schmidt's filter (Application of state-space methods
 to navigation problems, 1966): an event teaches nothing of it, and all else is as uncertain by it as it depends on it.

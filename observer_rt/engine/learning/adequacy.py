@@ -27,12 +27,10 @@ TEMPER_ABOVE = 1.6
 TEMPER_SIGNIFICANT = 2.5
 _TEMPERS_ABOVE = np.array([RELEVANT_VARIANCE, TEMPER_ABOVE, TEMPER_ABOVE])  # blocks have two lengths
 POOLING = 0.85  # weight of the statistics before this event
-# Standard deviations up to which they count, so that a passing trouble is over with the next event.
-LARGEST_POOLED = 5.0
+LARGEST_POOLED = 5.0  # standard deviations they count for at most: a passing trouble is over with the next event
 LARGEST_OFFSET = 1.5e6  # Pa, between line and rail pressure
 UNTOLD = 2.5  # standard deviations of what of a gain may be an offset, which is then allowed on top
-# Of the logarithm of 1 + r; and standard deviations of the line's own inertance.
-LEAST_SCALE, LINE_SCALE = 0.03, 3.0
+LEAST_SCALE, LINE_SCALE = 0.03, 3.0  # of the logarithm of 1 + r; standard deviations of the line's inertance
 LARGEST_LAG = 0.2e-3  # s
 # Mean square of the network's weights over their prior, and lag [s] and friction that no such law brings along
 MOST_OF_LAWS, LAG_OF_LAWS, FRICTION_OF_LAWS = 0.5, 10e-6, -0.1

@@ -5,21 +5,12 @@ from dataclasses import dataclass
 from observer_rt.engine.estimation.phases import PhaseStatistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta, sensor_lag
-from observer_rt.engine.learning.adequacy import (
-    Innovations,
-    Objection,
-    event_statistics,
-    inadequate_phase,
-    objections,
-    pooled,
-)
+from observer_rt.engine.learning import adequacy
 from observer_rt.engine.learning.disturbances.colour import Colour
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.stream.state import Constants, Reason
 
-# Explained events after one that was not, the last of which is believed. Others that are not explained meanwhile
-# neither count nor begin the count anew.
-BELIEVED_AFTER = 2
+BELIEVED_AFTER = 2  # explained events after one that was not, in a row or not; the last of them is believed
 SETTLED = 3  # explained events in a row, after which one that is not is a fault that may pass
 
 
@@ -30,7 +21,7 @@ class Examination:
     passed: events in a row that did, SETTLED at most; negative: that must until one is believed again.
     """
 
-    objections: tuple[Objection, ...]
+    objections: tuple[adequacy.Objection, ...]
     statistics: PhaseStatistics
     passed: int = 0
 
@@ -52,7 +43,7 @@ class Examiner:
         self.statistics, self._passed = examination.statistics, examination.passed
 
     def examine(
-        self, window: Window | None, innovations: Innovations, in_force: Theta, constants: Constants
+        self, window: Window | None, innovations: adequacy.Innovations, in_force: Theta, constants: Constants
     ) -> Examination:
         """Judges one event.
 
@@ -62,24 +53,26 @@ class Examiner:
         window: None where it cannot be tested; in_force (m,) and constants: during it.
         """
         if window is None:
-            return Examination((Objection(Reason.NOT_JUDGED),), self.statistics, self._passed)
+            return Examination((adequacy.Objection(Reason.NOT_JUDGED),), self.statistics, self._passed)
         expected = self._healthy.expected(window, constants.coefficients, constants.interval)
         if expected is not None:
             innovations = innovations._replace(values=innovations.values - expected)
         if self.colour is not None:
-            innovations = Innovations(self.colour.whitening.of(innovations.values, window.masked), self.colour.sigma)
-        event = event_statistics(window, innovations, constants.interval, self._healthy)
+            innovations = adequacy.Innovations(
+                self.colour.whitening.of(innovations.values, window.masked), self.colour.sigma
+            )
+        event = adequacy.event_statistics(window, innovations, constants.interval, self._healthy)
         lag = sensor_lag(in_force)
         offset, untold = _offset(window, in_force, constants)
-        if inadequate_phase(event) is not None:
-            raised = objections(event, offset, lag, self._healthy, untold)
+        if adequacy.inadequate_phase(event) is not None:
+            raised = adequacy.objections(event, offset, lag, self._healthy, untold)
             to_pass = 1 if self._passed >= SETTLED else BELIEVED_AFTER
             return Examination(tuple(raised), self.statistics, self._passed if self._passed < 0 else -to_pass)
-        statistics = pooled(self.statistics, event)
-        raised = objections(statistics, offset, lag, self._healthy, untold)
+        statistics = adequacy.pooled(self.statistics, event)
+        raised = adequacy.objections(statistics, offset, lag, self._healthy, untold)
         passed = self._passed if raised else min(self._passed + 1, SETTLED)
         if passed < 0 and not raised:
-            raised = [Objection(Reason.MODEL_INADEQUATE)]
+            raised = [adequacy.Objection(Reason.MODEL_INADEQUATE)]
         return Examination(tuple(raised), statistics, passed)
 
 

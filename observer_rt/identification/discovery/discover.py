@@ -78,10 +78,7 @@ class DiscoveryTask:
 
 
 def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
-    """Raise `UserError` for recordings that cannot be compared with the model, or not together.
-
-    model: name of its file.
-    """
+    """Raise `UserError` where recordings cannot be compared with the model of this file name, or not together."""
     refuse_rates_missing([one.recording for one in task.measured])
     first = task.measured[0]
     coefficients = first.coefficients_of(effective_model(task.parameters))

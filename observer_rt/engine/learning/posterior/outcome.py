@@ -14,16 +14,9 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of
 from observer_rt.engine.learning import constants as c
+from observer_rt.engine.learning import hypotheses
 from observer_rt.engine.learning.adequacy import Objection, tempering
-from observer_rt.engine.learning.hypotheses import (
-    BELIEVED,
-    FLOWS,
-    QUICK,
-    SENSOR_CHANGED,
-    STAYS,
-    UNLIKE_BEFORE,
-    Velocity,
-)
+from observer_rt.engine.learning.hypotheses import FLOWS, Velocity
 from observer_rt.engine.learning.interval import resimulated, with_shots
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import HOLDS, UNSEEN, extrapolation_sigma, is_new, known_flow
@@ -110,7 +103,7 @@ def verdict_of(
     against: dict[Reason, float] = {}
     for explanation, after in explained.explanations:
         agrees = explanation.is_good and abs(mass.moved(after.theta)) <= shares.agreement
-        goes_on = 0.0 if explanation.is_good else 1.0 - STAYS[explanation.kind.mode]
+        goes_on = 0.0 if explanation.is_good else 1.0 - hypotheses.STAYS[explanation.kind.mode]
         agree += explanation.weight * (agrees or goes_on)
         is_leading = explanation is lead and explanation.kind.reason is not None
         if not agrees or is_leading:
@@ -120,20 +113,20 @@ def verdict_of(
     forward = own = tuple(contradictions)
     if tempering(learned.statistics) == 1.0:  # the delay explains all of a late lift
         own = tuple(each for each in contradictions if each.reason is not Reason.LIFT_SENSOR_LAG)
-    if agree < c.AGREED or not lead.is_good or lead.kind in UNLIKE_BEFORE:  # the next one is to confirm it
+    if agree < c.AGREED or not lead.is_good or lead.kind in hypotheses.UNLIKE_BEFORE:  # the next one is to confirm it
         forward += most
     if explained.fault_weight > 1.0 - c.AGREED:
         own += most
     elif c.SURELY * shares.total > c.WRONG:
         own += most if agree < c.AGREED else (Objection(Reason.OUTSIDE_LEARNED_RANGE),)
-    is_change = lead.is_good and lead.kind not in BELIEVED
+    is_change = lead.is_good and lead.kind not in hypotheses.BELIEVED
     change = _reason_of(lead, learned.theta, wide) if is_change else Reason.NONE
     return EventVerdict(forward, own, change)
 
 
 def _reason_of(explanation: Explanation, theta: Theta, wide: Theta) -> Reason:
     """Reason of an event that is what an explanation says, after which theta (m,) is believed."""
-    if explanation.kind is SENSOR_CHANGED:
+    if explanation.kind is hypotheses.SENSOR_CHANGED:
         moved = np.abs(theta - explanation.before.theta) / wide
         is_lag = moved[Parameter.SENSOR_LAG] > moved[Parameter.LINE_PRESSURE_OFFSET]
         return Reason.SENSOR_LAG if is_lag else Reason.PRESSURE_OFFSET
@@ -163,14 +156,14 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     verdict = verdict_of(explained, mass, shares, look_alikes.objections, reader.wide)
     state, forward = look_alikes.state, named(verdict.forward, explained)
     if not look_alikes.begins_anew:
-        changed = sum(each.weight for each, _ in explained.explanations if each.kind in UNLIKE_BEFORE)
+        changed = sum(each.weight for each, _ in explained.explanations if each.kind in hypotheses.UNLIKE_BEFORE)
         changes = c.CHANGES_REMEMBERED * state.changes + changed
         state = replace(state, account=explained.account, changes=changes)
     before = explanation.before
     if explanation.is_good and before.learned_at and is_new(explained.point, before.learned_at):
         state = replace(state, elsewhere=state.elsewhere.after(abs(mass.moved_far(before.theta)) <= HOLDS))
     in_force = theta
-    if explanation.kind is QUICK and velocity is not None:
+    if explanation.kind is hypotheses.QUICK and velocity is not None:
         in_force = _ahead(theta, explanation, velocity, reader)
     by_coil = look_alikes.state.energizing.current.unsure
     covariance = covariance + _apart(explained, mass, shares.agreement) + by_coil

@@ -197,7 +197,7 @@ class Daemon:
         is_down = any(self.ports[bus].has_inputs for bus in self._down)
         condition = ServiceCondition(
             has_frames=self._frames_seen > 0,
-            is_cut_off=is_down or now - self._last_input > INPUT_TIMEOUT * 1e9,
+            is_cut_off=is_down or now - self._last_input > INPUT_TIMEOUT * NANOSECONDS,
             is_stale=bool(self.arrivals.stale(now)),
         )
         state, reason = state_of_service(self.core.state, condition)

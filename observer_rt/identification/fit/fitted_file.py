@@ -96,7 +96,7 @@ def _largest(figures: Sequence[Mapping[Phase, float]]) -> PhaseFigures:
 def _remainder(done: CalibrationResult) -> HealthyRemainder:
     """Residuals of the fitted model, each fold compared with the shape of the others."""
     offset = float(np.mean(done.fitted.offsets)) * MEGAPASCAL
-    model = effective_model(done.injector).with_terms("sensor", offset=offset)
+    model = effective_model(done.injector).with_changes("sensor", offset=offset)
     likelihood = joint_likelihood([fold.measurement for fold in done.fitted.calibration.folds], model)
     remainder = healthy_remainder(likelihood, model, seen_in(has_lift=True))
     return remainder.model_copy(update={"line_pressure_offset_MPa": rounded(offset / MEGAPASCAL)})

@@ -219,6 +219,21 @@ def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 
     return tuple(result)
 
 
+def noisier(measurement: Measurement, seed: int) -> Measurement:
+    """The recording with as much noise added as it has: the change of a result shows the uncertainty of it."""
+    random, recording, noise = np.random.default_rng(seed), measurement.recording, measurement.noise
+    rail, lift, line = (
+        values + random.normal(0.0, sigma, values.size)
+        for values, sigma in (
+            (recording.rail_pressure, noise.rail_pressure),
+            (recording.needle_lift, noise.needle_lift),
+            (recording.line_pressure, noise.line_pressure),
+        )
+    )
+    louder = replace(recording, rail_pressure=rail, needle_lift=lift, line_pressure=line)
+    return replace(measurement, recording=louder)
+
+
 def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: float, **of: Any) -> Recording:
     """One recording of the signals of several, by name, with a gap between any two; of: its further fields."""
     gap = np.full(round(APART * sample_rate), np.nan)

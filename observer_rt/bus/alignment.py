@@ -1,12 +1,11 @@
-"""Alignment of frames to one gapless stream of samples, by index or by clock: their order, times and breaks.
+"""Memory by which the compiled core aligns frames to one gapless stream of samples, and keeps their time.
 
-Messages of one time base are joined by their unwrapped sample index, those of others follow on the same grid
-(`mapping.timing.GridRelation`). Up to two missing samples are interpolated, more are a loss. An index jump is legal
-only with a contiguous E2E counter in every message on the grid and a closed needle before and after. Of a repeated
-block the first wins; an older one is dropped; an index that jumps back or to 0 is a restart of the device.
+`alignment.pxi` and `placing.pxi` of `core/frames` align by it: messages of one time base are joined by their
+unwrapped sample index, those of others follow on the same grid (`mapping.timing.GridRelation`). Up to two missing
+samples are interpolated, more are a loss. An index jump is legal only with a contiguous E2E counter in every message
+on the grid and a closed needle before and after.
 
-Frames without an index are counted, and a device's clock is found by the stamps of its frames: `frame_numbers.pxi`
-and `clock.pxi` of `core/frames` say how.
+Frames without an index are counted (`frame_numbers.pxi`), and a device's clock is found by stamps (`clock.pxi`).
 """
 
 import math
@@ -20,8 +19,7 @@ from observer_rt.bus.mapping.timing import GridRelation
 from observer_rt.core.frames import frames as core
 from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.core.stream.stream import Break
-
-SECOND = 1e9  # ns
+from observer_rt.foundation.units import NANOSECONDS
 
 
 class Alignment(NamedTuple):
@@ -97,7 +95,7 @@ def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leadi
         np.any(timing["numbering"] != Numbering.INDEX) or np.any(timing["joining"] == Joining.CLOCK)
     )
     clocks, counts = np.zeros(len(timing), core.CLOCK), np.zeros(len(timing), core.COUNTING)
-    clocks["interval"], clocks["shortest"] = timing["interval"] * SECOND, timing["shortest"] * SECOND
+    clocks["interval"], clocks["shortest"] = timing["interval"] * NANOSECONDS, timing["shortest"] * NANOSECONDS
     clocks["samples"], clocks["residual"] = samples, math.inf
     counts["modulus"] = timing["modulus"]
     return Timekeeping(memory, timing, clocks, counts, np.zeros(len(timing), core.SHIFT))

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from observer_rt.bus.alignment import SECOND, Timekeeping
+from observer_rt.bus.alignment import Timekeeping
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.core.frames.frames import Joining
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECOND
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECOND, NANOSECONDS
 
 LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
 
@@ -67,8 +67,8 @@ def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:
     result = []
     for stream, (timing, clock) in enumerate(zip(keeping.timing, keeping.clocks, strict=True)):
         by_clock = timing["joining"] == Joining.CLOCK
-        unknown = float(grid["residual"] + clock["residual"]) / SECOND if by_clock else 0.0
+        unknown = float(grid["residual"] + clock["residual"]) / NANOSECONDS if by_clock else 0.0
         drift = float(clock["drift"]) / float(clock["interval"])
-        name, lately = bus.name_of(layout_of(bus, stream)), float(clock["spread"]) / SECOND
+        name, lately = bus.name_of(layout_of(bus, stream)), float(clock["spread"]) / NANOSECONDS
         result.append(MessageTiming(name, jitter_of(clock), drift, unknown, lately))
     return tuple(result)

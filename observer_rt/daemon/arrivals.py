@@ -13,9 +13,8 @@ from observer_rt.bus.mapping.timing import LINE_SLOPE
 from observer_rt.bus.message_timing import MessageTiming
 from observer_rt.config.signals import Role
 from observer_rt.daemon.snapshot import InputStatus
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, NANOSECONDS
 
-SECOND = 1e9  # ns
 STALE = 0.5  # s without a frame of a message that carries samples
 CONTESTED = 2.0  # s after a frame of another sender: it may send seldom
 
@@ -86,11 +85,11 @@ class Arrivals:
     def age(self, source: WatchedMessage, now: int) -> float:
         """Time since its last frame [s]; nan: none came yet."""
         count = self.count_of(source)
-        return (now - count.last) / SECOND if count.frames else math.nan
+        return (now - count.last) / NANOSECONDS if count.frames else math.nan
 
     def silence(self, source: WatchedMessage, now: int) -> float:
         """Time since its last frame, or since the begin [s]."""
-        return (now - max(self.count_of(source).last, self._begin)) / SECOND
+        return (now - max(self.count_of(source).last, self._begin)) / NANOSECONDS
 
     def age_of(self, role: Role, now: int) -> float:
         """Time since the last frame with a role [s]; nan: none came yet."""
@@ -117,7 +116,7 @@ class Arrivals:
 
     def is_contested(self, now: int) -> bool:
         """Whether another node sends under our identifiers now."""
-        return any(count.frames and now - count.last < CONTESTED * SECOND for _, count in self._own)
+        return any(count.frames and now - count.last < CONTESTED * NANOSECONDS for _, count in self._own)
 
     def as_text(self, now: int) -> str:
         """Messages that stay away, with their ages; of all where none does."""
@@ -154,7 +153,7 @@ def sources_of(bus: BusMap) -> tuple[WatchedMessage, ...]:
         layout = bus.energizing.layout
         carried[layout].append("energizing")
         if bus.energizing.cycle is not None:
-            patience[layout] = min(patience[layout], slow_timeout(None, round(bus.energizing.cycle * SECOND)))
+            patience[layout] = min(patience[layout], slow_timeout(None, round(bus.energizing.cycle * NANOSECONDS)))
     return tuple(
         WatchedMessage(
             layout,

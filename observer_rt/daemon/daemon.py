@@ -12,7 +12,6 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
-from observer_rt.daemon.arrivals import SECOND
 from observer_rt.daemon.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.daemon.input_watch import InputWatch, StateWatch
 from observer_rt.daemon.link_opening import buses_of
@@ -29,6 +28,7 @@ from observer_rt.engine.service.messages import FrameWriter, OutputFrame
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import ServiceCondition, contested, state_of_service
 from observer_rt.engine.words import REASONS, Topic
+from observer_rt.foundation.units import NANOSECONDS
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data
@@ -143,7 +143,7 @@ class Daemon:
 
     def _look(self, now: int) -> None:
         """Looks for faults of the inputs, and for the state; inputs on a bus that is down are not judged."""
-        slept, self.looked = (now - self.looked) / SECOND if self.looked else 0.0, now
+        slept, self.looked = (now - self.looked) / NANOSECONDS if self.looked else 0.0, now
         if slept > ASLEEP:  # what came meanwhile may be lost, and is no fault of the inputs
             self.arrivals.begin(now)
             remedy = "was it stopped or the computer suspended? else give it a processor"
@@ -197,7 +197,7 @@ class Daemon:
         is_down = any(self.ports[bus].has_inputs for bus in self._down)
         condition = ServiceCondition(
             has_frames=self._frames_seen > 0,
-            is_cut_off=is_down or now - self._last_input > INPUT_TIMEOUT * 1e9,
+            is_cut_off=is_down or now - self._last_input > INPUT_TIMEOUT * NANOSECONDS,
             is_stale=bool(self.arrivals.stale(now)),
         )
         state, reason = state_of_service(self.core.state, condition)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import BenchInjector
 from observer_rt.core.frames.frames import E2EState
-from observer_rt.daemon.arrivals import SECOND, Arrivals, WatchedMessage, message_text
+from observer_rt.daemon.arrivals import Arrivals, WatchedMessage, message_text
 from observer_rt.daemon.signal_watch import LiftWatch, RangeWatch, RateWatch, UnitWatch, ValueWatch
 from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.core import Core
@@ -16,6 +16,7 @@ from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.service.noise import configured_noise
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import COUNTERS, TOPICS, Topic, is_good, named
+from observer_rt.foundation.units import NANOSECONDS
 
 REPORTED_AFTER = 2.0  # s without a frame, or with useless ones only, after which it is reported
 LOOKS = 10  # the frames of so many looks are judged together
@@ -112,7 +113,7 @@ class MessageWatch:
             yield Notice(Topic.INPUT, "inputs come again", is_over=True)
         for source, trouble in troubles.items():
             before = self.reported.get(source)
-            if trouble is Trouble.SILENT and now - self._all_silent_until < REPORTED_AFTER * SECOND:
+            if trouble is Trouble.SILENT and now - self._all_silent_until < REPORTED_AFTER * NANOSECONDS:
                 continue  # those that were away together do not come again in one moment
             if trouble is before:
                 continue
@@ -136,7 +137,7 @@ class MessageWatch:
             return Trouble.OTHER_SIZE if arrivals.has_twin(source) else Trouble.SILENT
         if is_invalid:
             return Trouble.INVALID
-        is_useless = frames - use.frames > _USELESS and now - use.since > REPORTED_AFTER * SECOND
+        is_useless = frames - use.frames > _USELESS and now - use.since > REPORTED_AFTER * NANOSECONDS
         return Trouble.USELESS if is_useless else None
 
 
@@ -272,7 +273,7 @@ class StateWatch:
         standing = (what, why, () if is_good(what) else causes)
         if standing != self._now:
             self._now, self.since = standing, now
-        if standing == self._reported or now - self.since < LASTING * SECOND:
+        if standing == self._reported or now - self.since < LASTING * NANOSECONDS:
             return []
         self._reported = standing
         text = "; ".join([named(what), *(named(reason) for reason in why if reason.name != what.name), *standing[2]])

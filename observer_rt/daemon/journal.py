@@ -17,7 +17,7 @@ from observer_rt.engine.reports.injection_report import FIELDS, InjectionReport,
 from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import is_at
-from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.foundation.units import MILLIGRAM, NANOSECONDS
 from observer_rt.foundation.version import __version__
 
 APPLICATION_ID = 0x4F425254  # "OBRT", in the file's header
@@ -181,7 +181,7 @@ class JournalWriter:
 
 def utc(unix_ns: int) -> str:
     """Writes a Unix time [ns] as SQLite and people read it, to the millisecond."""
-    seconds, fraction = divmod(unix_ns, 1_000_000_000)
+    seconds, fraction = divmod(unix_ns, NANOSECONDS)
     return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{fraction // 1_000_000:03d}"
 
 

@@ -11,6 +11,7 @@ from observer_rt.bus.links.opening import RECONNECT_PERIOD
 from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.words import Topic
+from observer_rt.foundation.units import NANOSECONDS
 
 CAPACITY = 512  # frames: some 0.15 s of results at 100 kHz, after which the oldest serve nobody
 RETRY = 0.5e-3  # s, about three full frames at 500k/5M
@@ -135,7 +136,7 @@ class Port:
             )
             notices.append(Notice(Topic.LINK, text))
         if notices:
-            self._next_report = now + round(PERIOD * 1e9)
+            self._next_report = now + round(PERIOD * NANOSECONDS)
         for notice in notices:
             self._tell(notice)
 

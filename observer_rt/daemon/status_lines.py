@@ -4,13 +4,13 @@ from collections.abc import Iterator, Sequence
 
 from observer_rt.bus.links.opening import IdleLink
 from observer_rt.config.signals import in_words
-from observer_rt.daemon.arrivals import SECOND
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_watch import ABOUT_INPUTS, LASTING, REPORTED_AFTER
 from observer_rt.daemon.snapshot import Fault, StatusLevel, StatusLine
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good
 from observer_rt.foundation.errors import REMEDY
+from observer_rt.foundation.units import NANOSECONDS
 
 
 def faults_of(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason]) -> list[Fault]:
@@ -23,7 +23,7 @@ def faults_of(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason])
     ]
     faults += _silence(daemon, now)
     is_explained = bool(faults) and (not reasons or reasons[0] in ABOUT_INPUTS)
-    if is_explained or is_good(state) or now - daemon.stands_since < LASTING * SECOND:
+    if is_explained or is_good(state) or now - daemon.stands_since < LASTING * NANOSECONDS:
         return faults
     words, name = (REASONS[reasons[0]], reasons[0].name) if reasons else (STATES[state], state.name)
     return [*faults, Fault(f"{name}: {words.what}", daemon.stands_since, words.remedy)]
@@ -39,7 +39,7 @@ def _silence(daemon: Daemon, now: int) -> list[Fault]:
     if not silent:
         return []
     texts = tuple(f"{source.text}: no frame for {age:.0f} s" for source, age in silent.items())
-    since = now - round(max(silent.values()) * SECOND)
+    since = now - round(max(silent.values()) * NANOSECONDS)
     remedy = TOPICS[Topic.INPUT].remedy
     if len(texts) == 1:
         return [Fault(texts[0], since, remedy)]

@@ -60,9 +60,8 @@ def constants_for(
 ) -> state.Constants:
     """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
 
-    rail_every: samples to one of the rail pressure; means: samples are means over the sample period before;
-    stated: delays and lags of the channels to be undone.
-    calibration: of level and pressure sensors.
+    rail_every: samples to one of the rail pressure; means: samples are means over the sample period before; stated:
+    delays and lags of the channels to be undone. calibration: of level and pressure sensors.
     """
     model = effective_model(parameters, stated)
     interval = 1.0 / sample_rate

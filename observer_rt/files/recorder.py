@@ -9,11 +9,12 @@ from typing import Any
 
 from observer_rt.bus.links.enduring_reading import EnduringReading
 from observer_rt.bus.links.link import Frame, Link
-from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame, LogWriter
+from observer_rt.files.canlog.can_log import LogFrame, LogWriter
 from observer_rt.files.formats import LOGS_WRITTEN, open_writer
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.files import begin_stream
 from observer_rt.foundation.outputs import check_output
+from observer_rt.foundation.units import NANOSECONDS
 
 FLUSH_PERIOD = 1_000_000_000  # ns: no more than this is lost with the power
 REPORT_PERIOD = 250_000_000  # ns

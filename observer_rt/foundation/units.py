@@ -12,6 +12,7 @@ MICROMETRE = 1e-6  # m
 MILLISECOND = 1e-3  # s
 MICROSECOND = 1e-6  # s
 NANOSECOND = 1e-9  # s
+NANOSECONDS = 1_000_000_000  # in a second: whole, as stamps are
 MM3_PER_MS = 1e-6  # m3/s
 CUBIC_MILLIMETRE = 1e-9  # m3
 MILLIGRAM = 1e-6  # kg

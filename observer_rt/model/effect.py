@@ -183,4 +183,4 @@ def _scaled(section: str, names: tuple[str, ...], model: EffectiveModel, values:
 
 
 def _added(terms: str, name: str, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    return model.with_terms(terms, **{name: getattr(getattr(model, terms), name) + values[0]})
+    return model.with_changes(terms, **{name: getattr(getattr(model, terms), name) + values[0]})

@@ -123,10 +123,10 @@ class EffectiveModel:
         after = before.model_copy(update={k: getattr(before, k) * factor for k, factor in factors.items()})
         return replace(self, injector=self.injector.model_copy(update={section: after}))
 
-    def with_terms(self, terms: str, **changes: float) -> "EffectiveModel":
-        """The model with other values in its `departures`, `inputs` or `sensor`."""
-        changed = getattr(self, terms)._replace(**changes)
-        return replace(self, **{terms: changed})
+    def with_changes(self, part: str, **changes: float) -> "EffectiveModel":
+        """The model with other values in a part of it: `departures`, `inputs` or `sensor`."""
+        changed = getattr(self, part)._replace(**changes)
+        return replace(self, **{part: changed})
 
 
 def sensor_of(terms: SensorTerms, pressure_scale: float, interval: float) -> Sensor:

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
+from observer_rt.engine.estimation.belief import Belief
 from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.daemon.arrivals import SECOND
 from observer_rt.daemon.input_watch import PERIOD, InputWatch, Trouble
 from observer_rt.daemon.signal_watch import LiftWatch
 from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.stream.standstill import LiftFigures
 from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.foundation.units import NANOSECONDS
 from tests.benches import SAMPLE_RATE, block_bench
 from tests.device import damaged, frames_of, later, worn_recording
 
@@ -57,8 +57,8 @@ class WatchedInputs:
             if frame.stamp_ns >= due:
                 due = frame.stamp_ns + PERIOD
                 notices += watch.look(frame.stamp_ns)
-        for late in np.arange(0.0, silence, PERIOD / SECOND):
-            notices += watch.look(frames[-1].stamp_ns + round(late * SECOND))
+        for late in np.arange(0.0, silence, PERIOD / NANOSECONDS):
+            notices += watch.look(frames[-1].stamp_ns + round(late * NANOSECONDS))
         return [notice.text for notice in notices]
 
     def tells_of(self, role: str, law: Callable[[Values], Values]) -> list[str]:

@@ -119,10 +119,7 @@ def database_hash(paths: Iterable[Path]) -> int:
 
 
 def find_message(database: Database, name: str) -> Message:
-    """The message called `name`.
-
-    Raises `UserError` naming the nearest name.
-    """
+    """The message called `name`. Raises `UserError` naming the nearest name."""
     names = [message.name for message in database.messages]
     if name not in names:
         raise UserError(f"message {name}", "not in the bus database", _nearest(name, names))
@@ -156,10 +153,7 @@ def signal_names(message: Message, pattern_or_list: str | Sequence[str]) -> tupl
 
 
 def find_signal(message: Message, name: str) -> Signal:
-    """The signal called `name`.
-
-    Raises `UserError` naming the nearest name.
-    """
+    """The signal called `name`. Raises `UserError` naming the nearest name."""
     names = [signal.name for signal in message.signals]
     if name not in names:
         raise UserError(f"message {message.name}", f"has no signal {name}", _nearest(name, names))

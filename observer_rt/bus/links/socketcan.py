@@ -17,6 +17,7 @@ from pathlib import Path
 from observer_rt.bus.can_frame import ARPHRD_CAN, BIT_RATE_SWITCH, CLASSIC_LENGTH, ERROR_STATE, FD_LENGTHS, FD_MTU
 from observer_rt.bus.links import controller, link
 from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.units import NANOSECONDS
 
 NO_SOCKETCAN = 'sudo modprobe can_raw, or interface = "udp_multicast" in the bench file (docs/buses.md)'
 """Remedy where the kernel has no CAN."""
@@ -78,12 +79,12 @@ class StampReader:
         """The stamp [ns since 1970] in a control message of the socket level, None if it holds none."""
         if kind == SO_TIMESTAMPNS:
             seconds, nanoseconds = _TIMESPEC.unpack(value)
-            return int(seconds * 1_000_000_000 + nanoseconds)
+            return int(seconds * NANOSECONDS + nanoseconds)
         if kind != SO_TIMESTAMPING:
             return None
         seconds, nanoseconds, _, _, raw_seconds, raw_nanoseconds = _THREE_TIMESPECS.unpack(value)
-        by_kernel = int(seconds * 1_000_000_000 + nanoseconds) or time.time_ns()
-        by_interface = int(raw_seconds * 1_000_000_000 + raw_nanoseconds)
+        by_kernel = int(seconds * NANOSECONDS + nanoseconds) or time.time_ns()
+        by_interface = int(raw_seconds * NANOSECONDS + raw_nanoseconds)
         if by_interface == 0:  # such as a frame another program of this computer sent
             return by_kernel
         if self._offset is None:

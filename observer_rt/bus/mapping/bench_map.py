@@ -53,10 +53,7 @@ class BenchMap:
 
 
 def map_bench(bench: Bench) -> BenchMap:
-    """Compile the mapping of all injectors.
-
-    Raises `UserError` naming bench file, key and what the database has instead.
-    """
+    """The mapping of all injectors, compiled. Raises `UserError` with file, key and what the database has instead."""
     databases = BenchDatabases(bench)
     return BenchMap(
         tuple(map_injector(injector, databases) for injector in bench.injectors),

@@ -33,11 +33,10 @@ from observer_rt.config.signals import (
 )
 from observer_rt.core.frames.frames import OPTIONAL_INPUT, Joining, Numbering, carries, encode_signals
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND, TIME_UNITS, factor_of
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECONDS, TIME_UNITS, factor_of
 from observer_rt.model.surroundings import Surroundings
 
 NO_UNITS = ("", "-", "1")  # of a level
-NANOSECONDS = 1e9
 CYCLES = 10  # of a message, after which its last value is too old
 SHORTEST_TIMEOUT = 1.0  # s, unless the bench file asks for less
 

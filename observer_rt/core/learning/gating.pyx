@@ -1,28 +1,12 @@
-"""Inverse of a covariance, and the best subset of scalars, of all there are."""
+"""The best subset of scalars, of all there are."""
 
 from libc.math cimport isnan, sqrt
 from libc.stdint cimport int64_t
 
-from numpy import array, empty, zeros
+from numpy import empty, zeros
 from numpy.linalg import LinAlgError
 
 from observer_rt.core.learning.matrices cimport invert, whole
-
-
-def inverse_of(const double[:, :] matrix) -> tuple[NDArray[np.float64], float]:
-    """Inverse of a covariance or information (m, m), and half the logarithm of its determinant.
-
-    Raises numpy.linalg.LinAlgError when it is not positive definite, or not finite.
-    """
-    cdef int64_t m = matrix.shape[0]
-    cdef double[:, ::1] scratch = zeros((whole(m), whole(m)))
-    cdef double[::1] row = empty(whole(m))
-    cdef double half_log
-    scratch[:m, :m] = matrix
-    half_log = invert(scratch, row, m)
-    if isnan(half_log):
-        raise LinAlgError("matrix is not positive definite")
-    return array(scratch[:m, :m]), half_log
 
 
 def search_subsets(

@@ -1,7 +1,7 @@
 # The lift of the needle's stop, where long openings stay. It shows the scale of the lift sensor.
 
 cdef enum:
-    REMEMBERED = 20  # openings that the mean weighs equally; later ones replace the oldest
+    EQUAL_OPENINGS = 20  # openings that the mean weighs equally; later ones replace the oldest
 
 cdef double NEAR = 0.1  # relative difference up to which two lifts are those of the same stop
 
@@ -29,4 +29,4 @@ cdef void take_opening(Observer* observer) noexcept nogil:
         stop.lift, stop.openings = highest, 1
     elif highest > (1.0 - NEAR) * stop.lift:
         stop.openings += 1
-        stop.lift += (highest - stop.lift) / min(stop.openings, REMEMBERED)
+        stop.lift += (highest - stop.lift) / min(stop.openings, EQUAL_OPENINGS)

@@ -101,7 +101,7 @@ cdef struct Differences:
     double rail_squares
     double line_squares
 
-# standstill.pxi: what the closed needle has told so far
+# standstill.pxi: offset and noise of samples with a closed needle so far
 cdef struct Standstill:
     int64_t rest_count
     double offset_sum
@@ -126,7 +126,7 @@ cdef struct Event:
     int64_t closed_index  # of the sample at which it closed
     int64_t judged_before  # events, when it closed
     int64_t injections  # begun, when it closed
-    signed char taken  # verdict.VerdictKind, once it was judged
+    signed char taken  # stream.VerdictKind, once it was judged
     unsigned char differs  # from what was believed while it ran, by the filters of live.pxi
     # as they were at the event's end
     Standstill standstill
@@ -263,7 +263,7 @@ cdef struct InnovationMonitor:
     int64_t calm  # samples since it was
     int64_t contradicted_in  # number of the first event that can tell otherwise
     double lowest_line  # line less rail pressure meanwhile
-    int64_t falls  # how often in a row such a one was an injection's, though no needle opened (events.pxi)
+    int64_t falls  # of the line pressure, in a row, as by an injection though no needle opened (events.pxi)
 
 # step.pxi: whether x~ has settled
 cdef struct Synchronisation:

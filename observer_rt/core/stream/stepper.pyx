@@ -18,7 +18,7 @@ from observer_rt.core.model.valve cimport VALVE_NUMBERS, Stroke, valve_edge
 from observer_rt.core.stream.state cimport COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT, OperatingPoint
 from observer_rt.core.stream.stream cimport Stream
 
-cdef double REMEMBERED = 2e-3  # s before a sample, from which on the pair is run again at most
+cdef double LONGEST_RERUN = 2e-3  # s before a sample, from which on the pair is run again at most
 
 
 cdef class Stepper(PairStepper):
@@ -205,7 +205,7 @@ cdef void _run_again(Stepping* s, int64_t position) noexcept nogil:
 
     Published rates stay. It is left out where terms are in force, which remember what they saw.
     """
-    cdef int64_t earliest = max(s.started + 1, position - <int64_t> (REMEMBERED / s.interval)), k
+    cdef int64_t earliest = max(s.started + 1, position - <int64_t> (LONGEST_RERUN / s.interval)), k
     cdef double before, shown, pressure
     valve, ring = &s.observer.memory.in_force.valve, s.observer.ring
     pressure = s.strokes.last.pressure if valve.commanded == 0.0 else 1.0

@@ -24,6 +24,7 @@ from observer_rt.foundation.units import (
     MICROMETRE,
     MICROSECOND,
     MILLISECOND,
+    NANOSECONDS,
     PRESSURE_UNITS,
 )
 
@@ -145,15 +146,15 @@ def _sample_periods(
     injector: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]
 ) -> Iterator[Statement]:
     rate = injector.sample_rate
-    yield f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns"
+    yield f"{rate:g} Hz, a sample every {NANOSECONDS / rate:.6g} ns"
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
-        expected = 1e9 * float(bus_map.message_timing(bus, number)["interval"])
+        expected = NANOSECONDS * float(bus_map.message_timing(bus, number)["interval"])
         refusing = injector if _is_of_the_user(layout, messages) else None
         yield from _periods(layout, int(message["samples"]), int(message["kind_count"]), expected, refusing)
     for sent in (bus.rate, bus.corrected):
         if sent is not None and _is_of_the_user(sent.layout, messages):
-            yield from _periods(sent.layout, sent.samples, 1, 1e9 / rate)
+            yield from _periods(sent.layout, sent.samples, 1, NANOSECONDS / rate)
 
 
 def _is_of_the_user(layout: MessageLayout, messages: Sequence[KnownMessage]) -> bool:
@@ -172,7 +173,7 @@ def _periods(
     period = layout.sample_period_ns
     if period is not None and abs(period - expected) > PERIOD_TOLERANCE:
         problem = f"{layout.name} states a sample period of {period} ns in the bus database"
-        remedy = f"set sampling.rate_hz = {1e9 / period:g}, or its SamplePeriodNs to {expected:.0f}"
+        remedy = f"set sampling.rate_hz = {NANOSECONDS / period:g}, or its SamplePeriodNs to {expected:.0f}"
         if refusing is None:
             yield warning(problem, remedy)
         else:
@@ -180,7 +181,7 @@ def _periods(
             yield UserError(refusing.location("sampling.rate_hz"), stated, remedy)
     cycle = layout.cycle_time_ns
     if period is None and cycle is not None and abs(cycle * frames - samples * expected) > CYCLE_TOLERANCE:
-        meant = f"which means {1e9 * samples / (cycle * frames):g} Hz"
+        meant = f"which means {NANOSECONDS * samples / (cycle * frames):g} Hz"
         text = f"{layout.name} states a cycle time of {cycle / 1e6:g} ms in the bus database, {meant}"
         yield warning(text, "correct sampling.rate_hz or its GenMsgCycleTime")
     if layout.samples_per_frame not in (None, samples):

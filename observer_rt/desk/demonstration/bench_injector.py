@@ -41,9 +41,8 @@ _SOLVER = {"rtol": 1e-8, "atol": 1e-8, "hmax": 10e-6, "mxstep": 100_000}
 class Departure(NamedTuple):
     """Deviation of the injector from the equations; by default it has none.
 
-    nozzle: factor of its flow; loss: of pressure along the line [MPa] by its flow [mm3/ms]; stiffening: n in
-    K = K_0 + n (p - 100 MPa); rail_gain: of the sensor, less 1; hidden_lift: by which the lift is recorded too
-    low [m].
+    nozzle: factor of its flow; loss: of pressure along the line [MPa] by its flow [mm3/ms]; stiffening: n in K = K_0
+    + n (p - 100 MPa); rail_gain: of the sensor, less 1; hidden_lift: by which the lift is recorded too low [m].
     """
 
     nozzle: float = 1.0

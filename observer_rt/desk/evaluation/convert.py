@@ -29,9 +29,8 @@ def convert(
 ) -> str:
     """Convert a file, the formats by suffix; returns one line on what was written.
 
-    A log becomes a recording by a bench file.
-    Raises `UserError` for what does not fit together and for what the target cannot hold; the target is then
-    as it was before.
+    A log becomes a recording by a bench file. Raises `UserError` for what does not fit together and for what the
+    target cannot hold; the target is then as it was before.
     """
     holds_frames = is_log(source)
     suffix = target.suffix.lower()

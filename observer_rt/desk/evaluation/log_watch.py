@@ -5,10 +5,11 @@ from pathlib import Path
 from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import BenchInjector
-from observer_rt.daemon.arrivals import SECOND, STALE
+from observer_rt.daemon.arrivals import STALE
 from observer_rt.daemon.input_watch import PERIOD, InputWatch
 from observer_rt.daemon.signal_watch import OUTSIDE_REMEDY
 from observer_rt.engine.service.core import Core
+from observer_rt.foundation.units import NANOSECONDS
 
 MOST_NOTES = 20
 
@@ -36,7 +37,7 @@ class LogWatch:
         self._watch.arrivals.note(bus, frame.frame_id, frame.is_extended, self._now)
         if self.is_due(self._now):
             self._next = self._now + PERIOD
-            at = (self._now - self._first) / SECOND
+            at = (self._now - self._first) / NANOSECONDS
             texts = (notice.text for notice in self._watch.look(self._now))
             self._notes += [f"at {at:.1f} s: {text}" for text in texts if OUTSIDE_REMEDY not in text]
 

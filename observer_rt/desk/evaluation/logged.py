@@ -17,14 +17,13 @@ from observer_rt.desk.evaluation.log_watch import LogWatch
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.signal_survey import refuse_implausible
-from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.channels import InputFrames, chosen_channels
 from observer_rt.files.formats import is_log, open_recording
 from observer_rt.files.signals.recording import BESIDE, Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import first_of
+from observer_rt.foundation.units import NANOSECONDS, first_of
 
 RATE_TOLERANCE = 0.02  # relative deviation of the sample rate by stamps from that of the bench file
 FEWEST_FOR_RATE = 100  # frames

@@ -15,7 +15,7 @@ from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Observer
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 
-REMEMBERED = RING  # samples that the observer remembers, and an injection may need
+LOOK_BACK = RING  # samples that the observer remembers, and an injection may need
 
 
 @dataclass(eq=False)
@@ -154,7 +154,7 @@ class HistorySamples:
     def forget(self, processed: int) -> None:
         """Hand over what lies so far back that no injection will need it. processed: samples of the observer."""
         end = self._handed_over
-        while self._marks and self._marks[0][0] <= processed - REMEMBERED:
+        while self._marks and self._marks[0][0] <= processed - LOOK_BACK:
             end = max(end, self._marks.popleft()[1])
         self._hand_over(end)
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from observer_rt.config.bench import Bench
 from observer_rt.desk.fleet.path_pattern import PathPattern
-from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.formats import SUFFIXES, is_log, open_log
 from observer_rt.files.signals.mdf4_table import stated_start
 from observer_rt.files.signals.recording import SHOTS_SUFFIX, TRUTH_SUFFIX
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import NANOSECONDS
 
 _GLOB = re.compile(r"[*?\[]")
 _NOTES = {".txt"}  # in folders more often notes than recordings: to be named

@@ -156,7 +156,7 @@ def answered_again(injector: InjectorParameters, recordings: Sequence[Measuremen
 def _answered(model: EffectiveModel, measurement: Measurement) -> NDArray[np.float64]:
     """Commands (k, 2) moved by the likeliest delays of the shots."""
     commands = commands_of(measurement.recording)
-    model = model.with_terms("sensor", offset=model.sensor.offset + standstill(measurement)[0])
+    model = model.with_changes("sensor", offset=model.sensor.offset + standstill(measurement)[0])
     free = replace(measurement, commands=commands, is_free=True)
     moved = commands.copy()
     for event, late in zip(free.events, RecordingLikelihood(free, model).late_shots(model), strict=True):

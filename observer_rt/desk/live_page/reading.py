@@ -24,13 +24,13 @@ from observer_rt.daemon.snapshot import (
     read_snapshot,
 )
 from observer_rt.foundation.errors import REMEDY, ObserverError
+from observer_rt.foundation.units import NANOSECONDS
 
 SILENT_AFTER = 1.0  # s without a look of the daemon at itself, after which nothing of it is of now
 WAIT = 0.3  # s that a daemon waits for news before it answers
 LAWS_EVERY = 1.0  # s: curves of what was learned are long, and nobody follows them injection by injection
 _PAUSE = 0.02  # s between two questions, so that many injections a second make few
 _AGAIN_AFTER = 0.3  # s, from one look for a daemon to the next
-SECOND = 1e9  # ns
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class DaemonReader:
 
     @staticmethod
     def _is_old(moment: int) -> bool:
-        return time.time_ns() - moment > SILENT_AFTER * SECOND
+        return time.time_ns() - moment > SILENT_AFTER * NANOSECONDS
 
     def _run(self) -> None:
         while not self._stop.is_set():

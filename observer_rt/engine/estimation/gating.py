@@ -1,114 +1,17 @@
-"""The Gaussian belief about the parameters, carried from event to event: scalars pay for being in it; one is held.
+"""Gates of a belief: scalars pay for being in the estimate."""
 
-A parameter is held at a value found elsewhere, and considered: Schmidt's filter (Application of state-space methods
-to navigation problems, 1966): an event teaches nothing of it, and all else is as uncertain by it as it depends on it.
-"""
-
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.gating import inverse_of, search_subsets
+from observer_rt.core.learning.gating import search_subsets
+from observer_rt.core.learning.matrices import inverse_of
+from observer_rt.engine.estimation.belief import Belief, conditioned
 
 ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
 STAY = 6.25  # and (2.5 sigma) that keeps it active
-
-_EXACTLY = 1e-14  # variance of what is held
-_NOWHERE = np.empty(0)
-
-
-@dataclass(frozen=True, eq=False)
-class Belief:
-    """Mean (m,) of theta, and how uncertain it is in two senses, both (m, m).
-
-    covariance: with the drift that every event may bring; it decides how much the next event teaches.
-    error_covariance: of the mean's error when there was no such drift, only the changes that showed. The drift is
-    there to forget by and far larger than wear is from one event to the next: a filter that lives on it is up to
-    sqrt(2) nearer to parameters that stand still than `covariance` says.
-    """
-
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    error_covariance: NDArray[np.float64]
-
-    @property
-    def parts(self) -> dict[str, NDArray[np.float64]]:
-        """Arrays of the belief by name, without what was worked out of it meanwhile."""
-        return {"mean": self.mean, "covariance": self.covariance, "error_covariance": self.error_covariance}
-
-    @property
-    def sigma(self) -> NDArray[np.float64]:
-        """Standard deviations (m,), drift included."""
-        return np.array(np.sqrt(np.diag(self.covariance)), np.float64)
-
-    def drifted(self, drift: NDArray[np.float64]) -> "Belief":
-        """The belief one event later, when each parameter may have moved by `drift` (m,) (one sigma)."""
-        return Belief(self.mean, _moved(self.covariance, drift), self.error_covariance)
-
-    def widened(self, change: NDArray[np.float64]) -> "Belief":
-        """The belief when each parameter did move, by about `change` (m,) (one sigma)."""
-        return Belief(self.mean, _moved(self.covariance, change), _moved(self.error_covariance, change))
-
-    def narrowed(self, columns: Sequence[int], share: float) -> "Belief":
-        """The belief in which the standard deviations of these parameters are a share of what they were."""
-        factor = np.ones(self.mean.size)
-        factor[list(columns)] = share
-        both = np.outer(factor, factor)
-        return Belief(self.mean, both * self.covariance, both * self.error_covariance)
-
-    def distance(self, theta: NDArray[np.float64]) -> float:
-        """Square of the distance of theta (m,) from the mean, in standard deviations."""
-        away = theta - self.mean
-        return float(away @ self.information @ away)
-
-    @property
-    def information(self) -> NDArray[np.float64]:
-        """Inverse covariance (m, m). Raises numpy.linalg.LinAlgError when not positive definite."""
-        return self.inverse[0]
-
-    @cached_property
-    def inverse(self) -> tuple[NDArray[np.float64], float]:
-        """`inverse_of` the covariance."""
-        return inverse_of(self.covariance)
-
-    def updated(self, information: NDArray[np.float64], vector: NDArray[np.float64]) -> "Belief":
-        """The belief after measurements with Gauss-Newton `information` (m, m) and vector (m,) = information @ theta.
-
-        theta: where the measurements' cost is least. The error after it is P (P0^-1 e0 + noise), where the noise has
-        covariance `information`. Raises numpy.linalg.LinAlgError when the sum of both informations is singular, not
-        positive definite or holds NaN.
-        """
-        covariance, _ = inverse_of(self.information + information)
-        gain = covariance @ information
-        kept = np.eye(self.mean.size) - gain
-        error = kept @ self.error_covariance @ kept.T + gain @ covariance
-        mean = self.mean + covariance @ (vector - information @ self.mean)
-        return Belief(mean, covariance, symmetric(error))
-
-
-def prior_belief(mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> Belief:
-    """Belief before any event: mean (m,), covariance (m, m)."""
-    return Belief(mean, covariance, covariance)
-
-
-def _moved(covariance: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[np.float64]:
-    result = covariance.copy()
-    result.ravel()[:: len(result) + 1] += change**2
-    return result
-
-
-def symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A covariance (m, m) without what rounding made unequal."""
-    return np.asarray(0.5 * (matrix + matrix.T), np.float64)
-
-
-def conditioned(rows: NDArray[np.float64], row: int, column: int) -> NDArray[np.float64]:
-    """Rows (k, m) of a covariance once the parameter of a column is known exactly, whose own is among them."""
-    return np.asarray(rows - np.outer(rows[:, column], rows[row]) / rows[row, column])
 
 
 @dataclass(frozen=True)
@@ -173,55 +76,3 @@ class GatedBelief:
             result[:, out] = -(inverse_of(rows[:, out])[0] @ rows).T
             result[out] = 0.0
         return result
-
-
-@dataclass(frozen=True, eq=False)
-class HeldBelief:
-    """A belief before an event, given the value of a column; column None: nothing is held.
-
-    by: change (m,) of theta with the held value, (0,) without any; variance: of that; log: nats by which the value is
-    less likely than the belief alone makes the event.
-    """
-
-    prior: Belief
-    column: int | None
-    by: NDArray[np.float64]
-    variance: float = 0.0
-    log: float = 0.0
-
-    def considered(self, after: Belief, information: NDArray[np.float64]) -> Belief:
-        """The belief after an event, by its `information` (m, m), where `after` is what it makes of the prior."""
-        if self.column is None:
-            return after
-        toward = self.prior.information @ _but(self.by, self.column) - information[:, self.column]
-        moves = after.covariance @ _but(toward, self.column)
-        moves[self.column] = 1.0
-        more = self.variance * np.outer(moves, moves)
-        return Belief(after.mean, symmetric(after.covariance + more), symmetric(after.error_covariance + more))
-
-
-def nothing_held(belief: Belief) -> HeldBelief:
-    """A belief that is learned with as it is."""
-    return HeldBelief(belief, None, _NOWHERE)
-
-
-def held_at(belief: Belief, column: int, value: float, variance: float) -> HeldBelief:
-    """A belief with a column at a value, known with a variance that includes what the belief knows of it."""
-    own = float(belief.covariance[column, column])
-    by = belief.covariance[:, column] / own
-    away = value - float(belief.mean[column])
-    parts = []
-    for matrix in (belief.covariance, belief.error_covariance):
-        part = symmetric(conditioned(matrix, column, column))
-        part[column, :] = part[:, column] = 0.0
-        part[column, column] = _EXACTLY
-        parts.append(part)
-    log = 0.5 * math.log(variance / own) - 0.5 * away**2 / own
-    return HeldBelief(Belief(belief.mean + by * away, *parts), column, by, variance, log)
-
-
-def _but(values: NDArray[np.float64], column: int) -> NDArray[np.float64]:
-    """Values (m,), 0 in a column."""
-    result = values.copy()
-    result[column] = 0.0
-    return result

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.gating import inverse_of
+from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.learning.whitening import NO_HIGH_PASS, robust_cost, weigh, whiten
 from observer_rt.core.model.needle import NEEDLE_JITTER, NEEDLE_NUMBERS
 from observer_rt.engine.estimation.predictor import (

@@ -104,8 +104,7 @@ class ShownIndicator:
     """Indicator that shows a parameter. si: size of theta = 1 in SI.
 
     effect: that it stands for, and its name among indicators; key: in JSON, unless that is the effect; label: on the
-    screen, beside the rate;
-    unit and screen_unit: with their sizes in SI.
+    screen, beside the rate; unit and screen_unit: with their sizes in SI.
     """
 
     effect: str

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.gating import inverse_of
+from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.needle import NEEDLE_JITTER
 from observer_rt.engine.estimation.predictor import NO_RATE, NO_SLOPES
 from observer_rt.model.effective import LAG_UNIT

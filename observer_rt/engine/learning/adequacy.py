@@ -11,10 +11,9 @@ from observer_rt.core.learning.phases import phases_of
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE, Phase, PhaseStatistics, phase_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter, Theta, sensor_lag
-from observer_rt.engine.learning.disturbances.colour import Colour
 from observer_rt.engine.learning.disturbances.masks import mask_of
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
-from observer_rt.engine.stream.state import Constants, Reason
+from observer_rt.engine.stream.state import Reason
 
 # A phase is coloured when some statistic, pooled over recent events, exceeds white noise by this many of its
 # standard deviations and by this factor. The first keeps false alarms rare (below 1e-4 an event for white noise),
@@ -28,12 +27,10 @@ TEMPER_ABOVE = 1.6
 TEMPER_SIGNIFICANT = 2.5
 _TEMPERS_ABOVE = np.array([RELEVANT_VARIANCE, TEMPER_ABOVE, TEMPER_ABOVE])  # blocks have two lengths
 POOLING = 0.85  # weight of the statistics before this event
-# Standard deviations up to which they count, so that a passing trouble is over with the next event.
-REMEMBERED = 5.0
+LARGEST_POOLED = 5.0  # standard deviations they count for at most: a passing trouble is over with the next event
 LARGEST_OFFSET = 1.5e6  # Pa, between line and rail pressure
 UNTOLD = 2.5  # standard deviations of what of a gain may be an offset, which is then allowed on top
-# Of the logarithm of 1 + r; and standard deviations of the line's own inertance.
-LEAST_SCALE, LINE_SCALE = 0.03, 3.0
+LEAST_SCALE, LINE_SCALE = 0.03, 3.0  # of the logarithm of 1 + r; standard deviations of the line's inertance
 LARGEST_LAG = 0.2e-3  # s
 # Mean square of the network's weights over their prior, and lag [s] and friction that no such law brings along
 MOST_OF_LAWS, LAG_OF_LAWS, FRICTION_OF_LAWS = 0.5, 10e-6, -0.1
@@ -42,8 +39,6 @@ BURN_IN = 0.5e-3  # s of an event's window before innovations count
 EDGES = (Phase.OPENING, Phase.CLOSING)
 _RELEVANT = np.array([RELEVANT_VARIANCE if phase in EDGES else RELEVANT_LOUDNESS for phase in Phase])
 WEAR = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))
-BELIEVED_AFTER = 2  # explained events in a row, after one that was not
-SETTLED = 3  # explained events in a row, after which one that is not is a fault that may pass
 
 
 @dataclass(frozen=True)
@@ -79,7 +74,7 @@ def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
 
 def pooled(before: PhaseStatistics, event: PhaseStatistics) -> PhaseStatistics:
     """Statistics over recent events, the newest in full."""
-    return before.capped(REMEMBERED).faded(POOLING, event)
+    return before.capped(LARGEST_POOLED).faded(POOLING, event)
 
 
 def tempering(statistics: PhaseStatistics) -> float:
@@ -145,73 +140,3 @@ def looks_like_inertance(nozzle_change: float, stiffness_change: float, line: fl
     wider = math.log1p(max(nozzle_change, -0.99))
     is_relevant = abs(stiffer) > max(LEAST_SCALE, LINE_SCALE * line)
     return is_relevant and 0.5 * abs(stiffer) < math.copysign(1.0, stiffer) * wider < 2 * abs(stiffer)
-
-
-@dataclass(frozen=True, eq=False)
-class Examination:
-    """Objections to an event (empty: it passed), and the statistics over recent events with it.
-
-    passed: events in a row that did, SETTLED at most; negative: that must until one is believed again.
-    """
-
-    objections: tuple[Objection, ...]
-    statistics: PhaseStatistics
-    passed: int = 0
-
-
-class Examiner:
-    """Finds the objections to events with the parameters in force. Pure: no clock, no thread."""
-
-    def __init__(self, statistics: PhaseStatistics, healthy: Healthy, colour: Colour | None = None) -> None:
-        """statistics: over the events before the first; colour: of the innovations then, None if they are white."""
-        self._healthy = healthy
-        self._passed = 0
-        self.colour = colour
-        """Colour of the innovations; as the statistics, whoever learns from an event replaces it by what it found."""
-        self.statistics = statistics
-        """Over recent events; whoever learns from an event replaces them by what was found."""
-
-    def take(self, examination: Examination) -> None:
-        """Takes over how an event was judged."""
-        self.statistics, self._passed = examination.statistics, examination.passed
-
-    def examine(
-        self, window: Window | None, innovations: Innovations, in_force: Theta, constants: Constants
-    ) -> Examination:
-        """Judges one event.
-
-        One that is refused by itself says nothing of those after it, but that one must pass first; two, where it was
-        not long since: a wrong model is not contradicted at every operating point.
-
-        window: None where it cannot be tested; in_force (m,) and constants: during it.
-        """
-        if window is None:
-            return Examination((Objection(Reason.NOT_JUDGED),), self.statistics, self._passed)
-        expected = self._healthy.expected(window, constants.coefficients, constants.interval)
-        if expected is not None:
-            innovations = innovations._replace(values=innovations.values - expected)
-        if self.colour is not None:
-            innovations = Innovations(self.colour.whitening.of(innovations.values, window.masked), self.colour.sigma)
-        event = event_statistics(window, innovations, constants.interval, self._healthy)
-        lag = sensor_lag(in_force)
-        offset, untold = _offset(window, in_force, constants)
-        if inadequate_phase(event) is not None:
-            raised = objections(event, offset, lag, self._healthy, untold)
-            to_pass = 1 if self._passed >= SETTLED else BELIEVED_AFTER
-            return Examination(tuple(raised), self.statistics, self._passed if self._passed < 0 else -to_pass)
-        statistics = pooled(self.statistics, event)
-        raised = objections(statistics, offset, lag, self._healthy, untold)
-        passed = self._passed if raised else min(self._passed + 1, SETTLED)
-        if passed < 0 and not raised:
-            raised = [Objection(Reason.MODEL_INADEQUATE)]
-        return Examination(tuple(raised), statistics, passed)
-
-
-def _offset(window: Window, in_force: Theta, constants: Constants) -> tuple[float, float]:
-    """Line over rail pressure [Pa] with the needle shut before the event, and what a gain may be of it."""
-    shut, scale = slice(0, max(window.opening, 1)), constants.coefficients.pressure_scale
-    rail, gain = window.inputs[shut, 0], float(in_force[Parameter.LINE_PRESSURE_GAIN])
-    difference = window.output[shut] - (1.0 + gain) * rail
-    mean = float(difference.sum()) / difference.size
-    untold = constants.calibration.gain if gain == 0.0 else 0.0
-    return (mean - constants.sensor.offset) * scale, untold * float(rail[0]) * scale

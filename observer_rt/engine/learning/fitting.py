@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.evidence import integrate_cost
-from observer_rt.core.learning.gating import inverse_of
+from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.needle import NeedleLaw
-from observer_rt.engine.estimation.gating import Belief, Gate, best_subset
+from observer_rt.engine.estimation.belief import Belief
+from observer_rt.engine.estimation.gating import Gate, best_subset
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta

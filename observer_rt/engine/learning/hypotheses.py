@@ -13,7 +13,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, symmetric
+from observer_rt.engine.estimation.belief import Belief, symmetric
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, VALVE_LAW, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.stream.state import Reason

@@ -12,8 +12,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
-from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.account import Account, Overdispersion, of_healthy
 from observer_rt.engine.learning.adequacy import Objection

@@ -7,7 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, GatedBelief, held_at
+from observer_rt.engine.estimation.belief import Belief, held_at
+from observer_rt.engine.estimation.gating import GatedBelief
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.scalars import EXACTLY, SCALARS, Parameter, Theta, with_gain
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.gating import inverse_of
+from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.stream.stream import RAIL_BIN, RAIL_BINS
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter
@@ -16,7 +16,7 @@ from observer_rt.engine.learning.indicators import nozzle_change
 from observer_rt.engine.learning.interval import Resimulation
 
 _NOZZLE = int(Parameter.NOZZLE_BIAS)
-REMEMBERED = 16  # points; the oldest is forgotten
+MOST_POINTS = 16  # remembered; the oldest is forgotten
 # Distances over which what is wrong with a model changes: of rail pressure [p_0], of the logarithm of the time the
 # needle is open, and of the widest seat area.
 REACH = (0.4, 0.7, 0.4)
@@ -75,7 +75,7 @@ def extrapolation_sigma(point: EventPoint, learned_at: Sequence[EventPoint]) -> 
 
 def remembered(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[EventPoint, ...]:
     """The points with one more, the newest last."""
-    return (*learned_at, point)[-REMEMBERED:]
+    return (*learned_at, point)[-MOST_POINTS:]
 
 
 def is_new(point: EventPoint, learned_at: Sequence[EventPoint]) -> bool:

@@ -112,7 +112,7 @@ def _unseen(event: ClosedEvent, reader: EventReader) -> Objection | None:
 
 
 def _with_noise(state: LearningState, noise: NoiseLevels) -> LearningState:
-    """Sets the noise levels from an event on: what an event was by others says nothing by these."""
+    """Sets the noise levels from an event on; statistics by levels that differ by much do not count on."""
     before = state.noise
     ratios = (noise.rail_pressure / before.rail_pressure, noise.line_pressure / before.line_pressure)
     if any(abs(math.log(ratio)) > math.log(OTHER_NOISE) for ratio in ratios):

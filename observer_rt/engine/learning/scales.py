@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.evidence import weigh_scales
-from observer_rt.core.learning.gating import inverse_of
+from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.model import FIRST_OF_SEAT
-from observer_rt.engine.estimation.gating import Belief, symmetric
+from observer_rt.engine.estimation.belief import Belief, symmetric
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS
 from observer_rt.engine.learning import constants as c
 from observer_rt.model.network import HIDDEN, IS_PAIR, NEURONS

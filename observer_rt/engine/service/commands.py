@@ -12,16 +12,16 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.optional_inputs import NANOSECONDS, EnergizingLayout, EnergizingSignal
+from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, EnergizingSignal
 from observer_rt.core.stream.stream import INJECTIONS, RING
 from observer_rt.engine.observer import energize, samples_between, was_shut
 from observer_rt.engine.reports.injection_report import CommandedOpening
 from observer_rt.engine.reports.news import MissingInjection
 from observer_rt.engine.service.messages import CompiledPipeline
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECONDS
 
 OVERTAKEN = 10 * MILLISECOND  # by which a frame may be older than the one before; more is a new count
-REMEMBERED = 64  # commands
+MOST_COMMANDS = 64  # remembered; the oldest is forgotten
 RECENT = 100  # delays that mean and spread are of
 LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a command after its opening
 
@@ -148,10 +148,10 @@ class EnergizingWatch:
         self._late = 0.0 if self._reader.by_index else LATE_STAMP * sample_rate
         self._compiled = compiled
         self._on_missing = on_missing
-        self._waiting: deque[Command] = deque(maxlen=REMEMBERED)
+        self._waiting: deque[Command] = deque(maxlen=MOST_COMMANDS)
         self._energized: Command | None = None  # of which the pilot valve knows no end
         # indices of openings without a command, and samples processed when they were reported
-        self._unasked: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
+        self._unasked: deque[tuple[int, int]] = deque(maxlen=MOST_COMMANDS)
         self._delays: deque[float] = deque(maxlen=RECENT)
         self._newest = 0  # index of the last processed sample
         self._commands = self._missing = 0

@@ -10,7 +10,8 @@ import numpy as np
 
 from observer_rt.core.stream.stream import INJECTIONS, PENDING_EVENTS
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.adequacy import Examination, Examiner, Innovations, Objection
+from observer_rt.engine.learning.adequacy import Innovations, Objection
+from observer_rt.engine.learning.examiner import Examination, Examiner
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.knowledge import Adoption, EventRecord, Knowledge, Outcome
 from observer_rt.engine.learning.learner import Learner
@@ -22,7 +23,7 @@ from observer_rt.engine.stream.state import Constants, Reason, VerdictKind
 
 
 @dataclass(eq=False)
-class _ClosedEvent:
+class _PendingEvent:
     """Closed event that waits to be judged.
 
     number: in the order in which they closed, from 0; knowledge: what the observer carried; standstill: until it
@@ -109,9 +110,9 @@ class Judging:
         self._executor = executor
         self._first_version = start.phi_version
         self._submitted = self._taken = 0
-        self._waiting: deque[_ClosedEvent] = deque()
-        self._learned_from: _ClosedEvent | None = None
-        self._next: _ClosedEvent | None = None
+        self._waiting: deque[_PendingEvent] = deque()
+        self._learned_from: _PendingEvent | None = None
+        self._next: _PendingEvent | None = None
         self._late: Outcome | None = None  # to be put into force with the next event
         learned, interval = start.state.learned, compiled.observer.constants.interval
         self._examiner = Examiner(learned.statistics, healthy, learned.colour_at(interval))
@@ -167,7 +168,7 @@ class Judging:
         """Whether the stream waits for verdicts: then every event is learned from."""
         return bool(self._waits_for_verdicts[0])
 
-    def _would_be_taken(self, closed: _ClosedEvent) -> bool:
+    def _would_be_taken(self, closed: _PendingEvent) -> bool:
         """Whether the stream would take the first verdict on an event that is learned from: it is due already.
 
         That is so where only the next window showed that it was over. Once the event after it has closed, no more
@@ -181,7 +182,7 @@ class Judging:
         """Take over the next closed event."""
         observer, number = self._compiled.observer, self._submitted
         window = event_window(observer, number)
-        closed = _ClosedEvent(
+        closed = _PendingEvent(
             number,
             observer.constants,
             window,
@@ -201,7 +202,7 @@ class Judging:
         else:
             self.passed_over += 1
 
-    def _learn(self, closed: _ClosedEvent) -> None:
+    def _learn(self, closed: _PendingEvent) -> None:
         """Have an event learned from."""
         assert closed.window is not None
         assert closed.standstill is not None
@@ -230,7 +231,7 @@ class Judging:
             self._learn(self._next)
             self._next = None
 
-    def _post_examined(self, closed: _ClosedEvent) -> None:
+    def _post_examined(self, closed: _PendingEvent) -> None:
         examiner = self._examiner
         closed.examined = examiner.examine(
             closed.window, closed.innovations, closed.knowledge.in_force, closed.constants
@@ -240,7 +241,7 @@ class Judging:
         colour = closed.earlier.knowledge.state.learned.colour if closed.earlier else examiner.colour
         post_examined(self._compiled.observer, closed.number, closed.objections, colour is not None, closed.earlier)
 
-    def _post_learned(self, closed: _ClosedEvent, outcome: Outcome) -> None:
+    def _post_learned(self, closed: _PendingEvent, outcome: Outcome) -> None:
         self._late = None  # this knows of it
         is_coloured = outcome.knowledge.state.learned.colour is not None
         post_learned(self._compiled.observer, closed.number, outcome, is_coloured)

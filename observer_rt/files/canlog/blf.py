@@ -18,9 +18,10 @@ from can.io import blf as layout
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_FLAG, EXTENDED_MASK, length_of
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame, LogReader, LogWriter, lost_note
+from observer_rt.files.canlog.can_log import MICROSECOND, LogFormat, LogFrame, LogReader, LogWriter, lost_note
 from observer_rt.files.canlog.text_log import other_kind
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import NANOSECONDS
 
 LOST = struct.Struct("<LLqL")  # queue, -, time, number of events
 TYPE_OVERRUN, TYPE_LOST_BEGIN, TYPE_LOST_END = 91, 125, 126
@@ -29,7 +30,7 @@ FRAME_TYPES = (layout.CAN_MESSAGE, layout.CAN_MESSAGE2, layout.CAN_FD_MESSAGE, l
 SENT, REQUESTED, DIRECTION = 1, 2, 0xF
 FD_64_REMOTE, FD_64_SHIFT = 0x10, 12  # among the flags of CAN_FD_MESSAGE_64, those of CAN FD begin there
 READABLE = "give a complete BLF file"
-MICROSECOND, MILLISECOND = 1000, 1_000_000  # ns
+MILLISECOND = 1_000_000  # ns
 OLDEST_START = 631_152_000 * NANOSECONDS  # 1990: an earlier time is no date in BLF, and is counted from 0
 FASTEST_PACKING = 1  # of zlib: a fifth larger than its default, three times faster
 _MARK = b"LOBJ"

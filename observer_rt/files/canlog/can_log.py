@@ -10,8 +10,9 @@ from typing import ClassVar, NamedTuple, NoReturn, Self
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, STANDARD_MASK
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.units import NANOSECONDS
 
-NANOSECONDS = 1_000_000_000  # in a second
+MICROSECOND = 1000  # ns, of stamps
 REORDERED = 1_000_000  # ns by which drivers are seen to hand over frames in the wrong order
 PAUSE = NANOSECONDS  # between two parts of a log whose clock was set back
 YEAR = 365 * 86_400 * NANOSECONDS  # no pause within a log is so long

@@ -10,8 +10,9 @@ from pathlib import Path
 
 from observer_rt.bus.can_frame import BIT_RATE_SWITCH, ERROR_FLAG, ERROR_STATE
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame, LogWriter, lost_note, text_nanoseconds
+from observer_rt.files.canlog.can_log import LogFormat, LogFrame, LogWriter, lost_note, text_nanoseconds
 from observer_rt.files.canlog.text_log import EARLIEST_DATE, TextLogReader
+from observer_rt.foundation.units import NANOSECONDS
 
 EXTENDED_DIGITS = 8  # of an identifier
 _LINE = re.compile(

@@ -16,11 +16,10 @@ from can.io.generic import TextIOMessageReader
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, length_of
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import LogFormat, LogFrame, text_nanoseconds
+from observer_rt.files.canlog.can_log import MICROSECOND, LogFormat, LogFrame, text_nanoseconds
 from observer_rt.files.canlog.text_log import EARLIEST_DATE, FROM_START, TextLogReader, other_kind
 
 logging.getLogger("can.io").addHandler(logging.NullHandler())  # what it warns of is refused in words, with the line
-MICROSECOND = 1000  # ns
 _CSV_HEADING = "timestamp,arbitration_id,extended,remote,error,dlc,data"
 _TRC_PLACES: dict[str, tuple[int | None, int]] = {  # of the kind and of the data, in a line
     "1.0": (None, 4),

@@ -5,7 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar, NoReturn
 
-from observer_rt.files.canlog.can_log import NANOSECONDS, LogReader
+from observer_rt.files.canlog.can_log import LogReader
+from observer_rt.foundation.units import NANOSECONDS
 
 _HEAD = 200  # bytes
 _OTHER_KINDS = {  # what to do with a file, by how it begins; a suffix: it is a log that should have it

@@ -16,10 +16,10 @@ from asammdf.blocks.v4_constants import CHANNEL_TYPE_VLSD, FLAG_CG_PLAIN_BUS_EVE
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, STANDARD_MASK, length_of
-from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.mdf4.can_log import CHANNEL_NAME, MAX_LENGTH, RECORD
 from observer_rt.files.mdf4.opening import opened, record_size, refuse_outside, stored_bytes, stored_records
 from observer_rt.files.mdf4.reader_process import Answer
+from observer_rt.foundation.units import NANOSECONDS
 
 DATA, ERROR, REMOTE = "CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame"
 EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE

@@ -17,7 +17,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.engine.signal_survey import refuse_implausible
-from observer_rt.files.canlog.can_log import NANOSECONDS, LogReader
+from observer_rt.files.canlog.can_log import LogReader
 from observer_rt.files.channels import chosen_channels
 from observer_rt.files.formats import open_log, open_recording
 from observer_rt.files.replay.framing import TimedFrame, bench_for, clamped_in
@@ -25,7 +25,7 @@ from observer_rt.files.replay.recording_frames import recording_frames
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECONDS
 
 HELD_SAMPLES = 1 << 20  # of a recording that is read before it is sent: reading meanwhile may delay a frame
 

@@ -12,9 +12,9 @@ from observer_rt.files.signals.doubts import refuse_without_lift
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, cut, followed
 from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.units import NANOSECONDS
 
 ENCODED_AT_ONCE = 1000  # samples, so that encoding delays no frame by much
-NANOSECONDS = 1e9  # in a second
 PAUSE = 1.0  # s, between two recordings, and between two stretches of one
 
 

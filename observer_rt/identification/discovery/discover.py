@@ -24,11 +24,15 @@ from observer_rt.identification.discovery.search.proposals import variance_by_ph
 from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
-from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.coverage import chosen_words
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
-from observer_rt.identification.likelihood.measurement import Measurement, with_free_needle, without_gain
+from observer_rt.identification.likelihood.measurement import (
+    Measurement,
+    with_free_needle,
+    with_healthy_offset,
+    without_gain,
+)
 from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.identification.likelihood.reading import refuse_rates_missing
 from observer_rt.model.baseline import Baseline, HealthyRemainder, Remainder
@@ -74,10 +78,7 @@ class DiscoveryTask:
 
 
 def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
-    """Raise `UserError` for recordings that cannot be compared with the model, or not together.
-
-    model: name of its file.
-    """
+    """Raise `UserError` where recordings cannot be compared with the model of this file name, or not together."""
     refuse_rates_missing([one.recording for one in task.measured])
     first = task.measured[0]
     coefficients = first.coefficients_of(effective_model(task.parameters))

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.likelihood.measured_rate import GAIN_ERROR
-from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import mass, measured_mass, noisier, pressure_gap, simulated
+from observer_rt.identification.likelihood.measurement import Measurement, noisier
+from observer_rt.identification.likelihood.open_loop import mass, measured_mass, pressure_gap, simulated
 from observer_rt.identification.likelihood.operating_points import every_second_point
 from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model.effective import EffectiveModel

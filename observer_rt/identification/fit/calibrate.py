@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
 from observer_rt.identification.fit.causes import TriedCause, tried_causes
+from observer_rt.identification.fit.comparison import Comparison, compared
 from observer_rt.identification.fit.folds import Fold, by_meter, folds_of, share_between_samples, thinned
 from observer_rt.identification.fit.forms import INERTANCE, NEEDLE, NOZZLE, STRUCTURES, FreeParameter, Structure
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.rate import rate_meter, rate_misfit
-from observer_rt.identification.fit.residuals import Comparison, compared
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
     ROUGH_EVENTS,
@@ -105,7 +105,7 @@ class CalibrationResult:
     @property
     def above_gate(self) -> tuple[Phase, ...]:
         """Phases whose residuals are more than noise."""
-        return tuple(phase for phase in Phase if self.comparison.left.chi2[phase] > GATE)
+        return tuple(phase for phase in Phase if self.comparison.unexplained.chi2[phase] > GATE)
 
     @property
     def cause(self) -> TriedCause | None:
@@ -122,7 +122,7 @@ class CalibrationResult:
         share = self.comparison.share
         is_strict = self.measurements[0].is_answered or (self.cause is not None and self.cause.is_of_bench)
         over = [phase for phase in self.above_gate if is_strict or share(phase) > TOLERATED]
-        return tuple(sorted(over, key=lambda phase: -self.comparison.left.chi2[phase]))
+        return tuple(sorted(over, key=lambda phase: -self.comparison.unexplained.chi2[phase]))
 
     @property
     def told_shares(self) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ class TriedCause:
     @property
     def explains(self) -> bool:
         """Whether the residuals are small with the effect."""
-        return self.fit.left.mean - 1.0 <= EXPLAINED * min(self.before - 1.0, 10.0)
+        return self.fit.unexplained.mean - 1.0 <= EXPLAINED * min(self.before - 1.0, 10.0)
 
     @property
     def is_of_bench(self) -> bool:
@@ -39,11 +39,9 @@ class TriedCause:
     def words(self) -> str:
         """Such as `lift_offset x_0 = 9.8 um: chi2 1.1 for 3.3`, each in the mean."""
         first = self.effect.parameters[0]
-        size = EffectSize.of_effect(self.effect).of(self.fit.injector) / first.si
-        unit = "" if first.unit == "-" else f" {first.unit}"
-        return (
-            f"{self.effect.id} {first.name} = {size:.3g}{unit}: chi2 {self.fit.left.mean:.3g} for {self.before:.3g}"
-        )
+        value = EffectSize.of_effect(self.effect).of(self.fit.injector) / first.si
+        unit, after = "" if first.unit == "-" else f" {first.unit}", self.fit.unexplained.mean
+        return f"{self.effect.id} {first.name} = {value:.3g}{unit}: chi2 {after:.3g} for {self.before:.3g}"
 
 
 def tried_causes(best: FittedStructure) -> tuple[TriedCause, ...]:
@@ -57,8 +55,8 @@ def tried_causes(best: FittedStructure) -> tuple[TriedCause, ...]:
         free = (*best.calibration.free, size)
         again = fitted(best.structure, best.injector, free, best.calibration.folds, ITERATIONS)
         if isinstance(again, FittedStructure):
-            tried.append(TriedCause(VOCABULARY[size.key], again, best.left.mean))
-    return tuple(sorted(tried, key=lambda one: one.fit.left.mean))
+            tried.append(TriedCause(VOCABULARY[size.key], again, best.unexplained.mean))
+    return tuple(sorted(tried, key=lambda one: one.fit.unexplained.mean))
 
 
 def _gain(best: FittedStructure, size: EffectSize) -> float:

@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.identification.fit.comparison import UnexplainedSignal, pooled
 from observer_rt.identification.fit.forms import INERTANCE
 from observer_rt.identification.fit.problem import Calibration
-from observer_rt.identification.fit.residuals import UnexplainedSignal, pooled
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 
 

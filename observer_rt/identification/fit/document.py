@@ -18,7 +18,7 @@ from observer_rt.identification.fit.calibrate import (
     FittedNumber,
     FlowLevel,
 )
-from observer_rt.identification.fit.residuals import RecordingMass, Residual
+from observer_rt.identification.fit.comparison import RecordingMass, Residual
 from observer_rt.identification.fit.search import FailedStructure
 from observer_rt.identification.fit.structures import Trial, judged_by
 from observer_rt.model.baseline import Baseline
@@ -138,11 +138,11 @@ def verdict_words(done: CalibrationResult) -> str:
 
 
 def _fit_words(done: CalibrationResult) -> str:
-    left = done.comparison.left
+    pressure = done.comparison.unexplained
     if not done.inadequate and done.not_observed:
         return f"INADEQUATE: the observer cannot learn with this model ({done.not_observed})"
     if not done.inadequate:
-        words = f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({left.worst.label})"
+        words = f"adequate: chi2 at most {pressure.chi2[pressure.worst]:.2f} ({pressure.worst.label})"
         if done.above_gate:
             most = max(map(done.comparison.share, done.above_gate))
             words += (
@@ -150,7 +150,7 @@ def _fit_words(done: CalibrationResult) -> str:
                 f"interval. {_disagreement(done)}. {_causes(done)}"
             )
         return words
-    where = ", ".join(f"{phase.label} {left.chi2[phase]:.3g}" for phase in done.inadequate)
+    where = ", ".join(f"{phase.label} {pressure.chi2[phase]:.3g}" for phase in done.inadequate)
     share = max(map(done.comparison.share, done.inadequate))
     return (
         f"INADEQUATE: chi2 above {GATE:g} in {where}, up to {share:.1%} of the swing of the line pressure. "

@@ -12,7 +12,7 @@ from observer_rt.config.injector_file import InjectorFile, section_of
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.fit.calibrate import CalibrationResult
-from observer_rt.identification.fit.residuals import pooled
+from observer_rt.identification.fit.comparison import pooled
 from observer_rt.identification.likelihood.appearance import healthy_remainder
 from observer_rt.identification.likelihood.events import rail_pressure_before
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
@@ -96,7 +96,7 @@ def _largest(figures: Sequence[Mapping[Phase, float]]) -> PhaseFigures:
 def _remainder(done: CalibrationResult) -> HealthyRemainder:
     """Residuals of the fitted model, each fold compared with the shape of the others."""
     offset = float(np.mean(done.fitted.offsets)) * MEGAPASCAL
-    model = effective_model(done.injector).with_terms("sensor", offset=offset)
+    model = effective_model(done.injector).with_changes("sensor", offset=offset)
     likelihood = joint_likelihood([fold.measurement for fold in done.fitted.calibration.folds], model)
     remainder = healthy_remainder(likelihood, model, seen_in(has_lift=True))
     return remainder.model_copy(update={"line_pressure_offset_MPa": rounded(offset / MEGAPASCAL)})

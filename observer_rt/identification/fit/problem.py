@@ -67,7 +67,7 @@ class Calibration:
         """The model at theta of one of the folds."""
         model = effective_model(self.injector(theta))
         offset = float(theta[len(self.free) + number]) * MEGAPASCAL
-        return model.with_terms("sensor", offset=model.sensor.offset + offset)
+        return model.with_changes("sensor", offset=model.sensor.offset + offset)
 
     def judge(self, theta: NDArray[np.float64], number: int) -> JudgedModel | None:
         """A fold at theta; None where the model has no solution."""

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.fit import forms, problem
+from observer_rt.identification.fit.comparison import UnexplainedSignal, pooled
 from observer_rt.identification.fit.cross_validation import HeldOut, held_out
 from observer_rt.identification.fit.folds import Fold, thinned
-from observer_rt.identification.fit.residuals import UnexplainedSignal, pooled
 from observer_rt.identification.likelihood.bounded_fit import Minimum, fit
 from observer_rt.identification.likelihood.likelihood import JudgedModel
 from observer_rt.model.parameters import InjectorParameters
@@ -38,15 +38,15 @@ EXPLAINED = 5.0  # mean chi2, below which a search has not ended beside the mini
 class FittedStructure:
     """A structure at its minimum.
 
-    judged: every fold at the minimum; left: residuals of the line pressure on the recordings of the fit; held_out:
-    those on recordings left out, None if none could be.
+    judged: every fold at the minimum; unexplained: residuals of the line pressure on the recordings of the fit;
+    held_out: those on recordings left out, None if none could be.
     """
 
     structure: forms.Structure
     calibration: problem.Calibration
     minimum: Minimum
     judged: Sequence[JudgedModel]
-    left: UnexplainedSignal
+    unexplained: UnexplainedSignal
     held_out: HeldOut | None
 
     @property
@@ -67,7 +67,7 @@ class FittedStructure:
     @property
     def certainty(self) -> problem.Certainty:
         """Certainty of the parameters, reduced where residuals are more than noise."""
-        return problem.certainty(self.calibration, self.minimum.at, max(1.0, self.left.mean))
+        return problem.certainty(self.calibration, self.minimum.at, max(1.0, self.unexplained.mean))
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,8 @@ def fitted(
         return FailedStructure(
             structure, "has no finite solution on these recordings from the numbers it was started with"
         )
-    left = pooled(calibration.recordings, judged)
-    return FittedStructure(structure, calibration, minimum, judged, left, held_out(calibration, minimum.at))
+    unexplained = pooled(calibration.recordings, judged)
+    return FittedStructure(structure, calibration, minimum, judged, unexplained, held_out(calibration, minimum.at))
 
 
 def _fit(
@@ -164,7 +164,7 @@ def searched(
     few = tuple(thinned(fold, 1) for fold in folds)
     start = _best(structure, _around(file, free), free, few)
     structure_fit = fitted(structure, start, free, folds, ROUGH_ITERATIONS, SPARE)
-    if isinstance(structure_fit, FailedStructure) or structure_fit.left.mean < EXPLAINED:
+    if isinstance(structure_fit, FailedStructure) or structure_fit.unexplained.mean < EXPLAINED:
         return structure_fit
     here = structure_fit.injector
     again = _best(structure, [here, *_around(here, free)], free, few)

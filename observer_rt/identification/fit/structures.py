@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer_rt.engine.estimation.phases import Phase
+from observer_rt.identification.fit.comparison import UnexplainedSignal
 from observer_rt.identification.fit.folds import Fold
 from observer_rt.identification.fit.forms import (
     OPTIONAL_GROUPS,
@@ -20,7 +21,6 @@ from observer_rt.identification.fit.forms import (
     Structure,
     with_values,
 )
-from observer_rt.identification.fit.residuals import UnexplainedSignal
 from observer_rt.identification.fit.search import (
     EXPLAINED,
     ROUGH_ITERATIONS,
@@ -61,7 +61,7 @@ class Choice:
 
 def judged_by(structure: FittedStructure) -> UnexplainedSignal:
     """Residuals of a structure on recordings left out of its fit; on all, if none could be left out."""
-    return structure.left if structure.held_out is None else structure.held_out.unexplained
+    return structure.unexplained if structure.held_out is None else structure.held_out.unexplained
 
 
 def tried_structures(

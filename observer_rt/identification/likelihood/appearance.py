@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, EventStretch, Healthy, ShapeFit, together
-from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, residuals_of
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.windows import expected_of, stretches
 from observer_rt.model.baseline import Appearance, HealthyRemainder, PhaseFigures
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import sized
 
 VISIBLE = 25.0  # of -2 log L that a size must gain to be visible: 5 standard deviations
 VISIBLE_BESIDE_A_FIT = 36.0  # what a fitted model leaves of a healthy injector gains up to 30 now and then
@@ -142,14 +140,6 @@ def _appearance(signature: Signature) -> Appearance:
     first = signature.effect.parameters[0]
     mean, uncertainty, scatter = (float(f"{value / first.si:.{_DIGITS}g}") for value in (mean, uncertainty, scatter))
     return Appearance(mean=mean, uncertainty=uncertainty, scatter=scatter, unit=first.unit)
-
-
-def with_healthy_offset(measured: Measurement, healthy: Healthy) -> Measurement:
-    """A recording with the offset that its line-pressure sensor had when the injector was healthy."""
-    if healthy.line_pressure_offset_MPa == 0.0:
-        return measured
-    offset = sized("line_pressure_sensor_offset", o=healthy.line_pressure_offset_MPa * MEGAPASCAL)
-    return replace(measured, stated=(*measured.stated, offset))
 
 
 def reference(appears: Mapping[str, Appearance], signature: Signature) -> tuple[float, float]:

@@ -179,7 +179,7 @@ class RecordingLikelihood:
 
         measurement: this recording, or the same with other noise in its lift.
         """
-        model = self._nominal.with_terms("inputs", lift_lag=lag)
+        model = self._nominal.with_changes("inputs", lift_lag=lag)
         innovation, _ = self._predicted(model, self._inputs(measurement, model), 0, self._substeps_of(model))
         return np.asarray(innovation[self._rows.counted] / self._schedule(model).innovation_sigma)
 
@@ -224,7 +224,7 @@ class RecordingLikelihood:
     def _rate_noise_by_lift(self, nominal: EffectiveModel) -> NDArray[np.float64]:
         """Standard deviation of the modelled rate (m,) by the recorded lift's noise, by jitter and by the meter."""
         noise = self.measurement.noise.needle_lift
-        shifted = nominal.with_terms("inputs", lift_shift=nominal.inputs.lift_shift + noise)
+        shifted = nominal.with_changes("inputs", lift_shift=nominal.inputs.lift_shift + noise)
         run, late = self._run(nominal), self._jitter.late
         _, rate = run(late)
         _, other = self._run(shifted)(late)

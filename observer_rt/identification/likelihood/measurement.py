@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
 from observer_rt.foundation.errors import UserError
@@ -31,6 +32,7 @@ from observer_rt.identification.likelihood.openings import Opening
 from observer_rt.identification.likelihood.white_noise import noise_level, white_noise
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import Coefficients, EffectiveModel, averaged
+from observer_rt.model.effects import sized
 
 PRESSURE_FLOOR, RATE_FLOOR = 0.005 * MEGAPASCAL, 0.01 * MM3_PER_MS  # least noise
 LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
@@ -195,6 +197,14 @@ def with_free_needle(recordings: Sequence[Measurement]) -> tuple[Measurement, ..
     return tuple(replace(one, is_free=one.is_answered) for one in recordings)
 
 
+def with_healthy_offset(measured: Measurement, healthy: Healthy) -> Measurement:
+    """A recording with the offset that its line-pressure sensor had when the injector was healthy."""
+    if healthy.line_pressure_offset_MPa == 0.0:
+        return measured
+    offset = sized("line_pressure_sensor_offset", o=healthy.line_pressure_offset_MPa * MEGAPASCAL)
+    return replace(measured, stated=(*measured.stated, offset))
+
+
 def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 1.0) -> tuple[Measurement, ...]:
     """Recordings in the rail sensor's units. gain: of the line-pressure sensor; level: of measured flows in them."""
     result = []
@@ -207,6 +217,21 @@ def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 
         )
         result.append(replace(measurement, recording=changed))
     return tuple(result)
+
+
+def noisier(measurement: Measurement, seed: int) -> Measurement:
+    """The recording with as much noise added as it has: the change of a result shows the uncertainty of it."""
+    random, recording, noise = np.random.default_rng(seed), measurement.recording, measurement.noise
+    rail, lift, line = (
+        values + random.normal(0.0, sigma, values.size)
+        for values, sigma in (
+            (recording.rail_pressure, noise.rail_pressure),
+            (recording.needle_lift, noise.needle_lift),
+            (recording.line_pressure, noise.line_pressure),
+        )
+    )
+    louder = replace(recording, rail_pressure=rail, needle_lift=lift, line_pressure=line)
+    return replace(measurement, recording=louder)
 
 
 def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: float, **of: Any) -> Recording:

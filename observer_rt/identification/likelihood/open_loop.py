@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 from weakref import WeakKeyDictionary
 
@@ -139,18 +139,3 @@ def measured_mass(measurement: Measurement, injection: SimulatedInjection, densi
     inside = windows.in_mass_window(measurement, injection.event, injection.rate_samples)
     late = (injection.rate - injection.shown_rate)[inside]
     return float(np.trapezoid(measured[injection.rate_samples[inside]] + late)) * measurement.interval * density
-
-
-def noisier(measurement: Measurement, seed: int) -> Measurement:
-    """The recording with as much noise added as it has: the change of a result shows the uncertainty of it."""
-    random, recording, noise = np.random.default_rng(seed), measurement.recording, measurement.noise
-    rail, lift, line = (
-        values + random.normal(0.0, sigma, values.size)
-        for values, sigma in (
-            (recording.rail_pressure, noise.rail_pressure),
-            (recording.needle_lift, noise.needle_lift),
-            (recording.line_pressure, noise.line_pressure),
-        )
-    )
-    louder = replace(recording, rail_pressure=rail, needle_lift=lift, line_pressure=line)
-    return replace(measurement, recording=louder)

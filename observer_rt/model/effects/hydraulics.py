@@ -27,7 +27,7 @@ def _bulk_modulus(model: EffectiveModel, values: Sequence[float]) -> EffectiveMo
     of_modulus = fluid.in_line.stiffness(USUAL_PRESSURE) / fluid.bulk_modulus_line
     stiffer = model.with_section("fluid", bulk_modulus_line=1.0 + share * of_modulus)
     slope = model.departures.stiffness_slope + share * fluid.bulk_modulus_by_pressure
-    return stiffer.with_terms("departures", stiffness_slope=slope)
+    return stiffer.with_changes("departures", stiffness_slope=slope)
 
 
 BULK_MODULUS = Effect(
@@ -191,7 +191,7 @@ def _lift_dependent_seat_coefficient(model: EffectiveModel, values: Sequence[flo
     before = model.departures
     if before.seat_loss != 0.0:
         lift = before.seat_loss_lift  # one scale of lift: what is added changes the loss in force
-    return model.with_terms("departures", seat_loss=before.seat_loss + loss, seat_loss_lift=lift)
+    return model.with_changes("departures", seat_loss=before.seat_loss + loss, seat_loss_lift=lift)
 
 
 LIFT_DEPENDENT_SEAT_COEFFICIENT = Effect(
@@ -210,7 +210,7 @@ LIFT_DEPENDENT_SEAT_COEFFICIENT = Effect(
 def _chamber_pressure_rise(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
     rise, share = values
     before = model.departures
-    return model.with_terms(
+    return model.with_changes(
         "departures",
         chamber_rise=before.chamber_rise + (1.0 - share) * rise,
         chamber_rise_with_seat=before.chamber_rise_with_seat + share * rise,

@@ -56,7 +56,7 @@ LINE_PRESSURE_SENSOR_OFFSET = Effect(
 
 
 def _lift_gain(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    return model.with_terms("inputs", lift_factor=model.inputs.lift_factor * (1.0 + values[0]))
+    return model.with_changes("inputs", lift_factor=model.inputs.lift_factor * (1.0 + values[0]))
 
 
 LIFT_GAIN = Effect(
@@ -108,7 +108,7 @@ NEEDLE_LIFT_SENSOR_LAG = Effect(
 
 def _rail_pressure_sensor_gain(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
     terms, factor = model.inputs, 1.0 / (1.0 + values[0])
-    return model.with_terms("inputs", rail_factor=terms.rail_factor * factor, rail_shift=terms.rail_shift * factor)
+    return model.with_changes("inputs", rail_factor=terms.rail_factor * factor, rail_shift=terms.rail_shift * factor)
 
 
 RAIL_PRESSURE_SENSOR_GAIN = Effect(
@@ -126,7 +126,7 @@ RAIL_PRESSURE_SENSOR_GAIN = Effect(
 
 def _rail_pressure_sensor_offset(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
     terms = model.inputs
-    return model.with_terms("inputs", rail_shift=terms.rail_shift - values[0] * terms.rail_factor)
+    return model.with_changes("inputs", rail_shift=terms.rail_shift - values[0] * terms.rail_factor)
 
 
 RAIL_PRESSURE_SENSOR_OFFSET = Effect(

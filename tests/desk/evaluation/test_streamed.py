@@ -110,7 +110,7 @@ def test_what_is_remembered_does_not_grow(monkeypatch: pytest.MonkeyPatch) -> No
         sizes.append(self.held.size)
 
     monkeypatch.setattr(HistorySamples, "give", watched)
-    monkeypatch.setattr(samples, "REMEMBERED", 4096)
+    monkeypatch.setattr(samples, "LOOK_BACK", 4096)
     recording = worn()
     assert recording.samples > 15_000
     streamed(Cut(recording, [0, recording.samples], 1000))

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.engine.estimation.gating import ENTER, STAY, Belief, Gate, GatedBelief, best_subset
+from observer_rt.engine.estimation.belief import Belief
+from observer_rt.engine.estimation.gating import ENTER, STAY, Gate, GatedBelief, best_subset
 from tests.plants.arrays import Array
 
 SIZE = 6

@@ -6,12 +6,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from observer_rt.engine.estimation.phases import PHASES, Phase, PhaseStatistics, no_statistics, phase_statistics
-from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning import adequacy
-from observer_rt.engine.learning.healthy import NOT_FITTED
 from observer_rt.engine.stream.state import Reason
-from tests.engine.learning.strokes import CONSTANTS
 
 LENGTHS = (50, 30, 60, 35, 295, 400)  # samples of an event's phases at 100 kHz
 PHASES_OF_EVENT = np.repeat([0, 1, 2, 3, 4, 0], LENGTHS).astype(np.int8)
@@ -164,26 +161,3 @@ def test_wear_at_its_limit_is_not_believed(column: Parameter) -> None:
         assert not adequacy.is_worn_beyond_limits(theta)
         theta[column] = limit
         assert adequacy.is_worn_beyond_limits(theta)
-
-
-@pytest.mark.parametrize(
-    ("events", "passed"),
-    [
-        ("good good good bad good good", "yes yes yes no yes yes"),
-        ("good good good bad bad bad good good", "yes yes yes no no no yes yes"),
-        ("good bad good good good", "yes no no yes yes"),
-        ("good good good bad good bad good good", "yes yes yes no yes no no yes"),
-    ],
-)
-def test_an_event_is_believed_again_sooner_where_all_was_well_before(events: str, passed: str) -> None:
-    """Statistics over recent events keep nothing of one that was refused by itself."""
-    rng = np.random.default_rng(4)
-    resting = np.ones(1200, np.bool_)
-    window = Window(np.zeros((1200, 2)), np.zeros(1200), resting, np.zeros(4), opening=0)
-    examiner, result = adequacy.Examiner(no_statistics(), NOT_FITTED), []
-    for event in events.split():
-        innovations = adequacy.Innovations(rng.normal(0.0, 6.0 if event == "bad" else 1.0, 1200), 1.0)
-        examination = examiner.examine(window, innovations, np.zeros(PARAMETERS), CONSTANTS)
-        examiner.take(examination)
-        result.append("no" if examination.objections else "yes")
-    assert " ".join(result) == passed

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, prior_belief
+from observer_rt.engine.estimation.belief import Belief, prior_belief
 from observer_rt.engine.estimation.phases import PHASES, Phase, phase_statistics
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.learning.adequacy import CLIP

@@ -3,7 +3,7 @@
 import numpy as np
 
 from observer_rt.config.bench import load_injector
-from observer_rt.engine.estimation.gating import prior_belief
+from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.scalars import PARAMETERS
 from observer_rt.engine.learning.fitting import EventFitter, theta_limits

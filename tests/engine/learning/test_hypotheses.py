@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.engine.estimation.gating import prior_belief
+from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.learning import hypotheses
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, prior_belief
+from observer_rt.engine.estimation.belief import Belief, prior_belief
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter, network_of
 from observer_rt.engine.learning.account import Account

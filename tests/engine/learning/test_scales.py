@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, prior_belief
+from observer_rt.engine.estimation.belief import Belief, prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS
 from observer_rt.engine.learning.constants import CHOICES, CHOSEN, LAWLESS, MOST_PAIRS, ONE_SCALE, PAIRED
 from observer_rt.engine.learning.scales import NONE, SMALL, law_probabilities, shrink, weigh_choices, without_others

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from observer_rt.engine.estimation.gating import prior_belief
+from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.constants import SPEED, TURNS
 from observer_rt.engine.learning.hypotheses import moving

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from observer_rt.bus.links.link import Frame
 from observer_rt.files.canlog import text_log
-from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame
+from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.formats import LOGS_WRITTEN, is_log, open_log
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import NANOSECONDS
 from tests.files.canlog.log_cases import FORMATS, START, as_read, log_frames, message_of, mixture, moved, write_log
 
 SUFFIXES = sorted(FORMATS)

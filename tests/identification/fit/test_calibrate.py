@@ -126,7 +126,7 @@ def test_flows_coefficients_and_sac_scale_with_the_inertance(by_pressures: Calib
         update={"line": file.line.model_copy(update={"diameter": file.line.diameter * np.sqrt(share)})}
     )
     scaled = _fit(_measured(simulations()), wrong)
-    assert scaled.comparison.left.mean == pytest.approx(by_pressures.comparison.left.mean, rel=0.01)
+    assert scaled.comparison.unexplained.mean == pytest.approx(by_pressures.comparison.unexplained.mean, rel=0.01)
     right, moved = by_pressures.injector, scaled.injector
     for section, key, power in (
         ("nozzle", "flow_coefficient", 1),

@@ -75,7 +75,7 @@ def test_only_what_all_shots_have_in_common_is_no_jitter(later: float, is_seen: 
     fits = fitter(HiddenCase(later, opens=320 * US + later, shuts=270 * US + later))
     nothing = fits.nothing()
     assert left(fits, nothing) <= 1.0
-    named = fits.named(nothing, [VOCABULARY["opening_delay"]])[0]
+    named = fits.fits_beside(nothing, [VOCABULARY["opening_delay"]])[0]
     assert (nothing.statistic - named.statistic > 25.0) is is_seen
 
 
@@ -83,7 +83,7 @@ def test_only_what_all_shots_have_in_common_is_no_jitter(later: float, is_seen: 
 def test_a_hidden_size_is_found_by_commands_alone(name: str) -> None:
     case = CASES[name]
     fits = fitter(case)
-    ranked = fits.named(fits.nothing(), [VOCABULARY[one] for one in {name, "orifice_area", "opening_delay"}])
+    ranked = fits.fits_beside(fits.nothing(), [VOCABULARY[one] for one in {name, "orifice_area", "opening_delay"}])
     assert ranked[0].ids == (name,)
     assert left(fits, ranked[0]) <= 1.0
     assert ranked[0].sizes[0] == pytest.approx(case.size, abs=4.5 * fits.sigmas(ranked[0])[0])

@@ -7,8 +7,8 @@ import pytest
 
 from observer_rt.engine.estimation.gain import NoiseLevels as Levels
 from observer_rt.files.signals.recording import shown_slowly
-from observer_rt.identification.likelihood.measurement import Measurement, measurements
-from observer_rt.identification.likelihood.open_loop import mass, measured_mass, noisier, simulated
+from observer_rt.identification.likelihood.measurement import Measurement, measurements, noisier
+from observer_rt.identification.likelihood.open_loop import mass, measured_mass, simulated
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.hidden import NOMINAL, recordings

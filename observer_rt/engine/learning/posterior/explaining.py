@@ -10,30 +10,15 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, HeldBelief
+from observer_rt.engine.estimation.belief import Belief, HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.scalars import PARAMETERS, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning import constants as c
+from observer_rt.engine.learning import hypotheses
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
 from observer_rt.engine.learning.fitting import EventFit, EventFitter, Limits, evidence_of, nearly_white
-from observer_rt.engine.learning.hypotheses import (
-    AT_FAULT,
-    BEFORE,
-    BELIEVED,
-    INADEQUATE,
-    LIFT_LATE,
-    NEEDLE_CHANGED,
-    QUICK,
-    SHIFTED,
-    STATED,
-    STAYS,
-    Kind,
-    Mode,
-    Moving,
-    moving,
-    transitions,
-)
+from observer_rt.engine.learning.hypotheses import BEFORE, QUICK, Kind, Mode, Moving, moving, transitions
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
 from observer_rt.engine.learning.scales import (
@@ -49,7 +34,7 @@ from observer_rt.model.effective import LAG_UNIT
 NEEDLE_STARTS, LATE_STARTS = np.zeros((9, PARAMETERS)), np.zeros((len(c.LIFT_DELAYS), PARAMETERS))
 NEEDLE_STARTS[:, [Parameter.OPENING_DELAY, Parameter.CLOSING_DELAY]] = [*product(c.OPENING_DELAYS, c.CLOSING_DELAYS)]
 LATE_STARTS[:, Parameter.LIFT_DELAY] = c.LIFT_DELAYS
-STARTED = {LIFT_LATE: LATE_STARTS / LAG_UNIT, NEEDLE_CHANGED: NEEDLE_STARTS / LAG_UNIT}
+STARTED = {hypotheses.LIFT_LATE: LATE_STARTS / LAG_UNIT, hypotheses.NEEDLE_CHANGED: NEEDLE_STARTS / LAG_UNIT}
 """Moves of theta (k, m) from which a kind may be sought, for delays have several minima."""
 
 
@@ -83,7 +68,7 @@ class Explanation:
     @cached_property
     def score_as_believed(self) -> float | None:
         """Score of the event before the fit; None if it was not expected so, or nothing was learned before."""
-        if self.kind not in BELIEVED or self.before.is_prior:
+        if self.kind not in hypotheses.BELIEVED or self.before.is_prior:
             return None
         return self.reading.first.score(self.held.prior.covariance)
 
@@ -180,7 +165,7 @@ class _OfferedKinds:
             self._fit(evidence, math.inf if is_new else self._log_of(kind) - max(best, self.best))
             if evidence.fit is not None:
                 for other in left:
-                    if other is not SHIFTED:  # what is little shows from where nothing has changed
+                    if other is not hypotheses.SHIFTED:  # what is little shows from where nothing has changed
                         nearer = copy(self._evidence[other])
                         nearer.weigh(evidence.cost, self._reader.limits)
                         self._evidence[other] = max(self._evidence[other], nearer, key=lambda each: each.log)
@@ -191,10 +176,10 @@ class _OfferedKinds:
         for kind, evidence in self._evidence.items():
             if self._log_of(kind) > best - c.REFINED:
                 logs[kind] = evidence.log + self._nearly_white(evidence)
-        if logs and AT_FAULT in self._logs:  # the cost of its theta is part of it
+        if logs and hypotheses.AT_FAULT in self._logs:  # the cost of its theta is part of it
             at_fault = before.log + before.cost.expected(before.theta)
             at_fault -= self._reading.at_fault(before.theta, before.fit)
-            logs |= dict.fromkeys((AT_FAULT, INADEQUATE), at_fault)
+            logs |= dict.fromkeys((hypotheses.AT_FAULT, hypotheses.INADEQUATE), at_fault)
         for kind, log in logs.items():
             evidence = self._evidence.get(kind, before)
             if not (kind.mode.is_good and is_worn_beyond_limits(evidence.theta)):
@@ -220,11 +205,11 @@ class _OfferedKinds:
         learned, reader = self._learned, self._reader
         before = learned.belief.drifted(reader.drift)
         if learned.is_prior:
-            before = before.narrowed(STATED, c.FILED)
+            before = before.narrowed(hypotheses.STATED, c.FILED)
         priors = {kind: self._widened(before, kind) for kind in self._logs if kind.mode.is_good}
         if QUICK not in priors:
             return None, priors
-        goes_on = account.modes.get(Mode.QUICK, 0.0) * STAYS[Mode.QUICK] / math.exp(self._logs[QUICK])
+        goes_on = account.modes.get(Mode.QUICK, 0.0) * hypotheses.STAYS[Mode.QUICK] / math.exp(self._logs[QUICK])
         moved = moving(priors[QUICK], reader.drift, account.velocity, min(goes_on, 1.0))
         return moved, priors | {QUICK: moved.belief}
 

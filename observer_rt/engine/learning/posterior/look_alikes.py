@@ -13,14 +13,8 @@ import numpy as np
 from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of, sensor_lag
+from observer_rt.engine.learning import adequacy
 from observer_rt.engine.learning.account import Account
-from observer_rt.engine.learning.adequacy import (
-    Objection,
-    inadequate_phase,
-    is_no_law,
-    looks_like_inertance,
-    sensor_objections,
-)
 from observer_rt.engine.learning.disturbances.colour import RestingNoise, resting_segments
 from observer_rt.engine.learning.indicators import nozzle_change
 from observer_rt.engine.learning.knowledge import LearningState
@@ -46,7 +40,7 @@ class LookAlikes:
     """
 
     state: LearningState
-    objections: tuple[Objection, ...]
+    objections: tuple[adequacy.Objection, ...]
     begins_anew: bool
 
 
@@ -62,18 +56,18 @@ def look_alikes_in(explained: ExplainedEvent, reader: EventReader) -> LookAlikes
     return LookAlikes(state, objections, begins_anew)
 
 
-def named(against: Sequence[Objection], explained: ExplainedEvent) -> tuple[Objection, ...]:
+def named(against: Sequence[adequacy.Objection], explained: ExplainedEvent) -> tuple[adequacy.Objection, ...]:
     """Objections to an event, with phases."""
     return tuple(_with_phase(each, explained) for each in against)
 
 
-def _with_phase(objection: Objection, explained: ExplainedEvent) -> Objection:
+def _with_phase(objection: adequacy.Objection, explained: ExplainedEvent) -> adequacy.Objection:
     """An objection to an event that is not explained, with the phase in which that shows."""
     if objection.reason not in UNEXPLAINED or objection.phase is not None:
         return objection
     explanation, reading = explained.lead, explained.lead.reading
     left = reading.healthy.relative(reading.leaves(explanation.theta, explanation.fit))
-    return replace(objection, phase=inadequate_phase(left))
+    return replace(objection, phase=adequacy.inadequate_phase(left))
 
 
 def _followed(
@@ -132,7 +126,7 @@ def _with_coil(
 
 def _objections(
     state: LearningState, window: Window, learned: LearnedInjector, is_disturbed: bool, reader: EventReader
-) -> tuple[Objection, ...]:
+) -> tuple[adequacy.Objection, ...]:
     """Objections to an event, after which `learned` is believed; what names a cause first.
 
     Innovations that recent events leave alike, a little too loud or coloured, speak against the model together: in
@@ -145,20 +139,20 @@ def _objections(
     pressure = float(window.inputs[:, 0].mean()) * reader.pressure_scale
     if abs(gain) > Z_95 * reader.calibration.gain > 0.0:
         offset = math.inf
-    reasons += sensor_objections(offset, sensor_lag(theta), untold * pressure)
+    reasons += adequacy.sensor_objections(offset, sensor_lag(theta), untold * pressure)
     delay = float(theta[Parameter.LIFT_DELAY]) * LAG_UNIT
     if not EARLIEST_LIFT <= delay <= LATEST_LIFT:
         reasons.append(Reason.LIFT_SENSOR_LAG if delay > 0.0 else Reason.TIME_BASE)
     nozzle, stiffness = _open_nozzle_change(theta, window), float(theta[Parameter.BULK_MODULUS])
-    if looks_like_inertance(nozzle, stiffness, reader.calibration.line):
+    if adequacy.looks_like_inertance(nozzle, stiffness, reader.calibration.line):
         reasons.append(Reason.AMBIGUOUS_SCALE)
-    objections = tuple(Objection(reason) for reason in reasons)
-    phase = inadequate_phase(learned.statistics)
+    objections = tuple(adequacy.Objection(reason) for reason in reasons)
+    phase = adequacy.inadequate_phase(learned.statistics)
     # of a needle that answers commands a lag is one with its delays
-    if phase is None and window.needle is None and is_no_law(theta, reader.wide):
+    if phase is None and window.needle is None and adequacy.is_no_law(theta, reader.wide):
         phase = Phase.OPENING
     if phase is not None or not reader.healthy.adequate:
-        return (*objections, Objection(Reason.MODEL_INADEQUATE, phase))
+        return (*objections, adequacy.Objection(Reason.MODEL_INADEQUATE, phase))
     return objections
 
 

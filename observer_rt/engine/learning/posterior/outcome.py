@@ -6,100 +6,29 @@ nothing; what refuses is that nothing explains the event, or that its explanatio
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.predictor import follow
-from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window, level_of
 from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of
 from observer_rt.engine.learning import constants as c
+from observer_rt.engine.learning import hypotheses
 from observer_rt.engine.learning.adequacy import Objection, tempering
-from observer_rt.engine.learning.hypotheses import (
-    BELIEVED,
-    FLOWS,
-    QUICK,
-    SENSOR_CHANGED,
-    STAYS,
-    UNLIKE_BEFORE,
-    Velocity,
-)
-from observer_rt.engine.learning.interval import Resimulation, resimulated, with_shots
+from observer_rt.engine.learning.hypotheses import FLOWS, Velocity
+from observer_rt.engine.learning.interval import resimulated, with_shots
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import HOLDS, UNSEEN, extrapolation_sigma, is_new, known_flow
 from observer_rt.engine.learning.posterior.event import Continued, ExplainedEvent
+from observer_rt.engine.learning.posterior.event_mass import EventMass, mass_of
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.look_alikes import look_alikes_in, named
 from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.units import Z_95
 
-LEAD = 15  # samples before the opening
-LEAST = 1e-13  # m3, of which shares are taken
-FURTHER = 20  # samples after the last rate, by which another theta's may end later
 SHOWN = 0.005  # probability, below which nothing is said
-
-
-@dataclass(frozen=True, eq=False)
-class EventMass:
-    """Volume [m3] of an event, run again with theta (m,), and its slopes (m,), as shares of it.
-
-    flows_until: sample from which on nothing was injected.
-    """
-
-    window: Window
-    setting: Setting
-    theta: Theta
-    volume: float
-    slopes: Theta
-    by_inputs: float
-    flows_until: int
-
-    def moved(self, theta: Theta) -> float:
-        """Share by which the volume is larger with another theta (m,), along its slopes."""
-        return float(self.slopes @ (theta - self.theta))
-
-    def moved_far(self, theta: Theta) -> float:
-        """The same, open loop where flows are others by much."""
-        if np.max(np.abs(theta - self.theta)[list(FLOWS)]) <= c.FAR_FLOW:
-            return self.moved(theta)
-        learned, interval = learned_of(theta, self.setting.coefficients), self.setting.interval
-        window = self.window.as_learned(learned, self.setting).until(self.flows_until)
-        rate, errors = np.empty((2, window.output.size))
-        follow(window, self.setting, learned, window.opening, errors, rate, None, NO_SLOPES)
-        volume = float(np.trapezoid(rate[_part(window)])) * interval
-        return level_of(theta, self.setting) * volume / max(self.volume, LEAST) - 1.0
-
-    @property
-    def controlled(self) -> float:
-        """Control flow of a servo injector while its needle is open, over the injected volume."""
-        model, inputs = learned_of(self.theta, self.setting.coefficients).coefficients, self.window.inputs
-        opened = inputs[inputs[:, 1] > 0.0, 0] + model.chamber_pressure / model.pressure_scale
-        flow: float = model.flow_scale * model.line.servo / model.line.a1
-        return flow * float(np.sqrt(opened).sum()) * self.setting.interval / max(self.volume, LEAST)
-
-    def variance(self, covariance: NDArray[np.float64]) -> float:
-        """Variance of the volume, as a share, by a covariance (m, m) of theta."""
-        return max(float(self.slopes @ covariance @ self.slopes), 0.0)
-
-
-def mass_of(window: Window, setting: Setting, theta: Theta, again: Resimulation) -> EventMass:
-    """Mass of an event that was run again with theta (m,)."""
-    part = _part(window)
-    volume = float(np.trapezoid(again.run.rate[part])) * setting.interval
-    # where nothing flows at either end, as by trapezoids
-    slopes = np.ones(window.output.size - part.start) @ again.run.slopes[part]
-    slopes *= setting.interval / max(volume, LEAST)
-    by_inputs = float(again.by_inputs.volume[-1]) / max(volume, LEAST) ** 2
-    flows_until = int(np.flatnonzero(again.run.rate)[-1]) + FURTHER if volume > 0.0 else window.output.size
-    return EventMass(window, setting, theta, volume, slopes, by_inputs, flows_until)
-
-
-def _part(window: Window) -> slice:
-    """Samples in which something is injected."""
-    return slice(max(window.opening - LEAD, 0), window.output.size)
 
 
 class Shares(NamedTuple):
@@ -174,7 +103,7 @@ def verdict_of(
     against: dict[Reason, float] = {}
     for explanation, after in explained.explanations:
         agrees = explanation.is_good and abs(mass.moved(after.theta)) <= shares.agreement
-        goes_on = 0.0 if explanation.is_good else 1.0 - STAYS[explanation.kind.mode]
+        goes_on = 0.0 if explanation.is_good else 1.0 - hypotheses.STAYS[explanation.kind.mode]
         agree += explanation.weight * (agrees or goes_on)
         is_leading = explanation is lead and explanation.kind.reason is not None
         if not agrees or is_leading:
@@ -184,20 +113,20 @@ def verdict_of(
     forward = own = tuple(contradictions)
     if tempering(learned.statistics) == 1.0:  # the delay explains all of a late lift
         own = tuple(each for each in contradictions if each.reason is not Reason.LIFT_SENSOR_LAG)
-    if agree < c.AGREED or not lead.is_good or lead.kind in UNLIKE_BEFORE:  # the next one is to confirm it
+    if agree < c.AGREED or not lead.is_good or lead.kind in hypotheses.UNLIKE_BEFORE:  # the next one is to confirm it
         forward += most
     if explained.fault_weight > 1.0 - c.AGREED:
         own += most
     elif c.SURELY * shares.total > c.WRONG:
         own += most if agree < c.AGREED else (Objection(Reason.OUTSIDE_LEARNED_RANGE),)
-    is_change = lead.is_good and lead.kind not in BELIEVED
+    is_change = lead.is_good and lead.kind not in hypotheses.BELIEVED
     change = _reason_of(lead, learned.theta, wide) if is_change else Reason.NONE
     return EventVerdict(forward, own, change)
 
 
 def _reason_of(explanation: Explanation, theta: Theta, wide: Theta) -> Reason:
     """Reason of an event that is what an explanation says, after which theta (m,) is believed."""
-    if explanation.kind is SENSOR_CHANGED:
+    if explanation.kind is hypotheses.SENSOR_CHANGED:
         moved = np.abs(theta - explanation.before.theta) / wide
         is_lag = moved[Parameter.SENSOR_LAG] > moved[Parameter.LINE_PRESSURE_OFFSET]
         return Reason.SENSOR_LAG if is_lag else Reason.PRESSURE_OFFSET
@@ -227,14 +156,14 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     verdict = verdict_of(explained, mass, shares, look_alikes.objections, reader.wide)
     state, forward = look_alikes.state, named(verdict.forward, explained)
     if not look_alikes.begins_anew:
-        changed = sum(each.weight for each, _ in explained.explanations if each.kind in UNLIKE_BEFORE)
+        changed = sum(each.weight for each, _ in explained.explanations if each.kind in hypotheses.UNLIKE_BEFORE)
         changes = c.CHANGES_REMEMBERED * state.changes + changed
         state = replace(state, account=explained.account, changes=changes)
     before = explanation.before
     if explanation.is_good and before.learned_at and is_new(explained.point, before.learned_at):
         state = replace(state, elsewhere=state.elsewhere.after(abs(mass.moved_far(before.theta)) <= HOLDS))
     in_force = theta
-    if explanation.kind is QUICK and velocity is not None:
+    if explanation.kind is hypotheses.QUICK and velocity is not None:
         in_force = _ahead(theta, explanation, velocity, reader)
     by_coil = look_alikes.state.energizing.current.unsure
     covariance = covariance + _apart(explained, mass, shares.agreement) + by_coil

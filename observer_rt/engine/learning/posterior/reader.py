@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.engine.estimation.belief import Belief, HeldBelief, held_at, nothing_held
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
-from observer_rt.engine.estimation.gating import Belief, HeldBelief, held_at, nothing_held
 from observer_rt.engine.estimation.phases import PhaseStatistics, phase_statistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Setting, Window

@@ -129,10 +129,9 @@ class Candidate:
 
     sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out; spread: mean square of the
     residuals as that counts it, 1 at least; own_error: of -2 log L, what laws gain over a name that may be the fitted
-    model's own error. Of those in a ranking, and of proposals, also half: half widths of the
-    95 % intervals (p,); moves: what it does to the model as given; sizes_of_half: fitted to every second operating
-    point. Of those in a ranking also held_out: -2 log L so fitted and judged on the others, nan where that was not
-    done.
+    model's own error. Of those in a ranking, and of proposals, also half: half widths of the 95 % intervals (p,);
+    moves: what it does to the model as given; sizes_of_half: fitted to every second operating point. Of those in a
+    ranking also held_out: -2 log L so fitted and judged on the others, nan where that was not done.
     """
 
     hypothesis: Hypothesis

@@ -61,12 +61,12 @@ class Fitter:
         likelihood: JointLikelihood,
         nominal: EffectiveModel,
         workers: int = 1,
-        fitted: Callable[[Candidate], None] | None = None,
+        on_fit: Callable[[Candidate], None] | None = None,
         appears: Mapping[str, Appearance] = MappingProxyType({}),
     ) -> None:
-        """fitted: called with every new fit; appears: apparent effects of the healthy injector by id."""
+        """on_fit: called with every new fit; appears: apparent effects of the healthy injector by id."""
         self.likelihood, self.nominal = likelihood, nominal
-        self._workers, self._fitted, self._appears = workers, fitted, appears
+        self._workers, self._on_fit, self._appears = workers, on_fit, appears
         self._fits: dict[tuple[str, ...], Candidate | None] = {}  # by ids, and ROUGH or FREED after them
         self.signatures: dict[str, appearance.Signature] = {}
         self._sigmas: dict[_Key, NDArray[np.float64]] = {}
@@ -229,13 +229,13 @@ class Fitter:
             if minimum is not None:
                 sizes, spread = tuple(minimum.theta.tolist()), minimum.residuals.spread
                 candidate = Candidate(hypothesis, sizes, minimum.statistic, spread)
-                if self._fitted is not None:
-                    self._fitted(candidate)
+                if self._on_fit is not None:
+                    self._on_fit(candidate)
             self._fits[key] = candidate
         kept = self._fits[key]
         return None if kept is None else replace(kept, hypothesis=hypothesis)
 
-    def named(
+    def fits_beside(
         self, about: Candidate, effects: Sequence[Effect], sizes: Sequence[float] | None = None
     ) -> list[Candidate]:
         """A fit with each of the effects beside a candidate, the best first.

@@ -68,7 +68,7 @@ class Search:
 
     def run(self) -> SearchOutcome:
         """See `SearchOutcome`."""
-        names = self._fitter.named(self._nothing, self._names)
+        names = self._fitter.fits_beside(self._nothing, self._names)
         self._tried += names
         best = self._better(names, self._nothing) or self._nothing
         adequate = self._is_adequate(best) or (
@@ -182,7 +182,7 @@ class Search:
         scores, least = self._fitter.scores(about, names), max(WORTH_FITTING, arrears)
         rows = [row for row in np.argsort(-scores.gains).tolist() if scores.gains[row] > least][:NAMES]
         sizes = [float(scores.sizes((row,))[0]) for row in rows]
-        fits = self._fitter.named(about, [scores.effects[row] for row in rows], sizes)
+        fits = self._fitter.fits_beside(about, [scores.effects[row] for row in rows], sizes)
         yield fits
         if any(map(self._is_adequate, fits[:1])) or (self._is_adequate(best) and best is not about):
             return

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, prior_belief
+from observer_rt.engine.estimation.belief import Belief, prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter, with_gain
 from observer_rt.engine.learning.posterior.reader import SYSTEMATIC, RestingPressure
 

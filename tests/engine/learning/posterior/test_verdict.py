@@ -5,14 +5,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from observer_rt.engine.estimation.gating import prior_belief
+from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.hypotheses import BEFORE
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
+from observer_rt.engine.learning.posterior.event_mass import EventMass
 from observer_rt.engine.learning.posterior.explaining import Explanation
-from observer_rt.engine.learning.posterior.outcome import EventMass, Shares, verdict_of
+from observer_rt.engine.learning.posterior.outcome import Shares, verdict_of
 from observer_rt.engine.stream.state import Reason
 
 WIDE = SCALARS.prior(1e8)

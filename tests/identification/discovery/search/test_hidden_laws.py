@@ -214,7 +214,7 @@ def test_the_law_that_the_network_learned_is_near_the_truth_and_tried_first() ->
         raise InterruptedError
 
     nominal = effective_model(NOMINAL)
-    fits = Fitter(joint_likelihood(measurements(made[::2]), nominal), nominal, fitted=stop_at)
+    fits = Fitter(joint_likelihood(measurements(made[::2]), nominal), nominal, on_fit=stop_at)
     with pytest.raises(InterruptedError):
         Search(fits, (), guess=guess).run()
     (term,) = tried[0].terms

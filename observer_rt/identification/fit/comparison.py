@@ -1,4 +1,4 @@
-"""Compares the residuals of the file's model and the fitted one, by signal and phase."""
+"""Comparison of the residuals and masses of the file's model and the fitted one, by signal and phase."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -139,13 +139,13 @@ class Comparison:
     after: ModelOnFolds
 
     @cached_property
-    def left(self) -> UnexplainedSignal:
+    def unexplained(self) -> UnexplainedSignal:
         """Residuals of the line pressure with the fitted model."""
         return UnexplainedSignal(self.after.pool[Signal.LINE_PRESSURE])
 
     def share(self, phase: Phase) -> float:
         """Residuals in a phase beyond noise, as a share of the swing of the line pressure by the flow."""
-        return self.left.excess(phase) * self.after.innovation / self._swing
+        return self.unexplained.excess(phase) * self.after.innovation / self._swing
 
     @cached_property
     def _swing(self) -> float:

@@ -1,4 +1,4 @@
-"""Beliefs: what drift, change and measurements do to them, and how far their mean then is from the truth."""
+"""Beliefs: what drift, change, measurements and a held parameter do to them, and how far off their mean then is."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, prior_belief
+from observer_rt.engine.estimation.belief import Belief, held_at, prior_belief
+
+HELD, DRAWS = 2, 15_000
 
 
 def belief(seed: int, size: int = 4) -> Belief:
@@ -78,3 +80,33 @@ def test_drift_widens_and_moves_nothing_and_a_change_that_showed_is_an_error(see
 def test_information_that_is_none_is_refused(information: NDArray[np.float64]) -> None:
     with pytest.raises(np.linalg.LinAlgError):
         prior_belief(np.zeros(2), np.eye(2)).updated(information, np.zeros(2))
+
+
+def test_the_error_after_an_event_is_what_is_said_of_it() -> None:
+    """Truths are drawn from the belief; the held column of each is measured by somebody else."""
+    random, before = np.random.default_rng(4), belief(3, size=3)
+    slopes = random.normal(size=(2, 3))
+    truths = random.multivariate_normal(before.mean, before.covariance, DRAWS)
+    own, noise = before.covariance[HELD, HELD], 0.3
+    variance = own * noise / (own + noise)
+    seen = truths[:, HELD] + np.sqrt(noise) * random.normal(size=DRAWS)
+    values = before.mean[HELD] + own / (own + noise) * (seen - before.mean[HELD])
+    errors = []
+    for truth, value in zip(truths, values, strict=True):
+        measured = slopes @ truth + random.normal(size=2)
+        held, information = held_at(before, HELD, value, variance), slopes.T @ slopes
+        after = held.considered(held.prior.updated(information, slopes.T @ measured), information)
+        errors.append(after.mean - truth)
+        assert after.mean[HELD] == pytest.approx(value, abs=1e-6)
+    np.testing.assert_allclose(np.cov(np.array(errors).T), after.covariance, atol=0.03 * np.max(after.covariance))
+
+
+def test_holding_costs_what_the_value_is_unlikely_by() -> None:
+    """An event that teaches the held parameter alone is as likely, held where it lies best, as with the belief."""
+    before, noise = belief(3, size=3), 0.2
+    own, measured = before.covariance[HELD, HELD], before.mean[HELD] + 1.5
+    variance = own * noise / (own + noise)
+    value = variance * (before.mean[HELD] / own + measured / noise)
+    exact = -0.5 * (measured - before.mean[HELD]) ** 2 / (own + noise) - 0.5 * np.log((own + noise) / noise)
+    held = -0.5 * (measured - value) ** 2 / noise
+    assert held + held_at(before, HELD, value, variance).log == pytest.approx(exact)

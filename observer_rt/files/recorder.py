@@ -132,7 +132,6 @@ class _Log:
         """Number of lost frames that are noted before the next one."""
 
     def write(self, frame: Frame, channel: str) -> None:
-        """Append a frame of a channel."""
         if self._writer is None:
             begin_stream(self._path, self._force)
             self._writer = open_writer(self._path, frame.stamp_ns)
@@ -145,7 +144,6 @@ class _Log:
             self._writer.flush()
 
     def close(self) -> None:
-        """Complete the file, if it is begun."""
         if self._writer is not None:
             self._say_lost(self._writer)
             self._writer.close()

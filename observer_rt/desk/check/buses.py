@@ -153,7 +153,6 @@ class BusLoad(NamedTuple):
 
 @ruled("bus load")
 def _load(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
-    """Expected load of every bus."""
     links = bench.config.buses
     for number, named in enumerate(links):
         load, link = expected_load(bench, mapped, number), named.config

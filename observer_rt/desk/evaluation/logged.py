@@ -59,7 +59,6 @@ class LoggedSignals(SignalStream):
         needed = {layout.bus for layout in self._bus.input_layouts}
         channels = chosen_channels(path, bench.config.buses, needed, from_channels)
         self.frames = InputFrames(path, self._bus, channels)
-        """Frames as they are in the log."""
         self.sample_rate = bench.injector.sample_rate
         self.logged = self._look_through(path, progress)
         """Sample indices of the log, missing ones included, split where a restart of the device begins them anew."""
@@ -104,7 +103,6 @@ class LoggedSignals(SignalStream):
         return tuple(stretches)
 
     def chunks(self) -> Iterator[Chunk]:
-        """Decode the log again, in chunks."""
         number, first = 0, 0
         held = np.empty(0, np.dtype([]))
         # with the outliers, which were sent

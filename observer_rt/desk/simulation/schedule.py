@@ -44,12 +44,10 @@ class Shot:
 
 @dataclass(frozen=True)
 class Event:
-    """Shots that belong together (pilot, main, post), at one rail pressure."""
+    """Shots that belong together (pilot, main, post), at one rail pressure [Pa], from a start [s]."""
 
     start: float
-    """[s]"""
     rail_pressure: float
-    """[Pa]"""
     shots: tuple[Shot, ...]
 
     @property
@@ -65,11 +63,10 @@ class Event:
 
 @dataclass(frozen=True)
 class Schedule:
-    """Events in order, and how long the recording lasts."""
+    """Events in order, and how long the recording lasts [s]."""
 
     events: tuple[Event, ...]
     duration: float
-    """[s]"""
 
     def rail_pressure(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rail pressure [Pa] at `time` [s], shape (n,).

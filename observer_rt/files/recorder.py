@@ -71,10 +71,7 @@ def record(
     """Write every frame of the links until `stop` is set or a limit reached; a file begins with its first frame.
 
     `links`: by their names in the log. `force`: a log that is there is replaced. Limits are a duration [s] and a
-    number of frames; None: never.
-
-    An interface that goes away is waited for. `report` is called some times a second.
-
+    number of frames; None: never. An interface that goes away is waited for. `report` is called some times a second.
     Raises `RunError`: the link failed for good, or the disk is full; what was written before can be read.
     """
     channels = list(links)

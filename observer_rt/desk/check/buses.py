@@ -176,10 +176,8 @@ def _load(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
 def expected_load(bench: Bench, mapped: BenchMap, number: int = 0) -> BusLoad:
     """Load of the bus of this number by all that is sent; windowed: only `WINDOW` of samples for each injection.
 
-    A message of optional inputs without a cycle time counts as sent once an injection.
-
-    Raises:
-        ValueError: a message does not fit its kind of frame.
+    A message of optional inputs without a cycle time counts as sent once an injection. Raises `ValueError` for a
+    message that does not fit its kind of frame.
     """
     link = bench.config.buses[number].config
     continuous = windowed = 0.0

@@ -252,7 +252,6 @@ def open_source(
     """Look through a file, and warn of odd values in it. from_channels: of a log, as `--from-channel` names them.
 
     density: of the fuel [kg/m3], for a measured rate of mass; None: that of the bench's injector.
-
     Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
     without a bench file.
     """

@@ -160,10 +160,7 @@ def parse_energizing_times(text: str) -> tuple[float, ...]:
 
 
 def parse_shots(text: str) -> tuple[Shot, ...]:
-    """Shots of every event from `duration@offset` in ms, separated by commas, `0.3@-1.5,1.0@0`.
-
-    Raises `UserError`.
-    """
+    """Shots of every event from `duration@offset` [ms] between commas, `0.3@-1.5,1.0@0`. Raises `UserError`."""
     example = "0.3@-1.5,1.0@0 (duration@offset, ms)"
     shots = []
     for part in text.split(","):

@@ -183,8 +183,7 @@ def expected_load(bench: Bench, mapped: BenchMap, number: int = 0) -> BusLoad:
     continuous = windowed = 0.0
     for layout, always, in_windows in _traffic(bench, mapped):
         if layout.bus == number:
-            bit_rates = link.bit_rate, link.data_bit_rate
-            time = frame_time(layout.length, layout.is_fd, *bit_rates, layout.is_extended)
+            time = frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
             continuous += time * always
             windowed += time * in_windows
     return BusLoad(continuous, windowed)

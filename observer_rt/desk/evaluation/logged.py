@@ -89,7 +89,7 @@ class LoggedSignals(SignalStream):
                 stretches[-1] = range(stretches[-1].start, int(index[-1]) + 1)
             for role, values in self._signals(rows).items():
                 self.survey.take(role, values)
-            progress(self.frames.share_read)
+            progress(self.frames.log.share_read)
         outside = watch.outside()
         if rows_read < 2:
             raise _too_few(path, core.counters, watch.absent(), outside, rows_read, stamps.span, self.sample_rate)

@@ -167,12 +167,8 @@ def parse_shots(text: str) -> tuple[Shot, ...]:
         duration, separator, offset = part.partition("@")
         if not separator:
             raise UserError(SHOTS_OPTION, f"'{part.strip()}' has no '@offset'", f"write it as {example}")
-        shots.append(
-            Shot(
-                duration=_duration(duration, SHOTS_OPTION, example),
-                offset=_number(offset, SHOTS_OPTION, example) * MILLISECOND,
-            )
-        )
+        lasts = _duration(duration, SHOTS_OPTION, example)
+        shots.append(Shot(lasts, _number(offset, SHOTS_OPTION, example) * MILLISECOND))
     return tuple(shots)
 
 

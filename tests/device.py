@@ -81,7 +81,7 @@ class Device:
 
     def send(self, recording: Recording, *spans: Span) -> list[TimedFrame]:
         """The samples of some spans, or all, in order of time: a frame comes with its last sample."""
-        self._framer.skip(self.index - self._framer.next_index)
+        self._framer.next_index = self.index
         filled = [
             Span(span.start, span.end - (span.end - span.start) % self._block)
             for span in spans or all_samples(recording)

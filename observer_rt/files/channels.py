@@ -64,13 +64,13 @@ class InputFrames:
             if layout.bus in channels:
                 identifier = layout.frame_id, layout.is_extended
                 self._wanted.setdefault(identifier, []).append((layout.bus, layout.name))
-        self._log: LogReader = open_log(path)
+        self.log: LogReader = open_log(path)
 
     def __iter__(self) -> Iterator[BusFrame]:
         channel_of: dict[tuple[int, str], str] = {}
         others: dict[tuple[int, bool], None] = {}
         channels: dict[str, None] = {}
-        for entry in self._log:
+        for entry in self.log:
             frame = entry.frame
             channels[entry.channel] = None
             messages = self._wanted.get((frame.frame_id, frame.is_extended))
@@ -92,16 +92,11 @@ class InputFrames:
 
     def notes(self) -> list[str]:
         """Notes of the reader of the log after the last reading."""
-        notes = self._log.notes()
+        notes = self.log.notes()
         if len(self._channels) > 1:
             pairs = (f"{channel} is {self._bus.labels[bus]}" for bus, channel in sorted(self._channels.items()))
             notes.append(f"{self.path}: channel {', '.join(pairs)}")
         return notes
-
-    @property
-    def share_read(self) -> float:
-        """Share of the log that was read, 0 to 1."""
-        return self._log.share_read
 
     def _refuse_empty(self, bus: int, channels: list[str], others: list[tuple[int, bool]]) -> None:
         if not channels:

@@ -72,10 +72,7 @@ def record(
     """Write every frame of the links until `stop` is set or a limit reached; a file begins with its first frame.
 
     `links`: by their names in the log. `force`: a log that is there is replaced. Limits are a duration [s] and a
-    number of frames; None: never.
-
-    An interface that goes away is waited for. `report` is called some times a second.
-
+    number of frames; None: never. An interface that goes away is waited for. `report` is called some times a second.
     Raises `RunError`: the link failed for good, or the disk is full; what was written before can be read.
     """
     channels = list(links)
@@ -133,7 +130,6 @@ class _Log:
         """Number of lost frames that are noted before the next one."""
 
     def write(self, frame: Frame, channel: str) -> None:
-        """Append a frame of a channel."""
         if self._writer is None:
             begin_stream(self._path, self._force)
             self._writer = open_writer(self._path, frame.stamp_ns)
@@ -146,7 +142,6 @@ class _Log:
             self._writer.flush()
 
     def close(self) -> None:
-        """Complete the file, if it is begun."""
         if self._writer is not None:
             self._say_lost(self._writer)
             self._writer.close()

@@ -153,7 +153,6 @@ class BusLoad(NamedTuple):
 
 @ruled("bus load")
 def _load(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
-    """Expected load of every bus."""
     links = bench.config.buses
     for number, named in enumerate(links):
         load, link = expected_load(bench, mapped, number), named.config
@@ -177,17 +176,14 @@ def _load(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
 def expected_load(bench: Bench, mapped: BenchMap, number: int = 0) -> BusLoad:
     """Load of the bus of this number by all that is sent; windowed: only `WINDOW` of samples for each injection.
 
-    A message of optional inputs without a cycle time counts as sent once an injection.
-
-    Raises:
-        ValueError: a message does not fit its kind of frame.
+    A message of optional inputs without a cycle time counts as sent once an injection. Raises `ValueError` for a
+    message that does not fit its kind of frame.
     """
     link = bench.config.buses[number].config
     continuous = windowed = 0.0
     for layout, always, in_windows in _traffic(bench, mapped):
         if layout.bus == number:
-            bit_rates = link.bit_rate, link.data_bit_rate
-            time = frame_time(layout.length, layout.is_fd, *bit_rates, layout.is_extended)
+            time = frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
             continuous += time * always
             windowed += time * in_windows
     return BusLoad(continuous, windowed)

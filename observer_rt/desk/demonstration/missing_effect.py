@@ -136,7 +136,6 @@ class EffectDemo:
         return self.folder / "bench.toml"
 
     def _recorded(self, injections: int, seed: int) -> BenchRecording:
-        """Injections of the injector with the hidden effect."""
         operation = BenchOperation(RAIL_PRESSURES, ENERGIZING_TIMES, injections, PERIOD)
         return record(operation, self.hidden.departure, SAMPLE_RATE, seed)
 

@@ -68,7 +68,6 @@ class _Listener(Learner):
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
-        """Keep an event, and learn from it."""
         theta = np.zeros_like(in_force)
         theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
         covariance = self.state.learned.belief.covariance

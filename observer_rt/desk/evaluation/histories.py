@@ -173,9 +173,6 @@ def begun_with(
 
 
 def write_state(path: Path, knowledge: Knowledge, parameters: InjectorParameters) -> None:
-    """Write the learned state of a model. No daemon may be using the file.
-
-    Raises `UserError`, `RunError` where it cannot be written.
-    """
+    """Write a learned state to a file that no daemon uses. Raises `UserError` or `RunError` where that cannot be."""
     with sole_writer(path):
         save_knowledge(path, knowledge, parameters)

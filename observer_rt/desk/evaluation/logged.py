@@ -58,7 +58,6 @@ class LoggedSignals(SignalStream):
         needed = {layout.bus for layout in self._bus.input_layouts}
         channels = chosen_channels(path, bench.config.buses, needed, from_channels)
         self.frames = InputFrames(path, self._bus, channels)
-        """Frames as they are in the log."""
         self.sample_rate = bench.injector.sample_rate
         self.logged = self._look_through(path, progress)
         """Sample indices of the log, missing ones included, split where a restart of the device begins them anew."""
@@ -89,7 +88,7 @@ class LoggedSignals(SignalStream):
                 stretches[-1] = range(stretches[-1].start, int(index[-1]) + 1)
             for role, values in self._signals(rows).items():
                 self.survey.take(role, values)
-            progress(self.frames.share_read)
+            progress(self.frames.log.share_read)
         outside = watch.outside()
         if rows_read < 2:
             raise _too_few(path, core.counters, watch.absent(), outside, rows_read, stamps.span, self.sample_rate)
@@ -103,7 +102,6 @@ class LoggedSignals(SignalStream):
         return tuple(stretches)
 
     def chunks(self) -> Iterator[Chunk]:
-        """Decode the log again, in chunks."""
         number, first = 0, 0
         held = np.empty(0, np.dtype([]))
         # with the outliers, which were sent
@@ -253,7 +251,6 @@ def open_source(
     """Look through a file, and warn of odd values in it. from_channels: of a log, as `--from-channel` names them.
 
     density: of the fuel [kg/m3], for a measured rate of mass; None: that of the bench's injector.
-
     Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
     without a bench file.
     """

@@ -32,7 +32,6 @@ class ObserverRun:
     def __init__(self, core: Core, bus: BusMap, news: list[News], progress: Progress, keeps_frames: bool) -> None:
         """news: to which the core appends; keeps_frames: that were sent."""
         self.frames: list[OutputFrame] = []
-        """Frames that were sent, with `keeps_frames`."""
         self._core, self._device, self._news = core, Device(bus), news
         self._progress, self._keeps_frames = progress, keeps_frames
         self._nominal = NominalModel(core.compiled.observer.constants)

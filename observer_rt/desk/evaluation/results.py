@@ -90,6 +90,7 @@ def write_document(evaluations: Sequence[Evaluation], model: str, c: Coefficient
 def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
     injections = evaluation.injections
     valid = sum(result.valid for result in injections)
+    level = injections[-1].calibration if injections else None  # of all masses
     return {
         "file": str(evaluation.path),
         "samples": evaluation.samples,
@@ -103,19 +104,12 @@ def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
             "valid_share": valid / len(injections) if injections else 0.0,
             "adoptions": evaluation.counters.adoptions,
             "rejected_adoptions": evaluation.counters.rejected_adoptions,
-            **_level_json(evaluation),
+            **({} if level is None else {"level_ci95_pct": level.bound_pct, "calibrated": level.is_calibrated}),
             **_energizing_json(evaluation),
         },
         "learned": [law.columns for law in evaluation.learned if not law.is_surface],
         "learned_surfaces": [law.columns for law in evaluation.learned if law.is_surface],
     }
-
-
-def _level_json(evaluation: Evaluation) -> dict[str, Any]:
-    """How well the level of all masses is known; empty without an injection."""
-    for result in evaluation.injections[-1:]:
-        return {"level_ci95_pct": result.calibration.bound_pct, "calibrated": result.calibration.is_calibrated}
-    return {}
 
 
 def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:

@@ -82,7 +82,6 @@ def _table(rows: Iterator[dict[str, Any]]) -> pa.Table:
 
 
 def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[str, Any]]:
-    """Rows of one injector of a file."""
     name = injector_of(path, task.names, alone)
     file, c = task.folder / path, alone.injector.coefficients
     source = open_source(file, alone, (), Console(quiet=True))

@@ -244,7 +244,6 @@ class Injector:
     def _measured(
         self, sources: Sequence[SignalStream], notes: CallNotes, most: int = MOST_SAMPLES
     ) -> tuple[Measurement, ...]:
-        """Looks for injections."""
         stated = effects_on_one_raster(self.bench.injector.config.signals, self.bench.injector.location)
         return measured_recordings(sources, self.parameters, notes.console, most, stated)
 

@@ -59,13 +59,11 @@ class _Channel(_GuardedHandler, WebSocketHandler):
     """Sends updates to a browser, which answers each message with its number once it is drawn."""
 
     def initialize(self, watching: Watching, saver: Saver) -> None:
-        """As of `Session`."""
         self._session = Session(watching, saver)
         self._looking = PeriodicCallback(self._draw, _LOOK_EVERY)
         self._alive_due = 0.0  # s
 
     def open(self) -> None:
-        """The browser has the page."""
         self.set_nodelay(True)  # else most drawings wait 40 ms for the receipt of the packet before
         self._looking.start()
 
@@ -83,7 +81,6 @@ class _Channel(_GuardedHandler, WebSocketHandler):
         await asyncio.sleep(0)
 
     def on_close(self) -> None:
-        """The browser is gone."""
         self._looking.stop()
 
     def _draw(self) -> None:
@@ -115,7 +112,6 @@ def serve_page(bench: Bench, address: str, port: int, folder: Path, console: Con
 
 
 async def _serve(handlers: list[Any], address: str, port: int, console: Console) -> None:
-    """Serve until asked to stop."""
     try:
         ip = ip_address(socket.gethostbyname(address))
         token = None if ip.is_loopback else secrets.token_urlsafe(12)

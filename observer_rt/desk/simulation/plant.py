@@ -29,17 +29,11 @@ class Truth:
     """Noise-free signals of the simulated injector at the sample times, SI, every array of shape (n,)."""
 
     time: NDArray[np.float64]
-    """[s]"""
     injection_rate: NDArray[np.float64]
-    """[m3/s]"""
     needle_lift: NDArray[np.float64]
-    """[m]"""
     rail_pressure: NDArray[np.float64]
-    """[Pa]"""
     line_pressure: NDArray[np.float64]
-    """[Pa]"""
     sac_pressure: NDArray[np.float64]
-    """[Pa]"""
     line_flow: NDArray[np.float64]
     """Q_L into the closed end of the line [m3/s]."""
     recorded_line_pressure: NDArray[np.float64]

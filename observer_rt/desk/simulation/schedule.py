@@ -44,12 +44,10 @@ class Shot:
 
 @dataclass(frozen=True)
 class Event:
-    """Shots that belong together (pilot, main, post), at one rail pressure."""
+    """Shots that belong together (pilot, main, post), at one rail pressure [Pa], from a start [s]."""
 
     start: float
-    """[s]"""
     rail_pressure: float
-    """[Pa]"""
     shots: tuple[Shot, ...]
 
     @property
@@ -65,11 +63,10 @@ class Event:
 
 @dataclass(frozen=True)
 class Schedule:
-    """Events in order, and how long the recording lasts."""
+    """Events in order, and how long the recording lasts [s]."""
 
     events: tuple[Event, ...]
     duration: float
-    """[s]"""
 
     def rail_pressure(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rail pressure [Pa] at `time` [s], shape (n,).
@@ -170,12 +167,8 @@ def parse_shots(text: str) -> tuple[Shot, ...]:
         duration, separator, offset = part.partition("@")
         if not separator:
             raise UserError(SHOTS_OPTION, f"'{part.strip()}' has no '@offset'", f"write it as {example}")
-        shots.append(
-            Shot(
-                duration=_duration(duration, SHOTS_OPTION, example),
-                offset=_number(offset, SHOTS_OPTION, example) * MILLISECOND,
-            )
-        )
+        lasts = _duration(duration, SHOTS_OPTION, example)
+        shots.append(Shot(lasts, _number(offset, SHOTS_OPTION, example) * MILLISECOND))
     return tuple(shots)
 
 

@@ -53,16 +53,12 @@ LIFT = Quantisation(lowest=-5000, multiple=1.0, divisor=1e8)
 
 @dataclass(frozen=True)
 class SimulatedNoise:
-    """Standard deviations of white noise per sample, whatever the sample rate."""
+    """Standard deviations [SI] of white noise per sample, whatever the sample rate."""
 
     rail_pressure: float = 0.1e6
-    """[Pa]"""
     needle_lift: float = 0.4e-6
-    """[m]"""
     line_pressure: float = 0.15e6
-    """[Pa]"""
     injection_rate: float = 0.5e-6
-    """[m3/s]"""
     injection_rate_gain: float = 0.005
     """Standard deviation of the measured rate's gain, once a recording [-]."""
 

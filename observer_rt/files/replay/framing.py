@@ -153,10 +153,6 @@ class Framer:
                 passed = (self.next_index - before) // grid_samples(self._bus, number)
                 self._counters[number] += passed
 
-    def skip(self, samples: int) -> None:
-        """Let the index go on by samples that are not sent, within a recording."""
-        self.next_index += samples
-
     def frames(self, recording: Recording, spans: Sequence[Span]) -> Iterator[TimedFrame]:
         """Frames of the spans in order of time: each is sent with its last sample.
 

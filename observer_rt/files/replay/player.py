@@ -140,9 +140,8 @@ def recording_source(bench: Bench, path: Path, windowed: bool, console: Console)
 def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop: threading.Event) -> None:
     """Listen a moment on all buses. `stop` ends it early.
 
-    Raises:
-        UserError: something of what will be sent is sent already, on the same bus.
-        RunError: the interface cannot be used.
+    Raises `UserError` where something of what will be sent is sent already, on the same bus, and `RunError` for an
+    interface that cannot be used.
     """
     with ExitStack() as stack:
         links = {}
@@ -204,11 +203,8 @@ def play(
     speed: > 0; math.inf sends as fast as the link takes, and lateness is not measured. `progress` is called with the
     time [s] reached in the recording, some ten times a second. `stop`: end early. `by_bus`: links for frames on
     these buses, instead of `link`. While an interface is down or away all wait, which `tell` is given, and go on as
-    much later; no frame is left out.
-
-    Raises:
-        RunError: the link failed otherwise.
-        UserError: from reading the frames.
+    much later; no frame is left out. Raises `RunError` where a link fails otherwise, and `UserError` from reading the
+    frames.
     """
     stop = stop or threading.Event()
     links = by_bus or {}

@@ -43,7 +43,7 @@ def _frames_of(stream: SignalStream, bus: BusMap, spans: Iterable[framing.Span])
     framer, rate = framing.Framer(bus), stream.sample_rate
     interval = 1.0 / rate
     for piece in pieces(stream.on_one_grid(), spans):
-        framer.skip(piece.first - framer.next_index)
+        framer.next_index = piece.first  # samples between are not sent
         for frame in framer.frames(piece, framing.all_samples(piece)):
             yield frame._replace(time=(piece.first + round(frame.time * rate)) * interval)
 

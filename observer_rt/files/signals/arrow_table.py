@@ -45,7 +45,6 @@ class ArrowTable(Table):
         """Record batches of some columns, in that order, read anew."""
 
     def parts(self, raster: int) -> Iterator[TablePart]:
-        """Batches of rows."""
         names = list(dict.fromkeys(column.column for column in self.mapped.values()))
         row = 0
         for batch in self._batches(names):
@@ -54,7 +53,6 @@ class ArrowTable(Table):
             row += batch.num_rows
 
     def location(self, row: int, raster: int) -> str:
-        """Place of a row: its number."""
         return f"{self.path}, row {row}"
 
     def _numbers(self, column: Any, name: str) -> Values:
@@ -79,7 +77,6 @@ class ParquetTable(ArrowTable, FileTable):
 
     @staticmethod
     def headings(path: Path) -> Sequence[Heading]:
-        """Headings of the columns of numbers and moments."""
         with _opened(path) as file:
             return headings_of(file.schema_arrow)
 

@@ -61,17 +61,14 @@ class CsvTable(FileTable):
 
     @classmethod
     def names(cls, path: Path) -> Collection[str]:
-        """Names of the columns, of a file in our own layout all."""
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             return [name.strip() for name in file.readline(_LONGEST_HEADER).split(",")]
 
     @staticmethod
     def headings(path: Path) -> Sequence[Heading]:
-        """Headings above the numbers."""
         return dialect_of(path, None).headings
 
     def parts(self, raster: int) -> Iterator[TablePart]:
-        """Blocks of rows."""
         row = 0
         for before, lines in self._blocks():
             part = self._part(self._columns(before, lines), row)
@@ -79,7 +76,6 @@ class CsvTable(FileTable):
             row += part.time.size
 
     def location(self, row: int, raster: int) -> str:
-        """Place of a row in the file: its line."""
         numbers = (before + number for before, lines in self._blocks() for number in self._cells(lines))
         number = next(islice(numbers, row, None), None)
         return str(self.path) if number is None else f"{self.path}, line {number}"

@@ -105,7 +105,6 @@ class MappedSignals(TableSignals):
         return tuple(lines)
 
     def chunks(self) -> Iterator[Chunk]:
-        """Read all samples anew, every axis beside the others."""
         rows = [_Rows(self._parts(raster)) for raster in range(len(self._axes))]
         for number, (run, stretch) in enumerate(zip(self._runs, self.stretches, strict=True)):
             main = rows[self._main]

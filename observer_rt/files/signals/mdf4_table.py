@@ -77,7 +77,6 @@ class Mdf4Table(FileTable):
         return [Heading(entry.name, entry.unit, entry.group if names[entry.name] > 1 else None) for entry in chosen]
 
     def parts(self, raster: int) -> Iterator[TablePart]:
-        """Parts of a group."""
         indices = {name: self._channels[name].number for name in self.rasters[raster]}
         row = 0
         work = "observer_rt.files.mdf4.opening:parts"  # runs apart
@@ -96,7 +95,6 @@ class Mdf4Table(FileTable):
             yield TablePart(time, columns)
 
     def location(self, row: int, raster: int) -> str:
-        """Place of a row: its number in the group."""
         return f"{self.path}, group {self._groups[raster]}, sample {row}"
 
     def _channel(self, column: ColumnConfig, channels: Sequence[Channel]) -> Channel:

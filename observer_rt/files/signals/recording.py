@@ -150,13 +150,9 @@ class Recording:
     """
 
     time: NDArray[np.float64]
-    """[s]"""
     rail_pressure: NDArray[np.float64]
-    """[Pa]"""
     needle_lift: NDArray[np.float64]
-    """[m]"""
     line_pressure: NDArray[np.float64]
-    """[Pa]"""
     injection_rate: NDArray[np.float64] | None = None
     """Measured [m3/s]; None where no rate was measured."""
     path: Path | None = None

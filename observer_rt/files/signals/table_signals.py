@@ -141,7 +141,6 @@ class EvenSignals(TableSignals):
         self.stretches = (Stretch(start, grid.samples),)
 
     def chunks(self) -> Iterator[Chunk]:
-        """Read all samples anew."""
         first = 0
         for part in self._filled_parts():
             yield self._chunk(part.time, part.signals, 0, first)

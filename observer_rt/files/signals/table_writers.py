@@ -69,7 +69,6 @@ class CsvWriter(TableWriter):
         self._format = ",".join(column.printed for column in columns)
 
     def write(self, arrays: Sequence[NDArray[Any]]) -> None:
-        """Append lines."""
         for start in range(0, arrays[0].size, ROWS_PER_WRITE):
             rows = slice(start, start + ROWS_PER_WRITE)
             cells = [
@@ -97,7 +96,6 @@ class Mdf4Writer(TableWriter):
         self._is_begun = False
 
     def write(self, arrays: Sequence[NDArray[Any]]) -> None:
-        """Append samples."""
         from asammdf import Signal
 
         time, *values = arrays
@@ -113,7 +111,6 @@ class Mdf4Writer(TableWriter):
         self._file.append(signals, comment="", common_timebase=True)
 
     def close(self) -> None:
-        """Write the file."""
         quiet = redirect_stdout(StringIO())  # asammdf prints how fast it writes a large one
         with self._path.open("wb+") as handle, quiet:
             self._file.save(handle, add_history_block=False)
@@ -134,7 +131,6 @@ class ParquetWriter(TableWriter):
         self._writer: Any = None
 
     def write(self, arrays: Sequence[NDArray[Any]]) -> None:
-        """Append row groups."""
         arrow = self._arrow
         made = [self._array(column, values) for column, values in zip(self._columns, arrays, strict=True)]
         if self._writer is None:

@@ -138,7 +138,6 @@ class AxisSurvey:
         self.off_grid = 0.0
         """Largest distance of a stamp from a grid that begins with its run [samples]."""
         self.rows = 0
-        """Rows that were taken."""
 
     @property
     def reach(self) -> float:

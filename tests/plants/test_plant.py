@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from tests.plants import plant
+from tests.plants.arrays import Array
 from tests.plants.equations import lift_at
 from tests.plants.parameters import Faults, Injector
 
@@ -24,9 +24,7 @@ def once(
     return plant.record(plant.Bench(injector, plant.Needle(), (event,), noise=noise, seed=1))
 
 
-def reference(
-    event: plant.Event, until: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def reference(event: plant.Event, until: float) -> tuple[Array, Array, Array]:
     """Equations (19)-(23) of the nominal part as the paper prints them, by an adaptive implicit solver."""
     part = Injector()
     strokes = plant.strokes_of(event, plant.FIRST_EVENT, plant.Needle(), part.max_lift)
@@ -35,7 +33,7 @@ def reference(
     def root(d: float) -> float:
         return math.copysign(math.sqrt(abs(d)), d)
 
-    def rates(t: float, x: NDArray[np.float64]) -> list[float]:
+    def rates(t: float, x: Array) -> list[float]:
         p_l, q_l, p_s = x
         lift = lift_at(t, strokes)
         sine, sine_full = math.sin(part.seat_half_angle), math.sin(2 * part.seat_half_angle)

@@ -31,24 +31,29 @@ HEALTHY = np.zeros(PARAMETERS)
 
 
 def steady_kalman(
-    c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float, late: float = 0.0
+    c: Coefficients, noise: NoiseLevels, sample_rate: float, lag: float, late: float = 0.0, is_mean: bool = False
 ) -> tuple[Array, float]:
     """Gain (3,) and innovation sigma by matrix exponentials and the algebraic Riccati equation.
 
-    States p_L, Q_L, the sensor's indication, which sees p_L as a ramp from sample to sample, and its
-    recorded value, a share `late` of a sample late.
+    States p_L, Q_L, the indication, which sees p_L as a ramp from sample to sample, and the recorded one: it a
+    share `late` of a sample late, or its mean since the sample before.
     """
     interval = 1.0 / sample_rate
+    rates = np.zeros((4, 4))  # p_L, Q_L, integral of p_L, rail
+    rates[0, 1], rates[1, 0], rates[1, 3], rates[2, 0] = c.line.a1, -c.line.a3, c.line.a3, 1.0
+    line = expm(rates * interval)
     by_start, by_end, by_shown = seen_by_sensor(lag, interval)
-    line = expm(np.array([[0.0, c.line.a1, 0.0], [-c.line.a3, 0.0, c.line.a3], [0.0, 0.0, 0.0]]) * interval)
-    transition = np.zeros((3, 3))
-    transition[:2, :2] = line[:2, :2]
-    transition[2] = [by_start + by_end * line[0, 0], by_end * line[0, 1], by_shown]
-    rail = np.array([line[0, 2], line[1, 2], by_end * line[0, 2]])
-    transition = np.block([[transition, np.zeros((3, 1))], [np.zeros((1, 4))]])
-    transition[3] = (1 - late) * transition[2]
-    transition[3, 2] += late
-    return riccati(transition, np.append(rail, (1 - late) * rail[2]), c, noise)
+    rows = np.zeros((4, 5))  # from p_L, Q_L, indicated, recorded, rail
+    rows[:2, [0, 1, 4]] = line[:2][:, [0, 1, 3]]
+    rows[2] = by_end * rows[0] + [by_start, 0.0, by_shown, 0.0, 0.0]
+    if is_mean:
+        rows[3, [0, 1, 4]] = line[2, [0, 1, 3]] / interval
+        late = lag / interval
+        rows[3] -= late * rows[2]
+    else:
+        rows[3] = (1 - late) * rows[2]
+    rows[3, 2] += late
+    return riccati(rows[:, :4], rows[:, 4], c, noise)
 
 
 def seen_by_sensor(lag: float, interval: float) -> tuple[float, float, float]:

@@ -5,18 +5,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import lagged, recorded_mean
 from observer_rt.engine.estimation.gain import gain_schedule
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations, innovations_with_sensitivity
 from observer_rt.engine.estimation.scalars import PARAMETERS, learned_of
-from observer_rt.model.effective import Coefficients, averaged, coefficients
+from observer_rt.model.effective import averaged, coefficients
 from observer_rt.model.stability import substeps_needed
 from tests.differences import differences
 from tests.engine.estimation.conftest import NOISE, SMOOTH, shut_line, start_at_rest, worn_theta
-from tests.engine.estimation.test_gain import riccati, seen_by_sensor
+from tests.engine.estimation.test_gain import steady_kalman
 from tests.model.conftest import with_line
 
 pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
@@ -79,32 +78,11 @@ def test_mean_of_what_a_lagging_sensor_recorded_late_shows(fraction: float, lag:
     assert abs(curve[-1] - expected) > 5e-3  # the value at the end is something else
 
 
-def steady_kalman(c: Coefficients, lag: float) -> tuple[NDArray[np.float64], float]:
-    """Gain on p_L, Q_L, the indicated pressure, and innovation sigma, by matrix exponentials and Riccati's equation.
-
-    States p_L, Q_L, the sensor's indication, and its mean since the sample before, which is recorded.
-    """
-    interval = 1.0 / SLOW
-    rates = np.zeros((4, 4))  # p_L, Q_L, integral of p_L, rail
-    rates[0, 1], rates[1, 0], rates[1, 3], rates[2, 0] = c.line.a1, -c.line.a3, c.line.a3, 1.0
-    line = expm(rates * interval)
-    by_start, by_end, by_shown = seen_by_sensor(lag, interval)
-    rows = np.zeros((4, 5))  # from p_L, Q_L, indicated, shown, rail
-    rows[:2, [0, 1, 4]] = line[:2][:, [0, 1, 3]]
-    rows[2] = by_end * rows[0]
-    rows[2, 0] += by_start
-    rows[2, 2] += by_shown
-    rows[3, [0, 1, 4]] = line[2, [0, 1, 3]] / interval
-    rows[3] -= lag / interval * rows[2]
-    rows[3, 2] += lag / interval
-    return riccati(rows[:, :4], rows[:, 4], c, NOISE)
-
-
 @pytest.mark.parametrize("lag", [0.0, LAG])
 def test_steady_gain_solves_the_riccati_equation(lag: float) -> None:
     c = averaged(coefficients(load_injector()))
     schedule = gain_schedule(c, NOISE, SLOW, lag)
-    gain, sigma = steady_kalman(c, lag)
+    gain, sigma = steady_kalman(c, NOISE, SLOW, lag, is_mean=True)
     np.testing.assert_allclose(schedule.gains[-1][:3], gain, rtol=0.02)
     assert schedule.innovation_sigma == pytest.approx(sigma, rel=2e-3)
     instant = gain_schedule(coefficients(load_injector()), NOISE, SLOW, lag).gains[-1]

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from observer_rt.files.signals.recording import Recording, TimeGrid, UnevenTime
 from observer_rt.foundation.errors import UserError
+from tests.plants.arrays import Array
 
 IN_PARTS = pytest.mark.parametrize("at_once", [1 << 30, 4096])
 
 
-def taken(time: NDArray[np.float64], at_once: int = 1 << 30) -> tuple[TimeGrid, UnevenTime | None]:
+def taken(time: Array, at_once: int = 1 << 30) -> tuple[TimeGrid, UnevenTime | None]:
     """The grid of a time column given in parts, and where it is uneven."""
     grid = TimeGrid()
     for first in range(0, time.size, at_once):
@@ -23,17 +23,17 @@ def taken(time: NDArray[np.float64], at_once: int = 1 << 30) -> tuple[TimeGrid, 
     return grid, grid.end()
 
 
-def uneven(time: NDArray[np.float64], at_once: int = 1 << 30) -> UnevenTime:
+def uneven(time: Array, at_once: int = 1 << 30) -> UnevenTime:
     result = taken(time, at_once)[1]
     assert result is not None
     return result
 
 
-def rate_of(time: NDArray[np.float64]) -> float:
+def rate_of(time: Array) -> float:
     return taken(time)[0].sample_rate
 
 
-def printed(rate: float, samples: int, decimals: int, start: float = 0.0) -> NDArray[np.float64]:
+def printed(rate: float, samples: int, decimals: int, start: float = 0.0) -> Array:
     return np.round(start + np.arange(samples) / rate, decimals)
 
 
@@ -56,7 +56,7 @@ def test_rate_of_few_coarse_stamps_is_the_roundest_that_fits() -> None:
 
 @given(rate=st.floats(1e3, 1e6), start=st.floats(-1e3, 1e3), samples=st.integers(2, 500))
 def test_unrounded_stamps_give_their_rate(rate: float, start: float, samples: int) -> None:
-    time: NDArray[np.float64] = start + np.arange(samples, dtype=np.float64) / rate
+    time: Array = start + np.arange(samples, dtype=np.float64) / rate
     resolution = np.spacing(np.abs(time).max())
     assert rate_of(time) == pytest.approx(rate, rel=20 * resolution / (time[-1] - time[0]) + 1e-14)
 
@@ -114,8 +114,6 @@ INFINITE = np.where(np.arange(100) == 5, np.inf, 1.0)
         (EVEN + (np.arange(100) >= 50), np.ones(100), np.ones(100), "x.mf4, sample 50: gap in time"),
     ],
 )
-def test_what_a_recording_refuses(
-    time: NDArray[np.float64], lift: NDArray[np.float64], line: NDArray[np.float64], said: str
-) -> None:
+def test_what_a_recording_refuses(time: Array, lift: Array, line: Array, said: str) -> None:
     with pytest.raises(UserError, match=said):
         Recording(time, np.ones(100), lift, line, path=Path("x.mf4"))

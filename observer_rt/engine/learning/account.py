@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.learning.hypotheses import Mode, Velocity
 from observer_rt.engine.learning.learned_injector import LearnedInjector
+from observer_rt.foundation.records import NOT_KEPT
 
 Vector = NDArray[np.float64]
 USUAL_SCORE = 1.2  # of events that scatter by noise alone; their mean is 1
@@ -26,11 +27,16 @@ _ROUNDS = 10  # in which the factor settles
 
 @dataclass(frozen=True, eq=False)
 class Account:
-    """The belief, and the probabilities of the modes in which it goes on; velocity of wear that moves on."""
+    """The belief, and the probabilities of the modes in which it goes on; velocity of wear that moves on.
+
+    rival: that explains all events by other elements; log_odds: logarithm of its odds against this one.
+    """
 
     learned: LearnedInjector
     modes: Mapping[Mode, float] = field(default_factory=lambda: {Mode.STEADY: 1.0})
     velocity: Velocity | None = None
+    rival: "Account | None" = field(default=None, metadata=NOT_KEPT)
+    log_odds: float = field(default=0.0, metadata=NOT_KEPT)
 
 
 def _within(factor: float) -> float:

@@ -28,6 +28,8 @@ SHIFT = 30.0  # usual drifts, of all; M
 LIFT_DELAY_CHANGE = 30e-6  # s: an amplifier, or a filter ahead of a converter; P
 LIFT_DELAYS = (-60e-6, -40e-6, -20e-6, 20e-6, 40e-6, 60e-6)  # s, at which a fit of the lift's delay may begin; M
 OPENING_DELAYS, CLOSING_DELAYS = (-70e-6, 0.0, 70e-6), (-120e-6, 0.0, 120e-6)  # s, of a needle by commands; M
+LINE_SENSOR_LAG = 40e-6  # s, at which a fit of a late line sensor begins; M
+MOVED_IN_TIME = 20e-6  # s, by which a needle moves at another time: some mm3/ms of a rate; M
 FILED = 0.02  # of their prior, by which line and sensors may be off where no event has said otherwise; M
 LAWLESS, ONE_SCALE = 0.6, 0.5  # probability that a flow has no law; of one that has, that all curves are alike; M
 PAIRED, MOST_PAIRS = 0.01, 3  # probability that a law goes by two inputs at once, each two; pairs in use at most; M
@@ -42,6 +44,7 @@ LEFT_ALIKE = 1.0  # nats of the cost, within which two fits leave the same innov
 FALL_COUNTS = 0.42  # of the fall, by which the closed form may be wrong: .41 at a nozzle that jumped by 43 %; M
 BEYOND = 2.0  # nats that may lie beyond limits and the reach of a linearisation; I
 LIVE = 5e-3  # weight from which on a hypothesis is carried on; M
+RIVAL_LIVES = 1e-7  # .. where it explains all events by other elements: it takes some to tell a lag from a bounce; M
 SCALE_FITS = 3  # of an explanation, each at the scale of the weights that the one before makes the likeliest; M
 FIRST_STEPS, STEPS = 8, 2  # Gauss-Newton iterations: of a fit from far, and of one from near
 

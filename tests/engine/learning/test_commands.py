@@ -14,6 +14,7 @@ from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.estimation.scalars import VALVE_LAW
 from observer_rt.engine.learning.indicators import Estimate
+from observer_rt.engine.stream.state import Reason
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.model.effective import LAG_UNIT
 from observer_rt.model.effects import sized
@@ -113,6 +114,18 @@ def test_a_needle_that_bounces_is_learned_by_its_commands(faults: Faults) -> Non
     low, high = run_of_events.reports[-1].indicators["needle_bounces"].ci95 or (0.0, 0.0)
     assert 0.5 < low < high < 2.5
     assert high - low < 0.6
+
+
+def test_a_late_line_sensor_is_not_taken_for_a_needle_that_bounces() -> None:
+    """One injection leaves both open, and is not valid; the next ones show which it is."""
+    events = in_turn(
+        7, lambda _: Faults(line_pressure_sensor_lag=40e-6), (60e6, 100e6, 140e6), (0.6e-3, 1.9e-3, 1.0e-3)
+    )
+    run_of_events = without_lift(Bench(Injector(), Needle(0.9, 0.8), events, seed=6), 50e-6, 100e-6)
+    assert [report.reason for report in run_of_events.reports] == [Reason.TIME_BASE] + 6 * [Reason.NONE]
+    for report in run_of_events.reports[1:]:
+        sizes = [report.indicators[name].value for name in ("line_pressure_sensor_lag", "needle_closes_later")]
+        assert LAG_UNIT * np.array(sizes) == pytest.approx([40e-6, 100e-6], abs=10e-6)
 
 
 @pytest.mark.parametrize("has_lift", [True, False])

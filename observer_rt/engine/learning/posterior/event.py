@@ -1,5 +1,6 @@
 """One event, explained as all that it may be, and the account after it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -19,12 +20,12 @@ from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import pooled
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, is_same, resting_segments
 from observer_rt.engine.learning.disturbances.masks import Sigmas, without_stretches
-from observer_rt.engine.learning.fitting import EventFitter
+from observer_rt.engine.learning.fitting import EventFit, EventFitter
 from observer_rt.engine.learning.hypotheses import NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint, operating_point, remembered
-from observer_rt.engine.learning.posterior.explaining import STARTED, Explanation, Weighing
+from observer_rt.engine.learning.posterior.explaining import LATE_SENSOR, STARTED, Explanation, Weighing
 from observer_rt.engine.learning.posterior.reader import (
     ClosedEvent,
     EventReader,
@@ -116,6 +117,11 @@ def noise_after(
     return Noise(at_rest, at_rest.colour(learned.colour, reader.interval, follows.sigmas.innovation))
 
 
+def is_late(active: frozenset[int]) -> bool:
+    """Whether the line sensor is taken to be late, by the gated columns in use; it may be delays of the needle."""
+    return int(Parameter.SENSOR_LAG) in active
+
+
 def account_after(continued: Sequence[Continued]) -> tuple[Explanation, Account]:
     """The explanation that is carried, and the account after an event, whose explanations come the likeliest first.
 
@@ -133,11 +139,16 @@ def account_after(continued: Sequence[Continued]) -> tuple[Explanation, Account]
     kept = [each for each in continued if is_one(best, each)]
     lead, learned = next((each for each in kept if each[0].is_good), kept[0])
     total, modes = sum(each.weight for each, _ in kept), dict[Mode, float]()
+    others = [each for each in continued if is_late(each[1].active) is not is_late(learned.active)]
+    rival = None
+    if others and lead.reading.window.needle is not None:
+        odds = sum(each[0].weight for each in others if is_one(others[0], each)) / total
+        rival = Account(others[0][1], log_odds=math.log(odds))
     for explanation, _ in kept:
         mode = explanation.kind.mode
         modes[mode] = modes.get(mode, 0.0) + explanation.weight / total
     moving = next((each.moving for each, _ in kept if each.moving is not None), None)
-    return lead, Account(learned, modes, None if moving is None else moving.after(learned.belief))
+    return lead, Account(learned, modes, None if moving is None else moving.after(learned.belief), rival)
 
 
 class ExplainedEvent(NamedTuple):
@@ -173,7 +184,9 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
     """
     window = state.energizing.current.undone(event.window)
     reads = _Reads(state, event, offset, reader)
-    reads.weigh(state.learned, window)
+    reads.weigh(state.account, window)
+    for rival in reads.rivals:
+        reads.weigh(rival, window)
     if state.learned.is_prior:
         reads.weigh_coloured(state.learned, window)
     reads.weigh_masked()
@@ -195,15 +208,16 @@ class _Reads:
         window = event.window
         self._phases = phases_of(window, round(EDGE / reader.interval), round(AFTERGLOW / reader.interval))
         self.weighing = Weighing(reader)
+        self.rivals = [state.account.rival] if state.account.rival else []
 
-    def weigh(self, learned: LearnedInjector, window: Window, off: float = 0.0) -> None:
-        """Explain a window by a belief, where that is finite; off: nats of samples that were left out of it.
+    def weigh(self, account: Account, window: Window, off: float = 0.0) -> None:
+        """Explain a window by an account, where that is finite; off: nats of samples that were left out of it.
 
         Raises numpy.linalg.LinAlgError when singular.
         """
-        reading = self._read(learned, window, off)
+        reading = self._read(account.learned, window, off)
         if np.isfinite(reading.first.value):
-            self.weighing.add(replace(self._state.account, learned=learned), reading)
+            self.weighing.add(account, reading)
 
     def weigh_coloured(self, learned: LearnedInjector, window: Window) -> None:
         """Explain the event in the colour that noise at rest shows in it, where nothing is known of it before."""
@@ -213,7 +227,8 @@ class _Reads:
         fit, reader = likeliest.fit, self._reader
         colour = noise_after(learned, window, fit.unfiltered, likeliest.reading.follows, reader).colour
         if colour is not None:
-            self.weigh(replace(learned, colour=colour, theta=fit.linearisation.theta), window)
+            learned = replace(learned, colour=colour, theta=fit.linearisation.theta)
+            self.weigh(replace(self._state.account, learned=learned), window)
 
     def weigh_masked(self) -> None:
         """Explain the event without stretches that stand out of its likeliest explanation."""
@@ -224,7 +239,8 @@ class _Reads:
         sigmas = reading.follows.sigmas_in(best.before)
         masked = without_stretches(reading.window, innovations, sigmas, self._reader.burn_in)
         if masked is not None:
-            self.weigh(best.before, masked.window, masked.nats)
+            whose = next((each for each in self.rivals if each.learned is best.before), self._state.account)
+            self.weigh(replace(whose, learned=best.before), masked.window, masked.nats)
 
     def _read(self, learned: LearnedInjector, window: Window, off: float) -> EventReading:
         """Reads the event round a belief."""
@@ -248,19 +264,23 @@ class _Reads:
         These know no law of nozzle and seat, which would make up for a needle and a line that are far from theirs.
         """
         first = cost.linearised(learned.theta)
-        if window.needle is None or not learned.is_prior:
+        if window.needle is None or not learned.is_prior or learned.active:
             return first
-        prior, fits = learned.belief, []
-        for belief, move in product((prior.narrowed(STATED, c.FILED), prior), STARTED[NEEDLE_CHANGED]):
+        prior, fits = learned.belief, list[EventFit]()
+        filed = prior.narrowed(STATED, c.FILED)
+        for belief, move in [*product((filed, prior), STARTED[NEEDLE_CHANGED]), *product((prior,), LATE_SENSOR)]:
             lawless = cost.without_laws()
             start = lawless.linearised(learned.theta + move)
-            fitter = EventFitter(lawless, learned.active, self._reader.limits)
-            fits.append(fitter.fit(start, belief, c.FIRST_STEPS).linearisation)
-        best = min(fits, key=lambda fit: fit.value + 0.5 * prior.distance(fit.theta))
-        sought, theta = [*NEEDLE_LAW.columns.tolist(), *STATED], learned.theta.copy()
-        theta[sought] = best.theta[sought]
+            fits.append(EventFitter(lawless, learned.active, self._reader.limits).fit(start, belief, c.FIRST_STEPS))
+        fits.sort(key=lambda fit: fit.linearisation.value + 0.5 * prior.distance(fit.linearisation.theta))
+        late, others = ([fit for fit in fits if is_late(fit.active) is wanted] for wanted in (True, False))
+        sought, starts = [*NEEDLE_LAW.columns.tolist(), *STATED], []
+        for fit in (others or late)[:1] + (late[:1] if others else []):
+            starts.append(learned.theta.copy())
+            starts[-1][sought] = fit.linearisation.theta[sought]
+        self.rivals = [Account(replace(learned, theta=start, active=late[0].active)) for start in starts[1:]]
         cost.jitter = np.zeros_like(cost.jitter)
-        return cost.linearised(theta)
+        return cost.linearised(starts[0])
 
     def _linearised(
         self, learned: LearnedInjector, window: Window, cost: EventCost

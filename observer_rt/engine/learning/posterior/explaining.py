@@ -34,6 +34,9 @@ from observer_rt.model.effective import LAG_UNIT
 NEEDLE_STARTS, LATE_STARTS = np.zeros((9, PARAMETERS)), np.zeros((len(c.LIFT_DELAYS), PARAMETERS))
 NEEDLE_STARTS[:, [Parameter.OPENING_DELAY, Parameter.CLOSING_DELAY]] = [*product(c.OPENING_DELAYS, c.CLOSING_DELAYS)]
 LATE_STARTS[:, Parameter.LIFT_DELAY] = c.LIFT_DELAYS
+LATE_SENSOR = NEEDLE_STARTS[::4] / LAG_UNIT
+LATE_SENSOR[:, Parameter.SENSOR_LAG] = c.LINE_SENSOR_LAG / LAG_UNIT
+"""Moves of theta (k, m) at which a needle may be sought whose line sensor is late."""
 STARTED = {hypotheses.LIFT_LATE: LATE_STARTS / LAG_UNIT, hypotheses.NEEDLE_CHANGED: NEEDLE_STARTS / LAG_UNIT}
 """Moves of theta (k, m) from which a kind may be sought, for delays have several minima."""
 
@@ -133,7 +136,7 @@ def kind_log_priors(account: Account, has_lift: bool) -> Mapping[Kind, float]:
     for mode, weight in account.modes.items():
         for kind, rate in transitions(mode, account.learned.is_prior, has_lift):
             offers[kind] = offers.get(kind, 0.0) + weight * rate
-    return {kind: math.log(probability) for kind, probability in offers.items()}
+    return {kind: math.log(probability) + account.log_odds for kind, probability in offers.items()}
 
 
 class _OfferedKinds:
@@ -304,4 +307,9 @@ class Weighing:
         weights = np.exp(logs - logs.max())
         weights /= weights.sum()
         order = np.argsort(-weights, kind="stable")
-        return [replace(self._all[i], weight=float(weights[i])) for i in order if weights[i] >= c.LIVE]
+        best = self._all[order[0]].before.active
+        return [
+            replace(each, weight=float(weight))
+            for each, weight in ((self._all[i], weights[i]) for i in order)
+            if weight >= (c.LIVE if each.before.active == best else c.RIVAL_LIVES)
+        ]

@@ -27,6 +27,7 @@ from observer_rt.engine.learning.posterior.look_alikes import look_alikes_in, na
 from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.units import Z_95
+from observer_rt.model.effective import LAG_UNIT
 
 SHOWN = 0.005  # probability, below which nothing is said
 
@@ -119,9 +120,20 @@ def verdict_of(
         own += most
     elif c.SURELY * shares.total > c.WRONG:
         own += most if agree < c.AGREED else (Objection(Reason.OUTSIDE_LEARNED_RANGE),)
+    if _moved_in_time(explained) > 1.0 - c.AGREED:
+        own += (Objection(Reason.TIME_BASE),)
     is_change = lead.is_good and lead.kind not in hypotheses.BELIEVED
     change = _reason_of(lead, learned.theta, wide) if is_change else Reason.NONE
     return EventVerdict(forward, own, change)
+
+
+def _moved_in_time(explained: ExplainedEvent) -> float:
+    """Probability that the needle, by commands, moves at other times than the belief has it: a late line sensor's."""
+    rival, delays = explained.account.rival, [Parameter.OPENING_DELAY, Parameter.CLOSING_DELAY]
+    if rival is None:
+        return 0.0
+    apart = np.abs(rival.learned.theta - explained.account.learned.theta)[delays].max() * LAG_UNIT
+    return 1.0 / (1.0 + math.exp(-rival.log_odds)) if apart > c.MOVED_IN_TIME else 0.0
 
 
 def _reason_of(explanation: Explanation, theta: Theta, wide: Theta) -> Reason:

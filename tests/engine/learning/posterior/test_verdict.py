@@ -1,5 +1,7 @@
-"""The verdict on a mass: known to 3 %, at three standard deviations of what its event says."""
+"""The verdict: a mass is known to 3 % at three standard deviations, and when the needle moves."""
 
+import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from observer_rt.engine.learning.posterior.event_mass import EventMass
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.outcome import Shares, verdict_of
 from observer_rt.engine.stream.state import Reason
+from observer_rt.model.effective import LAG_UNIT
 
 WIDE = SCALARS.prior(1e8)
 NEW = LearnedInjector(prior_belief(0.0 * WIDE, np.diag(WIDE**2)), 0.0 * WIDE)
@@ -22,19 +25,23 @@ NONE: Any = None
 
 
 @pytest.mark.parametrize(
-    ("shares", "reasons"),
+    ("shares", "odds", "later", "reasons"),
     [
-        (Shares(0.0005, 0.001, 0.0), []),
-        (Shares(0.0099, 0.0099, 0.02), []),
-        (Shares(0.011, 0.012, 0.0), [Reason.OUTSIDE_LEARNED_RANGE]),
-        (Shares(0.004, 0.012, 0.0), [Reason.OUTSIDE_LEARNED_RANGE]),
+        (Shares(0.0005, 0.001, 0.0), 0.01, 30e-6, []),
+        (Shares(0.0099, 0.0099, 0.02), 0.01, 30e-6, []),
+        (Shares(0.011, 0.012, 0.0), 0.01, 30e-6, [Reason.OUTSIDE_LEARNED_RANGE]),
+        (Shares(0.004, 0.012, 0.0), 0.01, 30e-6, [Reason.OUTSIDE_LEARNED_RANGE]),
+        (Shares(0.0005, 0.001, 0.0), 0.2, 30e-6, [Reason.TIME_BASE]),
+        (Shares(0.0005, 0.001, 0.0), 0.2, 5e-6, []),
     ],
 )
-def test_a_mass_is_valid_that_is_known_to_three_percent(shares: Shares, reasons: list[Reason]) -> None:
-    by_nozzle = np.eye(WIDE.size)[Parameter.NOZZLE_BIAS]
-    mass = EventMass(NONE, NONE, NEW.theta, 1e-8, by_nozzle, 0.0, 1)
+def test_what_is_valid(shares: Shares, odds: float, later: float, reasons: list[Reason]) -> None:
+    """A mass known to three percent, with no rival whose needle opens later [s]."""
+    theta = later / LAG_UNIT * np.eye(WIDE.size)[Parameter.OPENING_DELAY]
+    account = Account(NEW, rival=Account(replace(NEW, theta=theta), log_odds=math.log(odds)))
+    mass = EventMass(NONE, NONE, NEW.theta, 1e-8, np.eye(WIDE.size)[Parameter.NOZZLE_BIAS], 0.0, 1)
     explanation = Explanation(NEW, BEFORE, 0.0, NONE, NONE, NONE, NONE, NONE, NEW.theta, None, None, 1.0)
-    explained = ExplainedEvent(NONE, NONE, NONE, NONE, [(explanation, NEW)], explanation, Account(NEW))
+    explained = ExplainedEvent(NONE, NONE, NONE, NONE, [(explanation, NEW)], explanation, account)
     verdict = verdict_of(explained, mass, shares, (), WIDE)
     assert [objection.reason for objection in verdict.own] == reasons
     assert not verdict.forward

@@ -72,7 +72,7 @@ class SnapshotKeeper:
         self._daemon = daemon
 
     def hear(self, news: News) -> None:
-        """Take in an injection, and later its measured mass; called by the loop, so it must not wait."""
+        """Take in an injection, its measured mass, a fault of a link; called by the loop, so it must not wait."""
         now = time.time_ns()
         if isinstance(news, InjectionReport) and self._daemon is not None:
             self._samples.append((news, self._daemon.core.rows(news.start_position, news.end_position + 1)))

@@ -152,7 +152,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
 def read_recording(path: Path, injector: BenchInjector | None = None) -> Recording:
     """Read a recording into memory: arrays (n,) of time and signals [SI], NaN between its stretches.
 
-    injector: whose `[recording]` describes a layout of the user's own; None: our own layouts only.
+    injector: as of `open_recording`.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
     with file_errors(path):

@@ -12,7 +12,7 @@ Quotient = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class PhaseFigures(Section):
-    """Mean square of the normalised innovations by phase of an event: 1 for noise alone, None for an unseen phase."""
+    """A figure of the normalised innovations by phase of an event: 1 for noise alone, None for an unseen phase."""
 
     standstill: Quotient | None = None
     opening: Quotient | None = None

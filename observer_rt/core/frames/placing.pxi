@@ -1,7 +1,7 @@
 # Place of a block of samples in its message's stream: next, repeated, old, or the first of a new count.
 #
-# Of a repeated block the first wins; an older one is dropped; an index that jumps back or to 0 is a restart of the
-# device.
+# Of a repeated block the first wins. An older one is dropped, but several in a row are of a device that began anew, as
+# is an index that jumps to 0 from further ahead than blocks are kept for.
 
 cdef enum:
     OLD_BLOCKS_OF_RESTART = 3  # consecutive ones that mean: the device began anew, its first blocks were lost

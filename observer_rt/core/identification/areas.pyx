@@ -28,7 +28,7 @@ def fill_areas(
     part of a ramp only, which is extended to it; else nan.
 
     A sensor that reads too little misses the foot of a ramp, which is extended to where the needle leaves its seat.
-    Beside it stands the negative area the ramp comes from, see `flows.pxi`.
+    Beside it stands the negative area the ramp comes from, see `between` in `lump.pxi`.
     """
     cdef Seat of_seat = seat._asdict()
     cdef int64_t samples = area.shape[0], first, last, i, k

@@ -1,4 +1,5 @@
-# The network part of phi, N = W sigma(V z) + b, and the flows through seat and nozzle with it, with their slopes.
+# The network part of phi, N = W sigma(V z) + b, and the flows through seat and nozzle with it, with their slopes. The
+# neurons along a direction add up to a curve of cubic pieces (`model/network.py`), of which one is looked up.
 
 cdef double[NOZZLE_NUMBERS] NOTHING_LEARNED  # zeros
 cdef enum:

@@ -1,4 +1,4 @@
-# A sample interval of any line: a new kind of line is a file, and a row in each of these.
+# A sample interval of any line: a new kind of line is a file, and a branch wherever the kind is asked for.
 
 include "servo.pxi"
 include "lump.pxi"

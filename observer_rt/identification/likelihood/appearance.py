@@ -22,7 +22,7 @@ from observer_rt.model.effective import EffectiveModel
 VISIBLE = 25.0  # of -2 log L that a size must gain to be visible: 5 standard deviations
 VISIBLE_BESIDE_A_FIT = 36.0  # what a fitted model leaves of a healthy injector gains up to 30 now and then
 PROBES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # dead zones at which an effect is tried, until it is visible
-SEEN = 1e-3  # of what the recording that says most of an effect says: one that says less is left out
+SEEN = 1e-3  # of the largest information: a recording that has less on an effect is left out
 _DIGITS = 5
 
 

@@ -262,6 +262,7 @@ class _Reads:
         """The cost at the belief; of a needle that answers commands, before events, at the best of several fits.
 
         These know no law of nozzle and seat, which would make up for a needle and a line that are far from theirs.
+        The best one with a late line sensor, which looks like delays and a bounce of the needle, becomes a rival.
         """
         first = cost.linearised(learned.theta)
         if window.needle is None or not learned.is_prior or learned.active:

@@ -58,9 +58,11 @@ SOAK_BARS = (
     Bar("p999_us_max", "p999_us", "max"),
 )
 SOAK_COLUMNS: dict[str, tuple[str, How]] = {
-    **{f"{name}_samples": (f"{name}_samples", "sum") for name in ("lost", "repeated")},
-    **{f"p{share}_us": (f"p{share}_us", "max") for share in (50, 99, 999)},
-    **{name: (name, "max") for name in ("cpu_share", "memory_mib", "threads", "descriptors")},
+    **{name: (name, "sum") for name in ("lost_samples", "repeated_samples")},
+    **{
+        name: (name, "max")
+        for name in ("p50_us", "p99_us", "p999_us", "cpu_share", "memory_mib", "threads", "descriptors")
+    },
 }
 
 

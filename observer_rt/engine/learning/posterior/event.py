@@ -276,7 +276,7 @@ class _Reads:
         fits.sort(key=lambda fit: fit.linearisation.value + 0.5 * prior.distance(fit.linearisation.theta))
         late, others = ([fit for fit in fits if is_late(fit.active) is wanted] for wanted in (True, False))
         sought, starts = [*NEEDLE_LAW.columns.tolist(), *STATED], []
-        for fit in (others or late)[:1] + (late[:1] if others else []):
+        for fit in (*others[:1], *late[:1]):
             starts.append(learned.theta.copy())
             starts[-1][sought] = fit.linearisation.theta[sought]
         self.rivals = [Account(replace(learned, theta=start, active=late[0].active)) for start in starts[1:]]

@@ -307,9 +307,6 @@ class Weighing:
         weights = np.exp(logs - logs.max())
         weights /= weights.sum()
         order = np.argsort(-weights, kind="stable")
-        best = self._all[order[0]].before.active
-        return [
-            replace(each, weight=float(weight))
-            for each, weight in ((self._all[i], weights[i]) for i in order)
-            if weight >= (c.LIVE if each.before.active == best else c.RIVAL_LIVES)
-        ]
+        active = self._all[order[0]].before.active
+        lives = [c.LIVE if each.before.active == active else c.RIVAL_LIVES for each in self._all]
+        return [replace(self._all[i], weight=float(weights[i])) for i in order if weights[i] >= lives[i]]

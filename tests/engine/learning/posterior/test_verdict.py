@@ -35,7 +35,7 @@ NONE: Any = None
         (Shares(0.0005, 0.001, 0.0), 0.2, 5e-6, []),
     ],
 )
-def test_what_is_valid(shares: Shares, odds: float, later: float, reasons: list[Reason]) -> None:
+def test_known_masses_are_valid(shares: Shares, odds: float, later: float, reasons: list[Reason]) -> None:
     """A mass known to three percent, with no rival whose needle opens later [s]."""
     theta = later / LAG_UNIT * np.eye(WIDE.size)[Parameter.OPENING_DELAY]
     account = Account(NEW, rival=Account(replace(NEW, theta=theta), log_odds=math.log(odds)))

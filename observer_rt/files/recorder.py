@@ -18,6 +18,7 @@ from observer_rt.foundation.units import NANOSECONDS
 
 FLUSH_PERIOD = 1_000_000_000  # ns: no more than this is lost with the power
 REPORT_PERIOD = 250_000_000  # ns
+LATEST_FRAME = 10_000_000_000  # ns by which a frame of another bus may be older than the first that came
 RECEIVE_TIMEOUT = 0.1  # s, after which the loop looks at its clock and its stop signal
 
 
@@ -132,7 +133,7 @@ class _Log:
     def write(self, frame: Frame, channel: str) -> None:
         if self._writer is None:
             begin_stream(self._path, self._force)
-            self._writer = open_writer(self._path, frame.stamp_ns)
+            self._writer = open_writer(self._path, frame.stamp_ns - LATEST_FRAME)
             self.paths.append(self._path)
         self._say_lost(self._writer)
         self._writer.write(LogFrame(frame, channel))

@@ -29,6 +29,7 @@ class Source(FakeLink):
         self._stop = stop
         self._lost_at = lost_at or {}
         self.lost = 4  # before the recording began
+        self.step_ns = 1000
         self.during: Callable[[], None] = lambda: None
 
     def receive(self, timeout_s: float) -> Frame | None:
@@ -42,7 +43,7 @@ class Source(FakeLink):
         return Frame(
             0x100 + self.delivered % 7,
             bytes(8),
-            START + self.delivered * 1000,
+            START + self.delivered * self.step_ns,
             False,
             is_fd,
             is_fd and self.delivered % 3 == 0,
@@ -72,6 +73,18 @@ def test_every_frame_is_in_the_file_and_where_some_were_lost(tmp_path: Path, suf
     ]
     assert (statistics.frames, statistics.lost, statistics.files) == (300, 12, [path])
     assert "12 lost" in statistics.as_text()
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_frame_may_be_older_than_the_first(tmp_path: Path, suffix: str) -> None:
+    """Another bus's may have waited longer to be read."""
+    stop, path = threading.Event(), tmp_path / f"bus{suffix}"
+    source = Source(5, stop)
+    source.step_ns = -200_000
+    run(path, source, stop)
+    assert sorted(entry.frame.stamp_ns for entry in open_log(path)) == pytest.approx(
+        [START + n * source.step_ns for n in range(5, 0, -1)], abs=999
+    )
 
 
 def test_limits_end_it(tmp_path: Path) -> None:

@@ -56,8 +56,8 @@ def assert_between(slope: Array, above: Array, below: Array, name: str) -> None:
 
 
 @pytest.mark.slow
-@example(35345, "shut", 75e-9, "seat", 1e5, False)
-@example(83103411, "knot", 2e-9, "seat", 2e4, True)  # the nozzle's flow falls with its pressure
+@example(35345, "shut", 75e-9, "seat", 1e5, False, 0.1)
+@example(83103411, "knot", 2e-9, "seat", 2e4, True, 0.1)  # the nozzle's flow falls with its pressure
 @given(
     st.integers(0, 2**31),
     st.sampled_from(["shut", "opening", "open", "closing", "knot"]),
@@ -65,8 +65,11 @@ def assert_between(slope: Array, above: Array, below: Array, name: str) -> None:
     st.sampled_from(["seat", "nozzle"]),
     st.sampled_from([1e5, 2e4]),
     st.booleans(),
+    st.just(0.05),  # a network of larger weights may turn a flow round
 )
-def test_derivatives(seed: int, needle: str, sac_volume: float, outflow: str, rate: float, means: bool) -> None:
+def test_derivatives(
+    seed: int, needle: str, sac_volume: float, outflow: str, rate: float, means: bool, width: float
+) -> None:
     """Of an interval's step by theta and by the state before it, against differences of the step itself."""
     random = np.random.default_rng(seed)
     effects = [
@@ -88,7 +91,7 @@ def test_derivatives(seed: int, needle: str, sac_volume: float, outflow: str, ra
     parameters = filled(parameters, None if seed % 2 else "en590")
     c = effective_model(parameters, effects).coefficients
     c = averaged(c) if means else c
-    theta = random.uniform(-0.1, 0.1, PARAMETERS)
+    theta = random.uniform(-width, width, PARAMETERS)
     theta[[Parameter.GUIDE_LEAKAGE, Parameter.ENTRAINED_AIR, Parameter.BACK_PRESSURE]] = 0.02
     start = at_rest(c, 1.0) + random.uniform(-0.1, 0.1, c.states)
     start[2] = 0.0 if needle in ("shut", "opening") else random.uniform(0.3, 0.8)

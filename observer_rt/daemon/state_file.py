@@ -27,7 +27,7 @@ from observer_rt.foundation.records import Count, NotAsExpectedError, kept_names
 from observer_rt.foundation.version import __version__
 from observer_rt.model.parameters import InjectorParameters
 
-VERSION = 12
+VERSION = 13
 BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; else put the right file back"
 ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
 LARGEST_FILE = 1 << 22  # bytes, far more than any state takes: a hypothesis is 20 kB, of earlier versions .3 MB

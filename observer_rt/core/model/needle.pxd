@@ -3,9 +3,11 @@
 from libc.math cimport cos, exp, pi, pow, sin
 
 cdef enum:
-    NEEDLE_NUMBERS = 6  # that are learned: delay of the opening, ln of its speed, the same of the closing, and ..
-    OF_BOUNCE = 4  # .. the height of a bounce, and its length
+    NEEDLE_NUMBERS = 8  # that are learned: delay of the opening, ln of its speed, the same of the closing, and ..
+    OF_BOUNCE = 4  # .. the height of a bounce, its length ..
     OF_LENGTH = 5
+    OF_OPENING_CURVE = 6  # .. and the shares by which low lifts are higher, opening and closing
+    OF_CLOSING_CURVE = 7
 
 cdef extern from *:
     """
@@ -14,12 +16,14 @@ cdef extern from *:
     #define CLOSING_EXPONENT 0.3
     #define NEEDLE_JITTER 30e-6
     #define SHORTEST_BOUNCE 20e-6
+    #define LOW_LIFT 50e-6
     """
     const double CORNER_ROUNDING  # s, window over whose mean the corners of a stroke are rounded
     const double OPENING_EXPONENT  # of the speeds with the rail pressure
     const double CLOSING_EXPONENT
     const double NEEDLE_JITTER  # s, standard deviation of a shot's delays from the learned ones
     const double SHORTEST_BOUNCE  # s
+    const double LOW_LIFT  # m, over which a needle that starts or lands slowly differs from one of even speed
 
 
 cdef struct NeedleLaw:
@@ -42,6 +46,8 @@ cdef struct NeedleStroke:
     double closing_speed
     double bounce  # m
     double landed  # s: it has bounced
+    double opening_curve  # share by which the lowest lifts are higher
+    double closing_curve
 
 
 cdef inline bint answers(
@@ -49,7 +55,7 @@ cdef inline bint answers(
 ) noexcept nogil:
     """Whether a needle lifts for a command [s], and its stroke; pressure: of the rail, over 100 MPa.
 
-    learned (NEEDLE_NUMBERS,): in s, natural logarithms, m and s.
+    learned (NEEDLE_NUMBERS,): in s, natural logarithms, m, s and shares.
     """
     s.opening = start + needle.opening_delay + learned[0]
     s.closing = start + length + needle.closing_delay + learned[2]
@@ -59,6 +65,7 @@ cdef inline bint answers(
     s.closed = s.closing + s.opening_speed * (s.top - s.opening) / s.closing_speed
     s.bounce = max(needle.landing_bounce + learned[OF_BOUNCE], 0.0)
     s.landed = s.closed + max(needle.bounce_length + learned[OF_LENGTH], SHORTEST_BOUNCE)
+    s.opening_curve, s.closing_curve = learned[OF_OPENING_CURVE], learned[OF_CLOSING_CURVE]
     return s.closing > s.opening
 
 
@@ -91,6 +98,12 @@ cdef inline double lands(const NeedleStroke* s) noexcept nogil:
     return s.landed if s.bounce > 0.0 else s.closed
 
 
+cdef inline double _curve(double time, double window, const NeedleStroke* s) noexcept nogil:
+    """Share by which the lowest lifts are higher: that of the opening, or, from the turn on, of the closing."""
+    cdef double falls = _mean_step(time - s.closing, window)
+    return (1.0 - falls) * s.opening_curve + falls * s.closing_curve
+
+
 cdef inline double rounded_lift(double time, double window, const NeedleStroke* s) noexcept nogil:
     """Lift [m] at a time [s], its corners rounded over a window [s]; exactly 0 outside the stroke."""
     cdef double rise, fall, lift, by_time, by_length
@@ -99,6 +112,7 @@ cdef inline double rounded_lift(double time, double window, const NeedleStroke* 
     rise = _mean_ramp(time - s.opening, window) - _mean_ramp(time - s.top, window)
     fall = _mean_ramp(time - s.closing, window) - _mean_ramp(time - s.closed, window)
     lift = max(s.opening_speed * rise - s.closing_speed * fall, 0.0)
+    lift *= 1.0 + _curve(time, window, s) * exp(-lift / LOW_LIFT)
     return lift + s.bounce * _mean_bounce(time, window, s, &by_time, &by_length) if s.bounce > 0.0 else lift
 
 
@@ -108,7 +122,10 @@ cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, 
     cdef double fall = _mean_ramp(time - s.closing, window) - _mean_ramp(time - s.closed, window)
     cdef double begins = _mean_step(time - s.opening, window), turns = _mean_step(time - s.top, window)
     cdef double falls = _mean_step(time - s.closing, window), ends = _mean_step(time - s.closed, window)
-    cdef double up = s.opening_speed, down = s.closing_speed, peak = up * (s.top - s.opening), later, longer
+    cdef double even = max(s.opening_speed * rise - s.closing_speed * fall, 0.0), low = exp(-even / LOW_LIFT)
+    cdef double steep = 1.0 + _curve(time, window, s) * low * (1.0 - even / LOW_LIFT)
+    cdef double up = steep * s.opening_speed, down = steep * s.closing_speed, peak = up * (s.top - s.opening)
+    cdef double later, longer
     by_number[OF_BOUNCE] = _mean_bounce(time, window, s, &later, &longer)
     by_number[OF_LENGTH] = s.bounce * longer
     ends += later * s.bounce / down  # what lands later bounces later
@@ -121,3 +138,6 @@ cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, 
         by_number[0] = -up * (begins - ends)
         by_number[1] = up * rise - ends * peak
         by_number[2] = up * (turns - ends) + down * (falls - ends)
+    by_number[OF_OPENING_CURVE], by_number[OF_CLOSING_CURVE] = even * low * (1.0 - falls), even * low * falls
+    if 0.0 < falls < 1.0:
+        by_number[2] -= even * low * (s.closing_curve - s.opening_curve) / window

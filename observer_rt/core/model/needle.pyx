@@ -2,6 +2,8 @@
 
 from libc.stdint cimport int64_t
 
+from numpy import zeros
+
 from observer_rt.core.model.hydraulics cimport Seat, normalised_area, normalised_area_slope
 from observer_rt.core.model.needle cimport *
 from observer_rt.core.records import tuple_of
@@ -15,14 +17,20 @@ globals().update(
     NeedleStroke=tuple_of(__name__, "NeedleStroke", (<NeedleStroke*> _blank)[0]),
 )
 
-cdef double[NEEDLE_NUMBERS] NOTHING_LEARNED  # zeros
+NOTHING_LEARNED = zeros(NEEDLE_NUMBERS)
 
 
-def stroke_of(double start, double length, double pressure, needle) -> dict[str, float] | None:
-    """Stroke of a `model.needle.NeedleLaw` for a command [s]; pressure: of the rail, over 100 MPa; None: it does not lift."""
+def stroke_of(double start, double length, double pressure, needle, learned=NOTHING_LEARNED) -> dict[str, float] | None:
+    """Stroke of a `NeedleLaw` with what was learned of it (NEEDLE_NUMBERS,) for a command [s]; None: it does not lift.
+
+    pressure: of the rail, over 100 MPa.
+    """
     cdef NeedleLaw of_needle = needle._asdict()
+    cdef const double[::1] numbers = learned
     cdef NeedleStroke s
-    return s if answers(start, length, pressure, &of_needle, NOTHING_LEARNED, &s) else None
+    if numbers.shape[0] != NEEDLE_NUMBERS:
+        raise ValueError("numbers learned of a needle do not fit")
+    return s if answers(start, length, pressure, &of_needle, &numbers[0], &s) else None
 
 
 def lift_of_stroke(double time, stroke) -> float:

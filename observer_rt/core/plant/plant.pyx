@@ -21,13 +21,10 @@ cdef double EMPTY_SAC = 1e-9  # of the pressure scale, below which a shut sac is
 cdef inline NeedleStroke _stroke(const double[:, ::1] strokes, int64_t number) noexcept nogil:
     """Row `number` of the table; past its end the needle stays shut: a stroke that never begins."""
     cdef NeedleStroke s
-    if number >= strokes.shape[0]:
-        s.opening = s.top = s.closing = s.closed = s.landed = INFINITY
-        s.opening_speed = s.closing_speed = s.bounce = 0.0
-        return s
-    s.opening, s.top, s.closing = strokes[number, 0], strokes[number, 1], strokes[number, 2]
-    s.closed, s.opening_speed, s.closing_speed = strokes[number, 3], strokes[number, 4], strokes[number, 5]
-    s.bounce, s.landed = strokes[number, 6], strokes[number, 7]
+    if number < strokes.shape[0]:
+        return (<const NeedleStroke*> &strokes[number, 0])[0]
+    s.opening = s.top = s.closing = s.closed = s.landed = INFINITY
+    s.opening_speed = s.closing_speed = s.bounce = s.opening_curve = s.closing_curve = 0.0
     return s
 
 
@@ -72,7 +69,7 @@ def run_injector(
     """Record samples first..last-1 and step the state x (n,) on to `last`; number: of the stroke under way or next.
 
     indicated: what the sensor shows; due: the first sample of the line pressure not recorded yet. time [s], rail,
-    lift [m], rate [m3/s], recorded (k,); states (k, 3); strokes (m, 8); bounce [m].
+    lift [m], rate [m3/s], recorded (k,); states (k, 3); strokes (m, fields of a `NeedleStroke`); bounce [m].
     """
     cdef NeedleStroke s = _stroke(strokes, number), following = _stroke(strokes, number + 1)
     cdef Forced forced
@@ -85,7 +82,7 @@ def run_injector(
     c = &model.coefficients
     f = &terms.forcing
     fits = rail.shape[0] == lift.shape[0] == rate.shape[0] == recorded.shape[0] == states.shape[0] == samples
-    if not fits or strokes.shape[1] != 8 or x.shape[0] != c.states or not 0 <= first <= last <= samples:
+    if not fits or strokes.shape[1] * sizeof(double) != sizeof(NeedleStroke) or x.shape[0] != c.states or not 0 <= first <= last <= samples:
         raise ValueError("arrays of a simulation do not fit each other")
     forced.coefficients, forced.network = model.coefficients, weights.network
     with nogil:

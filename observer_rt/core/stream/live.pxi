@@ -17,8 +17,8 @@ cdef double[FILTERS] ODDS = [0.98, 0.01, 0.01]
 cdef double LEAST_CHANGE = -0.9  # of r and s
 cdef double WHITE = 2.5  # mean square of innovations, up to which a model leaves little of a healthy injector
 cdef int64_t[VALVE_NUMBERS] SPARE = [7] * 4  # column of derivatives that nobody reads
-cdef int64_t[NEEDLE_NUMBERS] DELAYS = [6, 7, 7, 7, 7, 7]  # both delays are one state, of either edge
-cdef double[NEEDLE_NUMBERS] DELAY_SIZES = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+cdef int64_t[NEEDLE_NUMBERS] DELAYS = [6, 7, 7, 7, 7, 7, 7, 7]  # both delays are one state, of either edge
+cdef double[NEEDLE_NUMBERS] DELAY_SIZES = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 cdef double[VALVE_NUMBERS] NO_SIZES  # zeros
 cdef int64_t[CURVES] NO_NEURONS  # zeros
 

@@ -1,7 +1,9 @@
 """Gates of a belief: scalars pay for being in the estimate."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,35 +14,63 @@ from observer_rt.engine.estimation.belief import Belief, conditioned
 
 ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
 STAY = 6.25  # and (2.5 sigma) that keeps it active
+ALIKE = 60.0  # that activates one which looks like another that is active
+
+
+class Alike(NamedTuple):
+    """Two columns, and how large the first is at least that looks like the other."""
+
+    first: int
+    other: int
+    least: float
 
 
 @dataclass(frozen=True)
 class Gate:
-    """Columns of the gated parameters, and the lowest value each may take; held: columns that no event tells of."""
+    """Lowest values that the gated parameters may take, by column; held: columns that no event tells of.
 
-    columns: tuple[int, ...]
-    lowest: tuple[float, ...]
+    alike: two that one event may not tell apart. While the first is active it stays at no price, and the other enters
+    at a high one, so that the next events are explained by either; it is carried on to them if it is large.
+    """
+
+    lowest: Mapping[int, float]
     held: tuple[int, ...] = ()
+    alike: Alike | None = None
 
-    def replaced(self, column: int, lowest: float) -> "Gate":
-        """Gate in which one parameter may take another lowest value."""
-        pairs = zip(self.columns, self.lowest, strict=True)
-        changed = tuple(lowest if one == column else before for one, before in pairs)
-        return Gate(self.columns, changed, self.held)
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Columns of the gated parameters."""
+        return tuple(self.lowest)
 
 
 def best_subset(
-    mean: NDArray[np.float64], covariance: NDArray[np.float64], gate: Gate, active: frozenset[int]
+    mean: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    gate: Gate,
+    active: frozenset[int],
+    carried: bool = False,
 ) -> tuple[NDArray[np.float64], frozenset[int]]:
     """Parameters (m,) and active columns that maximise the likelihood less the price of the active scalars.
 
     mean (m,) and covariance (m, m) are those of the joint belief; columns left out are 0.
-    All subsets of the gated columns are tried. Raises numpy.linalg.LinAlgError when singular.
+    carried: they go on to the next event, no step of a fit. All subsets of the gated columns are tried. Raises numpy.linalg.LinAlgError when singular.
     """
-    columns, lowest, theta = np.array(gate.columns), np.array(gate.lowest), np.empty_like(mean)
-    prices = np.array([STAY if column in active else ENTER for column in gate.columns])
-    subset = search_subsets(mean, covariance, columns, lowest, prices, theta)
-    return theta, frozenset(column for i, column in enumerate(gate.columns) if subset >> i & 1)
+    columns, theta = np.array(gate.columns), np.empty_like(mean)
+    prices = {column: STAY if column in active else ENTER for column in gate.columns}
+
+    def search(prices: Mapping[int, float], lowest: Mapping[int, float]) -> frozenset[int]:
+        limits, costs = np.array([*lowest.values()]), np.array([*prices.values()])
+        subset = search_subsets(mean, covariance, columns, limits, costs, theta)
+        return frozenset(column for i, column in enumerate(gate.columns) if subset >> i & 1)
+
+    if gate.alike and gate.alike.first in active:
+        first, other, least = gate.alike
+        if other not in active:
+            prices[other] = ALIKE
+        chosen = search(prices | {first: 0.0}, {**gate.lowest, first: least} if carried else gate.lowest)
+        if first in chosen:
+            return theta, chosen
+    return theta, search(prices, gate.lowest)
 
 
 @dataclass(frozen=True, eq=False)

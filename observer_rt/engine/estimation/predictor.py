@@ -83,9 +83,8 @@ class Window(NamedTuple):
         """Strokes of a needle that answers commands as it was learned, in time order [s] from the first sample on."""
         if self.needle is None:
             return ()
-        needle, pressures = needle_with(self.needle, learned.needle), self._pressures(setting.coefficients)
-        spans = zip(*(setting.interval * self.commands).T, pressures, strict=True)
-        answers = [stroke_of(start, end - start, pressure, needle) for start, end, pressure in spans]
+        spans = zip(*(setting.interval * self.commands).T, self._pressures(setting.coefficients), strict=True)
+        answers = [stroke_of(begin, end - begin, rail, self.needle, learned.needle) for begin, end, rail in spans]
         return tuple(NeedleStroke(**answer) for answer in answers if answer is not None)
 
     def _pressures(self, c: Coefficients) -> NDArray[np.float64]:
@@ -114,19 +113,6 @@ class Window(NamedTuple):
             opening=max(self.opening - math.ceil(samples), 1),
             knots=knots,
         )
-
-
-def needle_with(needle: NeedleLaw, learned: NDArray[np.float64]) -> NeedleLaw:
-    """A needle as was learned of it (NEEDLE_NUMBERS,): delays in s, logarithms of speeds, bounce in m and s."""
-    opens, rises, closes, falls, bounces, lasts = learned.tolist()
-    return needle._replace(
-        opening_delay=needle.opening_delay + opens,
-        opening_speed=needle.opening_speed * math.exp(rises),
-        closing_delay=needle.closing_delay + closes,
-        closing_speed=needle.closing_speed * math.exp(falls),
-        landing_bounce=needle.landing_bounce + bounces,
-        bounce_length=needle.bounce_length + lasts,
-    )
 
 
 class Setting(NamedTuple):

@@ -74,6 +74,8 @@ class Parameter(IntEnum):
     CLOSING_SPEED = 21 + HIDDEN
     LANDING_BOUNCE = 22 + HIDDEN  # beyond that of the file, in units of LIFT_UNIT
     BOUNCE_LENGTH = 23 + HIDDEN
+    OPENING_CURVATURE = 24 + HIDDEN  # share by which the lowest lifts are higher
+    CLOSING_CURVATURE = 25 + HIDDEN
 
 
 class Element(Enum):
@@ -210,14 +212,13 @@ class Scalars:
     @cached_property
     def gate(self) -> Gate:
         """The columns that must pay for being active."""
-        gated = [
-            (row.column + i, row.gated_from)
+        lowest = {
+            row.column + i: row.gated_from
             for row in sorted(self.rows, key=attrgetter("column"))
             if row.gated_from is not None
             for i in range(row.columns)
-        ]
-        held = tuple(row.column for row in self.rows if row.held)
-        return Gate(tuple(column for column, _ in gated), tuple(lowest for _, lowest in gated), held)
+        }
+        return Gate(lowest, held=tuple(row.column for row in self.rows if row.held))
 
     def shown(self) -> Iterator[tuple[int, ShownIndicator]]:
         """Column and appearance of the scalars shown."""
@@ -332,6 +333,10 @@ SCALARS = Scalars((
                                 screen_unit=("um", MICROMETRE))),
     Scalar("bounce_length", Parameter.BOUNCE_LENGTH, prior=25e-6, drift=0.5e-6, longest_step=20e-6,
            bounds=(-60e-6, 80e-6), counted=ScalarUnit.TIME, element=Element.NEEDLE),
+    Scalar("opening_curvature", Parameter.OPENING_CURVATURE, prior=0.35, drift=2e-3, longest_step=0.3,
+           bounds=(-0.8, 1.5), gated_from=-0.8, element=Element.NEEDLE),
+    Scalar("closing_curvature", Parameter.CLOSING_CURVATURE, prior=0.35, drift=2e-3, longest_step=0.3,
+           bounds=(-0.8, 1.5), gated_from=-0.8, element=Element.NEEDLE),
 ))
 # fmt: on
 

@@ -9,7 +9,7 @@ fault leaves them as loud, in some phase and over some length of blocks, as they
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,20 +19,22 @@ from observer_rt.core.learning.evidence import integrate_cost
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.engine.estimation.belief import Belief
-from observer_rt.engine.estimation.gating import Gate, best_subset
+from observer_rt.engine.estimation.gating import Alike, Gate, best_subset
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
-from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta
+from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, Parameter, Theta
 from observer_rt.engine.estimation.shot_delays import ShotDelays
-from observer_rt.engine.learning.constants import BEYOND, NEARLY_WHITE, NEARLY_WHITE_BLOCKS
+from observer_rt.engine.learning.constants import BEYOND, MOVED_IN_TIME, NEARLY_WHITE, NEARLY_WHITE_BLOCKS
 from observer_rt.engine.learning.healthy import Healthy
-from observer_rt.model.effective import LIFT_UNIT, Coefficients
+from observer_rt.model.effective import LAG_UNIT, LIFT_UNIT, Coefficients
 
 FAR = 10.0  # times the limits, that a mean may be beyond them by linear slopes
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # a step that lowers the cost by less, in units of chi2 / 2, is the last
 ROUNDING = 1e-9  # by which a step of nothing may seem to raise the cost [chi2 / 2]
 AGREEMENT = 0.05  # of expected and actual cost [chi2 / 2]: within it a linearisation is not repeated
+LOSSES = (Parameter.CONTROL_FLOW, Parameter.LANDING_BOUNCE)  # as far as the file has any
+LATE_OR_BOUNCE = Alike(Parameter.SENSOR_LAG, Parameter.LANDING_BOUNCE, MOVED_IN_TIME / LAG_UNIT)
 
 Table = NDArray[np.float64]
 
@@ -53,13 +55,17 @@ class Limits:
 
 
 def theta_limits(c: Coefficients, needle: NeedleLaw | None = None) -> Limits:
-    """Limits of theta (m,); a pilot valve may lose all of its flow, a needle by commands its bounce, but not more."""
+    """Limits of theta (m,); a pilot valve may lose all of its flow, a needle by commands its bounce, but not more.
+
+    Where the lift is recorded, no event tells of the needle's own numbers: they are not among the gated.
+    """
     lowest, highest = SCALARS.bounds(c.pressure_scale)
     lowest[Parameter.CONTROL_FLOW] = -c.line.servo / c.line.a1
     lowest[Parameter.LANDING_BOUNCE] = 0.0 if needle is None else -needle.landing_bounce / LIFT_UNIT
-    gate = SCALARS.gate
-    for column in (Parameter.CONTROL_FLOW, Parameter.LANDING_BOUNCE):
-        gate = gate.replaced(column, float(lowest[column]))
+    gated = {**SCALARS.gate.lowest, **{column: float(lowest[column]) for column in LOSSES}}
+    if needle is None:
+        gated = {column: least for column, least in gated.items() if column not in NEEDLE_LAW.columns}
+    gate = replace(SCALARS.gate, lowest=gated, alike=None if needle is None else LATE_OR_BOUNCE)
     return Limits(lowest, highest, SCALARS.longest_step(c.pressure_scale), gate)
 
 

@@ -1,5 +1,6 @@
 """Scalars that must pay for themselves: against a search written another way."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -8,11 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.engine.estimation.belief import Belief
-from observer_rt.engine.estimation.gating import ENTER, STAY, Gate, GatedBelief, best_subset
+from observer_rt.engine.estimation.gating import ENTER, STAY, Alike, Gate, GatedBelief, best_subset
 from tests.plants.arrays import Array
 
 SIZE = 6
-GATE = Gate(columns=(1, 3, 4), lowest=(-0.5, 0.0, 0.0))
+GATE = Gate({1: -0.5, 3: 0.0, 4: 0.0})
+ALIKE_GATE = replace(GATE, alike=Alike(first=3, other=4, least=0.2))
 
 
 def belief(seed: int, strength: float) -> tuple[Array, Array]:
@@ -38,7 +40,9 @@ def searched(information: Array, vector: Array, active: frozenset[int]) -> tuple
         used = [c for c in range(SIZE) if c not in off]
         theta = np.zeros(SIZE)
         theta[used] = np.linalg.lstsq(square_root[:, used], target, rcond=None)[0]
-        if any(on and theta[c] < low for c, low, on in zip(GATE.columns, GATE.lowest, switches, strict=True)):
+        if any(
+            on and theta[c] < low for c, low, on in zip(GATE.columns, GATE.lowest.values(), switches, strict=True)
+        ):
             continue
         chi2 = float(np.sum((square_root @ theta - target) ** 2))
         on = frozenset(c for c in GATE.columns if c not in off)
@@ -77,6 +81,28 @@ def test_four_sigma_to_enter_and_two_and_a_half_to_stay(significance: float, act
     theta, after = subset_of(*single(significance), before)
     assert (after == {3}) == chosen
     assert theta[3] == pytest.approx(significance if chosen else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("size", "sigma", "active", "stays"),
+    [(0.3, 0.5, True, True), (0.1, 0.05, True, False), (0.1, 0.03, True, True), (0.3, 0.5, False, False)],
+)
+def test_of_two_alike_the_first_stays_at_no_price_while_it_is_large(
+    size: float, sigma: float, active: bool, stays: bool
+) -> None:
+    covariance, mean = sigma**2 * np.eye(SIZE), np.zeros(SIZE)
+    mean[3] = size
+    before = frozenset({3}) if active else frozenset[int]()
+    assert best_subset(mean, covariance, ALIKE_GATE, before, carried=True)[1] == (before if stays else frozenset())
+
+
+@pytest.mark.parametrize(
+    ("significance", "active", "enters"), [(7.0, {3}, False), (8.0, {3}, True), (5.0, set(), True)]
+)
+def test_of_two_alike_the_other_enters_at_a_high_price(significance: float, active: set[int], enters: bool) -> None:
+    mean = np.zeros(SIZE)
+    mean[[3, 4]] = 0.3, significance
+    assert (4 in best_subset(mean, np.eye(SIZE), ALIKE_GATE, frozenset(active))[1]) is enters
 
 
 def test_lower_bound_may_be_negative() -> None:

@@ -29,7 +29,7 @@ from tests.plants.laws import Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Needle, record
 from tests.plants.windows import true_masses, windows_of
-from tools.benchmarks.faults.bench import bouncing
+from tools.benchmarks.faults.bench import bouncing, smooth
 
 
 def learned(
@@ -126,6 +126,22 @@ def test_a_late_line_sensor_is_not_taken_for_a_needle_that_bounces() -> None:
     for report in run_of_events.reports[1:]:
         sizes = [report.indicators[name].value for name in ("line_pressure_sensor_lag", "needle_closes_later")]
         assert LAG_UNIT * np.array(sizes) == pytest.approx([40e-6, 100e-6], abs=10e-6)
+
+
+@pytest.mark.parametrize(
+    ("opens_later", "closes_later", "needle"),
+    [(26e-6, 133e-6, Needle(0.76, 0.89)), (-11e-6, 20e-6, Needle(0.75, 0.92))],
+)
+def test_a_late_line_sensor_is_found_beside_a_needle_slow_at_either_end(
+    opens_later: float, closes_later: float, needle: Needle
+) -> None:
+    """No shape of the model is the needle's: one event leaves it open what is late, and the next ones tell."""
+    late, points = Faults(line_pressure_sensor_lag=40e-6), ((140e6, 60e6, 100e6), (1.9e-3, 1.0e-3, 0.6e-3))
+    bench = Bench(Injector(), needle, in_turn(6, lambda _: late, *points), seed=9)
+    reports = without_lift(smooth(bench, 20.0, np.random.default_rng(0)), opens_later, closes_later).reports
+    lags = [LAG_UNIT * report.indicators["line_pressure_sensor_lag"].value for report in reports if report.valid]
+    assert len(lags) >= 3
+    assert lags == pytest.approx([40e-6] * len(lags), abs=5e-6)
 
 
 @pytest.mark.parametrize("has_lift", [True, False])

@@ -82,7 +82,7 @@ class Believing:
         information = cost.information / temper
         belief = held.prior.updated(information, cost.vector / temper)
         likely, active = shrink(belief), before.active if fit is None else fit.active
-        theta, active = best_subset(likely.mean, likely.covariance, limits.gate, active)
+        theta, active = best_subset(likely.mean, likely.covariance, limits.gate, active, carried=True)
         noise = self._noise(explanation)
         considered = held.considered(belief, information)
         limits.refuse_far(considered.mean)
@@ -122,7 +122,7 @@ def is_late(active: frozenset[int]) -> bool:
     return int(Parameter.SENSOR_LAG) in active
 
 
-def account_after(continued: Sequence[Continued]) -> tuple[Explanation, Account]:
+def account_after(before: Account, continued: Sequence[Continued]) -> tuple[Explanation, Account]:
     """The explanation that is carried, and the account after an event, whose explanations come the likeliest first.
 
     All that say the same as the likeliest are one belief, in their modes; of these the first that explains the event
@@ -142,8 +142,9 @@ def account_after(continued: Sequence[Continued]) -> tuple[Explanation, Account]
     others = [each for each in continued if is_late(each[1].active) is not is_late(learned.active)]
     rival = None
     if others and lead.reading.window.needle is not None:
-        odds = sum(each[0].weight for each in others if is_one(others[0], each)) / total
-        rival = Account(others[0][1], log_odds=math.log(odds))
+        odds = math.log(sum(each[0].weight for each in others if is_one(others[0], each)) / total)
+        least = (before.rival.log_odds if before.rival else 0.0) - c.AGAINST_RIVAL
+        rival = Account(others[0][1], log_odds=max(odds, least))
     for explanation, _ in kept:
         mode = explanation.kind.mode
         modes[mode] = modes.get(mode, 0.0) + explanation.weight / total
@@ -197,7 +198,7 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
     point = operating_point(window, reader.interval)
     believing = Believing(reader, state, point)
     continued = [(each, believing.after(each)) for each in explanations]
-    return ExplainedEvent(state, event.window, window, point, continued, *account_after(continued))
+    return ExplainedEvent(state, event.window, window, point, continued, *account_after(state.account, continued))
 
 
 class _Reads:

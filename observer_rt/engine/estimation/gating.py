@@ -52,8 +52,9 @@ def best_subset(
 ) -> tuple[NDArray[np.float64], frozenset[int]]:
     """Parameters (m,) and active columns that maximise the likelihood less the price of the active scalars.
 
-    mean (m,) and covariance (m, m) are those of the joint belief; columns left out are 0.
-    carried: they go on to the next event, no step of a fit. All subsets of the gated columns are tried. Raises numpy.linalg.LinAlgError when singular.
+    mean (m,) and covariance (m, m) are those of the joint belief; columns left out are 0. carried: they are for the
+    next event, no step of a fit. All subsets of the gated columns are tried.
+    Raises numpy.linalg.LinAlgError when singular.
     """
     columns, theta = np.array(gate.columns), np.empty_like(mean)
     prices = {column: STAY if column in active else ENTER for column in gate.columns}

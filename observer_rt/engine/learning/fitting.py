@@ -62,9 +62,11 @@ def theta_limits(c: Coefficients, needle: NeedleLaw | None = None) -> Limits:
     lowest, highest = SCALARS.bounds(c.pressure_scale)
     lowest[Parameter.CONTROL_FLOW] = -c.line.servo / c.line.a1
     lowest[Parameter.LANDING_BOUNCE] = 0.0 if needle is None else -needle.landing_bounce / LIFT_UNIT
-    gated = {**SCALARS.gate.lowest, **{column: float(lowest[column]) for column in LOSSES}}
-    if needle is None:
-        gated = {column: least for column, least in gated.items() if column not in NEEDLE_LAW.columns}
+    gated = {
+        column: float(lowest[column]) if column in LOSSES else least
+        for column, least in SCALARS.gate.lowest.items()
+        if needle is not None or column not in NEEDLE_LAW.columns
+    }
     gate = replace(SCALARS.gate, lowest=gated, alike=None if needle is None else LATE_OR_BOUNCE)
     return Limits(lowest, highest, SCALARS.longest_step(c.pressure_scale), gate)
 

@@ -61,7 +61,16 @@ def test_check_masses_of_the_nominal_injector(open_time: float, rail_pressure: f
     ramp, start = 0.25e-3, 1e-3
     speed = NOMINAL.seat.max_lift / ramp
     needle = NeedleStroke(
-        start, start + ramp, start + open_time - ramp, start + open_time, speed, speed, 0.0, start + open_time
+        start,
+        start + ramp,
+        start + open_time - ramp,
+        start + open_time,
+        speed,
+        speed,
+        0.0,
+        start + open_time,
+        0.0,
+        0.0,
     )
     time = np.arange(600) / 100e3
     truth = run_plant(effective_model(NOMINAL), [needle], time, np.full(600, rail_pressure))

@@ -59,19 +59,8 @@ def run(schedule: Schedule = ONE, effects: Sequence[SizedEffect] = (), sample_ra
 def test_check_masses_of_the_nominal_injector(open_time: float, rail_pressure: float, expected: float) -> None:
     """The figures beside the nominal parameters, for a needle that opens and closes in 0.25 ms each."""
     ramp, start = 0.25e-3, 1e-3
-    speed = NOMINAL.seat.max_lift / ramp
-    needle = NeedleStroke(
-        start,
-        start + ramp,
-        start + open_time - ramp,
-        start + open_time,
-        speed,
-        speed,
-        0.0,
-        start + open_time,
-        0.0,
-        0.0,
-    )
+    turn, shut, speed = start + open_time - ramp, start + open_time, NOMINAL.seat.max_lift / ramp
+    needle = NeedleStroke(start, start + ramp, turn, shut, speed, speed, 0.0, shut, 0.0, 0.0)
     time = np.arange(600) / 100e3
     truth = run_plant(effective_model(NOMINAL), [needle], time, np.full(600, rail_pressure))
     assert mass(truth) == pytest.approx(expected, rel=0.03)

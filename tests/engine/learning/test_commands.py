@@ -135,7 +135,7 @@ def test_a_late_line_sensor_is_not_taken_for_a_needle_that_bounces() -> None:
 def test_a_late_line_sensor_is_found_beside_a_needle_slow_at_either_end(
     opens_later: float, closes_later: float, needle: Needle
 ) -> None:
-    """No shape of the model is the needle's: one event leaves it open what is late, and the next ones tell."""
+    """One event does not tell which is late, the needle, whose shape no model has, or the sensor; the others do."""
     late, points = Faults(line_pressure_sensor_lag=40e-6), ((140e6, 60e6, 100e6), (1.9e-3, 1.0e-3, 0.6e-3))
     bench = Bench(Injector(), needle, in_turn(6, lambda _: late, *points), seed=9)
     reports = without_lift(smooth(bench, 20.0, np.random.default_rng(0)), opens_later, closes_later).reports

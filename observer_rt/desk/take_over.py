@@ -67,15 +67,11 @@ class TakeOver:
 
 
 class StepOutcome(NamedTuple):
-    """A step that was taken or undone. changes: of parameters, besides the effects and terms added.
-
-    answer: of the daemon that has the model in force, None without a daemon; its `unsaved` is the reason why
-    knowledge learned before was not saved.
-    """
+    """A step that was taken or undone."""
 
     step: TakeOver
-    changes: tuple[str, ...]
-    answer: Message | None
+    changes: tuple[str, ...]  # of parameters, besides the effects and terms added
+    answer: Message | None  # of the daemon, None without one; `unsaved`: why earlier knowledge was not saved
 
 
 def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = False) -> StepOutcome:

@@ -74,12 +74,13 @@ class WaveLine(model.WaveLine):
     def of(
         cls, parameters: InjectorParameters, departures: Departures, nozzle_flow: float, seat_flow: float
     ) -> "WaveLine":
+        """The line of an injector; nozzle_flow, seat_flow: as of `LumpLine.of`."""
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
         compliance = fluid.in_line.filling(USUAL_PRESSURE) / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
         inertia = line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow)
         memory = math.sqrt(line.wall_viscosity or 0.0) / (0.5 * line.diameter)
         inertia /= 1.0 + memory * FASTER
-        # of a loss factor over the whole line
+        # slope of a loss factor that acts on the whole line
         of_loss = scaling.flow / (2 * line.area * line.length) / fluid.in_line.density(USUAL_PRESSURE)
         damping = DAMPING if line.damping is None else line.damping
         cells = line.cells or cells_for(parameters, STEP)

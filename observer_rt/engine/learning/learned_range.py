@@ -105,15 +105,11 @@ class Elsewhere:
 
 
 class KnownFlow(NamedTuple):
-    """Range in which the flow is known well enough.
+    """Range in which the flow is known well enough."""
 
-    rail_from, rail_to: of rail pressure [p_0], around the event's; until (RAIL_BINS,): for each bin of them, the
-    time since the opening [s] up to which it is known there, 0 where it is not.
-    """
-
-    rail_from: float
+    rail_from: float  # rail pressure [p_0], around the event's
     rail_to: float
-    until: tuple[float, ...]
+    until: tuple[float, ...]  # (RAIL_BINS,) of each bin of rail pressure: time since the opening [s]; 0: none
 
 
 EVERYWHERE = KnownFlow(-math.inf, math.inf, (math.inf,) * RAIL_BINS)

@@ -25,16 +25,14 @@ NOISE_RUNS = 3  # with noise added, for the noise floor
 class Gap:
     """Root mean squares of model minus measurement for a quantity, in its printed unit.
 
-    before, after: of the nominal model, and of the refitted one; noise_floor: that noise alone would leave; measured:
-    whether the quantity was measured. A mass that was not is compared with that of the amended model: `before` is
-    then the nominal model's error if the amended one is right.
+    A mass that was not measured is compared with that of the amended model.
     """
 
     name: str
-    before: float
-    after: float
-    noise_floor: float
-    measured: bool = True
+    before: float  # of the nominal model; of a mass not measured, its error if the amended model is right
+    after: float  # of the refitted model
+    noise_floor: float  # that noise alone would leave
+    measured: bool = True  # whether the quantity was measured
 
     @property
     def unit(self) -> str:

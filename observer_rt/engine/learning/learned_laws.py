@@ -124,16 +124,13 @@ def learned_laws(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedLaw, ...
 
 
 class _Axis(NamedTuple):
-    """An input of the network: its variable; its grid (n,) in the network's units, and what these are in its own.
-
-    reached: (events, 2), from where to where each went.
-    """
+    """An input of the network."""
 
     variable: str
-    unit: float
-    origin: float
-    grid: NDArray[np.float64]
-    reached: NDArray[np.float64]
+    unit: float  # of the network's units, in those of the variable
+    origin: float  # 0 of the network, in the units of the variable
+    grid: NDArray[np.float64]  # (n,) in the network's units
+    reached: NDArray[np.float64]  # (events, 2) from where to where each went
 
     @property
     def is_seen(self) -> NDArray[np.bool_]:

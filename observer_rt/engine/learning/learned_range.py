@@ -37,14 +37,11 @@ _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S th
 
 
 class EventPoint(NamedTuple):
-    """Operating point: rail pressure [p_0] at the opening, widest area, logarithm of the time [s] the needle is up.
+    """Operating point of an event."""
 
-    Until it falls, and in the longest opening.
-    """
-
-    rail_pressure: float
-    open_time: float
-    area: float
+    rail_pressure: float  # at the opening [p_0]
+    open_time: float  # logarithm of the time [s] the needle is up, until it falls, in the longest opening
+    area: float  # widest
 
 
 def operating_point(window: Window, interval: float) -> EventPoint:

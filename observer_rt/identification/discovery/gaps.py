@@ -55,16 +55,13 @@ class PointGaps:
 
 @dataclass(frozen=True)
 class ModelGaps:
-    """Gaps over all recordings held out, and of each.
-
-    fitted_on, held_out: numbers of recordings; refitted: the model with what was found, fitted to the former.
-    """
+    """Gaps over all recordings held out, and of each."""
 
     by_name: Mapping[str, Gap]
-    refitted: EffectiveModel
+    refitted: EffectiveModel  # the model with what was found, fitted to `fitted_on`
     points: tuple[PointGaps, ...]
-    fitted_on: tuple[int, ...]
-    held_out: tuple[int, ...]
+    fitted_on: tuple[int, ...]  # numbers of recordings
+    held_out: tuple[int, ...]  # numbers of recordings
 
 
 def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: EffectiveModel) -> ModelGaps:

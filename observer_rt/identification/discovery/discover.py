@@ -69,6 +69,7 @@ class DiscoveryTask:
     accepted: int = 0  # number of the proposal whose terms the amended model is to have; 0: none
     observed: ObserverRemainder | None = None  # measures what a proposal accepted in part leaves
     learned: Callable[[InjectorParameters, Sequence[Recording]], tuple[LearnedLaw, ...]] | None = None
+    """Learns laws from the recordings, with which the search begins."""
 
 
 def refuse_incomparable(task: DiscoveryTask, model: str) -> None:

@@ -271,6 +271,7 @@ class Findings(Discovery):
     injections: tuple[InjectionGap, ...] = ()  # residual of each
     masses: tuple[MassChange, ...] = ()  # by operating point
     learned: tuple[Annotated[LearnedLaw, Entry(lambda law, _: law.columns, LearnedEntry)], ...] = ()
+    """Laws of nozzle and seat, as the network learned them from the recordings."""
     folder: Inside[str] = ""  # that all this is written to
 
     @property

@@ -7,8 +7,17 @@ from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.files import formats
-from observer_rt.foundation import options as shared
-from observer_rt.foundation.options import Argument, Injector, Option
+from observer_rt.foundation.options import (
+    Argument,
+    BenchFile,
+    Force,
+    FromChannel,
+    Injector,
+    Json,
+    Model,
+    Option,
+    State,
+)
 
 SIGNALS = ", ".join(formats.suffixes_of(formats.SIGNALS))
 LOGS = ", ".join(formats.suffixes_of(formats.LOGS))
@@ -23,9 +32,9 @@ class EvaluateOptions:
     """Options of `evaluate`."""
 
     recordings: Recordings
-    bench: shared.BenchFile = EXAMPLE_BENCH
-    model: shared.Model = None
-    state: shared.State = None
+    bench: BenchFile = EXAMPLE_BENCH
+    model: Model = None
+    state: State = None
     save_state: Annotated[Path | None, Option("File to which the learned state is written.")] = None
     no_learning: Annotated[bool, Option("Keep the model as it is at the start.")] = False
     chain: Annotated[bool, Option("Treat the recordings as one history: learning continues from file to file.")] = (
@@ -35,10 +44,10 @@ class EvaluateOptions:
         Path | None, Option("Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR")
     ] = None
     plot: Annotated[Path | None, Option("Figure (png, svg, pdf): curves of some injections, masses, wear.")] = None
-    from_channel: shared.FromChannel = ()
+    from_channel: FromChannel = ()
     injector: Injector = None
-    force: shared.Force = False
-    json: shared.Json = False
+    force: Force = False
+    json: Json = False
 
     @property
     def has_folder(self) -> bool:

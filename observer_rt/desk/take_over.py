@@ -48,16 +48,13 @@ _OF_A_FIT = "baseline"
 
 @dataclass(frozen=True)
 class TakeOver:
-    """One change: the injector, the file that the bench named before (None: none) and after, and the time.
-
-    learned_from: number of kept events from which the new model learned before it was put into force.
-    """
+    """One change of the model in force."""
 
     injector: str
-    before: str | None
-    after: str
+    before: str | None  # injector file that the bench named; None: none
+    after: str  # the one that it names since
     time: str
-    learned_from: int = 0
+    learned_from: int = 0  # kept events from which the new model learned before it was put into force
 
     @property
     def as_text(self) -> str:
@@ -67,15 +64,11 @@ class TakeOver:
 
 
 class StepOutcome(NamedTuple):
-    """A step that was taken or undone. changes: of parameters, besides the effects and terms added.
-
-    answer: of the daemon that has the model in force, None without a daemon; its `unsaved` is the reason why
-    knowledge learned before was not saved.
-    """
+    """A step that was taken or undone."""
 
     step: TakeOver
-    changes: tuple[str, ...]
-    answer: Message | None
+    changes: tuple[str, ...]  # of parameters, besides the effects and terms added
+    answer: Message | None  # of the daemon, None without one; `unsaved`: why earlier knowledge was not saved
 
 
 def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = False) -> StepOutcome:

@@ -21,19 +21,14 @@ _GEOMETRY = ("line_diameter_percent", "line_length_percent", "parallel_flow_perc
 
 
 class Accuracy(Section):
-    """How well an injector file is known; what it leaves out is as a workshop knows its parts.
-
-    parallel_flow: that leaves the line beside the open nozzle, over the injected one; control_flow: of a servo
-    injector, by how much it is another exactly while the needle is open, which no pressure tells from the nozzle;
-    mass: of the level, where masses were measured, in place of geometry and gains.
-    """
+    """How well an injector file is known; what it leaves out is as a workshop knows its parts."""
 
     line_diameter_percent: Percent = 1.0
     line_length_percent: Percent = 0.5
     fuel_density_percent: Percent = 0.5
-    parallel_flow_percent: Percent = 0.2
-    control_flow_percent: Percent = 10.0
-    mass_percent: Percent | None = None
+    parallel_flow_percent: Percent = 0.2  # that leaves the line beside the open nozzle, over the injected one
+    control_flow_percent: Percent = 10.0  # of a servo injector: its difference while the needle is open
+    mass_percent: Percent | None = None  # of the level, where masses were measured, in place of geometry and gains
 
     @model_validator(mode="after")
     def _stated_once(self) -> Self:

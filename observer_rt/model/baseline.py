@@ -8,17 +8,17 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 from observer_rt.foundation.documents import Section
 
 Share = Annotated[float, Field(ge=0, le=1)]
-Quotient = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class PhaseFigures(Section):
     """A figure of the normalised innovations by phase of an event: 1 for noise alone, None for an unseen phase."""
 
-    standstill: Quotient | None = None
-    opening: Quotient | None = None
-    open: Quotient | None = None
-    closing: Quotient | None = None
-    after: Quotient | None = None
+    standstill: NotNegative | None = None
+    opening: NotNegative | None = None
+    open: NotNegative | None = None
+    closing: NotNegative | None = None
+    after: NotNegative | None = None
 
     @classmethod
     def of(cls, figures: Mapping[str, float]) -> "PhaseFigures":
@@ -40,44 +40,36 @@ class NoiseFigures(Section):
 
 
 class Appearance(Section):
-    """Apparent size of an effect on the healthy injector, in its unit.
+    """Apparent size of an effect on the healthy injector, in its unit."""
 
-    mean: over the recordings; uncertainty: standard deviation of the mean; scatter: standard deviation between
-    operating points, without the noise.
-    """
-
-    mean: float
-    uncertainty: Annotated[float, Field(ge=0)]
-    scatter: Annotated[float, Field(ge=0)]
+    mean: float = Field(description="over the recordings")
+    uncertainty: float = Field(ge=0, description="standard deviation of the mean")
+    scatter: float = Field(ge=0, description="standard deviation between operating points, without the noise")
     unit: str
 
 
 class HealthyShape(Section):
     """Mean innovation of the healthy injector [MPa] at the knots of `engine.learning.healthy`.
 
-    opening, closing: after the needle leaves its seat and after it returns, at 100 MPa of rail pressure; slopes:
-    change for every 40 MPa above that.
+    Each slope is the change for every 40 MPa of rail pressure above 100 MPa.
     """
 
-    opening: tuple[float, ...]
+    opening: tuple[float, ...] = Field(description="after the needle leaves its seat, at 100 MPa")
     opening_slope: tuple[float, ...]
-    closing: tuple[float, ...]
+    closing: tuple[float, ...] = Field(description="after the needle is back on its seat, at 100 MPa")
     closing_slope: tuple[float, ...]
 
 
 class HealthyRemainder(Section):
-    """Innovations that a model leaves of the healthy injector: of the fit's predictor, or of the observer's x~.
+    """Innovations that a model leaves of the healthy injector: of the fit's predictor, or of the observer's x~."""
 
-    variance, colour: of the innovations beyond the shape, as of `Baseline`, each recording by the shape of the
-    others. For `discover`, line_pressure_offset_MPa: mean offset of the line-pressure sensor against the rail's;
-    appears: effects by id. For the observer, overdispersion: factor by which events scatter beyond noise.
-    """
-
-    line_pressure_offset_MPa: float = 0.0  # noqa: N815
-    variance: PhaseFigures
-    colour: PhaseFigures
-    overdispersion: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 1.0
-    appears: Mapping[str, Appearance] = {}
+    line_pressure_offset_MPa: float = Field(default=0.0, description="mean offset to the rail sensor; of the fit")  # noqa: N815
+    variance: PhaseFigures = Field(description="as of `Baseline`, beyond the shape that other recordings have")
+    colour: PhaseFigures = Field(description="as of `Baseline`, beyond the shape that other recordings have")
+    overdispersion: float = Field(
+        default=1.0, ge=1, allow_inf_nan=False, description="by which events scatter beyond noise; of the observer"
+    )
+    appears: Mapping[str, Appearance] = Field(default={}, description="effects by id; of the fit, for `discover`")
     shape: HealthyShape
 
     @model_serializer(mode="wrap")
@@ -89,45 +81,36 @@ class HealthyRemainder(Section):
 class Baseline(Section):
     """Residuals of the fitted model on recordings of the healthy injector.
 
-    variance, chi2, colour: of the innovations of the line pressure, of samples, of means of 8, and the larger of
-    means of 8 and 20, each of the recording with the most left; mass_share: standard deviation of a mass, as a share,
-    that comes of the model and not of noise; level: what the absolute level of flow rests on; healthy: what
-    `discover` compares with, and observer: the observer, None of a file that was fitted before it was kept;
-    line_pressure_sensor_gain: over the rail sensor's, taken out of the recordings before.
+    Each figure of the innovations of the line pressure is that of the recording with the most left.
     """
 
     format: Literal[1] = 1
     adequate: bool
-    level: Literal["file", "measured_rate", "measured_mass"]
-    mass_share: Share
+    level: Literal["file", "measured_rate", "measured_mass"] = Field(description="source of the level of all flows")
+    mass_share: Share = Field(description="standard deviation of a mass, as a share, by the model and not by noise")
     sample_rate_Hz: Annotated[float, Field(gt=0)]  # noqa: N815
     injections: Annotated[int, Field(ge=1)]
     rail_pressure_MPa: tuple[float, float]  # noqa: N815 - lowest, highest
-    variance: PhaseFigures
-    chi2: PhaseFigures
-    colour: PhaseFigures
+    variance: PhaseFigures = Field(description="mean square of the normalised innovations")
+    chi2: PhaseFigures = Field(description="the same of scaled means of 8 of them")
+    colour: PhaseFigures = Field(description="the larger of the same of means of 8 and of 20")
     noise: NoiseFigures
     ci95: Mapping[str, tuple[float, float]] = {}
     recordings: tuple[str, ...] = ()
-    healthy: HealthyRemainder | None = None
-    observer: HealthyRemainder | None = None
-    line_pressure_sensor_gain: float = 0.0
+    healthy: HealthyRemainder | None = Field(default=None, description="what `discover` compares recordings with")
+    observer: HealthyRemainder | None = Field(default=None, description="what the observer compares events with")
+    line_pressure_sensor_gain: float = Field(default=0.0, description="over the rail sensor's, gone before the fit")
     origin: str = ""
     date: str = ""
 
 
 class Remainder(Section):
-    """Residuals of a model whose terms were accepted in part: they belong to its stated uncertainty.
+    """Residuals of a model whose terms were accepted in part: they belong to its stated uncertainty."""
 
-    line_pressure_MPa: rms beyond noise on events held out; mass_share: standard deviation of a mass, as a share, that
-    comes of it; variance: as of `Baseline`, with the terms in force; observer: what the observer leaves of the same
-    recordings, None where it judged none of their events.
-    """
-
-    line_pressure_MPa: Annotated[float, Field(ge=0, allow_inf_nan=False)]  # noqa: N815
-    mass_share: Share
+    line_pressure_MPa: NotNegative  # noqa: N815 - rms beyond noise on events held out
+    mass_share: Share  # standard deviation of a mass, as a share, by these residuals
     sample_rate_Hz: Annotated[float, Field(gt=0)]  # noqa: N815
-    variance: PhaseFigures
-    observer: HealthyRemainder | None = None
+    variance: PhaseFigures  # as of `Baseline`, with the terms in force
+    observer: HealthyRemainder | None = None  # of the same recordings; None: it judged none of their events
     origin: str = ""
     date: str = ""

@@ -74,32 +74,25 @@ class Likeness(StrEnum):
 
 @dataclass(frozen=True)
 class Relation:
-    """Other effects for which one may be taken; it is enough that one of two effects states it.
+    """Other effects for which an effect may be taken; it is enough that one of two effects states it."""
 
-    others: their ids; decided_by: the measurement that distinguishes them.
-    """
-
-    others: tuple[str, ...]
+    others: tuple[str, ...]  # ids
     likeness: Likeness
-    decided_by: str
+    decided_by: str  # measurement that distinguishes them
 
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A number of an effect. All fields in SI; `unit` is what it is printed in, SI value = printed value * si.
-
-    off: the value without the effect; lowest, highest: physical bounds; dead_zone: size below which the effect does
-    not matter, 0 for a parameter that only shapes it; starts: where a search begins.
-    """
+    """A number of an effect. All fields are in SI."""
 
     name: str
-    unit: str
-    si: float
-    off: float
-    lowest: float
+    unit: str  # in which it is printed
+    si: float  # SI value over printed value
+    off: float  # without the effect
+    lowest: float  # physical bounds
     highest: float
-    dead_zone: float
-    starts: tuple[float, ...]
+    dead_zone: float  # size below which the effect does not matter; 0: the parameter only shapes it
+    starts: tuple[float, ...]  # of a search
 
 
 def parameter(
@@ -121,26 +114,19 @@ def parameter(
 
 @dataclass(frozen=True)
 class Effect:
-    """An entry of the vocabulary.
+    """An entry of the vocabulary."""
 
-    id: in lower case, as on the command line; apply: leaves a model unchanged at the `off` values; sentence: says to
-    a reader of reports what happens; signature: how that looks in the signals; relations: effects for which it may be
-    taken; decided_by: a measurement that distinguishes it from all effects without a relation, empty without one;
-    apparent: whether its apparent size is of interest where it was not found; remedy: what a user does about an
-    effect of the bench, which no injector file can have in force; wear: whether injectors get it as they age.
-    """
-
-    id: str
+    id: str  # in lower case, as on the command line
     component: Component
     parameters: tuple[EffectParameter, ...]
-    apply: ModelChange
-    sentence: str
-    signature: str
-    relations: tuple[Relation, ...] = ()
-    decided_by: str = ""
-    apparent: bool = False
-    remedy: str = ""
-    wear: bool = False
+    apply: ModelChange  # leaves a model unchanged at the `off` values
+    sentence: str  # what happens, for reports
+    signature: str  # how that looks in the signals
+    relations: tuple[Relation, ...] = ()  # to effects for which it may be taken
+    decided_by: str = ""  # measurement that distinguishes it from effects without a relation; empty: there is none
+    apparent: bool = False  # whether its apparent size is of interest where it was not found
+    remedy: str = ""  # what a user does about an effect of the bench, which no injector file can have in force
+    wear: bool = False  # whether injectors get it as they age
 
     @property
     def equation(self) -> Equation:

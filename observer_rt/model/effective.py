@@ -87,17 +87,13 @@ TRUE_SENSOR = SensorTerms()
 
 @dataclass(frozen=True)
 class EffectiveModel:
-    """An injector and its sensors as they are taken to be. Immutable; effects make changed copies.
+    """An injector and its sensors as they are taken to be. Immutable; effects make changed copies."""
 
-    injector: its parameters, changed by the effects that are changes of a parameter; departures: effects for which
-    the nominal injector has no parameter; terms: corrections of its equations by laws.
-    """
-
-    injector: InjectorParameters
-    departures: Departures = NO_DEPARTURES
+    injector: InjectorParameters  # its parameters, changed by the effects that change a parameter
+    departures: Departures = NO_DEPARTURES  # effects for which the nominal injector has no parameter
     inputs: InputTerms = TRUE_INPUTS
     sensor: SensorTerms = TRUE_SENSOR
-    terms: tuple[Term, ...] = ()
+    terms: tuple[Term, ...] = ()  # corrections of its equations by laws
 
     @cached_property
     def coefficients(self) -> Coefficients:

@@ -11,7 +11,6 @@ import math
 
 from observer_rt.core.model import model
 from observer_rt.core.model.laws import seat_area
-from observer_rt.core.model.model import Nozzle, Sac, Seat
 from observer_rt.model.fuel import parabola
 from observer_rt.model.parameters import Departures, InjectorParameters
 
@@ -55,11 +54,11 @@ def jet_velocity(parameters: InjectorParameters) -> float:
     return math.sqrt(2 * parameters.scaling.pressure / parameters.fluid.density_nozzle * denser)
 
 
-def seat_of(parameters: InjectorParameters, departures: Departures) -> Seat:
+def seat_of(parameters: InjectorParameters, departures: Departures) -> model.Seat:
     """The seat of an injector."""
     p_0, p_c = parameters.scaling.pressure, parameters.chamber.pressure
     _, *denser = parabola(lambda pressure: math.sqrt(parameters.fluid.in_sac.density(pressure)), p_c, p_0)
-    return Seat(
+    return model.Seat(
         transition=TRANSITION_PRESSURE / p_0,
         area_scale=parameters.scaling.area,
         diameter=parameters.seat.diameter,
@@ -82,12 +81,12 @@ def full_lift_area(parameters: InjectorParameters) -> float:
     return seat_area(seat.max_lift, seat.diameter, math.radians(seat.cone_angle / 2))
 
 
-def nozzle_of(parameters: InjectorParameters, departures: Departures) -> Nozzle:
+def nozzle_of(parameters: InjectorParameters, departures: Departures) -> model.Nozzle:
     """The nozzle of an injector."""
     p_0, p_c, area = parameters.scaling.pressure, parameters.chamber.pressure, parameters.scaling.area
     nozzle = parameters.nozzle
     _, *jet = parabola(lambda pressure: parameters.fluid.in_sac.jet(p_c, pressure), p_c, p_0)
-    return Nozzle(
+    return model.Nozzle(
         transition=TRANSITION_PRESSURE / p_0,
         flow=nozzle.flow_coefficient * nozzle.area * jet_velocity(parameters),
         critical_excess=departures.critical_excess,
@@ -99,9 +98,9 @@ def nozzle_of(parameters: InjectorParameters, departures: Departures) -> Nozzle:
     )
 
 
-def sac_of(parameters: InjectorParameters, nozzle_flow: float, seat_flow: float) -> Sac:
+def sac_of(parameters: InjectorParameters, nozzle_flow: float, seat_flow: float) -> model.Sac:
     """The sac of an injector; nozzle_flow, seat_flow: Q_H and Q_S [m3/s] at a normalised flow of 1."""
     scale = parameters.scaling.pressure
     filling, *bent = parabola(parameters.fluid.in_sac.filling, parameters.chamber.pressure, scale)
     stiffness = filling / parameters.nozzle.sac_volume / scale
-    return Sac(stiffness * seat_flow, stiffness * nozzle_flow, *bent)
+    return model.Sac(stiffness * seat_flow, stiffness * nozzle_flow, *bent)

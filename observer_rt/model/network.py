@@ -78,16 +78,14 @@ _PER_PIECE = 0.5 * PIECES / np.array(REACH)
 
 
 class Network(NamedTuple):
-    """The network of (7): `curves` (CURVES, PIECES, 4), (0, PIECES, 4) without hidden layer, and `bias` b (2,).
+    """The network of (7).
 
-    nozzle (NOZZLE_NUMBERS,): rise of p_C seen by the nozzle law, in units of p_0: while the needle is open, and what
-    comes on top in proportion to u2 = A_S/A_0. It bends the gate G(x, u) of the nozzle flow near p_S = p_C as no
-    bounded network of x can.
+    `nozzle` bends the gate G(x, u) of the nozzle flow near p_S = p_C as no bounded network of x can.
     """
 
-    curves: NDArray[np.float64]
-    bias: NDArray[np.float64]
-    nozzle: NDArray[np.float64]
+    curves: NDArray[np.float64]  # (CURVES, PIECES, 4); (0, PIECES, 4) without hidden layer
+    bias: NDArray[np.float64]  # b (2,)
+    nozzle: NDArray[np.float64]  # (NOZZLE_NUMBERS,) rise of p_C [p_0] its law sees: while open, by u2 = A_S/A_0
 
 
 def network_with(weights: NDArray[np.float64]) -> Network:

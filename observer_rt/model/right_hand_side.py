@@ -10,11 +10,7 @@ from observer_rt.model.effective import Coefficients
 
 
 class ByTheta(NamedTuple):
-    """Action of a parameter vector theta: the columns of the network's parameters, the slopes of the line's.
-
-    line_slopes: d(coefficient)/d(theta) of every pair (line_coefficients, line_columns) that is not 0, all (k,);
-    those of a column follow each other.
-    """
+    """Action of a parameter vector theta: the columns of the network's parameters, the slopes of the line's."""
 
     nozzle_bias: int
     nozzle_weight: int
@@ -31,9 +27,9 @@ class ByTheta(NamedTuple):
     first_shot: int
     sensor: NDArray[np.int64]  # (SENSOR_NUMBERS,)
     offset: int  # of the line-pressure sensor
-    line_columns: NDArray[np.int64]
-    line_coefficients: NDArray[np.int64]
-    line_slopes: NDArray[np.float64]
+    line_columns: NDArray[np.int64]  # (k,) of theta, those of a column one after another
+    line_coefficients: NDArray[np.int64]  # (k,)
+    line_slopes: NDArray[np.float64]  # (k,) d(coefficient)/d(theta) of these pairs, all that are not 0
     elsewhere: int  # a column behind all others, for numbers that are not wanted
 
 

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model import model
-from observer_rt.core.model.model import MEMORIES, STEP, fading_of, pull_of, steps_in, value_across_joint
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.fuel import HIGHEST_PRESSURE, USUAL_PRESSURE
 from observer_rt.model.line import at_closed_end
@@ -68,21 +67,22 @@ class WaveLine(model.WaveLine):
     @property
     def further(self) -> int:
         """Number of states besides p_n and q_n."""
-        return 2 * int(self.cells) - 1 + MEMORIES
+        return 2 * int(self.cells) - 1 + model.MEMORIES
 
     @classmethod
     def of(
         cls, parameters: InjectorParameters, departures: Departures, nozzle_flow: float, seat_flow: float
     ) -> "WaveLine":
+        """The line of an injector; nozzle_flow, seat_flow: as of `LumpLine.of`."""
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
         compliance = fluid.in_line.filling(USUAL_PRESSURE) / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
         inertia = line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow)
         memory = math.sqrt(line.wall_viscosity or 0.0) / (0.5 * line.diameter)
         inertia /= 1.0 + memory * FASTER
-        # of a loss factor over the whole line
+        # slope of a loss factor that acts on the whole line
         of_loss = scaling.flow / (2 * line.area * line.length) / fluid.in_line.density(USUAL_PRESSURE)
         damping = DAMPING if line.damping is None else line.damping
-        cells = line.cells or cells_for(parameters, STEP)
+        cells = line.cells or cells_for(parameters, model.STEP)
         ratio, far = _parts(parameters)
         of_inertia, of_volume = _of_parts(ratio, far)
         end = compliance * of_volume * ratio * cells
@@ -129,19 +129,19 @@ class WaveLine(model.WaveLine):
 
     def substeps(self, of_sac: int, interval: float) -> int:
         """Implicit ones: a few in each step of the line while they resolve the sac, one where it is too fast."""
-        steps = steps_in(interval)
+        steps = model.steps_in(interval)
         substeps = math.ceil(of_sac / steps)
         return steps * (substeps if substeps <= MOST_OF_A_STEP else 1)
 
     def strain(self, interval: float) -> float:
         """As of `LumpLine`; where pressure stiffens the fuel, at the highest one."""
-        step = interval / steps_in(interval)
+        step = interval / model.steps_in(interval)
         above = (HIGHEST_PRESSURE / USUAL_PRESSURE - 1.0) * (self.stiffness_pressure + self.chamber_pressure)
         stiffer = above * (self.stiffness_slope + self.stiffness_bend * above) if self.stiffness_bend else 0.0
         return float((1.0 + stiffer) * (self.crossing * step) ** 2 + 2.0 * self.damping * step)
 
     def stepping(self, interval: float) -> str:
-        step = interval / steps_in(interval)
+        step = interval / model.steps_in(interval)
         return (
             f"a line of {self.cells:.0f} cells, of which sound crosses {self.crossing * step:.2g} in its step of "
             f"{step / MICROSECOND:.3g} us"
@@ -150,18 +150,18 @@ class WaveLine(model.WaveLine):
     def further_variance(self, flow: float) -> NDArray[np.float64]:
         cells = int(self.cells)
         pressures = np.full(cells - 1, flow * self.impedance**2)
-        return np.concatenate([pressures, np.full(cells - 1, flow), np.zeros(1 + MEMORIES)])
+        return np.concatenate([pressures, np.full(cells - 1, flow), np.zeros(1 + model.MEMORIES)])
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Transition by the steps themselves, without friction."""
-        steps = steps_in(interval)
+        steps = model.steps_in(interval)
         moved = np.linalg.matrix_power(self.one_step(interval / steps), steps)
         return moved[:-1, :-1], moved[:-1, -1]
 
     def one_step(self, step: float) -> NDArray[np.float64]:
         """The line at rest over one step [s], a matrix of its states with the rail pressure as the last."""
         n = int(self.cells)
-        size = 2 * n + 1 + MEMORIES
+        size = 2 * n + 1 + model.MEMORIES
         places = [*range(2), *range(3, size + 1)]  # of x without p_S, in rows of the matrix
         row = {place: k for k, place in enumerate(places)}
         flows = np.eye(size + 1)  # the rail pressure comes last
@@ -169,7 +169,7 @@ class WaveLine(model.WaveLine):
         for i in range(1, n + 1):
             q, p = row[flow_at(i, n)], row[pressure_at(i, n)]
             before = size if i == 1 else row[pressure_at(i - 1, n)]
-            inertia = value_across_joint(self.joint - (i - 1), self.a3, self.a3_near)
+            inertia = model.value_across_joint(self.joint - (i - 1), self.a3, self.a3_near)
             flows[q, before] += step * inertia
             flows[q, p] -= step * inertia
             for neighbour in {max(i - 1, 1), min(i + 1, n)} - {i}:
@@ -181,7 +181,7 @@ class WaveLine(model.WaveLine):
                 flows[q, row[before_at(n)]] += stress
                 pressures[row[before_at(n)]] = np.eye(size + 1)[p]
             if i < n:
-                compliance = value_across_joint(self.joint - (i - 0.5), self.b, self.b_near)
+                compliance = model.value_across_joint(self.joint - (i - 0.5), self.b, self.b_near)
                 pressures[p, q] += step * compliance
                 pressures[p, row[flow_at(i + 1, n)]] -= step * compliance
             else:
@@ -197,14 +197,14 @@ class WaveLine(model.WaveLine):
         change = np.mean(flows[faces], axis=0)
         change[faces] -= 1.0 / len(faces)
         pull, by_change = np.zeros_like(change), 0.0
-        for k in range(MEMORIES):
-            by_memory, by_flow = pull_of(k, step, self.memory)
+        for k in range(model.MEMORIES):
+            by_memory, by_flow = model.pull_of(k, step, self.memory)
             pull[first + k] = by_memory
             by_change += by_flow
         shift = -step / (1.0 + step * by_change) * (pull + by_change * change)
         flows[faces] += shift
-        for k in range(MEMORIES):
-            keep, take = fading_of(k, step)
+        for k in range(model.MEMORIES):
+            keep, take = model.fading_of(k, step)
             flows[first + k] = take * (change + shift)
             flows[first + k, first + k] += keep
 
@@ -228,7 +228,7 @@ class MeanWaveLine(WaveLine):
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Transition by the steps themselves, without friction, of an integral that begins anew."""
-        steps = steps_in(interval)
+        steps = model.steps_in(interval)
         step = interval / steps
         one_step = self.one_step(step)
         size = len(one_step)
@@ -278,5 +278,5 @@ def with_cells(parameters: InjectorParameters) -> InjectorParameters:
     line = parameters.line
     if line.cells is not None or line.model not in WAVE_LINES:
         return parameters
-    stated = line.model_copy(update={"cells": cells_for(parameters, STEP)})
+    stated = line.model_copy(update={"cells": cells_for(parameters, model.STEP)})
     return parameters.model_copy(update={"line": stated})

@@ -23,7 +23,9 @@ from observer_rt.model.surroundings import at_temperature
 
 SHOWN_TEMPERATURES = 20.0, 40.0, 80.0  # degC
 SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
-SHORT, WIDER, SHOWN = 0.6 * MILLISECOND, 0.01, 0.03  # energizing [s]; nozzle that is compared; of a mass
+SHORT = 0.6 * MILLISECOND  # s, energizing of an injection whose mass is looked for
+WIDER = 0.01  # share by which a nozzle is wider that is compared
+SHOWN = 0.03  # of a mass: 95 % interval that line pressure should show
 LARGEST_DEAD_BAND = 0.1  # of the full lift
 MEASURED_PERCENT = 0.2  # of a mass, one sigma: a good injection meter
 _LEVEL_SOURCES = {
@@ -34,13 +36,13 @@ _LEVEL_SOURCES = {
 
 
 def observer_findings(injector: BenchInjector) -> list[Finding]:
-    """All findings about the observer of an injector; none with too many cells to be stable."""
+    """All findings about the observer of an injector; fewer where its integration is not stable."""
     integration = _integration(injector)
     is_stable = integration[0].error is None
-    steps_itself = injector.coefficients.line.fastest == 0.0
+    has_cells = injector.coefficients.line.fastest == 0.0
     fuel = _fuel(injector) if is_stable else []
-    observer = _limits(injector) if is_stable or not steps_itself else []
-    return [*integration, *fuel, *_fitted_model(injector), *_level(injector), *observer]
+    limits = _limits(injector) if is_stable or not has_cells else []
+    return [*integration, *fuel, *_fitted_model(injector), *_level(injector), *limits]
 
 
 @ruled("fuel")
@@ -106,14 +108,15 @@ def _level(injector: BenchInjector) -> Iterator[Statement]:
 
 @ruled("mass")
 def mass_findings(injector: BenchInjector) -> Iterator[Statement]:
-    """How well the line pressure of one injection tells its mass, where all but the nozzle's flow is known."""
+    """How well the line pressure of an injection tells its mass, by what a wider nozzle changes of it over noise."""
     schedule = make_schedule([REFERENCE_PRESSURE], 1, 30 * MILLISECOND, [SHORT])
     rate, wider = injector.sample_rate, sized("orifice_area", v_H=WIDER)
-    file, other = (simulate(injector.parameters, schedule, rate, effects).truth for effects in ((), (wider,)))
-    gap = (other.line_pressure - file.line_pressure) / (WIDER * configured_noise(injector).line_pressure)
-    if not gap.any():
+    stated, changed = (simulate(injector.parameters, schedule, rate, effects).truth for effects in ((), (wider,)))
+    slope = (changed.line_pressure - stated.line_pressure) / (WIDER * configured_noise(injector).line_pressure)
+    if not slope.any():
         return
-    mass, share = file.injection_rate.sum() / rate * injector.coefficients.density, Z_95 / float(np.linalg.norm(gap))
+    mass = stated.injection_rate.sum() / rate * injector.coefficients.density
+    share = Z_95 / float(np.linalg.norm(slope))
     text = f"one injection of {mass / 1e-6:.2g} mg at 100 MPa shows its mass to ±{share:.1%} at best (95 %)"
     yield graded(share < SHOWN, text, "a quieter line-pressure sensor, or one nearer to the injector, shows more")
 

@@ -7,9 +7,8 @@ from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.desk.cli.command import messages
-from observer_rt.foundation import options as shared
 from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
-from observer_rt.foundation.options import Argument, Injector, Option
+from observer_rt.foundation.options import Argument, BenchFile, Force, Injector, Json, Model, Option, State
 from observer_rt.foundation.outputs import check_output, make_folder
 
 
@@ -20,8 +19,8 @@ def batch(
     out: Annotated[
         Path, Option("Folder for the tables (Parquet); recordings that are in them are not evaluated again.", "DIR")
     ],
-    bench: shared.BenchFile = EXAMPLE_BENCH,
-    model: shared.Model = None,
+    bench: BenchFile = EXAMPLE_BENCH,
+    model: Model = None,
     injector: Injector = None,
     injector_from: Annotated[
         str | None,
@@ -31,13 +30,13 @@ def batch(
         str | None, Option("Address of a Dask scheduler (default: workers on this computer).", "ADDRESS")
     ] = None,
     workers: Annotated[int | None, Option("Processes on this computer (default: one per CPU).", minimum=1)] = None,
-    state: shared.State = None,
+    state: State = None,
     no_learning: Annotated[bool, Option("Judge injections without learning from them.")] = False,
-    json: shared.Json = False,
+    json: Json = False,
 ) -> None:
     """Evaluate thousands of recordings in parallel: a table with one row per injection, resumed where it stopped."""
     from observer_rt.desk.evaluation.histories import begun_with
-    from observer_rt.desk.fleet.batch import connected, evaluate_all, settings_of, tell
+    from observer_rt.desk.fleet.batch import connected, evaluate_all, print_counts, settings_of
     from observer_rt.desk.fleet.dataset import Dataset
     from observer_rt.desk.fleet.job import Task
     from observer_rt.desk.fleet.path_pattern import INJECTOR_FROM, PathPattern
@@ -54,7 +53,7 @@ def batch(
     task = Task(chosen, Path.cwd(), knowledge, learning, names)
     with stop_on_signals() as stop, connected(scheduler, workers) as client:
         counts = evaluate_all(client, stop, task, paths, dataset, messages)
-    tell(dataset, counts, json, messages)
+    print_counts(dataset, counts, json, messages)
 
 
 def trend(
@@ -68,8 +67,8 @@ def trend(
         Option("Regular expression whose first group finds date and time of a recording in its path.", "PATTERN"),
     ] = None,
     plot: Annotated[Path | None, Option("Figure (png, svg, pdf): courses of the most worn injectors.")] = None,
-    force: shared.Force = False,
-    json: shared.Json = False,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Show the wear of every injector over dates, the most worn first, and when it reaches limits."""
     from observer_rt.desk.fleet.dataset import read_injections

@@ -11,10 +11,19 @@ import typer
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, is_off_bus, load_bench
 from observer_rt.config.toml_file import read_toml
 from observer_rt.desk.cli.command import messages
-from observer_rt.foundation import options as shared
 from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.options import Argument, Injector, Option, RunOptions
+from observer_rt.foundation.options import (
+    Argument,
+    BenchFile,
+    Force,
+    FromChannel,
+    Injector,
+    Json,
+    Model,
+    Option,
+    RunOptions,
+)
 from observer_rt.foundation.outputs import check_output, make_folder
 
 
@@ -40,7 +49,7 @@ class DemoOptions:
     out: Annotated[
         Path, Option("With --missing-effect: folder of bench, evidence and report, new or empty.", "DIR")
     ] = Path("observer_rt_demo")
-    force: shared.Force = False
+    force: Force = False
 
 
 def demo(options: DemoOptions) -> None:
@@ -112,14 +121,14 @@ def run(options: RunOptions) -> None:
 
 
 def check(
-    bench: shared.BenchFile = EXAMPLE_BENCH,
-    model: shared.Model = None,
+    bench: BenchFile = EXAMPLE_BENCH,
+    model: Model = None,
     state: Annotated[Path | None, Option("Learned state to check: can it be used?")] = None,
     log: Annotated[Path | None, Option("CAN log to check: losses, jitter, noise.")] = None,
-    from_channel: shared.FromChannel = (),
+    from_channel: FromChannel = (),
     recording: Annotated[Path | None, Option("Recording to check: columns, units, rate, gaps, ranges.")] = None,
     injector: Injector = None,
-    json: shared.Json = False,
+    json: Json = False,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.desk.check import given_files
@@ -143,7 +152,7 @@ def check(
 
 
 def monitor(
-    bench: shared.BenchFile = EXAMPLE_BENCH,
+    bench: BenchFile = EXAMPLE_BENCH,
     injector: Injector = None,
     port: Annotated[int, Option("Port of the page; 0 = any free one.", minimum=0, maximum=65535)] = 5006,
     address: Annotated[

@@ -12,10 +12,9 @@ from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.bench_file import refuse_shared_channels, values_by_bus
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import RECORDED, Recording
-from observer_rt.foundation import options as shared
 from observer_rt.foundation.console import progress_bar, results, say, stop_on_signals
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.options import Argument, Injector, Option
+from observer_rt.foundation.options import Argument, BenchFile, Decoder, Force, FromChannel, Injector, Json, Option
 
 if TYPE_CHECKING:
     from observer_rt.files.recorder import RecordStatistics
@@ -37,15 +36,15 @@ Interface = Annotated[
 
 def replay(
     recording: Recording,
-    bench: shared.BenchFile = EXAMPLE_BENCH,
+    bench: BenchFile = EXAMPLE_BENCH,
     channel: Channel = (),
     interface: Interface = (),
     speed: Annotated[float, Option("1 = real time; 0 = as fast as the bus takes.", minimum=0.0)] = 1.0,
     windowed: Annotated[bool, Option("Send only about 6 ms around each injection.")] = False,
-    from_channel: shared.FromChannel = (),
+    from_channel: FromChannel = (),
     force: Annotated[bool, Option("Send even if another node sends the same identifiers.")] = False,
     injector: Injector = None,
-    json: shared.Json = False,
+    json: Json = False,
 ) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
     from observer_rt.bus.links.opening import open_link
@@ -77,13 +76,13 @@ def replay(
 
 def record(
     out: Annotated[Path, Option(f"Log to write ({RECORDED}).")],
-    bench: shared.BenchFile = EXAMPLE_BENCH,
+    bench: BenchFile = EXAMPLE_BENCH,
     channel: Channel = (),
     interface: Interface = (),
     duration: Annotated[float | None, Option("Stop after this time [s].", minimum=0.0)] = None,
     frames: Annotated[int | None, Option("Stop after this number of frames.", minimum=1)] = None,
-    force: shared.Force = False,
-    json: shared.Json = False,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Write every frame of the bench's buses into a log until stopped; lost frames are noted in it."""
     from observer_rt.bus.links.opening import open_link
@@ -111,10 +110,10 @@ def record(
 def convert(
     recording: Recording,
     target: Annotated[Path, Argument("File to write, in the format of its suffix.", "OUT")],
-    bench: shared.Decoder = None,
-    from_channel: shared.FromChannel = (),
+    bench: Decoder = None,
+    from_channel: FromChannel = (),
     injector: Injector = None,
-    force: shared.Force = False,
+    force: Force = False,
 ) -> None:
     """Convert recordings and CAN logs to other formats; with a bench file, logs to recordings."""
     from observer_rt.desk.evaluation.convert import convert as convert_file

@@ -12,10 +12,9 @@ from observer_rt.config.effects import effect_named, effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import Recordings
-from observer_rt.foundation import options as shared
 from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, UserError, require
-from observer_rt.foundation.options import Argument, Injector, Option
+from observer_rt.foundation.options import Argument, Decoder, Force, FromChannel, Injector, Json, Option
 from observer_rt.foundation.outputs import check_output, make_folder
 
 
@@ -28,11 +27,11 @@ def fit(
         Option("Measured mean masses (CSV: recording,mass_mg|rate_file[,sigma_mg]), which fix the absolute level."),
     ] = None,
     plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase.")] = None,
-    force: shared.Force = False,
-    bench: shared.Decoder = None,
-    from_channel: shared.FromChannel = (),
+    force: Force = False,
+    bench: Decoder = None,
+    from_channel: FromChannel = (),
     injector: Injector = None,
-    json: shared.Json = False,
+    json: Json = False,
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.desk.evaluation.logged import without_truths
@@ -104,11 +103,11 @@ def discover(
     accept_term: Annotated[
         int | None, Option("Number of the proposed law that the amended model is to have.", "N", 0)
     ] = None,
-    force: shared.Force = False,
-    bench: shared.Decoder = None,
-    from_channel: shared.FromChannel = (),
+    force: Force = False,
+    bench: Decoder = None,
+    from_channel: FromChannel = (),
     injector: Injector = None,
-    json: shared.Json = False,
+    json: Json = False,
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.desk.evaluation.healthy_events import learn_laws, observer_remainder
@@ -157,14 +156,14 @@ def discover(
 
 def effects(
     ids: Annotated[tuple[str, ...], Argument("Effects to describe in detail (default: all).", "ID")] = (),
-    json: shared.Json = False,
+    json: Json = False,
 ) -> None:
     """List the effects a model can have: unit, bounds, meaning, what each may be mistaken for."""
-    from observer_rt.identification.discovery import vocabulary
+    from observer_rt.identification.discovery import effect_list
     from observer_rt.model.effects import VOCABULARY
 
     chosen = [effect_named("ID", name) for name in ids or VOCABULARY]
     if json:
-        print(dumps(vocabulary.as_json(chosen), indent=2))
+        print(dumps(effect_list.as_json(chosen), indent=2))
     else:
-        results().print(vocabulary.as_table(chosen, in_detail=bool(ids)), highlight=False)
+        results().print(effect_list.as_table(chosen, in_detail=bool(ids)), highlight=False)

@@ -6,11 +6,10 @@ from typing import Annotated
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.cli.command import messages
 from observer_rt.desk.recording_options import SIGNALS, EvaluateOptions
-from observer_rt.foundation import options as shared
 from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import write_text
-from observer_rt.foundation.options import Option
+from observer_rt.foundation.options import Force, Option
 from observer_rt.foundation.outputs import REPRODUCED, check_output, make_folder
 from observer_rt.foundation.units import MICROMETRE, MICROSECOND, MILLISECOND
 
@@ -49,7 +48,7 @@ def simulate(
     bounce: Annotated[float, Option("Lift of the needle after it landed [um].", minimum=0.0, maximum=200.0)] = 0.0,
     seed: Annotated[int, Option("Seed of the noise.", minimum=0)] = 0,
     model: Annotated[Path, Option("Injector file (default: the nominal injector).")] = NOMINAL_INJECTOR,
-    force: shared.Force = False,
+    force: Force = False,
 ) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.desk.simulation import schedule as times
@@ -105,9 +104,7 @@ def evaluate(options: EvaluateOptions) -> None:
     evaluate_files(stated, options, messages)
 
 
-def reproduce(
-    out: Annotated[Path, Option("Folder for figures and table.", "DIR")], force: shared.Force = False
-) -> None:
+def reproduce(out: Annotated[Path, Option("Folder for figures and table.", "DIR")], force: Force = False) -> None:
     """Reproduce the paper's Figs. 3-5, its scheme and ours side by side, with a table."""
     from observer_rt.desk.paper.figures import draw_figure_3, draw_figure_4, draw_figure_5
     from observer_rt.desk.paper.study import NOZZLE_WEAR, run_study

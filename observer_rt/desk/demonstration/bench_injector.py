@@ -39,17 +39,13 @@ _SOLVER = {"rtol": 1e-8, "atol": 1e-8, "hmax": 10e-6, "mxstep": 100_000}
 
 
 class Departure(NamedTuple):
-    """Deviation of the injector from the equations; by default it has none.
+    """Deviation of the injector from the equations; by default it has none."""
 
-    nozzle: factor of its flow; loss: of pressure along the line [MPa] by its flow [mm3/ms]; stiffening: n in K = K_0
-    + n (p - 100 MPa); rail_gain: of the sensor, less 1; hidden_lift: by which the lift is recorded too low [m].
-    """
-
-    nozzle: float = 1.0
-    loss: Callable[[float], float] = lambda _: 0.0
-    stiffening: float = 0.0
-    rail_gain: float = 0.0
-    hidden_lift: float = 0.0
+    nozzle: float = 1.0  # factor of its flow
+    loss: Callable[[float], float] = lambda _: 0.0  # of pressure along the line [MPa] by its flow [mm3/ms]
+    stiffening: float = 0.0  # n in K = K_0 + n (p - 100 MPa)
+    rail_gain: float = 0.0  # of the sensor, less 1
+    hidden_lift: float = 0.0  # by which the lift is recorded too low [m]
 
 
 class BenchOperation(NamedTuple):

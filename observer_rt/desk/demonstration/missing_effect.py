@@ -77,15 +77,12 @@ def hidden_effect(seed: int, outside: bool) -> HiddenEffect:
 
 
 class LoopResult(NamedTuple):
-    """What happened: the hidden effect, all injections, findings.json and where its report is.
-
-    injections: a row each, with the columns of the journal, `true` [mg], `error` [%] and `amended`.
-    """
+    """What happened in a demonstration."""
 
     hidden: HiddenEffect
-    injections: pd.DataFrame
-    findings: dict[str, Any]
-    report: Path
+    injections: pd.DataFrame  # a row each: columns of the journal, `true` [mg], `error` [%], `amended`
+    findings: dict[str, Any]  # findings.json
+    report: Path  # its place
 
 
 @dataclass

@@ -42,23 +42,17 @@ class MassRow:
 
 @dataclass(frozen=True, eq=False)
 class RateCurves:
-    """Rates of one injection [m3/s] over time [s].
-
-    reference: what it is compared with, if anything; sigma: standard deviation of the estimated rate, corrected: rate
-    by the injection's own pressures, where known; line: its line pressure [Pa], measured and by the observer, open
-    loop from the opening on, where there is one; lift: the learned one [m], where it is not recorded, and what else
-    was learned of the needle, in words.
-    """
+    """Rates of one injection [m3/s] over time [s]."""
 
     title: str
     time: Signal
     estimated: Signal
     nominal: Signal
-    reference: Signal | None
-    sigma: Signal | None = None
-    corrected: Signal | None = None
-    line: tuple[Signal, Signal] | None = None
-    lift: tuple[Signal, str] | None = None
+    reference: Signal | None  # what the estimate is compared with, if anything
+    sigma: Signal | None = None  # standard deviation of the estimated rate
+    corrected: Signal | None = None  # rate by the injection's own pressures, where known
+    line: tuple[Signal, Signal] | None = None  # line pressure [Pa] measured, and observed open loop
+    lift: tuple[Signal, str] | None = None  # [m], learned where it is not recorded; what else was learned, in words
 
 
 def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:

@@ -31,8 +31,9 @@ class Evaluation:
     """Laws of nozzle and seat as they were known at its end."""
 
     def __init__(self, source: SignalStream, curves_of: Coefficients | None = None, keeps_all: bool = False) -> None:
-        """curves_of: the nominal model, where curves are drawn; keeps_all: the trace, and curves of all injections,
-        not of the first, a middle and the last one only.
+        """curves_of: the nominal model, where curves are drawn.
+
+        keeps_all: the trace, and curves of all injections; else curves of the first, a middle and the last one only.
         """
         self.path = source.path
         self.sample_rate = source.sample_rate

@@ -38,16 +38,13 @@ _DIGITS = 5
 
 @dataclass(frozen=True, eq=False)
 class _HealthyEvent:
-    """One event as the learner had it; theta (m,): of the healthy injector, its sensor's offset as at rest.
-
-    sigma: of its innovations [p_0]; covariance: (m, m) of the belief before the event.
-    """
+    """One event as the learner had it."""
 
     window: Window
     setting: Setting
-    sigma: float
-    theta: Theta
-    covariance: NDArray[np.float64]
+    sigma: float  # of the innovations [p_0]
+    theta: Theta  # (m,) of the healthy injector, its sensor's offset as at rest
+    covariance: NDArray[np.float64]  # (m, m) of the belief before the event
 
     def cost(self, shape: HealthyShape | None = None) -> EventCost:
         """Cost of the event, the shape taken out."""

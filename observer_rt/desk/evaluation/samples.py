@@ -20,21 +20,16 @@ LOOK_BACK = RING  # samples that the observer remembers, and an injection may ne
 
 @dataclass(eq=False)
 class Run:
-    """Samples that were sent with a rising index.
+    """Samples that were sent with a rising index."""
 
-    sink: gets them, in order, and their injections; first_index: of the first one, as sent; offset: of a log, number
-    of the first one in that; start: of a recording, time of the first one [s]; number: of the first one in the
-    history; position: of the first one that came, in the observer's stream; None: none has come yet.
-    """
-
-    sink: Evaluation
+    sink: Evaluation  # gets them in order, and their injections
     samples: int
     rate: float
-    first_index: int
-    offset: int = 0
-    start: float = 0.0
-    number: int = 0
-    position: int | None = None
+    first_index: int  # of the first one, as sent
+    offset: int = 0  # of a log: number of the first one in it
+    start: float = 0.0  # of a recording: time of the first one [s]
+    number: int = 0  # of the first one in the history
+    position: int | None = None  # of the first one that came, in the observer's stream; None: none has come yet
 
     @property
     def end(self) -> int:

@@ -3,8 +3,8 @@
 import json
 import logging
 import threading
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -93,62 +93,77 @@ def evaluate_all(
 ) -> EvaluatedFiles:
     """Rows of all files into the dataset. client: of `connected`; stop: set when the user wants no more.
 
-    Only as many files are at work as keep the workers busy. Raises `InterruptionError` when it is interrupted.
+    Raises `InterruptionError` when it is interrupted.
     """
-    remaining, counts = iter(paths), EvaluatedFiles()
-    running: dict[Any, tuple[Path, str]] = {}
-    begun: set[str] = set()
+    remaining, jobs = iter(paths), _Jobs(client, task, dataset)
+    counts = jobs.counts
     with progress_bar(console, "evaluating", len(paths)) as progress:
         while not stop.is_set():
-            most = _WAITING * max(1, sum(client.ncores().values()))
-            path = next(remaining, None) if len(running) < most else None
-            if path is not None:
-                try:
-                    sha256 = file_hash(task.folder / path)
-                except OSError as error:
-                    counts.failed.append(FailedFile(path, f"{path}: {error.strerror}"))
-                    continue
-                if dataset.is_done(sha256) or sha256 in begun:
-                    counts.skipped += 1
-                else:
-                    job = client.submit(evaluated, task, path, sha256, pure=False, retries=_RETRIES)
-                    running[job] = path, sha256
-                    begun.add(sha256)
-                continue
-            if not running:
+            if jobs.has_room and (path := next(remaining, None)) is not None:
+                jobs.submit(path)
+            elif jobs.running:
+                jobs.collect(progress)
+            else:
                 return counts
-            for future in _ready(running):
-                path, sha256 = running.pop(future)
-                rows = _result(future, path)
-                if isinstance(rows, FailedFile):
-                    counts.failed.append(rows)
-                else:
-                    dataset.take(sha256, rows)
-                    counts.done += 1
-                progress(counts.count)
-    client.cancel(list(running))
+    client.cancel(list(jobs.running))
     raise InterruptionError(
         f"interrupted; {counts.done + counts.skipped} of {len(paths)} files are done\n"
         "  remedy: give the same command again to go on"
     )
 
 
-def _ready(running: Collection[Any]) -> Collection[Any]:
-    """Jobs that are over, after a moment's wait."""
-    from distributed import wait
+class _Jobs:
+    """Files at the workers, only as many as keep them busy."""
 
-    try:
-        over: Collection[Any] = wait(list(running), timeout=_WAIT, return_when="FIRST_COMPLETED").done
-    except TimeoutError:
-        return ()
-    return over
+    def __init__(self, client: Any, task: Task, dataset: Dataset) -> None:
+        self._client, self._task, self._dataset = client, task, dataset
+        self._begun: set[str] = set()
+        self.counts = EvaluatedFiles()
+        self.running: dict[Any, tuple[Path, str]] = {}
+        """Path and SHA-256 by job."""
+
+    @property
+    def has_room(self) -> bool:
+        """Whether another file may go to the workers."""
+        return bool(len(self.running) < _WAITING * max(1, sum(self._client.ncores().values())))
+
+    def submit(self, path: Path) -> None:
+        """A file to the workers, unless its content is done or at work already."""
+        try:
+            sha256 = file_hash(self._task.folder / path)
+        except OSError as error:
+            self.counts.failed.append(FailedFile(path, f"{path}: {error.strerror}"))
+            return
+        if self._dataset.is_done(sha256) or sha256 in self._begun:
+            self.counts.skipped += 1
+            return
+        job = self._client.submit(evaluated, self._task, path, sha256, pure=False, retries=_RETRIES)
+        self.running[job] = path, sha256
+        self._begun.add(sha256)
+
+    def collect(self, progress: Callable[[float], None]) -> None:
+        """Results of the jobs that are over, after a moment's wait. progress: takes the number of files done."""
+        from distributed import wait
+
+        over: Collection[Any] = ()
+        with suppress(TimeoutError):
+            over = wait(list(self.running), timeout=_WAIT, return_when="FIRST_COMPLETED").done
+        for job in over:
+            path, sha256 = self.running.pop(job)
+            rows = _result(job, path)
+            if isinstance(rows, FailedFile):
+                self.counts.failed.append(rows)
+            else:
+                self._dataset.take(sha256, rows)
+                self.counts.done += 1
+            progress(self.counts.count)
 
 
-def _result(future: Any, path: Path) -> Any:
-    """Result of a job: the value of its function, or a `FailedFile` after an error that nobody foresaw."""
-    error = future.exception()
+def _result(job: Any, path: Path) -> Any:
+    """Value of a job's function, or a `FailedFile` after an error that nobody foresaw."""
+    error = job.exception()
     if error is None:
-        return future.result()
+        return job.result()
     problem = f"{type(error).__name__}: {error}\n  remedy: please report it, with the file"
     if type(error).__name__ == "KilledWorker":
         problem = f"its worker died {_RETRIES + 1} times\n  remedy: fewer --workers, if memory is short"
@@ -167,19 +182,19 @@ def settings_of(bench: Bench, state: Path | None, learning: bool, pattern: str |
     }
 
 
-def tell(dataset: Dataset, counts: EvaluatedFiles, as_json: bool, console: Console) -> None:
+def print_counts(dataset: Dataset, counts: EvaluatedFiles, as_json: bool, console: Console) -> None:
     """Print the numbers of files by outcome, in words or JSON, and which files failed."""
     for failed in counts.failed:
         say(console, f"left out: {failed.problem}")
     if as_json:
-        said = {
+        document = {
             "done": counts.done,
             "skipped": counts.skipped,
             "failed": [{"file": str(failed.file), "problem": failed.problem} for failed in counts.failed],
             "injections": dataset.injections,
             "out": str(dataset.folder),
         }
-        print(json.dumps(said, indent=2))
+        print(json.dumps(document, indent=2))
         return
     text = f"{counts.done} files, {dataset.injections} injections"
     if counts.skipped:

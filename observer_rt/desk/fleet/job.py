@@ -41,16 +41,13 @@ _ROWS = 1024
 
 @dataclass(frozen=True)
 class Task:
-    """Settings shared by all files. knowledge: learned before, to start each file with.
-
-    folder: where relative paths begin; names: of injectors, in the paths.
-    """
+    """Settings shared by all files."""
 
     bench: Bench
-    folder: Path
-    knowledge: Knowledge | None = None
+    folder: Path  # where relative paths begin
+    knowledge: Knowledge | None = None  # learned before, to start each file with
     learning: bool = True
-    names: PathPattern | None = None
+    names: PathPattern | None = None  # of injectors, in the paths
 
 
 class FailedFile(NamedTuple):

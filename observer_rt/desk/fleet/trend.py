@@ -62,14 +62,11 @@ class Limit(NamedTuple):
 
 
 class WearLine(NamedTuple):
-    """Change of flow by days (n,) since the first recording.
+    """Change of flow by days since the first recording."""
 
-    coefficients, (2,): a day, and on day 0; spread, (2, 2): their covariance, times squared 95 % quantile.
-    """
-
-    days: Signal
-    coefficients: Signal
-    spread: Signal
+    days: Signal  # (n,)
+    coefficients: Signal  # (2,) change a day, and on day 0
+    spread: Signal  # (2, 2) their covariance, times the squared 95 % quantile
 
     @classmethod
     def of(cls, days: Signal, value: Signal, half: Signal) -> Self:
@@ -130,16 +127,13 @@ class Course(NamedTuple):
 
 
 class InjectorTrend(NamedTuple):
-    """An injector's wear by indicator, at the recordings with a valid estimate, whose times are given.
-
-    courses: empty without such a recording; recordings: all of them.
-    """
+    """An injector's wear by indicator."""
 
     injector: str
-    recordings: int
+    recordings: int  # all of them
     injections: int
-    times: tuple[datetime, ...]
-    courses: dict[str, Course]
+    times: tuple[datetime, ...]  # of the recordings with a valid estimate
+    courses: dict[str, Course]  # by indicator; empty without a valid estimate
 
 
 def trends(rows: pa.Table, dates: PathPattern | None = None) -> list[InjectorTrend]:

@@ -123,9 +123,10 @@ def _with_needle(
     weighed: Mapping[int, MeanMass],
     progress: Callable[[float], None],
 ) -> CalibrationResult:
-    """Calibrate where no lift was measured: line and needle together, then what each shot did by them, in turn.
+    """Calibrate where no lift was measured: in turn line and needle together, and the delays of single shots by them.
 
-    At first all shots answer alike, so that the structures are plain; those between keep what was chosen then.
+    In the first round all shots answer alike, so that only plain structures are tried; rounds between keep the one
+    that was chosen, and the last tries all.
     """
 
     def calibrated(number: int, structures: Sequence[Structure]) -> CalibrationResult:
@@ -140,7 +141,7 @@ def _with_needle(
 
 
 def answered_again(injector: InjectorParameters, recordings: Sequence[Measurement]) -> tuple[Measurement, ...]:
-    """Measurements with the commands that the needle would answer as each shot did, and with the lift by them.
+    """Measurements whose commands are moved by the delays of their shots, with the lift that follows from them.
 
     Raises as `measurements`.
     """

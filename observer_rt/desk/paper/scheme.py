@@ -127,29 +127,23 @@ def _sums(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class PaperSetting(NamedTuple):
-    """Constants from event to event: sample interval [s], RK4 steps in it, model, gain l [1/s].
+    """Constants from event to event."""
 
-    nominal: a network that says phi = 0, for f(x, u) itself.
-    """
-
-    interval: float
-    substeps: int
+    interval: float  # of the samples [s]
+    substeps: int  # RK4 steps in it
     coefficients: Coefficients
-    gain: float
-    nominal: Network = constant_network()
+    gain: float  # l [1/s]
+    nominal: Network = constant_network()  # says phi = 0, for f(x, u) itself
 
 
 class EventPass(NamedTuple):
-    """One event swept once, n samples: x^ (n, 3), phi (n, 3) [1/s], Q_H^ (n,) [m3/s], e~ (n,) in units of p_0.
+    """One event swept once, n samples."""
 
-    `driven` (n,): the samples at which x^ runs on phi; before the opening and with the needle long shut it is x~.
-    """
-
-    x: NDArray[np.float64]
-    phi: NDArray[np.float64]
-    rate: NDArray[np.float64]
-    error: NDArray[np.float64]
-    driven: NDArray[np.bool_]
+    x: NDArray[np.float64]  # (n, 3) x^
+    phi: NDArray[np.float64]  # (n, 3) [1/s]
+    rate: NDArray[np.float64]  # (n,) Q_H^ [m3/s]
+    error: NDArray[np.float64]  # (n,) e~ [p_0]
+    driven: NDArray[np.bool_]  # (n,) where x^ runs on phi; before the opening and with the needle long shut it is x~
 
 
 def design_vector(c: Coefficients) -> NDArray[np.float64]:

@@ -110,17 +110,13 @@ def conditioned(rows: NDArray[np.float64], row: int, column: int) -> NDArray[np.
 
 @dataclass(frozen=True, eq=False)
 class HeldBelief:
-    """A belief before an event, given the value of a column; column None: nothing is held.
-
-    by: change (m,) of theta with the held value, (0,) without any; variance: of that; log: nats by which the value is
-    less likely than the belief alone makes the event.
-    """
+    """A belief before an event, given the value of a column."""
 
     prior: Belief
-    column: int | None
-    by: NDArray[np.float64]
-    variance: float = 0.0
-    log: float = 0.0
+    column: int | None  # None: nothing is held
+    by: NDArray[np.float64]  # (m,) change of theta with the held value; (0,): none is held
+    variance: float = 0.0  # of the held value
+    log: float = 0.0  # nats by which the value is less likely than the belief alone makes the event
 
     def considered(self, after: Belief, information: NDArray[np.float64]) -> Belief:
         """The belief after an event, by its `information` (m, m), where `after` is what it makes of the prior."""

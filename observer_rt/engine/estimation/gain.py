@@ -38,13 +38,11 @@ LARGEST_NOISE = NoiseLevels(rail_pressure=5 * MEGAPASCAL, line_pressure=5 * MEGA
 class GainSchedule:
     """Kalman gains of x~, from a start with x1 = y, x2 = 0 to the steady state.
 
-    gains: (n, states), normalised, on [p_L, Q_L, indicated pressure, further states of the line]; row k is used k
-    samples after the start, the last row from then on.
-    innovation_sigma: steady standard deviation of e~, in units of p_0.
+    Row k is used k samples after the start, the last row from then on.
     """
 
-    gains: NDArray[np.float64]
-    innovation_sigma: float
+    gains: NDArray[np.float64]  # (n, states) on p_L, Q_L, indicated pressure, further states of the line
+    innovation_sigma: float  # steady standard deviation of e~ [p_0]
 
 
 def gain_schedule(

@@ -49,14 +49,13 @@ PHASE_WORDS = {
 class PhaseStatistics:
     """Sums over samples and blocks of normalised innovations, by phase; they add up over events.
 
-    squares, samples: (PHASES,); block_squares, blocks: (PHASES, len(BLOCKS)).
-    Each quotient is 1 for an adequate model.
+    The sum of squares over their number is 1 for an adequate model.
     """
 
-    squares: NDArray[np.float64]
-    samples: NDArray[np.float64]
-    block_squares: NDArray[np.float64]
-    blocks: NDArray[np.float64]
+    squares: NDArray[np.float64]  # (PHASES,)
+    samples: NDArray[np.float64]  # (PHASES,)
+    block_squares: NDArray[np.float64]  # (PHASES, len(BLOCKS))
+    blocks: NDArray[np.float64]  # (PHASES, len(BLOCKS))
 
     def faded(self, factor: float, newer: "PhaseStatistics") -> "PhaseStatistics":
         """Statistics weighted by `factor`, and newer ones added."""

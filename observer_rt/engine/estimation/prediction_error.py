@@ -35,13 +35,10 @@ _OFFSET, _GAIN = int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSUR
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
-    """(1 - z)/(1 - theta z) (1 + a_1 z + .. + a_p z^p), z the delay of one sample.
+    """(1 - z)/(1 - theta z) (1 + a_1 z + .. + a_p z^p), z the delay of one sample."""
 
-    forgetting: theta, None without high pass; taps: a (p,).
-    """
-
-    forgetting: float | None
-    taps: NDArray[np.float64]
+    forgetting: float | None  # theta; None: no high pass
+    taps: NDArray[np.float64]  # a (p,)
 
     def of(self, values: NDArray[np.float64], masked: NDArray[np.bool_] = NONE_MASKED) -> NDArray[np.float64]:
         """Innovations (n,) or their slopes (n, m), whitened: linear, and alike for both.

@@ -26,30 +26,20 @@ DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 
 
 class Window(NamedTuple):
-    """Consecutive samples round one event, normalised by (24); n samples.
+    """Consecutive samples round one event, normalised by (24); n samples."""
 
-    inputs: (n, 2) u = [p_R, A_S]; output: (n,) y, moved by the whole samples it is recorded late; resting:
-    (n,) needle shut so long that p_S = p_C; start: (states + 1,) x~ and the indicated pressure at the first sample;
-    opening: index of the first sample with an open needle; knots: (n, 2), where the area bends after each sample, as
-    in `model.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not. masked:
-    (n,) y is an outlier and does not count; (0,): none is. clock: time and openings up to the first sample. commands:
-    (k, 2), first samples with and without energizing, infinite where not known, by which a pilot valve may go.
-    needle: that answers them, None where its lift is recorded; by_needle: (n, NEEDLE_NUMBERS), slopes of A_S, and
-    shots: (n,), numbers of the commands, (0, ..): none.
-    """
-
-    inputs: NDArray[np.float64]
-    output: NDArray[np.float64]
-    resting: NDArray[np.bool_]
-    start: NDArray[np.float64]
-    opening: int
-    knots: NDArray[np.float64] = NO_KNOTS
-    masked: NDArray[np.bool_] = np.empty(0, np.bool_)
-    clock: Clock = NO_CLOCK
-    commands: NDArray[np.float64] = NO_COMMANDS
-    needle: NeedleLaw | None = None
-    by_needle: NDArray[np.float64] = NO_NEEDLE
-    shots: NDArray[np.int64] = NO_SHOTS
+    inputs: NDArray[np.float64]  # (n, 2) u = [p_R, A_S]
+    output: NDArray[np.float64]  # (n,) y, moved by the whole samples it is recorded late
+    resting: NDArray[np.bool_]  # (n,) needle shut so long that p_S = p_C
+    start: NDArray[np.float64]  # (states + 1,) x~ and the indicated pressure at the first sample
+    opening: int  # index of the first sample with an open needle
+    knots: NDArray[np.float64] = NO_KNOTS  # bends (n, 2) of the area as in `model.advance_over`; (0, 2): none
+    masked: NDArray[np.bool_] = np.empty(0, np.bool_)  # (n,) y is an outlier and does not count; (0,): none is
+    clock: Clock = NO_CLOCK  # time and openings up to the first sample
+    commands: NDArray[np.float64] = NO_COMMANDS  # (k, 2) first samples with and without energizing; inf: unknown
+    needle: NeedleLaw | None = None  # answers the commands; None: its lift is recorded
+    by_needle: NDArray[np.float64] = NO_NEEDLE  # (n, NEEDLE_NUMBERS) slopes of A_S; (0, ..): none
+    shots: NDArray[np.int64] = NO_SHOTS  # (n,) numbers of the commands; (0,): none
 
     def until(self, end: int) -> "Window":
         """Cuts the window to its first `end` samples; the inputs go on, for a pilot valve is ahead of the lift."""
@@ -116,22 +106,17 @@ class Window(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """Constants while parameters are sought: sample interval [s], substeps, model, gain (states,).
+    """Constants while parameters are sought."""
 
-    late: share of an interval (0..1) by which the indicated pressure is recorded late. lag [s] and offset (in units
-    of p_0) are those of the sensor of the model in force, to which learned ones are added. program: the terms in
-    force. rail_share: the part of the sensors' gain that is expected to be the rail sensor's, with the sign turned.
-    """
-
-    interval: float
-    substeps: int
+    interval: float  # of the samples [s]
+    substeps: int  # of an interval
     coefficients: Coefficients
-    gain: NDArray[np.float64]
-    late: float = 0.0
-    lag: float = 0.0
-    offset: float = 0.0
-    program: NDArray[np.float64] = NO_PROGRAM
-    rail_share: float = 0.0
+    gain: NDArray[np.float64]  # (states,)
+    late: float = 0.0  # share of an interval (0..1) by which the indicated pressure is recorded late
+    lag: float = 0.0  # [s] of the sensor in force, to which a learned one is added
+    offset: float = 0.0  # [p_0] likewise
+    program: NDArray[np.float64] = NO_PROGRAM  # terms in force
+    rail_share: float = 0.0  # part of the sensors' gain that is expected to be the rail sensor's, negative
 
 
 class Gradient(NamedTuple):
@@ -193,19 +178,16 @@ def innovations_with_sensitivity(
 class OpenLoop(NamedTuple):
     """x^ over a window of n samples: it follows x~ up to the opening, and runs open loop from there.
 
-    rate: (n,) Q_H^ [m3/s]; slopes: (n, m) its derivatives with respect to theta; gradient: (n, states + 1)
-    with respect to x and A_S [m3/s]; transition: (k, states, states) derivatives of x with respect to x one sample
-    before, until the sac is drained; relaxation: (n,) rate [1/s] at which p_S goes where the needle leads it;
-    by_area: (n,) dp_S/dA_S there, normalised by (24); fullness: (n,) p_S over p_L. All 0 where nothing flows.
+    All are 0 where nothing flows.
     """
 
-    rate: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    transition: NDArray[np.float64]
-    relaxation: NDArray[np.float64]
-    by_area: NDArray[np.float64]
-    fullness: NDArray[np.float64]
+    rate: NDArray[np.float64]  # (n,) Q_H^ [m3/s]
+    slopes: NDArray[np.float64]  # (n, m) of the rate by theta
+    gradient: NDArray[np.float64]  # (n, states + 1) of the rate by x and A_S [m3/s]
+    transition: NDArray[np.float64]  # (k, states, states) of x by x one sample before, until the sac is drained
+    relaxation: NDArray[np.float64]  # (n,) rate [1/s] at which p_S goes where the needle leads it
+    by_area: NDArray[np.float64]  # (n,) dp_S/dA_S there, normalised by (24)
+    fullness: NDArray[np.float64]  # (n,) p_S over p_L
 
 
 def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> OpenLoop:

@@ -103,18 +103,14 @@ class ScalarUnit(Enum):
 
 @dataclass(frozen=True)
 class ShownIndicator:
-    """Indicator that shows a parameter. si: size of theta = 1 in SI.
+    """Indicator that shows a parameter."""
 
-    effect: that it stands for, and its name among indicators; key: in JSON, unless that is the effect; label: on the
-    screen, beside the rate; unit and screen_unit: with their sizes in SI.
-    """
-
-    effect: str
-    si: Callable[[Coefficients], float] = lambda _: 1.0
-    key: str = ""
-    label: str = ""
-    unit: tuple[str, float] = ("-", 1.0)
-    screen_unit: tuple[str, float] | None = None
+    effect: str  # that it stands for, and its name among indicators
+    si: Callable[[Coefficients], float] = lambda _: 1.0  # size of theta = 1 in SI
+    key: str = ""  # in JSON, unless that is the effect
+    label: str = ""  # on the screen, beside the rate
+    unit: tuple[str, float] = ("-", 1.0)  # with its size in SI
+    screen_unit: tuple[str, float] | None = None  # likewise
 
     def factor(self, c: Coefficients, unit: tuple[str, float] | None = None) -> float:
         """Factor from theta to a unit, that of JSON unless another is given."""
@@ -123,30 +119,22 @@ class ShownIndicator:
 
 @dataclass(frozen=True)
 class Scalar:
-    """Columns of theta of one kind, mostly one.
-
-    prior, drift: one sigma, before any event and from one to the next; longest_step: of one Gauss-Newton iteration,
-    beyond it the slopes say little; bounds: lowest and highest admissible. counted: what these are given in.
-    gated_from: of a parameter that must pay for being active, the lowest theta it then may take; held: rest tells of
-    it, no event. change: its law, the line with the scalar, analytic in it; None: it belongs to neither line nor
-    guide. turn: laws of a lower one act first, those of the same in the order of the rows. element: whose law has the
-    columns as its numbers, in the order of the rows.
-    """
+    """Columns of theta of one kind, mostly one."""
 
     name: str
     column: int
-    prior: float
-    drift: float
-    longest_step: float
-    bounds: tuple[float, float]
-    counted: ScalarUnit = ScalarUnit.AS_IT_IS
-    gated_from: float | None = None
-    held: bool = False
+    prior: float  # one sigma before any event
+    drift: float  # one sigma from one event to the next
+    longest_step: float  # of a Gauss-Newton iteration: beyond it the slopes say little
+    bounds: tuple[float, float]  # lowest and highest admissible
+    counted: ScalarUnit = ScalarUnit.AS_IT_IS  # unit of prior, drift, step and bounds
+    gated_from: float | None = None  # lowest theta of a parameter that must pay for being active; None: it need not
+    held: bool = False  # rest tells of it, no event
     columns: int = 1
     shown: ShownIndicator | None = None
-    change: Callable[[Any, Any], Any] | None = None
-    turn: int = 1
-    element: Element | None = None
+    change: Callable[[Any, Any], Any] | None = None  # law: the line with it; None: neither line's nor guide's
+    turn: int = 1  # laws of a lower one act first, those of the same in the order of the rows
+    element: Element | None = None  # its law has the columns as its numbers, in the order of the rows
 
 
 class Numbers(NamedTuple):

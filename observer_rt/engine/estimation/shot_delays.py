@@ -14,18 +14,14 @@ JITTER_SIZE = NEEDLE_JITTER / LAG_UNIT
 
 
 class ShotDelays(NamedTuple):
-    """Delays of an event's shots beyond what theta says, both of each, in `JITTER_SIZE`; they are marginalised.
+    """Delays of an event's shots beyond what theta says, both of each, in `JITTER_SIZE`; they are marginalised."""
 
-    likeliest (k,): with theta (m,), by_theta (k, m): how they go with it, where J is linearised; covariance (k, k),
-    theta held; slopes (n, k): of the whitened innovations; solved (k, n): changes of the likeliest by innovations.
-    """
-
-    slopes: NDArray[np.float64]
-    solved: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    theta: NDArray[np.float64] = NO_RATE
-    likeliest: NDArray[np.float64] = NO_RATE
-    by_theta: NDArray[np.float64] = NO_SLOPES
+    slopes: NDArray[np.float64]  # (n, k) of the whitened innovations
+    solved: NDArray[np.float64]  # (k, n) changes of the likeliest by innovations
+    covariance: NDArray[np.float64]  # (k, k) theta held
+    theta: NDArray[np.float64] = NO_RATE  # (m,) where J is linearised
+    likeliest: NDArray[np.float64] = NO_RATE  # (k,) with this theta
+    by_theta: NDArray[np.float64] = NO_SLOPES  # (k, m) of the likeliest
 
     @classmethod
     def of(cls, slopes: NDArray[np.float64], burn_in: int, sigma: float) -> "ShotDelays":

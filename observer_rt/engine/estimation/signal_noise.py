@@ -20,13 +20,10 @@ FEWEST = 512  # samples, without which nothing is reported
 
 @dataclass(frozen=True)
 class SlowNoise:
-    """Noise beside white noise: hum, a slow tone of this frequency [Hz], or, without one, a colour.
+    """Noise beside white noise: hum, a slow tone, or a colour."""
 
-    strength: amplitude of a tone, else standard deviation, in the unit of the signal.
-    """
-
-    frequency: float | None
-    strength: float
+    frequency: float | None  # of the tone [Hz]; None: a colour
+    strength: float  # amplitude of a tone, else standard deviation, in the unit of the signal
 
     def as_text(self, unit: str, size: float) -> str:
         """Describes the noise in words, its strength in a unit of this size."""

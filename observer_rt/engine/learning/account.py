@@ -27,16 +27,13 @@ _ROUNDS = 10  # in which the factor settles
 
 @dataclass(frozen=True, eq=False)
 class Account:
-    """The belief, and the probabilities of the modes in which it goes on; velocity of wear that moves on.
-
-    rival: that explains all events by other elements; log_odds: logarithm of its odds against this one.
-    """
+    """The belief, and the probabilities of the modes in which it goes on."""
 
     learned: LearnedInjector
     modes: Mapping[Mode, float] = field(default_factory=lambda: {Mode.STEADY: 1.0})
-    velocity: Velocity | None = None
-    rival: "Account | None" = field(default=None, metadata=NOT_KEPT)
-    log_odds: float = field(default=0.0, metadata=NOT_KEPT)
+    velocity: Velocity | None = None  # of wear that moves on
+    rival: "Account | None" = field(default=None, metadata=NOT_KEPT)  # explains all events by other elements
+    log_odds: float = field(default=0.0, metadata=NOT_KEPT)  # logarithm of the rival's odds against this one
 
 
 def _within(factor: float) -> float:

@@ -16,14 +16,11 @@ SETTLED = 3  # explained events in a row, after which one that is not is a fault
 
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """Objections to an event (empty: it passed), and the statistics over recent events with it.
+    """Objections to an event, and the statistics over recent events with it."""
 
-    passed: events in a row that did, SETTLED at most; negative: that must until one is believed again.
-    """
-
-    objections: tuple[adequacy.Objection, ...]
+    objections: tuple[adequacy.Objection, ...]  # empty: it passed
     statistics: PhaseStatistics
-    passed: int = 0
+    passed: int = 0  # events in a row that did, SETTLED at most; negative: that must until one is believed again
 
 
 class Examiner:

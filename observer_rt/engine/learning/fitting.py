@@ -73,18 +73,14 @@ def theta_limits(c: Coefficients, needle: NeedleLaw | None = None) -> Limits:
 
 @dataclass(frozen=True)
 class EventFit:
-    """One event fitted: the active columns, and the cost round the estimate.
-
-    innovations: at the estimate (n,); unfiltered: with the noise's colour; slopes (n, m): where linearised;
-    delays: as of `EventCost`.
-    """
+    """One event fitted: the active columns, and the cost round the estimate."""
 
     active: frozenset[int]
     linearisation: Linearisation
-    innovations: NDArray[np.float64]
-    unfiltered: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    delays: ShotDelays | None
+    innovations: NDArray[np.float64]  # (n,) at the estimate
+    unfiltered: NDArray[np.float64]  # (n,) with the noise's colour
+    slopes: NDArray[np.float64]  # (n, m) where linearised
+    delays: ShotDelays | None  # as of `EventCost`
 
 
 @dataclass(frozen=True)

@@ -36,16 +36,12 @@ SAME_RATE = 0.01  # share by which sample rates may differ and a baseline still 
 
 
 class EventStretch(NamedTuple):
-    """Consecutive samples round one event, so many of an interval [s]; rail_pressure [Pa] before it.
-
-    openings: where the needle leaves its seat and where it is back on it, in samples from the first one, with
-    fractions.
-    """
+    """Consecutive samples round one event."""
 
     samples: int
-    interval: float
-    rail_pressure: float
-    openings: tuple[tuple[float, float], ...]
+    interval: float  # of samples [s]
+    rail_pressure: float  # before the event [Pa]
+    openings: tuple[tuple[float, float], ...]  # begin and end of each [samples from the first one, with fractions]
 
     @property
     def pressure(self) -> float:
@@ -130,27 +126,19 @@ def _hats(after: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Healthy:
-    """Innovations of the healthy injector; by default those of an exact model: white, and no event scatters more.
+    """Innovations of the healthy injector; by default those of an exact model: white, and no event scatters more."""
 
-    variance: (PHASES,), colour: (PHASES, len(BLOCKS)), of the innovations by phase, at least 1, without their shape;
-    mass_share: standard deviation of a mass, as a share, that comes of the model; adequate: whether the fitted model
-    may be learned, or named, with at all; live_variance: the largest of a phase with the shape in it; shape: their
-    mean course, None: 0; overdispersion: factor by which events scatter beyond noise; seen: line pressures at which
-    laws in force were seen. For `discover`, appears: what effects the injector seems to have, by id;
-    line_pressure_offset_MPa: of its sensor; rate: innovations of a measured injection rate.
-    """
-
-    variance: NDArray[np.float64] = field(default_factory=lambda: np.ones(PHASES))
-    colour: NDArray[np.float64] = field(default_factory=lambda: np.ones((PHASES, len(BLOCKS))))
-    mass_share: float = 0.0
-    adequate: bool = True
-    live_variance: float = 1.0
-    shape: HealthyShape | None = None
-    overdispersion: float = 1.0
-    appears: Mapping[str, Appearance] = field(default_factory=dict)
-    line_pressure_offset_MPa: float = 0.0  # noqa: N815 - as in [baseline]
-    rate: PhaseStatistics | None = None
-    seen: tuple[float, float] = (-math.inf, math.inf)  # Pa
+    variance: NDArray[np.float64] = field(default_factory=lambda: np.ones(PHASES))  # at least 1, without the shape
+    colour: NDArray[np.float64] = field(default_factory=lambda: np.ones((PHASES, len(BLOCKS))))  # the same, of blocks
+    mass_share: float = 0.0  # standard deviation of a mass, as a share, by the model
+    adequate: bool = True  # whether the fitted model may be learned, or named, with at all
+    live_variance: float = 1.0  # largest variance of a phase with the shape in it
+    shape: HealthyShape | None = None  # mean course; None: 0
+    overdispersion: float = 1.0  # factor by which events scatter beyond noise
+    appears: Mapping[str, Appearance] = field(default_factory=dict)  # effects it seems to have; for `discover`
+    line_pressure_offset_MPa: float = 0.0  # noqa: N815 - as in [baseline]; for `discover`
+    rate: PhaseStatistics | None = None  # innovations of a measured injection rate; for `discover`
+    seen: tuple[float, float] = (-math.inf, math.inf)  # line pressures [Pa] at which laws in force were seen
 
     def relative(self, statistics: PhaseStatistics) -> PhaseStatistics:
         """Statistics of an event relative to those of the healthy injector."""

@@ -20,16 +20,16 @@ from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effective import LAG_UNIT
 
 Matrix = NDArray[np.float64]
-FLOWS = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))  # columns of theta that may move on
 P = Parameter
+FLOWS = (int(P.NOZZLE_BIAS), int(P.SEAT_BIAS))  # columns of theta that may move on
 _BACK_PRESSURE = range(P.BACK_PRESSURE, P.BACK_PRESSURE + 2)
-WEAR = (int(P.NOZZLE_BIAS), int(P.SEAT_BIAS), *WEIGHTS.tolist(), *_BACK_PRESSURE)
+WEAR = (*FLOWS, *WEIGHTS.tolist(), *_BACK_PRESSURE)
 SENSOR = (int(P.LINE_PRESSURE_OFFSET), int(P.SENSOR_LAG), int(P.LINE_PRESSURE_GAIN))
 _ALIKE = np.array([*WEAR, *SENSOR])
-STATED = (*(column for column, _ in SCALARS.laws), *VALVE_LAW.columns.tolist(), int(P.SENSOR_LAG))
-"""Columns of what the files of injector and bench state, until an event says otherwise."""
 LINE = tuple(column for column, _ in SCALARS.laws)
 VALVE = tuple(VALVE_LAW.columns.tolist())
+STATED = (*LINE, *VALVE, int(P.SENSOR_LAG))
+"""Columns of what the files of injector and bench state, until an event says otherwise."""
 NEEDLE = tuple(NEEDLE_LAW.columns.tolist())
 
 
@@ -66,7 +66,8 @@ def moving(belief: Belief, drift: Matrix, velocity: Velocity | None, goes_on: fl
 
     goes_on: probability that it is that velocity, and that it does not begin with this event.
     """
-    usual = drift[list(FLOWS)]
+    flows = list(FLOWS)
+    usual = drift[flows]
     begun = np.diag((c.SPEED * usual) ** 2)
     if velocity is None:
         velocity = Velocity(np.zeros(2), np.zeros((drift.size, 2)), begun)
@@ -74,7 +75,6 @@ def moving(belief: Belief, drift: Matrix, velocity: Velocity | None, goes_on: fl
         spread = np.diag((c.TURNS * usual) ** 2) + (1.0 - goes_on) * np.outer(velocity.mean, velocity.mean)
         turned = goes_on * (velocity.covariance + spread) + (1.0 - goes_on) * begun
         velocity = Velocity(goes_on * velocity.mean, goes_on * velocity.across, turned)
-    flows = list(FLOWS)
     mean, across, moved = belief.mean.copy(), velocity.across.copy(), np.zeros_like(belief.covariance)
     mean[flows] += velocity.mean
     across[flows] += 0.5 * velocity.covariance
@@ -86,7 +86,7 @@ def moving(belief: Belief, drift: Matrix, velocity: Velocity | None, goes_on: fl
 
 
 class Mode(StrEnum):
-    """How things stand after an event; which of them explain events is `is_good`."""
+    """State of the injector and its inputs after an event."""
 
     STEADY = "steady"  # wear drifts as usual
     QUICK = "quick"  # it moves on
@@ -110,20 +110,16 @@ STAYS = {
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """What an event may be: its name in reports, the mode after it, its rate an event.
+    """What an event may be."""
 
-    columns: of theta that it moves, by a share of their prior, by usual drifts, and by a number (one sigma each);
-    reason: of events that it explains, None: they are as believed.
-    """
-
-    name: str
-    mode: Mode
-    rate: float
-    columns: Sequence[int] = ()
-    of_prior: float = 0.0
-    drifts: float = 0.0
-    size: float = 0.0
-    reason: Reason | None = Reason.SUDDEN_CHANGE
+    name: str  # in reports
+    mode: Mode  # after it
+    rate: float  # probability of an event
+    columns: Sequence[int] = ()  # of theta that it moves
+    of_prior: float = 0.0  # one sigma of the move, as a share of the prior
+    drifts: float = 0.0  # one sigma, in usual drifts
+    size: float = 0.0  # one sigma, as a number
+    reason: Reason | None = Reason.SUDDEN_CHANGE  # of events that it explains; None: they are as believed
 
     def widths(self, wide: Theta, drift: Theta) -> Theta:
         """Standard deviations (m,) by which theta moves; wide, drift: of the prior, and of usual drift."""

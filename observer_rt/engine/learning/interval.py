@@ -30,24 +30,17 @@ PARTING = 20e-6
 
 @dataclass(frozen=True)
 class Resimulation:
-    """An event re-simulated with the theta learned up to and from it, and the uncertainty of its rate.
+    """An event re-simulated with the theta learned up to and from it, and the uncertainty of its rate."""
 
-    run: over the event's window; by_inputs: variance by the noise of the inputs; covariance (m, m): of the error of
-    the theta of the run; interval: of the samples [s]; systematic, unknown: error of the model as a share of the
-    volume (one sigma), on a healthy injector and on this one by recent events; calibration: of the level, which no
-    event shows; moved: share by which the mean over all explanations of the event is larger than the run; strokes: of
-    a needle whose lift is not recorded, in s from the first sample on.
-    """
-
-    run: OpenLoop
-    by_inputs: InputVariance
-    covariance: NDArray[np.float64]
-    interval: float
-    systematic: float = 0.0
-    unknown: float = 0.0
-    calibration: StatedAccuracy = EXACT
-    moved: float = 0.0
-    strokes: tuple[NeedleStroke, ...] = ()
+    run: OpenLoop  # over the event's window
+    by_inputs: InputVariance  # variance by the noise of the inputs
+    covariance: NDArray[np.float64]  # (m, m) of the error of the run's theta
+    interval: float  # of the samples [s]
+    systematic: float = 0.0  # error of the model on a healthy injector, as a share of the volume (one sigma)
+    unknown: float = 0.0  # the same on this injector by recent events
+    calibration: StatedAccuracy = EXACT  # of the level, which no event shows
+    moved: float = 0.0  # share by which the mean over all explanations of the event is larger than the run
+    strokes: tuple[NeedleStroke, ...] = ()  # of a needle whose lift is not recorded, in s from the first sample on
 
     @property
     def model_share(self) -> float:
@@ -56,18 +49,13 @@ class Resimulation:
 
 
 class VolumeBudget(NamedTuple):
-    """Standard deviations of a volume [m3], by cause.
+    """Standard deviations of a volume [m3], by cause."""
 
-    parameters: uncertainty of theta; inputs: noise of the signals; model: error of the model on a healthy injector,
-    and far from where it was learned; calibration: of the level, constant over injections; parting: flow at the ends
-    of the window that may belong to another injection.
-    """
-
-    parameters: float
-    inputs: float
-    model: float
-    calibration: float
-    parting: float
+    parameters: float  # uncertainty of theta
+    inputs: float  # noise of the signals
+    model: float  # error of the model on a healthy injector, and far from where it was learned
+    calibration: float  # of the level, constant over injections
+    parting: float  # flow at the ends of the window that may belong to another injection
 
     @property
     def learning(self) -> float:

@@ -89,16 +89,12 @@ class Adoption(StrEnum):
 
 @dataclass(frozen=True)
 class Knowledge:
-    """Knowledge after an event, as one value that can be saved and restored.
-
-    state: of the learning; in_force: theta (m,) that the observer uses, 0 at the start; phi_version: number of
-    adoptions; lift: zero and crosstalk of a shut needle's lift, with which the stream starts.
-    """
+    """Knowledge after an event, as one value that can be saved and restored."""
 
     state: LearningState
-    in_force: Theta
-    phi_version: int = 0
-    lift: RestingLift = field(default_factory=RestingLift)
+    in_force: Theta  # (m,) theta that the observer uses; 0 at the start
+    phi_version: int = 0  # number of adoptions
+    lift: RestingLift = field(default_factory=RestingLift)  # with which the stream starts
 
 
 def no_knowledge(noise: NoiseLevels, pressure_scale: float) -> Knowledge:
@@ -108,42 +104,29 @@ def no_knowledge(noise: NoiseLevels, pressure_scale: float) -> Knowledge:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of learning from one event: what the observer uses from now on, and what the event's report needs.
-
-    knowledge: its `in_force` is the new theta if it was adopted, else the old one. forward: objections to the learned
-    state; objections: those and the objections to the event's own mass. estimate: the new theta, adopted or not, with
-    the covariance (m, m) of its error. resimulated: the event simulated with the estimate, None if nothing was
-    learned. outliers: number of samples of the line pressure that were left out, without those that the stream had
-    bridged. loudest: largest mean square of the innovations, relative to that at rest. known_flow: where the flow is
-    known well enough to be used. change: shown by an event that
-    passed. posterior: each hypothesis in words, with its probability.
-    """
+    """Result of learning from one event: what the observer uses from now on, and what the event's report needs."""
 
     adoption: Adoption
-    knowledge: Knowledge
+    knowledge: Knowledge  # its `in_force` is the new theta if it was adopted, else the old one
     schedule: GainSchedule
-    forward: tuple[Objection, ...]
-    objections: tuple[Objection, ...]
-    estimate: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    resimulated: Resimulation | None = None
-    outliers: int = 0
-    loudest: float = 1.0
-    known_flow: KnownFlow = EVERYWHERE
-    change: Reason = Reason.NONE
-    posterior: tuple[tuple[str, float], ...] = ()
+    forward: tuple[Objection, ...]  # to the learned state
+    objections: tuple[Objection, ...]  # those, and the objections to the event's own mass
+    estimate: NDArray[np.float64]  # (m,) new theta, adopted or not
+    covariance: NDArray[np.float64]  # (m, m) of its error
+    resimulated: Resimulation | None = None  # the event with the estimate; None: nothing was learned
+    outliers: int = 0  # samples of the line pressure left out, without those that the stream had bridged
+    loudest: float = 1.0  # largest mean square of the innovations, relative to that at rest
+    known_flow: KnownFlow = EVERYWHERE  # where the flow is known well enough to be used
+    change: Reason = Reason.NONE  # shown by an event that passed
+    posterior: tuple[tuple[str, float], ...] = ()  # each hypothesis in words, with its probability
 
 
 @dataclass(frozen=True, eq=False)
 class EventRecord:
-    """An event, `stream.state.EVENT`, that was judged.
+    """An event that was judged."""
 
-    objections: what speaks against it; outcome: what was learned from it, None when nothing was; knowledge: what the
-    observer carries now; constants: of the observer during the event.
-    """
-
-    event: np.void
-    objections: tuple[Objection, ...]
-    outcome: Outcome | None
-    knowledge: Knowledge
-    constants: Constants
+    event: np.void  # `stream.state.EVENT`
+    objections: tuple[Objection, ...]  # what speaks against it
+    outcome: Outcome | None  # what was learned from it; None: nothing
+    knowledge: Knowledge  # that the observer carries now
+    constants: Constants  # of the observer during the event

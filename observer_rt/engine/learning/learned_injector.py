@@ -21,22 +21,16 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LearnedInjector:
-    """Belief about injector and noise.
+    """Belief about injector and noise."""
 
-    belief: about all parameters jointly; theta (m,): where the last event was explained; statistics: of recent
-    innovations; active: the gated columns in use; is_prior: nothing was learned yet, or all of it was forgotten;
-    colour: of the innovations, None while they are white; at_rest: by which it is found; learned_at: the operating
-    points of the last events.
-    """
-
-    belief: Belief
-    theta: Theta
-    statistics: PhaseStatistics = field(default_factory=no_statistics)
-    active: frozenset[int] = frozenset()
-    is_prior: bool = True
-    colour: Colour | None = None
-    at_rest: RestingNoise = field(default_factory=RestingNoise)
-    learned_at: tuple[EventPoint, ...] = ()
+    belief: Belief  # about all parameters jointly
+    theta: Theta  # (m,) where the last event was explained
+    statistics: PhaseStatistics = field(default_factory=no_statistics)  # of recent innovations
+    active: frozenset[int] = frozenset()  # gated columns in use
+    is_prior: bool = True  # nothing was learned yet, or all of it was forgotten
+    colour: Colour | None = None  # of the innovations; None: they are white
+    at_rest: RestingNoise = field(default_factory=RestingNoise)  # by which the colour is found
+    learned_at: tuple[EventPoint, ...] = ()  # operating points of the last events
 
     @cached_property
     def gated(self) -> GatedBelief:

@@ -27,20 +27,15 @@ LEAST_SPAN = 0.05  # of its middle: a curve over a narrower range of its input s
 
 @dataclass(frozen=True, eq=False)
 class LearnedLaw:
-    """Relative change of a flow over one input or two, the others held at those of the last event.
+    """Relative change of a flow over one input (n,), or two (n, n), others held at those of the last event."""
 
-    flow: name of its indicator; variables: the inputs, whose units end the names; inputs: (n,) of each; change,
-    half_width (of the 95 % interval), is_seen (an event was there): (n,) each, of a surface (n, n) by the first input
-    and the second; probability: that the flow goes by this input, or by both at once.
-    """
-
-    flow: str
-    variables: tuple[str, ...]
-    inputs: tuple[NDArray[np.float64], ...]
+    flow: str  # name of its indicator
+    variables: tuple[str, ...]  # inputs, whose units end the names
+    inputs: tuple[NDArray[np.float64], ...]  # (n,) of each
     change: NDArray[np.float64]
-    half_width: NDArray[np.float64]
-    is_seen: NDArray[np.bool_]
-    probability: float
+    half_width: NDArray[np.float64]  # of the 95 % interval
+    is_seen: NDArray[np.bool_]  # an event was there
+    probability: float  # that the flow goes by this input, or by both at once
 
     @property
     def is_surface(self) -> bool:
@@ -129,16 +124,13 @@ def learned_laws(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedLaw, ...
 
 
 class _Axis(NamedTuple):
-    """An input of the network: its variable; its grid (n,) in the network's units, and what these are in its own.
-
-    reached: (events, 2), from where to where each went.
-    """
+    """An input of the network."""
 
     variable: str
-    unit: float
-    origin: float
-    grid: NDArray[np.float64]
-    reached: NDArray[np.float64]
+    unit: float  # of the network's units, in those of the variable
+    origin: float  # 0 of the network, in the units of the variable
+    grid: NDArray[np.float64]  # (n,) in the network's units
+    reached: NDArray[np.float64]  # (events, 2) from where to where each went
 
     @property
     def is_seen(self) -> NDArray[np.bool_]:

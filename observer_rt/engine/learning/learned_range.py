@@ -37,14 +37,11 @@ _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S th
 
 
 class EventPoint(NamedTuple):
-    """Operating point: rail pressure [p_0] at the opening, widest area, logarithm of the time [s] the needle is up.
+    """Operating point of an event."""
 
-    Until it falls, and in the longest opening.
-    """
-
-    rail_pressure: float
-    open_time: float
-    area: float
+    rail_pressure: float  # at the opening [p_0]
+    open_time: float  # logarithm of the time [s] the needle is up, until it falls, in the longest opening
+    area: float  # widest
 
 
 def operating_point(window: Window, interval: float) -> EventPoint:
@@ -105,15 +102,11 @@ class Elsewhere:
 
 
 class KnownFlow(NamedTuple):
-    """Range in which the flow is known well enough.
+    """Range in which the flow is known well enough."""
 
-    rail_from, rail_to: of rail pressure [p_0], around the event's; until (RAIL_BINS,): for each bin of them, the
-    time since the opening [s] up to which it is known there, 0 where it is not.
-    """
-
-    rail_from: float
+    rail_from: float  # rail pressure [p_0], around the event's
     rail_to: float
-    until: tuple[float, ...]
+    until: tuple[float, ...]  # (RAIL_BINS,) of each bin of rail pressure: time since the opening [s]; 0: none
 
 
 EVERYWHERE = KnownFlow(-math.inf, math.inf, (math.inf,) * RAIL_BINS)

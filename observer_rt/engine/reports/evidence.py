@@ -50,22 +50,16 @@ def kind_of(reports: Iterable[InjectionReport]) -> EvidenceKind | None:
 
 @dataclass(frozen=True, eq=False)
 class EventEvidence:
-    """An event's inputs on its grid, and what was believed of it.
-
-    kind: see `EvidenceKind`; event: its number since the observer started; first_index: device index of the first
-    sample; sample_rate [Hz]; opening_pressure: rail pressure at the opening [Pa]; open_time: from the first opening
-    to the last closing [s]; belief: JSON content: model, verdict, masses and indicators of its injections;
-    signals (3, n): rail pressure [Pa], needle lift [m] and line pressure [Pa], nan: did not count.
-    """
+    """An event's inputs on its grid, and what was believed of it."""
 
     kind: EvidenceKind
-    event: int
-    first_index: int
-    sample_rate: float
-    opening_pressure: float
-    open_time: float
-    belief: dict[str, Any]
-    signals: NDArray[np.float64]
+    event: int  # its number since the observer started
+    first_index: int  # device index of the first sample
+    sample_rate: float  # Hz
+    opening_pressure: float  # rail pressure at the opening [Pa]
+    open_time: float  # from the first opening to the last closing [s]
+    belief: dict[str, Any]  # JSON: model, verdict, masses and indicators of its injections
+    signals: NDArray[np.float64]  # (3, n) rail pressure [Pa], needle lift [m], line pressure [Pa]; nan: did not count
 
     def packed(self) -> bytes:
         """A line of JSON, followed by the signals as float64, for `unpacked`."""

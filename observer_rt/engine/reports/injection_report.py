@@ -36,15 +36,11 @@ Value = int | float | str | None
 
 @dataclass(frozen=True)
 class CommandedOpening:
-    """Command that an opening belongs to: its number, and what it shows of the injector.
+    """Command that an opening belongs to, and what it shows of the injector; nan: not known."""
 
-    opening_delay [s]: from the start of energizing to the first sample with the needle open, nan when one of the
-    two is not known; energizing_time [s], nan while not known.
-    """
-
-    command: int
-    opening_delay: float
-    energizing_time: float
+    command: int  # its number
+    opening_delay: float  # from the start of energizing to the first sample with the needle open [s]
+    energizing_time: float  # s
 
     def as_text(self) -> str:
         """Describes command and opening delay in a few words."""
@@ -57,50 +53,39 @@ class CommandedOpening:
 class InjectionReport:
     """One injection, judged with its event.
 
-    number: counted by the observer, from 1; `..._position` counts the samples received, `..._index` is the number
-    that the device gave a sample; valid: whether rate and mass are to be used; phi_version: number of the learned
-    correction in force; indicators: learned parameters, normalised, in the middle of the injection. `volume` [m3]
-    and `mass` [kg] are those by its own pressures, where its event was learned from, as is, at the n samples of its
-    window, `corrected_rate` (n,) [m3/s]. Else they are of the live rate, as `live_mass` [kg] and `peak_rate` [m3/s]
-    always are, nan when some sample had no rate. `predicted_mass` [kg]: that of x^, which what was learned before
-    its event says of it; `rate_sigma` (n,) [m3/s]: standard deviation of `corrected_rate`; `rail_pressure` [Pa] at
-    the opening; `density` [kg/m3] of the fuel; `surroundings` as measured;
-    `commanded`: None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which
-    the flow was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty
-    where nothing was learned from it. calibration: of the level; budget: of the volume's uncertainty, where its
-    event was learned from. recurs: the flow has changed in some of the events before, too. stroke: of its needle, in
-    s from its start on, where the lift is not recorded and its event was learned from.
+    A position counts the samples received, an index is the number that the device gave a sample. Volume and mass are
+    those by the injection's own pressures where its event was learned from, else of the live rate.
     """
 
-    number: int
+    number: int  # counted by the observer, from 1
     event: int
     start_position: int
     end_position: int
     start_index: int
     end_index: int
-    volume: float
-    mass: float
-    live_mass: float
-    predicted_mass: float
-    rate_sigma: NDArray[np.float64] | None
-    corrected_rate: NDArray[np.float64] | None
-    peak_rate: float
-    rail_pressure: float
-    valid: bool
-    reason: Reason
+    volume: float  # m3
+    mass: float  # kg
+    live_mass: float  # of the live rate [kg]; nan: some sample had no rate
+    predicted_mass: float  # of x^ [kg]: what was learned before its event says of it
+    rate_sigma: NDArray[np.float64] | None  # (n,) standard deviation of `corrected_rate` [m3/s]
+    corrected_rate: NDArray[np.float64] | None  # (n,) by its own pressures [m3/s]; None: not learned from
+    peak_rate: float  # of the live rate [m3/s]; nan: some sample had no rate
+    rail_pressure: float  # at the opening [Pa]
+    valid: bool  # whether rate and mass are to be used
+    reason: Reason  # the most severe
     state: State
-    phi_version: int
-    indicators: Indicators
-    density: float
-    surroundings: Surroundings
-    commanded: CommandedOpening | None
-    further: tuple[Reason, ...] = ()
-    known_rails: tuple[float, float] = (-math.inf, math.inf)
-    posterior: Sequence[tuple[str, float]] = ()
-    calibration: StatedAccuracy = EXACT
-    budget: interval.VolumeBudget | None = None
-    recurs: bool = False
-    stroke: NeedleStroke | None = None
+    phi_version: int  # number of the learned correction in force
+    indicators: Indicators  # learned parameters, normalised, in the middle of the injection
+    density: float  # of the fuel [kg/m3]
+    surroundings: Surroundings  # as measured
+    commanded: CommandedOpening | None  # None: not known
+    further: tuple[Reason, ...] = ()  # other reasons
+    known_rails: tuple[float, float] = (-math.inf, math.inf)  # [Pa] at which the flow was known when it opened
+    posterior: Sequence[tuple[str, float]] = ()  # what its event may be, the likeliest first; empty: not learned from
+    calibration: StatedAccuracy = EXACT  # of the level
+    budget: interval.VolumeBudget | None = None  # of the volume's uncertainty; None: not learned from
+    recurs: bool = False  # the flow has changed in some of the events before, too
+    stroke: NeedleStroke | None = None  # of the needle, in s from the start on; None: recorded, or not learned from
 
     @property
     def posterior_text(self) -> str:
@@ -245,17 +230,13 @@ class Output(Flag):
 
 @dataclass(frozen=True)
 class Field(Generic[T]):
-    """A value reported of an injection, in the unit that ends its name; nan and None: not known.
-
-    get: from the injection and the nominal model; kind: tuple for an interval, list for names; heading and form:
-    in tables on the screen.
-    """
+    """A value reported of an injection, in the unit that ends its name; nan and None: not known."""
 
     name: str
-    kind: type
-    get: Callable[[T, Coefficients], Any]
-    heading: str = ""
-    form: str = ""
+    kind: type  # tuple for an interval, list for names
+    get: Callable[[T, Coefficients], Any]  # from the injection and the nominal model
+    heading: str = ""  # in tables on the screen
+    form: str = ""  # in tables on the screen
     outputs: Output = ~Output(0)
 
     @cached_property

@@ -28,17 +28,13 @@ LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a
 
 @dataclass(eq=False)
 class Command:
-    """One energizing of the injector; moments are sample indices, or ns by the clock of the stamps.
-
-    number: from 1; duration [s], nan while not known. came: samples processed when it did; was_shut: the needle as
-    it started, None while not known.
-    """
+    """One energizing of the injector; moments are sample indices, or ns by the clock of the stamps."""
 
     start: int
-    duration: float = math.nan
-    number: int = 0
-    came: int = 0
-    was_shut: bool | None = None
+    duration: float = math.nan  # s; nan: not known yet
+    number: int = 0  # from 1
+    came: int = 0  # samples processed when it did
+    was_shut: bool | None = None  # the needle as it started; None: not known yet
     has_opened: bool = False
 
 

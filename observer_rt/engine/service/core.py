@@ -101,6 +101,7 @@ class Core:
         if bus.tells_commands if commanded is None else commanded:
             constants = constants.by_commands()
         levels = noise.configured_noise(bench_injector)
+        opens, _ = dead_band(levels.needle_lift)
         start = knowledge or no_knowledge(levels, constants.coefficients.pressure_scale)
         learner = learner_of(bench_injector, constants, start)
         self._bus = bus
@@ -117,7 +118,7 @@ class Core:
                 make_timekeeping(
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
                 ),
-                make_alignment(bus.grid_relations, dead_band(levels.needle_lift)[0], observer.recorded),
+                make_alignment(bus.grid_relations, opens, observer.recorded),
                 observer,
                 messages.make_publisher(bus.rate, may_learn),
             )

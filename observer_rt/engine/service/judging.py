@@ -24,23 +24,18 @@ from observer_rt.engine.stream.state import Constants, Reason, VerdictKind
 
 @dataclass(eq=False)
 class _PendingEvent:
-    """Closed event that waits to be judged.
+    """Closed event that waits to be judged."""
 
-    number: in the order in which they closed, from 0; knowledge: what the observer carried; standstill: until it
-    ended, None where nothing is to be learned; learning: the job that learns from it, None without; examined: once it
-    was, with what was learned from an earlier one, and with what speaks against either.
-    """
-
-    number: int
+    number: int  # in the order in which they closed, from 0
     constants: Constants
     window: Window | None
-    standstill: Standstill | None
+    standstill: Standstill | None  # until it ended; None: nothing is to be learned
     innovations: Innovations
-    knowledge: Knowledge
-    learning: Future[Outcome] | None = None
-    examined: Examination | None = None
-    earlier: Outcome | None = None
-    objections: tuple[Objection, ...] = ()
+    knowledge: Knowledge  # that the observer carried
+    learning: Future[Outcome] | None = None  # the job that learns from it
+    examined: Examination | None = None  # once it was
+    earlier: Outcome | None = None  # what was learned from an earlier one
+    objections: tuple[Objection, ...] = ()  # to it, or to what was learned
     is_taken: bool = False
 
     @property

@@ -74,15 +74,12 @@ def make_input_memory(inputs: Inputs, may_learn: bool, assumed: Surroundings) ->
 
 
 class Publisher(NamedTuple):
-    """Publisher of the observer's samples: every index once, in blocks that carry it.
-
-    `out` holds `memory[0].frames` frames for the caller; values: the numbers to encode, the block's rates last.
-    """
+    """Publisher of the observer's samples: every index once, in blocks that carry it."""
 
     memory: NDArray[np.void]  # (1,) PUBLISHER
     table: NDArray[np.void]  # SIGNAL
-    values: NDArray[np.float64]
-    out: NDArray[np.void]  # (FRAMES,) OUT_FRAME
+    values: NDArray[np.float64]  # to encode, the block's rates last
+    out: NDArray[np.void]  # (FRAMES,) OUT_FRAME, of which `memory[0].frames` are for the caller
 
 
 def make_publisher(message: RateMessage | None, learning: bool) -> Publisher:

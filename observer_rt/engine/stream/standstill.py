@@ -27,15 +27,11 @@ HELD_FOR = 2  # events in a row with one rail pressure
 
 @dataclass(frozen=True)
 class RestingLift:
-    """Lift of a shut needle that is no motion.
+    """Lift of a shut needle that is no motion."""
 
-    zero: its mean [m]; wander: how far it moves about that within some 80 us, root mean square [m]; crosstalk: of the
-    line pressure [m/Pa], 0: none was found.
-    """
-
-    zero: float = 0.0
-    wander: float = 0.0
-    crosstalk: float = 0.0
+    zero: float = 0.0  # mean [m]
+    wander: float = 0.0  # how far it moves about that within some 80 us, root mean square [m]
+    crosstalk: float = 0.0  # of the line pressure [m/Pa]; 0: none was seen
 
 
 @dataclass(frozen=True)

@@ -59,22 +59,17 @@ _AMEND_FIRST = (
 
 @dataclass(frozen=True, eq=False)
 class DiscoveryTask:
-    """Recordings to be explained, and the user's wishes.
-
-    healthy: recordings by which the model is judged; hashes: SHA-256 of the recordings by name; chosen: effects that
-    are preferred among those that explain the recordings equally well, empty without a preference; accepted: number
-    of the proposal whose terms the amended model is to have, 0 for none; observed: measures what a proposal accepted
-    in part leaves; learned: learns laws from the recordings, with which the search begins.
-    """
+    """Recordings to be explained, and the user's wishes."""
 
     parameters: InjectorParameters
     measured: tuple[Measurement, ...]
-    healthy: tuple[Measurement, ...]
-    hashes: Mapping[str, str]
-    chosen: tuple[str, ...] = ()
-    accepted: int = 0
-    observed: ObserverRemainder | None = None
+    healthy: tuple[Measurement, ...]  # recordings by which the model is judged
+    hashes: Mapping[str, str]  # SHA-256 of the recordings by name
+    chosen: tuple[str, ...] = ()  # effects preferred among those that explain the recordings equally well
+    accepted: int = 0  # number of the proposal whose terms the amended model is to have; 0: none
+    observed: ObserverRemainder | None = None  # measures what a proposal accepted in part leaves
     learned: Callable[[InjectorParameters, Sequence[Recording]], tuple[LearnedLaw, ...]] | None = None
+    """Learns laws from the recordings, with which the search begins."""
 
 
 def refuse_incomparable(task: DiscoveryTask, model: str) -> None:

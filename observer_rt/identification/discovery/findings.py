@@ -239,20 +239,7 @@ class ModelSource:
 
 @dataclass(frozen=True, kw_only=True)
 class Findings(Discovery):
-    """Results of a discovery with what they rest on.
-
-    healthy_warning: what healthy recordings say against the model, empty when nothing; like_inertance: the change
-    found is one that another inertance of the line would make as well; level_measured: whether the fit of the model
-    had a measured rate or mass; chosen: effects the user chose among those that explain as much; amended_model: name
-    of the file beside the document, None when nothing is added; in_force, terms: all effects and terms that it has
-    then; not_accepted: why a proposal that the user accepts is not in it, empty where it is; remainder: the residual
-    of a proposal accepted in part; overlays: injections to be shown; injections: the residual of each; masses: by
-    operating point; files: names of the recordings; judged_in_part: which of these were too long to be judged as a
-    whole, and how injections were chosen from them; points: their operating points, each counted as a recording;
-    fitted_on, held_out: of these; seconds: it took; baseline: what the model leaves of the healthy injector, None
-    where nothing is known of it; healthy: names of healthy recordings; learned: laws of nozzle and seat, as the
-    network learned them from the recordings; folder: that all this is written to.
-    """
+    """Results of a discovery with what they rest on."""
 
     schema: Literal[1] = 1
     best: Annotated[Candidate, Entry(lambda one, _: one.ids, tuple[str, ...])]
@@ -260,31 +247,32 @@ class Findings(Discovery):
     where: tuple[Annotated[Disagreement, Entry(cell_of_map, CellOfMap)], ...]
     gaps: Annotated[ModelGaps, Entry(gap_entry, GapEntry), key("gap")]
     checks: tuple[StandstillFigure, ...]
-    healthy_warning: str
-    like_inertance: Inside[bool]
-    level_measured: Inside[bool]
-    chosen: tuple[str, ...]
-    amended_model: str | None
-    in_force: Inside[tuple[EffectInForce, ...]]
-    overlays: Inside[tuple[Overlay, ...]]
-    files: Inside[tuple[str, ...]]
-    points: Inside[tuple[str, ...]]
+    healthy_warning: str  # what healthy recordings say against the model; empty: nothing
+    like_inertance: Inside[bool]  # whether another inertance of the line would make the same change
+    level_measured: Inside[bool]  # whether the fit of the model had a measured rate or mass
+    chosen: tuple[str, ...]  # by the user, among effects that explain as much
+    amended_model: str | None  # name of its file; None: nothing is added
+    in_force: Inside[tuple[EffectInForce, ...]]  # all effects that it has
+    overlays: Inside[tuple[Overlay, ...]]  # injections to be shown
+    files: Inside[tuple[str, ...]]  # names of the recordings
+    points: Inside[tuple[str, ...]]  # operating points of the files, each counted as a recording
     model: ModelSource = ModelSource("", "", ())
     recordings: Annotated[dict[str, str], Field(description="SHA-256 by file name")]
-    judged_in_part: tuple[str, ...]
-    healthy: tuple[str, ...] = ()
+    judged_in_part: tuple[str, ...]  # files too long to be judged as a whole, and how injections were chosen
+    healthy: tuple[str, ...] = ()  # names of healthy recordings
     made: Annotated[datetime, PlainSerializer(lambda made: made.isoformat(timespec="seconds"), str)] = datetime.min
-    fitted_on: tuple[str, ...]
-    held_out: tuple[str, ...]
+    fitted_on: tuple[str, ...]  # of `points`
+    held_out: tuple[str, ...]  # of `points`
     seconds: Annotated[float, PlainSerializer(lambda seconds: round(seconds, 3))] = 0.0
-    baseline: Inside[Healthy | None] = None
-    terms: Inside[tuple[TermInForce, ...]] = ()
-    not_accepted: Inside[str] = ""
+    baseline: Inside[Healthy | None] = None  # what the model leaves of the healthy injector; None: not known
+    terms: Inside[tuple[TermInForce, ...]] = ()  # all that the amended model has
+    not_accepted: Inside[str] = ""  # why a proposal that the user accepts is not in it; empty: it is
     remainder: Annotated[Remainder | None, Entry(lambda one, _: one is not None, bool), key("in_part")] = None
-    injections: tuple[InjectionGap, ...] = ()
-    masses: tuple[MassChange, ...] = ()
+    injections: tuple[InjectionGap, ...] = ()  # residual of each
+    masses: tuple[MassChange, ...] = ()  # by operating point
     learned: tuple[Annotated[LearnedLaw, Entry(lambda law, _: law.columns, LearnedEntry)], ...] = ()
-    folder: Inside[str] = ""
+    """Laws of nozzle and seat, as the network learned them from the recordings."""
+    folder: Inside[str] = ""  # that all this is written to
 
     @property
     def held_apart(self) -> bool:

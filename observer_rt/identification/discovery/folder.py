@@ -37,18 +37,16 @@ def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
 
 
 def write_findings(folder: Path, task: DiscoveryTask, findings: Findings, injector: InjectorFile) -> str:
-    """Everything into the folder, and back what findings.json says.
+    """Write findings.json, the report and, where there is one, the amended model into the folder.
 
-    What an earlier run left there and this one does not make is removed.
+    An earlier amended model is removed where this answer has no other. Returns the text of findings.json.
     """
-    in_force = (
-        *(effect.id for effect in task.parameters.effects),
-        *(f"{term.equation}: {term.law}" for term in task.parameters.terms),
-    )
     require("jinja2", "matplotlib")
     from observer_rt.identification.discovery.report.page import report
 
-    model = ModelSource(injector.name, injector.sha256, in_force)
+    before = [effect.id for effect in task.parameters.effects]
+    before += [f"{term.equation}: {term.law}" for term in task.parameters.terms]
+    model = ModelSource(injector.name, injector.sha256, in_force=tuple(before))
     written = replace(findings, model=model, made=datetime.now(), folder=str(folder))
     text = json.dumps(written.as_json(), indent=2)
     with file_errors(folder):

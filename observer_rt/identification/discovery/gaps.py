@@ -25,16 +25,14 @@ NOISE_RUNS = 3  # with noise added, for the noise floor
 class Gap:
     """Root mean squares of model minus measurement for a quantity, in its printed unit.
 
-    before, after: of the nominal model, and of the refitted one; noise_floor: that noise alone would leave; measured:
-    whether the quantity was measured. A mass that was not is compared with that of the amended model: `before` is
-    then the nominal model's error if the amended one is right.
+    A mass that was not measured is compared with that of the amended model.
     """
 
     name: str
-    before: float
-    after: float
-    noise_floor: float
-    measured: bool = True
+    before: float  # of the nominal model; of a mass not measured, its error if the amended model is right
+    after: float  # of the refitted model
+    noise_floor: float  # that noise alone would leave
+    measured: bool = True  # whether the quantity was measured
 
     @property
     def unit(self) -> str:
@@ -57,16 +55,13 @@ class PointGaps:
 
 @dataclass(frozen=True)
 class ModelGaps:
-    """Gaps over all recordings held out, and of each.
-
-    fitted_on, held_out: numbers of recordings; refitted: the model with what was found, fitted to the former.
-    """
+    """Gaps over all recordings held out, and of each."""
 
     by_name: Mapping[str, Gap]
-    refitted: EffectiveModel
+    refitted: EffectiveModel  # the model with what was found, fitted to `fitted_on`
     points: tuple[PointGaps, ...]
-    fitted_on: tuple[int, ...]
-    held_out: tuple[int, ...]
+    fitted_on: tuple[int, ...]  # numbers of recordings
+    held_out: tuple[int, ...]  # numbers of recordings
 
 
 def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: EffectiveModel) -> ModelGaps:

@@ -22,17 +22,14 @@ SHOWN_RINGING = 6e-3  # s after the last closing
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """One injection of a recording under two models: `before` as given, `after` with the effects found, if any.
-
-    samples: number of those shown; noise_floor: gap of the line pressure by noise alone [Pa].
-    """
+    """One injection of a recording under two models."""
 
     title: str
     measurement: Measurement
-    before: SimulatedInjection
-    after: SimulatedInjection | None
-    samples: int
-    noise_floor: float
+    before: SimulatedInjection  # by the model as given
+    after: SimulatedInjection | None  # with the effects found, if any
+    samples: int  # number of those shown
+    noise_floor: float  # gap of the line pressure by noise alone [Pa]
 
 
 def typical_overlays(

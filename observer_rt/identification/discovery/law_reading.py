@@ -20,11 +20,11 @@ GATES = {
 
 @dataclass(frozen=True)
 class Subject:
-    """A physical quantity, one variable or the difference of two: words and unit; of: factor of every variable."""
+    """A physical quantity: one variable, or a combination of two."""
 
     words: str
     unit: str
-    of: Mapping[Variable, float]
+    of: Mapping[Variable, float]  # factors of the variables
 
     @property
     def unit_word(self) -> str:
@@ -63,7 +63,7 @@ SUBJECTS = (
     Subject("injection", "-", {Variable.INJECTION_NUMBER: 1.0}),
     Subject("needle lift over the largest", "-", {Variable.NEEDLE_LIFT: 1.0, Variable.MAX_LIFT: 0.0}),
 )
-_PROBES = np.array((-170.0, -3.7, 23.0, 311.0))  # values of a variable, by which a law is a straight line or not
+_PROBES = np.array((-170.0, -3.7, 23.0, 311.0))  # values of a variable at which a straight law lies on its line
 
 
 @dataclass(frozen=True)
@@ -112,23 +112,22 @@ def product_of(law: Law) -> Product:
 
 def line_of(law: Law) -> StraightLaw | None:
     """The law as a straight line over one physical quantity, by its values; None for any other law."""
-    variables = sorted(law.variables)
-    if not variables or law.variables & set(GATES) or law.has_coefficient or law.remembers:
+    if not law.variables or law.variables & set(GATES) or law.has_coefficient or law.remembers:
         return None
-    # A lift is a share of the largest.
-    zero = {one.word: float(one is Variable.MAX_LIFT) for one in variables}
-    probed: list[Variable] = [one for one in variables if one is not Variable.MAX_LIFT]
+    # the largest lift is 1, so that a lift is a share of it; all others are varied
+    zero = {variable.word: float(variable is Variable.MAX_LIFT) for variable in law.variables}
+    varied = sorted(law.variables - {Variable.MAX_LIFT})
     constant = float(law.at(zero))
-    slopes = {one: _rounded(float(law.at(zero | {one.word: 1.0})) - constant) for one in probed}
-    probes = {one: number * _PROBES for number, one in enumerate(probed, start=1)}
-    straight = constant + sum(slope * probes[one] for one, slope in slopes.items())
+    slopes = {variable: _rounded(float(law.at(zero | {variable.word: 1.0})) - constant) for variable in varied}
+    probes = {variable: number * _PROBES for number, variable in enumerate(varied, start=1)}
+    straight = constant + sum(slope * probes[variable] for variable, slope in slopes.items())
     rounding = 1e-9 * max(map(abs, slopes.values()), default=0.0)
-    values = law.at(zero | {one.word: values for one, values in probes.items()})
+    values = law.at(zero | {variable.word: places for variable, places in probes.items()})
     if not math.isfinite(rounding) or not np.allclose(values, straight, 1e-9, rounding):
         return None
     for subject in SUBJECTS:
         slope = slopes.get(next(iter(subject.of)), 0.0)
-        is_alike = all(math.isclose(slopes[one], slope * subject.of.get(one, 0.0)) for one in probed)
+        is_alike = all(math.isclose(slopes[variable], slope * subject.of.get(variable, 0.0)) for variable in varied)
         if slope and subject.of.keys() == law.variables and is_alike:
             return StraightLaw(subject, slope, _rounded(-constant / slope) + 0.0)
     return None

@@ -54,15 +54,11 @@ _AS_IF: Mapping[TermEquation, tuple[str, str, str]] = {
 
 @dataclass(frozen=True)
 class Reading:
-    """A simple law in words.
+    """A simple law in words."""
 
-    size: factor of the coefficient; where: when and where the law has this size; per: unit of the quantity with which
-    the amount grows, empty for a plain amount.
-    """
-
-    size: float
-    where: str
-    per: str = ""
+    size: float  # factor of the coefficient
+    where: str  # when and where the law has this size
+    per: str = ""  # unit of the quantity with which the amount grows; empty: a plain amount
 
 
 def as_if(term: Term, largest_lift: float | None = None) -> str:

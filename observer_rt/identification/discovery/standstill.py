@@ -96,14 +96,11 @@ def _judged(
 
 
 class _PeriodMeans(NamedTuple):
-    """Means over whole periods of the line, in which its ringing cancels, (b,) each, SI.
+    """Means over whole periods of the line, in which its ringing cancels, (b,) each, SI."""
 
-    differences: line minus rail pressure; times, lines: from the means of their stretch of standstill.
-    """
-
-    differences: NDArray[np.float64]
-    times: NDArray[np.float64]
-    lines: NDArray[np.float64]
+    differences: NDArray[np.float64]  # line minus rail pressure
+    times: NDArray[np.float64]  # from the mean of their stretch of standstill
+    lines: NDArray[np.float64]  # pressures, from the mean of their stretch of standstill
 
 
 def _period_means(measurement: Measurement, period: float) -> list[_PeriodMeans]:

@@ -15,6 +15,7 @@ from observer_rt.identification.fit.comparison import Comparison, compared
 from observer_rt.identification.fit.folds import Fold, by_meter, folds_of, share_between_samples, thinned
 from observer_rt.identification.fit.forms import INERTANCE, NEEDLE, NOZZLE, STRUCTURES, FreeParameter, Structure
 from observer_rt.identification.fit.masses import MeanMass
+from observer_rt.identification.fit.problem import GROUPS_OF_FOLD
 from observer_rt.identification.fit.rate import rate_meter, rate_misfit
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
@@ -62,28 +63,20 @@ class FittedNumber:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationResult:
-    """Result of a fit.
+    """Result of a fit."""
 
-    file: the injector before; choice: among structures, compared on few events; fitted: the chosen one on many; kept:
-    parameters that the recordings do not determine, as in the file; comparison: of the models before and after;
-    rate_misfit: of the shape of a measured rate, as a share, against the model that explains the pressures and the
-    rate's integrals; meter: time constants [s] of the rate's meter, stated or found; causes: tried where more than
-    noise is left, the best first; not_observed: why the observer could not learn with the fitted model, empty where
-    it could; flow_level: factor from these masses to published ones, for a sensor's gain was removed before the fit.
-    """
-
-    file: InjectorParameters
+    file: InjectorParameters  # before the fit
     measurements: Sequence[Measurement]
-    choice: Choice
-    fitted: FittedStructure
-    kept: tuple[FreeParameter, ...]
+    choice: Choice  # among structures, compared on few events
+    fitted: FittedStructure  # the chosen one on many events
+    kept: tuple[FreeParameter, ...]  # as in the file, because the recordings do not determine them
     level: FlowLevel
-    comparison: Comparison
-    rate_misfit: float
-    meter: tuple[float, ...] = ()
-    causes: tuple[TriedCause, ...] = ()
-    not_observed: str = ""
-    flow_level: float = 1.0
+    comparison: Comparison  # of the models before and after
+    rate_misfit: float  # share of a measured rate's shape that a model of pressures and integrals does not explain
+    meter: tuple[float, ...] = ()  # time constants [s] of the rate's meter, stated or fitted
+    causes: tuple[TriedCause, ...] = ()  # tried where more than noise is left, the best first
+    not_observed: str = ""  # why the observer could not learn with the fitted model; empty: it could
+    flow_level: float = 1.0  # published masses over these: a sensor's gain was removed before the fit
 
     @property
     def injector(self) -> InjectorParameters:
@@ -131,7 +124,7 @@ class CalibrationResult:
         if NOZZLE not in calibration.free:
             return np.full(len(calibration.folds), math.inf)
         slopes = np.split(at.slopes[:, calibration.free.index(NOZZLE)], np.cumsum(at.residuals.counts[:-1]))
-        by_fold = zip(calibration.folds, slopes[::3], strict=False)  # of line pressure; rate and mass follow
+        by_fold = zip(calibration.folds, slopes[::GROUPS_OF_FOLD], strict=False)  # of line pressure, the first group
         return np.array([math.sqrt(len(fold.measurement.events) / (slope @ slope)) for fold, slope in by_fold])
 
     @property

@@ -16,12 +16,11 @@ from observer_rt.identification.likelihood.bounded_fit import Quadratic, lineari
 class HeldOut:
     """Every fold judged with the parameters that the other folds give.
 
-    unexplained: residuals of the line pressure; mass_shift (folds,): change of the mass of a fold's injections, as a
-    share, when it is left out: the uncertainty of masses at operating points that were not fitted.
+    The shift is the uncertainty of masses at operating points that were not fitted.
     """
 
-    unexplained: UnexplainedSignal
-    mass_shift: NDArray[np.float64]
+    unexplained: UnexplainedSignal  # residuals of the line pressure
+    mass_shift: NDArray[np.float64]  # (folds,) change of a fold's masses, as a share, when it is left out
 
 
 def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:

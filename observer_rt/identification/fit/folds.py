@@ -30,18 +30,13 @@ DRIFT = 0.05 * MEGAPASCAL  # and of what it differs by from recording to recordi
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """A part of the data that can be left out of a fit: a recording, or some events of the only one.
+    """A part of the data that can be left out of a fit: a recording, or some events of the only one."""
 
-    measurement: with shortened events; recording: its number; weights (events,): number of injections for which each
-    event stands; weighed: mean mass, None if not measured; rate_shape: whether a measured rate counts sample by
-    sample, and not by its integrals alone.
-    """
-
-    measurement: Measurement
-    recording: int
-    weights: NDArray[np.float64]
-    weighed: MeanMass | None = None
-    rate_shape: bool = False
+    measurement: Measurement  # with shortened events
+    recording: int  # its number
+    weights: NDArray[np.float64]  # (events,) number of injections for which each event stands
+    weighed: MeanMass | None = None  # None: not measured
+    rate_shape: bool = False  # whether a measured rate counts sample by sample, and not by its integrals alone
 
     def mass_residuals(self, masses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean of modelled masses (events,) [kg] beside the measured one, in standard deviations (1,), or (0,)."""

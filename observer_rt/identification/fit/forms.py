@@ -26,24 +26,18 @@ _TRIED = "tried"  # origin of an effect that is not the file's
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A parameter of the injector file that a fit sizes, on a logarithmic or a linear scale.
+    """A parameter of the injector file that a fit sizes, on a logarithmic or a linear scale."""
 
-    symbol: as in the equations; section, key: of the file; unit, si: of printed values; lowest, highest: bounds [SI];
-    start: value [SI] if the file has none, or 0 on a logarithmic scale; linear: SI value of 1 on a linear scale, 0
-    for a logarithmic one; spread: standard deviation on the scale before anything was measured, on a linear one about
-    `start`.
-    """
-
-    symbol: str
-    section: str
-    key: str
-    unit: str
-    si: float
-    lowest: float
+    symbol: str  # as in the equations
+    section: str  # of the file
+    key: str  # of the file
+    unit: str  # of printed values
+    si: float  # of the unit
+    lowest: float  # SI
     highest: float
-    start: float
-    spread: float
-    linear: float = 0.0
+    start: float  # SI, if the file has none, or 0 on a logarithmic scale
+    spread: float  # standard deviation on the scale before anything was measured, on a linear one about `start`
+    linear: float = 0.0  # SI value of 1 on a linear scale; 0: the scale is logarithmic
 
     @property
     def name(self) -> str:

@@ -2,7 +2,8 @@
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,40 +48,37 @@ def read_masses(path: Path, recordings: Sequence[Measurement], density: float) -
     rate meter whose integral that mean is, by its path from this file), and, where there is such a column, `sigma_mg`
     (standard deviation, else 0.5 %). density: of the fuel [kg/m3]. Raises `UserError` naming the line.
     """
-    with file_errors(path), path.open(encoding="utf-8-sig", newline="") as file:
-        try:
-            rows = [[cell.strip() for cell in row] for row in csv.reader(file)]
-        except (csv.Error, UnicodeDecodeError) as error:
-            raise UserError(str(path), f"is no CSV: {error}", _EXAMPLE) from None
-    header = rows[0] if rows else []
-    if sorted({*header} - {SIGMA}) not in ([MASS, RECORDING], [RATE, RECORDING]) or len({*header}) < len(header):
-        raise UserError(f"{path}, line 1", f"has the columns '{', '.join(header)}'", _EXAMPLE)
     masses: dict[int, MeanMass] = {}
-    for line, cells in enumerate(rows[1:], start=2):
-        location = f"{path}, line {line}"
-        if not any(cells):
-            continue
-        if len(cells) != len(header):
-            raise UserError(location, f"has {len(cells)} cells, the header {len(header)}", _EXAMPLE)
-        row = dict(zip(header, cells, strict=True))
+    for location, row in _rows(path):
         number = _recording(location, row[RECORDING], recordings)
         if number in masses:
             raise UserError(location, f"another line has the mass of {row[RECORDING]}", "give it once")
-        if MASS in row:
-            mass = _number(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
-        else:
-            integral = _mass_of_rate(path.parent / row[RATE], density) / MILLIGRAM
-            mass = _number(f"{location}, {RATE} {row[RATE]}", f"{integral:.12g}", LARGEST_MASS)
-        stated = row.get(SIGMA)
-        sigma = _number(f"{location}, {SIGMA}", stated, mass) if stated else SHARE_SIGMA * mass
-        masses[number] = MeanMass(mass * MILLIGRAM, sigma * MILLIGRAM)
+        masses[number] = _mean_mass(location, row, path.parent, density)
     if not masses:
         raise UserError(str(path), "holds no mass", _EXAMPLE)
     return masses
 
 
+def _rows(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
+    """Rows of a table of masses that are not empty: file and line, and the cells by column."""
+    with file_errors(path), path.open(encoding="utf-8-sig", newline="") as file:
+        try:
+            header, *rows = [[cell.strip() for cell in row] for row in csv.reader(file)] or [[]]
+        except (csv.Error, UnicodeDecodeError) as error:
+            raise UserError(str(path), f"is no CSV: {error}", _EXAMPLE) from None
+    if sorted({*header} - {SIGMA}) not in ([MASS, RECORDING], [RATE, RECORDING]) or len({*header}) < len(header):
+        raise UserError(f"{path}, line 1", f"has the columns '{', '.join(header)}'", _EXAMPLE)
+    for line, cells in enumerate(rows, start=2):
+        location = f"{path}, line {line}"
+        if any(cells) and len(cells) != len(header):
+            raise UserError(location, f"has {len(cells)} cells, the header {len(header)}", _EXAMPLE)
+        if any(cells):
+            yield location, dict(zip(header, cells, strict=True))
+
+
 def _recording(location: str, name: str, recordings: Sequence[Measurement]) -> int:
-    paths = [one.recording.path for one in recordings]
+    """Number of the recording of this name."""
+    paths = [measurement.recording.path for measurement in recordings]
     numbers = [n for n, path in enumerate(paths) if path is not None and name in (path.name, str(path))]
     if len(numbers) != 1:
         names = ", ".join(sorted({path.name for path in paths if path is not None}))
@@ -89,14 +87,30 @@ def _recording(location: str, name: str, recordings: Sequence[Measurement]) -> i
     return numbers[0]
 
 
-def _number(location: str, text: str, highest: float) -> float:
-    try:
+def _mean_mass(location: str, row: Mapping[str, str], folder: Path, density: float) -> MeanMass:
+    """Mass of a row of the table, or of the rate meter's table that it names by the path from a folder."""
+    if MASS in row:
+        mass = _milligrams(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
+    else:
+        mass = _mass_of_rate(folder / row[RATE], density) / MILLIGRAM
+        _refuse_out_of_range(f"{location}, {RATE} {row[RATE]}", f"{mass:.12g}", mass, LARGEST_MASS)
+    stated = row.get(SIGMA)
+    sigma = _milligrams(f"{location}, {SIGMA}", stated, mass) if stated else SHARE_SIGMA * mass
+    return MeanMass(mass * MILLIGRAM, sigma * MILLIGRAM)
+
+
+def _milligrams(location: str, text: str, highest: float) -> float:
+    """The number in a cell. Raises `UserError` for another text, and out of range."""
+    value = math.nan
+    with suppress(ValueError):
         value = float(text)
-    except ValueError:
-        value = math.nan
+    _refuse_out_of_range(location, text, value, highest)
+    return value
+
+
+def _refuse_out_of_range(location: str, text: str, value: float, highest: float) -> None:
     if not 0.0 < value <= highest:
         raise UserError(location, f"'{text}' is out of range", f"give mg above 0 and up to {highest:g}")
-    return value
 
 
 def _mass_of_rate(path: Path, density: float) -> float:

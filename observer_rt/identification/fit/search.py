@@ -36,18 +36,14 @@ EXPLAINED = 5.0  # mean chi2, below which a search has not ended beside the mini
 
 @dataclass(frozen=True, eq=False)
 class FittedStructure:
-    """A structure at its minimum.
-
-    judged: every fold at the minimum; unexplained: residuals of the line pressure on the recordings of the fit;
-    held_out: those on recordings left out, None if none could be.
-    """
+    """A structure at its minimum."""
 
     structure: forms.Structure
     calibration: problem.Calibration
     minimum: Minimum
-    judged: Sequence[JudgedModel]
-    unexplained: UnexplainedSignal
-    held_out: HeldOut | None
+    judged: Sequence[JudgedModel]  # every fold
+    unexplained: UnexplainedSignal  # residuals of the line pressure on the recordings of the fit
+    held_out: HeldOut | None  # on recordings left out; None: none could be
 
     @property
     def injector(self) -> InjectorParameters:

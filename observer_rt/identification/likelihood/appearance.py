@@ -67,11 +67,11 @@ def signature_of(
         if moved is None or not first.lowest <= size <= first.highest:
             break
         before, after, left = (
-            [residuals_of([one]).z for one in every] for every in (judged, moved, remaining or judged)
+            [residuals_of([recording]).z for recording in models] for models in (judged, moved, remaining or judged)
         )
-        changes = [one - other for one, other in zip(before, after, strict=True)]
+        changes = [first - second for first, second in zip(before, after, strict=True)]
         information = np.array([float(change @ change) for change in changes])
-        gain = np.array([float(change @ one) for change, one in zip(changes, left, strict=True)])
+        gain = np.array([float(change @ z) for change, z in zip(changes, left, strict=True)])
         if float(np.sum(information)) > 0.0:
             signature = Signature(effect, abs(size), information, math.copysign(1.0, size) * gain)
         if float(np.sum(information)) > VISIBLE:
@@ -92,28 +92,27 @@ def healthy_remainder(
     if judged is None:
         raise ArithmeticError("the model has no finite solution on the healthy recordings")
     measured = [recorded.measurement for recorded in likelihood.recordings]
-    sigmas = [math.exp(one.log_sigma) * model.coefficients.pressure_scale for one in judged]
-    fit = ShapeFit(
-        [_by_event(one, result.z) for one, result in zip(measured, judged, strict=True)], float(np.mean(sigmas))
-    )
+    sigmas = [math.exp(recording.log_sigma) * model.coefficients.pressure_scale for recording in judged]
+    events = [_by_event(measurement, recording.z) for measurement, recording in zip(measured, judged, strict=True)]
+    fit = ShapeFit(events, float(np.mean(sigmas)))
     several = len(measured) > 1
     remaining = [
-        replace(one, z=one.z - expected_of(fit.shape(number if several else None), measurement) / sigma)
-        for number, (one, measurement, sigma) in enumerate(zip(judged, measured, sigmas, strict=True))
+        replace(recording, z=recording.z - expected_of(fit.shape(number if several else None), measurement) / sigma)
+        for number, (recording, measurement, sigma) in enumerate(zip(judged, measured, sigmas, strict=True))
     ]
     signatures = [
-        signature_of(effect, judged, lambda one, sizes: likelihood.judge(one.apply(model, sizes)), remaining)
+        signature_of(effect, judged, lambda tried, sizes: likelihood.judge(tried.apply(model, sizes)), remaining)
         for effect in effects
     ]
     statistics = [
-        phase_statistics(one.z, 1.0, recorded.phases, 0)
-        for recorded, one in zip(likelihood.recordings, remaining, strict=True)
+        phase_statistics(recording.z, 1.0, recorded.phases, 0)
+        for recorded, recording in zip(likelihood.recordings, remaining, strict=True)
     ]
     return HealthyRemainder(
         line_pressure_offset_MPa=remembered.line_pressure_offset_MPa,
-        variance=PhaseFigures.of({p.name: max(one.variance(p) for one in statistics) for p in Phase}),
-        colour=PhaseFigures.of({p.name: max(one.colour(p) for one in statistics) for p in Phase}),
-        appears={one.effect.id: _appearance(one) for one in signatures if one is not None},
+        variance=PhaseFigures.of({p.name: max(recorded.variance(p) for recorded in statistics) for p in Phase}),
+        colour=PhaseFigures.of({p.name: max(recorded.colour(p) for recorded in statistics) for p in Phase}),
+        appears={seen.effect.id: _appearance(seen) for seen in signatures if seen is not None},
         shape=fit.shape() if remembered.shape is None else together(remembered.shape, fit.shape()),
     )
 

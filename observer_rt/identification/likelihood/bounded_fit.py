@@ -22,15 +22,11 @@ NORMAL_975 = 1.959964  # quantile of the normal distribution, of a 95 % interval
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Normalised residuals of a model on all recordings.
+    """Normalised residuals of a model on all recordings."""
 
-    z: (n,) in groups, one after another; counts, log_sigma: (groups,) how many, and the logarithm of the standard
-    deviation they were divided by.
-    """
-
-    z: NDArray[np.float64]
-    counts: NDArray[np.int64]
-    log_sigma: NDArray[np.float64]
+    z: NDArray[np.float64]  # (n,) in groups, one after another
+    counts: NDArray[np.int64]  # (groups,) how many
+    log_sigma: NDArray[np.float64]  # (groups,) logarithm of the standard deviation they were divided by
 
     @classmethod
     def of(cls, groups: Sequence[tuple[NDArray[np.float64], float]]) -> Self:

@@ -30,22 +30,15 @@ _MOST_GAINS = 4096  # cached: those round a few candidates
 
 @dataclass(frozen=True, eq=False)
 class JudgedModel:
-    """A model on one recording of n judged innovations.
+    """A model on one recording of n judged innovations."""
 
-    z, log_sigma: normalised innovations (n,), and the logarithm of their standard deviation; rate_z, volume_z:
-    normalised residuals of the measured rate and of its integral over every event, as of `MeasuredRate`, (0,) without
-    a rate; rate_log_sigma: rise of the logarithm of the rate's standard deviation by a lag of the lift; masses:
-    injected in every event (events,) [kg], by the observer's estimate; late: mean square of the delays of shots, in
-    standard deviations, 0 where the lift was measured.
-    """
-
-    z: NDArray[np.float64]
-    log_sigma: float
-    rate_z: NDArray[np.float64]
-    volume_z: NDArray[np.float64]
-    rate_log_sigma: float
-    masses: NDArray[np.float64]
-    late: float = 0.0
+    z: NDArray[np.float64]  # (n,) normalised innovations
+    log_sigma: float  # logarithm of their standard deviation
+    rate_z: NDArray[np.float64]  # (k,) normalised residuals of the rate, as of `MeasuredRate`; (0,): not measured
+    volume_z: NDArray[np.float64]  # of its integral over every event
+    rate_log_sigma: float  # rise of the logarithm of the rate's standard deviation by a lag of the lift
+    masses: NDArray[np.float64]  # (events,) injected [kg], by the observer's estimate
+    late: float = 0.0  # mean square of the delays of shots, in standard deviations; 0: the lift was measured
 
 
 class RecordingLikelihood:

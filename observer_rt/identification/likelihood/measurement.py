@@ -54,25 +54,18 @@ class FoundInjections:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """A recording, or the excerpts of a long one, with its noise and events.
-
-    noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
-    the events [Pa]; duration: mean time the needle is open in an event [s]; injections: in the whole recording;
-    stated: delays and lags of its channels; commands: where the lift was not measured, starts and ends of energizing
-    (k, 2) [samples], with the known delays of shots, from which the lift follows; is_free: every model has its own
-    lift by these.
-    """
+    """A recording, or the excerpts of a long one, with its noise and events."""
 
     recording: Recording
-    noise: NoiseLevels
-    rate_noise: float
+    noise: NoiseLevels  # of a sample
+    rate_noise: float  # of the measured rate [m3/s]; nan: there is none
     events: tuple[JudgedEvent, ...]
-    rail_pressure: float
-    duration: float
-    injections: FoundInjections
-    stated: tuple[SizedEffect, ...] = ()
-    commands: NDArray[np.float64] | None = None
-    is_free: bool = False
+    rail_pressure: float  # mean before the events [Pa]
+    duration: float  # mean time the needle is open in an event [s]
+    injections: FoundInjections  # in the whole recording
+    stated: tuple[SizedEffect, ...] = ()  # delays and lags of its channels
+    commands: NDArray[np.float64] | None = None  # (k, 2) delayed starts and ends [samples]; None: lift measured
+    is_free: bool = False  # every model has its own lift by the commands
 
     @property
     def interval(self) -> float:

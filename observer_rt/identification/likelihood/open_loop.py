@@ -26,18 +26,14 @@ SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
 
 @dataclass(frozen=True, eq=False)
 class SimulatedInjection:
-    """A model on one event: n samples from the opening to the end of the ringing, SI.
-
-    samples, rate_samples: (n,) of the recording, that the line pressure and the rate belong to; shown_rate: the rate
-    as its meter shows it.
-    """
+    """A model on one event: n samples from the opening to the end of the ringing, SI."""
 
     event: JudgedEvent
-    samples: NDArray[np.int64]
+    samples: NDArray[np.int64]  # (n,) of the recording, that the line pressure belongs to
     line_pressure: NDArray[np.float64]
-    rate_samples: NDArray[np.int64]
+    rate_samples: NDArray[np.int64]  # (n,) of the recording, that the rate belongs to
     rate: NDArray[np.float64]
-    shown_rate: NDArray[np.float64]
+    shown_rate: NDArray[np.float64]  # as its meter shows it
 
 
 @dataclass(frozen=True)

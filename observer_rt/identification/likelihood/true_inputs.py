@@ -84,6 +84,7 @@ def _areas_of(
     area = np.zeros(lift.size)
     if not openings:
         return area
+    _, shuts = dead_band(measurement.noise.needle_lift)
     fill_areas(
         lift,
         np.array([(o.first, o.last) for o in openings]),
@@ -91,7 +92,7 @@ def _areas_of(
         terms.lift_factor,
         terms.lift_shift,
         FOOT_ROUNDING / measurement.interval,
-        dead_band(measurement.noise.needle_lift)[1] if measurement.means else math.nan,
+        shuts if measurement.means else math.nan,  # nan: samples are instants, whose ramps begin where they say
         c.seat,
         area,
     )

@@ -30,22 +30,17 @@ LateShots = Sequence[NDArray[np.float64]]
 
 
 class Batch(NamedTuple):
-    """All windows of a recording, one after another; n samples in w windows, normalised by (24).
+    """All windows of a recording, one after another; n samples in w windows, normalised by (24), as in `Window`."""
 
-    inputs (n, 2), output (n,), resting (n,), starts (w, states + 1), knots (n, 2) or (0, 2) as in `Window`; bounds
-    (w + 1,): window i is [bounds[i], bounds[i+1]); openings (w,): in the window; clocks (w, 2): as of `Clock`;
-    commands: of a needle that is free, as in `Window`.
-    """
-
-    inputs: NDArray[np.float64]
-    output: NDArray[np.float64]
-    resting: NDArray[np.bool_]
-    starts: NDArray[np.float64]
-    bounds: NDArray[np.int64]
-    openings: NDArray[np.int64]
-    knots: NDArray[np.float64]
-    clocks: NDArray[np.float64]
-    commands: tuple[NDArray[np.float64], ...] = ()
+    inputs: NDArray[np.float64]  # (n, 2)
+    output: NDArray[np.float64]  # (n,)
+    resting: NDArray[np.bool_]  # (n,)
+    starts: NDArray[np.float64]  # (w, states + 1)
+    bounds: NDArray[np.int64]  # (w + 1,) window i is [bounds[i], bounds[i+1])
+    openings: NDArray[np.int64]  # (w,) in the window
+    knots: NDArray[np.float64]  # (n, 2) or (0, 2)
+    clocks: NDArray[np.float64]  # (w, 2) as of `Clock`
+    commands: tuple[NDArray[np.float64], ...] = ()  # of a needle that is free
 
     def window(self, number: int) -> Window:
         """A window by its number."""

@@ -43,15 +43,11 @@ _RANGES |= {
 
 @dataclass(frozen=True)
 class TermDomain:
-    """Domain in which a term must be sound, in the units of `variable`.
-
-    friction: slope of the line's own loss over the line_flow, divided by abs(line_flow); in_cells: whether the line
-    has cells, so that a resonance of the sensor would make the observer unstable.
-    """
+    """Domain in which a term must be sound, in the units of `variable`."""
 
     max_lift: float
-    friction: float = 0.0
-    in_cells: bool = False
+    friction: float = 0.0  # slope of the line's own loss over the line_flow, divided by abs(line_flow)
+    in_cells: bool = False  # the line has cells: a resonance of the sensor would make the observer unstable
 
     @cached_property
     def points(self) -> dict[str, Values]:

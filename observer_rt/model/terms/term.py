@@ -55,16 +55,12 @@ _ALIKE = (
 
 @dataclass(frozen=True)
 class Term:
-    """A law added to an equation.
-
-    coefficient: the value of the law's `c`; interval: its lowest and highest value at 95 %, None where nobody
-    estimated it. Both in the units of `variable`.
-    """
+    """A law added to an equation, in the units of `variable`."""
 
     equation: TermEquation
     law: Law
-    coefficient: float = 1.0
-    interval: tuple[float, float] | None = None
+    coefficient: float = 1.0  # value of the law's `c`
+    interval: tuple[float, float] | None = None  # of the coefficient at 95 %; None: nobody estimated it
 
     def __str__(self) -> str:
         unit = "" if self.equation.is_share else f" [{self.equation.unit}]"

@@ -76,14 +76,11 @@ def edge_places(interval: float) -> EdgePlaces:
 
 @dataclass(frozen=True, eq=False)
 class EdgeSearch:
-    """Sums over events by which a step at one time before the openings shows; empty before any.
-
-    unclipped: (2, places), both sums without limits, which tell how high the step is, and where.
-    """
+    """Sums over events by which a step at one time before the openings shows; empty before any."""
 
     products: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     squares: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    unclipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros((2, 0)))
+    unclipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros((2, 0)))  # both without limits
 
     def after(self, sums: NDArray[np.float64], sigma: float) -> "EdgeSearch":
         """Adds an event's sums (2, places), products and squares, of innovations of sigma [p_0]."""

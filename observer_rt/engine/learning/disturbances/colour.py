@@ -38,14 +38,11 @@ _LAST_FIRST = np.array([*range(1, ORDERS + 1), 0])
 
 @dataclass(frozen=True, eq=False)
 class Colour:
-    """Colour of a bench's innovations: the filter that makes them white, at a sample interval [s].
+    """Colour of a bench's innovations."""
 
-    sigma: standard deviation of what it leaves of them, in units of p_0.
-    """
-
-    whitening: Whitening
-    interval: float
-    sigma: float
+    whitening: Whitening  # filter that makes them white
+    interval: float  # of the samples [s]
+    sigma: float  # standard deviation of what the filter leaves [p_0]
 
 
 def is_same(first: Colour | None, second: Colour | None) -> bool:

@@ -28,12 +28,11 @@ MOST = 0.5  # samples: more is no jitter
 class TimeJitter:
     """Excess of the line pressure's noise where it is steep, from recent events.
 
-    sums: of weights, with squared slopes and their squares, with loudness and both; variance: of the moments
-    [samples^2], 0: none.
+    The sums are of weights, with squared slopes and their squares, with loudness and both.
     """
 
     sums: NDArray[np.float64] = field(default_factory=lambda: np.zeros(5))
-    variance: float = 0.0
+    variance: float = 0.0  # of the moments [samples^2]; 0: none
 
     @property
     def is_known(self) -> bool:

@@ -127,22 +127,18 @@ def size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
 class Candidate:
     """A combination of effects fitted to all recordings; the nominal model is the one without effects.
 
-    sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out; spread: mean square of the
-    residuals as that counts it, 1 at least; own_error: of -2 log L, what laws gain over a name that may be the fitted
-    model's own error. Of those in a ranking, and of proposals, also half: half widths of the 95 % intervals (p,);
-    moves: what it does to the model as given; sizes_of_half: fitted to every second operating point. Of those in a
-    ranking also held_out: -2 log L so fitted and judged on the others, nan where that was not done.
+    Those in a ranking, and of proposals, also have `half`, `moves` and `sizes_of_half`.
     """
 
     hypothesis: Hypothesis
-    sizes: tuple[float, ...]
-    statistic: float
-    spread: float = 1.0
-    own_error: float = 0.0
-    half: tuple[float, ...] = ()
-    sizes_of_half: tuple[float, ...] = ()
-    held_out: float = math.nan
-    moves: Consequence = NO_CONSEQUENCE
+    sizes: tuple[float, ...]  # (p,) SI, effect after effect
+    statistic: float  # -2 log L, constants left out
+    spread: float = 1.0  # mean square of the residuals as the statistic counts it, 1 at least
+    own_error: float = 0.0  # of -2 log L: what laws gain over a name that may be the fitted model's own error
+    half: tuple[float, ...] = ()  # (p,) half widths of the 95 % intervals
+    sizes_of_half: tuple[float, ...] = ()  # fitted to every second operating point
+    held_out: float = math.nan  # -2 log L so fitted and judged on the others; nan: not done, or in no ranking
+    moves: Consequence = NO_CONSEQUENCE  # what it does to the model as given
 
     @property
     def price(self) -> float:

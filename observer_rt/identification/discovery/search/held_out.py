@@ -85,14 +85,11 @@ class HeldOutPoints:
 
 @dataclass(frozen=True, eq=False)
 class _Events:
-    """Events held out: -2 log L and mean square [Pa2] of the line pressure's open-loop gap, both (events,).
+    """Events held out."""
 
-    theta: (p,), fitted to the other events.
-    """
-
-    theta: NDArray[np.float64]
-    statistic: NDArray[np.float64]
-    gap: NDArray[np.float64]
+    theta: NDArray[np.float64]  # (p,) fitted to the other events
+    statistic: NDArray[np.float64]  # (events,) -2 log L
+    gap: NDArray[np.float64]  # (events,) mean square of the line pressure's open-loop gap [Pa2]
 
 
 def _sum_with_scatter(values: NDArray[np.float64]) -> tuple[float, float]:

@@ -65,11 +65,7 @@ CellKey = tuple[Signal, Phase, int]
 
 @dataclass(frozen=True)
 class Cell:
-    """Innovations of one signal in one phase at one operating point (recording).
-
-    variance, colour: mean square of the normalised innovations and of their scaled block means, 1 when adequate;
-    excess: how improbable the larger is for white noise, in standard deviations; rms: of the innovations (SI).
-    """
+    """Innovations of one signal in one phase at one operating point (recording)."""
 
     signal: Signal
     phase: Phase
@@ -77,10 +73,10 @@ class Cell:
     rail_pressure: float  # Pa
     duration: float  # s, needle open
     samples: int
-    variance: float
-    colour: float
-    excess: float
-    rms: float
+    variance: float  # mean square of the normalised innovations; 1: adequate
+    colour: float  # mean square of their scaled block means; 1: adequate
+    excess: float  # how improbable the larger is for white noise, in standard deviations
+    rms: float  # of the innovations (SI)
 
     @property
     def key(self) -> CellKey:
@@ -120,22 +116,15 @@ class LargestMisfit:
 
 @dataclass(frozen=True, eq=False)
 class SearchOutcome:
-    """Result of the search.
-
-    winner: the best without a law, the nominal model if no name is accepted; posterior: probabilities of all
-    candidates that explain the recordings, the best first; nearest: if none does, the best, and those of other
-    equations that explain as much; fitted: all candidates; threshold: gain that an effect had to exceed; ratio: of
-    the winner's worst phase to its limit, above 1 if the winner does not explain the recordings, even with an effect
-    too small to matter.
-    """
+    """Result of the search."""
 
     nominal: Candidate
-    winner: Candidate
-    posterior: tuple[tuple[Candidate, float], ...]
-    nearest: tuple[Candidate, ...]
-    fitted: tuple[Candidate, ...]
-    threshold: float
-    ratio: float
+    winner: Candidate  # the best without a law; the nominal model if no name is accepted
+    posterior: tuple[tuple[Candidate, float], ...]  # candidates that explain the recordings, the most probable first
+    nearest: tuple[Candidate, ...]  # if none does: the best, and those of other equations that explain as much
+    fitted: tuple[Candidate, ...]  # all candidates
+    threshold: float  # gain that an effect had to exceed
+    ratio: float  # winner's worst phase over its limit; above 1: the winner does not explain the recordings
 
     @property
     def adequate(self) -> bool:
@@ -146,7 +135,7 @@ class SearchOutcome:
     def soft(self) -> bool:
         """Whether two effects of the winner are so alike that they may be one."""
         pairs = combinations(self.winner.hypothesis.effects, 2)
-        return any(one.is_like(other, Likeness.ALIKE) for one, other in pairs)
+        return any(first.is_like(second, Likeness.ALIKE) for first, second in pairs)
 
     @property
     def left(self) -> tuple[Candidate, ...]:
@@ -166,7 +155,7 @@ class SearchOutcome:
 
 def probabilities(behind: Sequence[float]) -> list[float]:
     """Probabilities of explanations that are behind the best by these amounts of -2 log L, prices included."""
-    weights = [math.exp(min(0.0, -one / (2.0 * TEMPER))) for one in behind]
+    weights = [math.exp(min(0.0, -distance / (2.0 * TEMPER))) for distance in behind]
     return [HIGHEST * weight / sum(weights) for weight in weights]
 
 
@@ -180,33 +169,25 @@ class Detection:
 
 @dataclass(frozen=True, kw_only=True)
 class Discovery:
-    """Result of a search for the missing effect.
-
-    named: the winner, or the leading explanation when ambiguous; without effects for `none` and `unknown`; best: the
-    same, but for `unknown` what explains most, which is not enough; effects: those of the named; rivals: combinations
-    that explain the recordings as well; ranking: leaders, best first, with the nominal model; samples: independent
-    innovations all this rests on; before, after: cells of the nominal model and of the best; confidence: that the
-    verdict is right; smallest_visible: of every effect that has a size; accepted: number of the proposal that the
-    amended model has, 0 for none.
-    """
+    """Result of a search for the missing effect."""
 
     verdict: Verdict
-    confidence: float
+    confidence: float  # that the verdict is right
     confidence_method: str
-    named: Inside[Candidate]
-    best: Candidate
-    effects: tuple[FittedEffect, ...]
-    rivals: tuple[tuple[str, ...], ...]
-    ranking: tuple[Candidate, ...]
+    named: Inside[Candidate]  # the winner, or leading when ambiguous; without effects for `none` and `unknown`
+    best: Candidate  # as `named`, but for `unknown` what explains most, which is not enough
+    effects: tuple[FittedEffect, ...]  # of `named`
+    rivals: tuple[tuple[str, ...], ...]  # combinations that explain the recordings as well
+    ranking: tuple[Candidate, ...]  # leaders, best first, with the nominal model
     detection: Detection
     unexplained: Annotated[LargestMisfit | None, key("unknown")]
     decide_by: tuple[Decisive, ...]
-    samples: Inside[float]
-    before: Inside[tuple[Cell, ...]]
-    after: Inside[tuple[Cell, ...]]
+    samples: Inside[float]  # independent innovations all this rests on
+    before: Inside[tuple[Cell, ...]]  # of the nominal model
+    after: Inside[tuple[Cell, ...]]  # of the best
     noise: Inside[NoiseLevels]
-    smallest_visible: tuple[SmallestVisible, ...] = ()
-    accepted: Annotated[int, key("accepted_proposal")] = 0
+    smallest_visible: tuple[SmallestVisible, ...] = ()  # of every effect that has a size
+    accepted: Annotated[int, key("accepted_proposal")] = 0  # the amended model has; 0: none
 
     @property
     def proposals(self) -> tuple[Proposal, ...]:

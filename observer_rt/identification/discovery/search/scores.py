@@ -17,19 +17,14 @@ Signature = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Signatures of m effects in the n residuals of a model, and the gain of each effect alone.
-
-    numbers (m,): of the effects among those tried; information_of (parts, m, m), gradient_of (parts, m): of every
-    part of the data, the gradient as half the fall of -2 log L; slopes (n, m): the signatures; left: weighted sum of
-    squares of the residuals.
-    """
+    """Signatures of m effects in the n residuals of a model, and the gain of each effect alone."""
 
     effects: tuple[Effect, ...]
-    numbers: NDArray[np.int64]
-    information_of: NDArray[np.float64]
-    gradient_of: NDArray[np.float64]
-    slopes: Signature
-    left: float
+    numbers: NDArray[np.int64]  # (m,) of the effects among those tried
+    information_of: NDArray[np.float64]  # (parts, m, m) of every part of the data
+    gradient_of: NDArray[np.float64]  # (parts, m) half the fall of -2 log L
+    slopes: Signature  # (n, m) the signatures
+    left: float  # weighted sum of squares of the residuals
 
     @cached_property
     def information(self) -> NDArray[np.float64]:

@@ -11,8 +11,18 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.search import curves
-from observer_rt.identification.discovery.search.curves import Axis, Form, Score, Shape
+from observer_rt.identification.discovery.search.curves import (
+    LIFT,
+    OVER_NOZZLE,
+    OVER_SEAT,
+    SINCE,
+    Axis,
+    Form,
+    Score,
+    Shape,
+    gains_of,
+    parts_of,
+)
 from observer_rt.identification.discovery.search.scores import Scores
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import term_effect
@@ -23,10 +33,10 @@ Floats = NDArray[np.float64]
 
 MOST_PRODUCTS = 4  # made at once, each over other variables
 RAIL = Axis("(rail_pressure - 100)/50", (-0.9, -0.45, 0.0, 0.45, 0.9), {"rail_pressure"})
-_SINCE = replace(curves.SINCE, knots=(0.1, 0.4, 0.7, 1.0, 1.5))
-_LIFT = replace(curves.LIFT, knots=(0.1, 0.3, 0.5, 0.75, 1.0))
-_OVER_NOZZLE = replace(curves.OVER_NOZZLE, knots=(0.1, 0.35, 0.6, 0.9, 1.2))
-_OVER_SEAT = replace(curves.OVER_SEAT, knots=(0.3, 1.0, 2.5, 6.0))
+_SINCE = replace(SINCE, knots=(0.1, 0.4, 0.7, 1.0, 1.5))
+_LIFT = replace(LIFT, knots=(0.1, 0.3, 0.5, 0.75, 1.0))
+_OVER_NOZZLE = replace(OVER_NOZZLE, knots=(0.1, 0.35, 0.6, 0.9, 1.2))
+_OVER_SEAT = replace(OVER_SEAT, knots=(0.3, 1.0, 2.5, 6.0))
 SURFACES: Mapping[TermEquation, tuple[tuple[Axis, Axis], ...]] = {
     TermEquation.NOZZLE_FLOW: (
         (RAIL, _SINCE),
@@ -53,7 +63,7 @@ class _Factor:
 def products(score: Score, is_guessed: Callable[[Effect], bool]) -> list[Effect]:
     """Products of two forms as terms, the best over each two variables: guessed ones, then by what they gain."""
     pairs = [(equation, *axes) for equation, surfaces in SURFACES.items() for axes in surfaces]
-    parts = curves.parts_of([_hats(*pair) for pair in pairs], score)
+    parts = parts_of([_hats(*pair) for pair in pairs], score)
     made = [_nearest(*pair, part) for pair, part in zip(pairs, parts, strict=True) if part.numbers.size]
     made.sort(key=lambda item: (not is_guessed(item[1]), -item[0]))
     return [effect for _, effect in made[:MOST_PRODUCTS]]
@@ -81,7 +91,7 @@ def _nearest(equation: TermEquation, first: Axis, second: Axis, scores: Scores) 
     rows, columns = _factors(first), _factors(second)
     values = np.einsum("ik,jl->ijkl", [row.values for row in rows], [column.values for column in columns])
     values = values.reshape(len(rows) * len(columns), -1)[:, scores.numbers]
-    gains = curves.gains_of(values, scores, equation)
+    gains = gains_of(values, scores, equation)
     best = int(np.argmax(gains))
     row, column = rows[best // len(columns)], columns[best % len(columns)]
     own, further = len(row.numbers), len(column.numbers)

@@ -24,15 +24,12 @@ LARGEST = 2.0  # times its first largest value, that a table may have elsewhere
 
 @dataclass(frozen=True)
 class Symmetry:
-    """A symmetry of curves: its table of u, the sign of the curve at -u, and from which u on knots are its own.
+    """A symmetry of curves."""
 
-    most: knots.
-    """
-
-    form: str
-    sign: float
-    first: float
-    most: int = MOST_KNOTS
+    form: str  # table of u
+    sign: float  # of the curve at -u
+    first: float  # u from which on knots are its own
+    most: int = MOST_KNOTS  # knots
 
 
 NONE = Symmetry("table({u}, {pairs})", 0.0, -np.inf)

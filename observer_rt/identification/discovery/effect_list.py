@@ -1,4 +1,4 @@
-"""The vocabulary of effects for people and for programs: what each is, in which units, and what it is taken for."""
+"""The effects of the vocabulary for people and programs: what each is, in which units, and what it is taken for."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any

@@ -269,10 +269,9 @@ def test_what_could_not_be_restored_does_not_replace_a_good_file(state: StateFil
 
 
 def test_paths_that_are_no_file(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="is no file"):
-        load_knowledge(tmp_path, MODEL)
-    with pytest.raises(UserError, match="is no file"):
-        load_knowledge(Path("/dev/null"), MODEL)
+    for path in (tmp_path, Path("/dev/null")):
+        with pytest.raises(UserError, match="is no file"):
+            load_knowledge(path, MODEL)
     with pytest.raises(UserError, match="no existing folder"):
         load_knowledge(tmp_path / "missing" / "state.json", MODEL)
     with pytest.raises(RunError, match="cannot be written"):

@@ -223,6 +223,13 @@ def test_what_was_no_state_is_refused_and_stays(state: StateFile, content: bytes
     assert state.path.read_bytes() == content
 
 
+def test_a_file_larger_than_any_state_is_not_read_to_its_end(state: StateFile) -> None:
+    state.save()
+    state.path.write_bytes(b" " * (1 << 22) + state.path.read_bytes())
+    with pytest.raises(UserError, match="not a learned state"):
+        state.load()
+
+
 def test_nothing_set_aside_is_overwritten(state: StateFile) -> None:
     for number in range(3):
         state.path.write_text(f'{{"version": {number}')

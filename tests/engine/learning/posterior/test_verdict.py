@@ -1,4 +1,4 @@
-"""The verdict: a mass is known to 3 % at three standard deviations, and when the needle moves."""
+"""The verdict: a mass is known to 3 %, and when the needle moves; what a bad event leaves of a belief."""
 
 import math
 from dataclasses import replace
@@ -10,9 +10,9 @@ import pytest
 from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.account import Account
-from observer_rt.engine.learning.hypotheses import BEFORE
+from observer_rt.engine.learning.hypotheses import AT_FAULT, BEFORE
 from observer_rt.engine.learning.learned_injector import LearnedInjector
-from observer_rt.engine.learning.posterior.event import ExplainedEvent
+from observer_rt.engine.learning.posterior.event import Believing, ExplainedEvent
 from observer_rt.engine.learning.posterior.event_mass import EventMass
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.outcome import Shares, verdict_of
@@ -45,3 +45,10 @@ def test_known_masses_are_valid(shares: Shares, odds: float, later: float, reaso
     verdict = verdict_of(explained, mass, shares, (), WIDE)
     assert [objection.reason for objection in verdict.own] == reasons
     assert not verdict.forward
+
+
+def test_a_bad_event_ages_what_was_learned_and_teaches_nothing_else() -> None:
+    aged = prior_belief(0.0 * WIDE, 2.0 * np.diag(WIDE**2))
+    for learned, belief in ((replace(NEW, is_prior=False), aged), (NEW, NEW.belief)):
+        explanation = Explanation(learned, AT_FAULT, 0.0, NONE, aged, NONE, NONE, NONE, NEW.theta, None, None, 1.0)
+        assert Believing(NONE, NONE, NONE).after(explanation).belief is belief

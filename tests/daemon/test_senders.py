@@ -106,10 +106,8 @@ def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
         until(lambda: len(notes.injections) == INJECTIONS)
     rates = link.taken(RATE.frame_id)
     before_the_stop = marks(rates[:-1])
-    assert before_the_stop <= {
-        (0, State.DEGRADED),
-        (1, State.ADAPTED),
-    }  # the block under way when it began, at the most
+    # the block under way when it began, at the most
+    assert before_the_stop <= {(0, State.DEGRADED), (1, State.ADAPTED)}
     assert (1, State.ADAPTED) in before_the_stop
     assert marks(rates[-1:]) == {(0, State.ADAPTED)}  # the stop cuts it short
     summaries = [decoded(SUMMARY, payload) for payload in link.taken(SUMMARY.frame_id)]

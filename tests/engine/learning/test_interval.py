@@ -94,7 +94,7 @@ def test_delays_of_a_shot_move_the_rate_of_that_shot_only() -> None:
     needle = SimpleNamespace(opening_delay=10 * INTERVAL)
     window: Any = SimpleNamespace(needle=needle, commands=np.array([[0.0, 5.0], [50.0, 5.0]]))
     delays = ShotDelays(NOTHING, NOTHING, np.diag([0.0, 0.0, 1.0, 1.0]), by_theta=np.zeros((4, PARAMETERS)))
-    known = event(9)
-    run = known.run._replace(slopes=np.ones((SAMPLES, PARAMETERS)))
-    by_rate = with_shots(replace(known, run=run), window, delays).by_inputs.rate
+    exact = event(9)
+    run = exact.run._replace(slopes=np.ones((SAMPLES, PARAMETERS)))
+    by_rate = with_shots(replace(exact, run=run), window, delays).by_inputs.rate
     assert np.flatnonzero(by_rate).tolist() == list(range(60, SAMPLES))

@@ -112,9 +112,8 @@ def test_database_beside_the_bench_file_wins_over_the_shipped_one(tmp_path: Path
 
 
 def test_file_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="no such file") as refused:
+    with pytest.raises(UserError, match=f"^{tmp_path / 'none.toml'}: no such file"):
         load_bench(tmp_path / "none.toml")
-    assert refused.value.location == str(tmp_path / "none.toml")
     with pytest.raises(UserError, match="cannot be read"):
         load_bench(tmp_path)
 

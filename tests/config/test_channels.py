@@ -70,10 +70,8 @@ def test_a_rail_pressure_of_its_own_message_is_moved_by_its_own_delay(tmp_path: 
 
 def test_too_far_apart_for_recordings(tmp_path: Path) -> None:
     injector = stated(tmp_path, line_pressure="filter_delay_us = 90", needle_lift="filter_delay_us = 20")
-    with pytest.raises(UserError) as refused:
+    with pytest.raises(UserError, match=r": signals\.line_pressure\.filter_delay_us: .*70 us"):
         on_one_raster(injector)
-    assert refused.value.location.endswith(": signals.line_pressure.filter_delay_us")
-    assert "70 us" in refused.value.problem
 
 
 def test_what_is_stated_goes_away_in_samples_as_sent(tmp_path: Path) -> None:

@@ -113,8 +113,7 @@ def test_an_injection_is_a_row_of_typed_columns(path: Path, journal: JournalWrit
 def test_what_is_not_known_is_null(path: Path, journal: JournalWriter) -> None:
     unknown: dict[str, Any] = {"budget": None, "commanded": None, "surroundings": Surroundings()}
     unknown |= {"mass": math.nan, "peak_rate": math.nan, "valid": False, "reason": Reason.SAMPLES_LOST}
-    report = some_report(1, **unknown)
-    journal(report)
+    journal(some_report(1, **unknown))
     journal.write()
     (row,) = rows(path)
     for name in ("mass_mg", "mass_ci95_low_mg", "peak_rate_mm3_per_ms", "fuel_temperature_degC", "command"):

@@ -17,6 +17,7 @@ from tests.daemon.participants import HeardDaemon, ScriptedLink, serving, until
 from tests.device import encoded, frames_of, worn_recording
 
 INJECTIONS = 8
+OTHER = Reason.SECOND_SENDER
 AFTER_FOUR, AFTER_SIX = 0.348, 0.448  # s, when the last of as many was judged, just before the next one
 
 
@@ -106,18 +107,14 @@ def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
         until(lambda: len(notes.injections) == INJECTIONS)
     rates = link.taken(RATE.frame_id)
     before_the_stop = marks(rates[:-1])
-    assert before_the_stop <= {
-        (0, State.DEGRADED),
-        (1, State.ADAPTED),
-    }  # the block under way when it began, at the most
+    # the block under way when it began, at the most
+    assert before_the_stop <= {(0, State.DEGRADED), (1, State.ADAPTED)}
     assert (1, State.ADAPTED) in before_the_stop
     assert marks(rates[-1:]) == {(0, State.ADAPTED)}  # the stop cuts it short
     summaries = [decoded(SUMMARY, payload) for payload in link.taken(SUMMARY.frame_id)]
     said = [(int(s["Valid"]), int(s["State"]), int(s["Reason"])) for s in summaries]
     assert said == [(each.valid, each.state, each.reason) for each in notes.injections]
-    other_sends = (Reason.SECOND_SENDER,)
-    reasons = [each.reasons for each in notes.injections]
-    assert reasons == [(), (), (), (), other_sends, other_sends, (), ()]
+    assert [each.reasons for each in notes.injections] == [(), (), (), (), (OTHER,), (OTHER,), (), ()]
     contested_one = notes.injections[4]
     assert contested_one.state is State.DEGRADED
     assert line(contested_one).endswith("not valid: SECOND_SENDER: another node sends what only this observer should")
@@ -126,25 +123,16 @@ def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("own", "both"),
+    ("own", "reason", "state", "reasons"),
     [
-        ((State.ADAPTED, Reason.NONE), (State.DEGRADED, (Reason.SECOND_SENDER,))),
-        (
-            (State.RUNNING_NOMINAL, Reason.TOO_FEW_EVENTS),
-            (State.DEGRADED, (Reason.SECOND_SENDER, Reason.TOO_FEW_EVENTS)),
-        ),
-        (
-            (State.DEGRADED, Reason.MODEL_INADEQUATE),
-            (State.DEGRADED, (Reason.MODEL_INADEQUATE, Reason.SECOND_SENDER)),
-        ),
-        (
-            (State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT),
-            (State.WAITING_FOR_DATA, (Reason.INPUT_TIMEOUT, Reason.SECOND_SENDER)),
-        ),
+        (State.ADAPTED, Reason.NONE, State.DEGRADED, (OTHER,)),
+        (State.RUNNING_NOMINAL, Reason.TOO_FEW_EVENTS, State.DEGRADED, (OTHER, Reason.TOO_FEW_EVENTS)),
+        (State.DEGRADED, Reason.MODEL_INADEQUATE, State.DEGRADED, (Reason.MODEL_INADEQUATE, OTHER)),
+        (State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT, State.WAITING_FOR_DATA, (Reason.INPUT_TIMEOUT, OTHER)),
     ],
 )
-def test_it_hides_no_other_reason(own: tuple[State, Reason], both: tuple[State, tuple[Reason, ...]]) -> None:
-    assert contested(*own) == both
+def test_it_hides_no_other_reason(own: State, reason: Reason, state: State, reasons: tuple[Reason, ...]) -> None:
+    assert contested(own, reason) == (state, reasons)
 
 
 def test_the_log_says_all_reasons(bench: Path) -> None:

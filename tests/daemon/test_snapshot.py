@@ -108,8 +108,11 @@ def test_only_news_are_sent_and_waited_for(path: Path) -> None:
 
 def test_curves_are_kept_of_the_last_injections_only(path: Path) -> None:
     link = ScriptedLink(frames_of(path, worn_recording(injections=WITH_CURVES + 4)))
-    with observing(path, link, WITH_CURVES + 4):
+    with observing(path, link, WITH_CURVES + 4) as daemon:
         shown = asked(path).injections
+        for _ in range(1000):
+            daemon.snapshots.hear(daemon.notes.injections[-1])
+        assert len(asked(path).injections) == 1000  # as docs/monitor.md says
     assert [bool(each.curves) for each in shown] == 4 * [False] + WITH_CURVES * [True]
 
 

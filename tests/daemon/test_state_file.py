@@ -223,6 +223,13 @@ def test_what_was_no_state_is_refused_and_stays(state: StateFile, content: bytes
     assert state.path.read_bytes() == content
 
 
+def test_a_file_larger_than_any_state_is_not_read_to_its_end(state: StateFile) -> None:
+    state.save()
+    state.path.write_bytes(b" " * (1 << 22) + state.path.read_bytes())
+    with pytest.raises(UserError, match="not a learned state"):
+        state.load()
+
+
 def test_nothing_set_aside_is_overwritten(state: StateFile) -> None:
     for number in range(3):
         state.path.write_text(f'{{"version": {number}')
@@ -269,10 +276,9 @@ def test_what_could_not_be_restored_does_not_replace_a_good_file(state: StateFil
 
 
 def test_paths_that_are_no_file(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="is no file"):
-        load_knowledge(tmp_path, MODEL)
-    with pytest.raises(UserError, match="is no file"):
-        load_knowledge(Path("/dev/null"), MODEL)
+    for path in (tmp_path, Path("/dev/null")):
+        with pytest.raises(UserError, match="is no file"):
+            load_knowledge(path, MODEL)
     with pytest.raises(UserError, match="no existing folder"):
         load_knowledge(tmp_path / "missing" / "state.json", MODEL)
     with pytest.raises(RunError, match="cannot be written"):

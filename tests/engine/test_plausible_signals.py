@@ -71,10 +71,8 @@ def test_recordings_as_they_should_be(pressure: float, noise: bool) -> None:
 def test_a_wrong_unit_is_named(signals: tuple[str, ...], factor: float, unit: str, pressure: float) -> None:
     right = recorded(pressure)
     wrong = right.with_arrays({name: right.signals[name] * factor for name in signals})
-    with pytest.raises(UserError) as raised:
+    with pytest.raises(UserError, match=rf"(?s)a\.csv, ({'|'.join(signals)}).*: .*remedy: .*{unit}"):
         refuse_implausible(Path("a.csv"), HeldSignals(wrong).survey)
-    assert any(f"a.csv, {name}" in raised.value.location for name in signals)
-    assert unit in raised.value.remedy
 
 
 def test_low_pressures_ten_times_too_large_on_one_sensor_are_seen_beside_the_other() -> None:

@@ -73,9 +73,8 @@ def _stamped(content: str) -> str:
     head, *rows = content.splitlines()
     start = np.datetime64("2026-03-01T12:00:00", "ns")
     stamps = [start + np.timedelta64(round(float(row.split(",", 1)[0]) * 1e3), "ns") for row in rows]
-    return "\n".join(
-        [head, *(f"{stamp},{row.split(',', 1)[1]}" for stamp, row in zip(stamps, rows, strict=True)), ""]
-    )
+    stamped = (f"{stamp},{row.split(',', 1)[1]}" for stamp, row in zip(stamps, rows, strict=True))
+    return "\n".join([head, *stamped, ""])
 
 
 def _frame(recording: Recording) -> pd.DataFrame:
@@ -84,13 +83,9 @@ def _frame(recording: Recording) -> pd.DataFrame:
 
 def _mdf(folder: Path, recording: Recording, version: str, suffix: str) -> Path:
     time, *remaining = columns(recording, PLAIN).items()
+    units = zip(remaining, ("bar", "um", "bar"), strict=True)
     with MDF(version=version) as file:
-        file.append(
-            [
-                Signal(values, time[1], unit=unit, name=name)
-                for (name, values), unit in zip(remaining, ("bar", "um", "bar"), strict=True)
-            ]
-        )
+        file.append([Signal(values, time[1], unit=unit, name=name) for (name, values), unit in units])
         saved = Path(file.save(folder / f"a.{suffix}", overwrite=True))
     return saved.rename(folder / f"a.{suffix}")
 
@@ -122,12 +117,8 @@ LAYOUTS = (
     ),
     _csv(
         "numbered rows",
-        change=lambda content: (
-            "\n".join(
-                f"{number};{line}" if number >= 0 else f";{line}"
-                for number, line in enumerate(content.splitlines(), -1)
-            )
-            + "\n"
+        change=lambda content: "".join(
+            f"{'' if row < 0 else row};{line}\n" for row, line in enumerate(content.splitlines(), -1)
         ),
     ),
     _csv("a line of units", names=PLAIN, under=("us", "bar", "um", "bar")),

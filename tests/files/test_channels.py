@@ -1,6 +1,5 @@
 """Which channel of a log is which bus: by name, by number, or as said; else a clear question."""
 
-import re
 from pathlib import Path
 
 import pytest
@@ -59,10 +58,9 @@ def test_a_bench_with_one_bus_takes_any_channel(tmp_path: Path) -> None:
     ("suffix", "channels"), [(".log", ("vcan0", "vcan1")), (".log", ("can0",)), (".blf", ("3", "5"))]
 )
 def test_where_it_is_not_clear_the_remedy_says_how(tmp_path: Path, suffix: str, channels: tuple[str, ...]) -> None:
-    with pytest.raises(UserError, match="is not clear") as raised:
+    said = rf"is not clear.*{'.*'.join(channels)}(?s:.*) --from-channel CHANNEL --from-channel lift=CHANNEL$"
+    with pytest.raises(UserError, match=said):
         chosen_channels(log(tmp_path, suffix, *channels), BENCH, INPUTS, ())
-    assert all(channel in raised.value.problem for channel in channels)
-    assert raised.value.remedy.endswith("--from-channel CHANNEL --from-channel lift=CHANNEL")
 
 
 OTHER = 0x18FEF2FE
@@ -79,17 +77,16 @@ OTHER = 0x18FEF2FE
 def test_a_log_without_frames_of_a_bench_says_what_it_has(tmp_path: Path, identifier: int, remedy: str) -> None:
     write_log(tmp_path / "bus.blf", [LogFrame(Frame(identifier, bytes(8), START, True, False), "1")])
     frames = InputFrames(tmp_path / "bus.blf", map_bus(load_bench(write_extended_bench(tmp_path))), {0: None})
-    with pytest.raises(UserError, match=rf"holds no frame of Daq \(0x18FEF1FE\); it has 0x{identifier:X}") as refused:
+    with pytest.raises(UserError, match=rf"(?s)no frame of Daq \(0x18FEF1FE\); it has 0x{identifier:X}.*{remedy}"):
         list(frames)
-    assert re.search(remedy, refused.value.remedy)
 
 
 def test_an_identifier_of_the_other_size_is_named(tmp_path: Path) -> None:
     frames = [LogFrame(Frame(0x100, bytes(64), START + n * 1000, True, True), "1") for n in range(3)]
     write_log(tmp_path / "bus.blf", frames)
-    with pytest.raises(UserError, match=r"SampleBlock \(0x100\); it has 0x100 of 29 bits") as refused:
+    said = r"(?s)SampleBlock \(0x100\); it has 0x100 of 29 bits.*correct the size of the identifier of SampleBlock"
+    with pytest.raises(UserError, match=said):
         list(InputFrames(tmp_path / "bus.blf", map_bus(load_bench()), {0: None}))
-    assert "correct the size of the identifier of SampleBlock" in refused.value.remedy
 
 
 def test_frames_that_come_too_seldom_give_the_cause(tmp_path: Path) -> None:
@@ -103,8 +100,6 @@ def test_frames_that_come_too_seldom_give_the_cause(tmp_path: Path) -> None:
     log = tmp_path / "slow.log"
     times = [(10 + n * 0.01, identifier) for n in range(50) for identifier in (IDENTIFIER, OTHER)]
     log.write_text("".join(f"({time:.6f}) can0 {identifier:08X}#{'00' * 8}\n" for time, identifier in times))
-    with pytest.raises(UserError) as raised:
+    said = "its 100 input frames give 0 samples.* they come at 204 a second, where sampling.rate_hz is 100000"
+    with pytest.raises(UserError, match=f"(?s){said}.*set sampling.rate_hz"):
         LoggedSignals(load_bench(bench), log)
-    assert "its 100 input frames give 0 samples" in raised.value.problem
-    assert "they come at 204 a second, where sampling.rate_hz is 100000" in raised.value.problem
-    assert "set sampling.rate_hz" in raised.value.remedy

@@ -70,9 +70,8 @@ def test_a_table_without_a_time_is_read_by_its_rate() -> None:
         "lift_um": OURS.needle_lift * 1e6,
         "p_line_bar": OURS.line_pressure / 1e5,
     }
-    with pytest.raises(UserError, match="time: no heading names it") as raised:
+    with pytest.raises(UserError, match=r"(?s)time: no heading names it.*remedy: .*rate_hz"):
         signals_of(table).collected()
-    assert "rate_hz" in raised.value.remedy
     units = zip(("rail_pressure", "needle_lift", "line_pressure"), table, ("bar", "um", "bar"), strict=True)
     mapping = {"rate_hz": 50e3, **{s: {"column": c, "unit": u} for s, c, u in units}}
     result = signals_of(table, mapping).collected()

@@ -22,12 +22,10 @@ SUFFIXES = sorted(LOGS_WRITTEN)
 class Source(FakeLink):
     """Gives frames at once, then stops the recording; loses some where `lost_at` says so."""
 
-    def __init__(self, count: int, stop: threading.Event, lost_at: dict[int, int] | None = None) -> None:
+    def __init__(self, count: int, lost_at: dict[int, int] | None = None) -> None:
         super().__init__()
-        self.delivered = 0
-        self._count = count
-        self._stop = stop
-        self._lost_at = lost_at or {}
+        self.delivered, self.stop = 0, threading.Event()
+        self._count, self._lost_at = count, lost_at or {}
         self.lost = 4  # before the recording began
         self.step_ns = 1000
         self.during: Callable[[], None] = lambda: None
@@ -35,7 +33,7 @@ class Source(FakeLink):
     def receive(self, timeout_s: float) -> Frame | None:
         self.during()
         if self.delivered >= self._count:
-            self._stop.set()
+            self.stop.set()
             return None
         self.lost += self._lost_at.get(self.delivered, 0)
         self.delivered += 1
@@ -54,14 +52,14 @@ class Source(FakeLink):
         raise AssertionError("a recorder sends nothing")
 
 
-def run(path: Path, source: Source, stop: threading.Event, **limits: Any) -> RecordStatistics:
-    return record({"can0": source}, path, stop, **limits)
+def run(path: Path, source: Source, **limits: Any) -> RecordStatistics:
+    return record({"can0": source}, path, source.stop, **limits)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_every_frame_is_in_the_file_and_where_some_were_lost(tmp_path: Path, suffix: str) -> None:
-    stop, path = threading.Event(), tmp_path / f"bus{suffix}"
-    statistics = run(path, Source(300, stop, {150: 3, 220: 9}), stop)
+    path = tmp_path / f"bus{suffix}"
+    statistics = run(path, Source(300, {150: 3, 220: 9}))
     log = open_log(path)
     entries = [(entry.frame, log.lost_frames) for entry in log]
     assert [lost for _, lost in entries] == [0] * 150 + [3] * 70 + [12] * 80
@@ -88,22 +86,20 @@ def test_a_frame_may_be_older_than_the_first(tmp_path: Path, suffix: str) -> Non
 
 
 def test_limits_end_it(tmp_path: Path) -> None:
-    stop = threading.Event()
-    by_count = run(tmp_path / "a.log", Source(10**6, stop), stop, frames=123)
+    source = Source(10**9)
+    by_count = run(tmp_path / "a.log", source, frames=123)
     assert by_count.frames == len(list(open_log(tmp_path / "a.log"))) == 123
     begun = time.monotonic()
-    run(tmp_path / "b.log", Source(10**9, stop), stop, duration=0.2)
+    run(tmp_path / "b.log", source, duration=0.2)
     assert time.monotonic() - begun < 5.0
-    assert not stop.is_set()
+    assert not source.stop.is_set()
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_after_a_second_frames_are_on_the_disk(tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Read beside the recorder, as after a loss of power: nothing was closed."""
     monkeypatch.setattr("observer_rt.files.recorder.FLUSH_PERIOD", 0)
-    stop, path = threading.Event(), tmp_path / f"bus{suffix}"
-    source = Source(40, stop)
-    seen = []
+    path, source, seen = tmp_path / f"bus{suffix}", Source(40), []
 
     def look() -> None:
         end = time.monotonic() + 20.0
@@ -116,14 +112,13 @@ def test_after_a_second_frames_are_on_the_disk(tmp_path: Path, suffix: str, monk
             time.sleep(0.01)
 
     source.during = look
-    run(path, source, stop)
+    run(path, source)
     assert seen == [20, 39]
 
 
 @pytest.mark.parametrize("failure", [RunError("can0 is down"), OSError(errno.ENOSPC, "No space left")])
 def test_a_failure_leaves_what_was_recorded(tmp_path: Path, failure: Exception) -> None:
-    stop, path = threading.Event(), tmp_path / "bus.blf"
-    source = Source(100, stop)
+    path, source = tmp_path / "bus.blf", Source(100)
 
     def fail() -> None:
         if source.delivered == 50:
@@ -131,12 +126,12 @@ def test_a_failure_leaves_what_was_recorded(tmp_path: Path, failure: Exception) 
 
     source.during = fail
     with pytest.raises(RunError):
-        run(path, source, stop)
+        run(path, source)
     assert len(list(open_log(path))) == 50
 
 
 def test_an_interface_that_goes_away_is_waited_for(tmp_path: Path) -> None:
-    stop, path = threading.Event(), tmp_path / "bus.blf"
+    path = tmp_path / "bus.blf"
 
     class UnpluggedSource(Source):
         away = 0
@@ -154,7 +149,7 @@ def test_an_interface_that_goes_away_is_waited_for(tmp_path: Path) -> None:
                 raise LinkDownError("can0 is still down")
             self.delivered = 51
 
-    statistics = run(path, UnpluggedSource(100, stop), stop)
+    statistics = run(path, UnpluggedSource(100))
     assert (statistics.frames, statistics.outages) == (99, 1)
     assert "interface away 1 times" in statistics.as_text()
     stamps = [entry.frame.stamp_ns for entry in open_log(path)]
@@ -162,8 +157,7 @@ def test_an_interface_that_goes_away_is_waited_for(tmp_path: Path) -> None:
 
 
 def test_without_a_frame_there_is_no_file(tmp_path: Path) -> None:
-    stop = threading.Event()
-    statistics = run(tmp_path / "bus.blf", Source(0, stop), stop)
+    statistics = run(tmp_path / "bus.blf", Source(0))
     assert not list(tmp_path.iterdir())
     assert "no file, for no frame came in" in statistics.as_text()
 
@@ -181,7 +175,6 @@ def test_paths_that_are_refused(tmp_path: Path) -> None:
 
 def test_a_log_that_came_meanwhile_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "bus.log").write_text("mine")
-    stop = threading.Event()
     with pytest.raises(RunError, match=r"bus\.log: File exists"):
-        run(tmp_path / "bus.log", Source(20, stop), stop)
+        run(tmp_path / "bus.log", Source(20))
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("bus.log", "mine")]

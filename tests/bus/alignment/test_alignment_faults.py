@@ -130,10 +130,8 @@ def compare(aligner: Aligner, expected: ExpectedOutput) -> None:
         assert row.values == pytest.approx(right.values, rel=1e-12, abs=0.0)
         if not row.interpolated:
             assert row.values == right.values
-    assert aligner.count("lost") == expected.lost
-    assert aligner.count("repeated") == expected.repeated
-    assert aligner.count("old") == expected.old
-    assert aligner.count("jumps") == expected.jumps
+    for name in ("lost", "repeated", "old", "jumps"):
+        assert aligner.count(name) == getattr(expected, name), name
     assert aligner.count("restarts") == 0
 
 

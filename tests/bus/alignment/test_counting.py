@@ -76,10 +76,6 @@ def sent(drift: float = 0.0, frames: int = FRAMES) -> tuple[NDArray[np.int64], N
     return numbers, np.asarray(numbers * CYCLE * (1.0 + drift), np.float64)
 
 
-def one_by_one(come: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.maximum.accumulate(come))
-
-
 @pytest.mark.parametrize("modulus", [1, 16, 256])
 @pytest.mark.parametrize("drift", [0.0, 100e-6])
 @pytest.mark.parametrize("delays", ["prompt", "jitter of +-200 us", "batches of 1 ms"])
@@ -87,7 +83,7 @@ def test_nothing_lost_slips_no_cycle(modulus: int, drift: float, delays: str) ->
     numbers, taken = sent(drift)
     come = taken + 150e-6
     if delays == "jitter of +-200 us":
-        come = one_by_one(come + np.random.default_rng(1).uniform(0.0, 400e-6, FRAMES))
+        come = np.maximum.accumulate(come + np.random.default_rng(1).uniform(0.0, 400e-6, FRAMES))
     if delays == "batches of 1 ms":
         come = np.ceil(come / 1e-3) * 1e-3
     counter = Counter(modulus).take_all(numbers, come)
@@ -112,7 +108,7 @@ def test_lost_frames_are_counted_or_the_count_is_not_sure(
     kept = np.ones(FRAMES, np.bool_)
     for start, count in losses:
         kept[start : start + count] = False
-    come = one_by_one(taken + np.random.default_rng(seed).uniform(0.0, width, FRAMES))
+    come = np.maximum.accumulate(taken + np.random.default_rng(seed).uniform(0.0, width, FRAMES))
     counter = Counter(modulus).take_all(numbers[kept], come[kept])
     assert counter.wrong_and_sure() == 0
 
@@ -120,7 +116,7 @@ def test_lost_frames_are_counted_or_the_count_is_not_sure(
 @pytest.mark.parametrize("lost", [1, 15, 16, 40])
 def test_losses_are_counted_by_a_nibble_and_stamps(lost: int) -> None:
     numbers, taken = sent()
-    come = one_by_one(taken + np.random.default_rng(2).uniform(0.0, 300e-6, FRAMES))
+    come = np.maximum.accumulate(taken + np.random.default_rng(2).uniform(0.0, 300e-6, FRAMES))
     kept = (numbers < 12_000) | (numbers >= 12_000 + lost)
     counter = Counter(16).take_all(numbers[kept], come[kept])
     assert counter.numbers == numbers[kept].tolist()

@@ -174,9 +174,8 @@ def test_of_a_counter_every_code_counts() -> None:
     ],
 )
 def test_unusable_signals_are_refused(message: Message, said: str) -> None:
-    with pytest.raises(UserError, match=said) as caught:
+    with pytest.raises(UserError, match=f"Value: .*{said}"):
         signal_table(message, ["Value"])
-    assert "Value" in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -124,13 +124,8 @@ def test_what_the_database_lacks_is_named(
 @pytest.mark.parametrize("index", ["Short", "Signed", "Steps"])
 def test_index_that_cannot_be_unwrapped(tmp_path: Path, index: str) -> None:
     """One that wraps after a second would read as a device that starts anew every second."""
-    lines = f'index = "{index}"\nsignal = '
-    error = refusal(
-        tmp_path,
-        rail_pressure=lines + '"Rail"',
-        needle_lift=lines + '"Lift"',
-        line_pressure=lines + '"Line"\nunit = "bar"',
-    )
+    roles = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}
+    error = refusal(tmp_path, **{role: f'index = "{index}"\nsignal = "{roles[role]}"' for role in roles})
     assert error.location.endswith("signals.rail_pressure.index")
     assert "32 bits" in error.problem
 

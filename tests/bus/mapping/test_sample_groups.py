@@ -67,8 +67,7 @@ def test_a_role_spread_over_groups_is_one_stream_of_blocks(tmp_path: Path) -> No
     ],
 )
 def test_a_list_that_frames_cannot_carry_in_order(tmp_path: Path, samples: str) -> None:
-    error = refusal(tmp_path, f"signals = {samples}")
-    assert "one frame can carry" in error.problem
+    assert "one frame can carry" in refusal(tmp_path, f"signals = {samples}").problem
 
 
 def test_an_index_that_some_frames_do_not_carry(tmp_path: Path) -> None:

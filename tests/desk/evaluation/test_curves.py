@@ -15,6 +15,5 @@ def test_without_a_choice_first_middle_and_last() -> None:
 
 @pytest.mark.parametrize(("present", "choices"), [((), "no injection was found"), ((1, 2), "there are 1 to 2")])
 def test_one_that_is_not_there_is_named(present: tuple[int, ...], choices: str) -> None:
-    with pytest.raises(UserError, match="no injection 3") as error:
+    with pytest.raises(UserError, match=f"no injection 3(?s:.*){choices}"):
         numbers_shown((3,), present)
-    assert choices in error.value.remedy

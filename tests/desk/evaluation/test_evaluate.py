@@ -135,9 +135,8 @@ def test_standstill_check_of_the_offset(offset: float, passed: bool) -> None:
 @pytest.mark.parametrize(("factor", "unit"), [(100.0, "ms"), (0.025, "not s")])
 def test_a_rate_beyond_those_observed_is_refused(factor: float, unit: str) -> None:
     recording = worn().recording
-    with pytest.raises(UserError, match="is sampled at") as refused:
+    with pytest.raises(UserError, match=f"is sampled at(?s:.*) {unit}$"):
         evaluate(BENCH, [recording.with_arrays({"time": recording.time * factor})])
-    assert refused.value.remedy.endswith(unit)
 
 
 def test_missing_samples_are_counted_and_left_out() -> None:

@@ -25,15 +25,8 @@ def picture(title: str, sigma: float | None = None, reference: float | None = No
     sigmas = None if sigma is None else np.full(TIME.size, sigma * MM3_PER_MS)
     curves = {1: RateCurves("injection 1", TIME, 1.01 * RATE, RATE, None, sigmas)}
     rows = [
-        MassRow(
-            number,
-            1.01 * nominal * MILLIGRAM,
-            nominal * MILLIGRAM,
-            None if reference is None else reference * nominal * MILLIGRAM,
-            True,
-            (1.005 * nominal * MILLIGRAM, 1.015 * nominal * MILLIGRAM),
-        )
-        for number, nominal in enumerate((50.0, 100.0), 1)
+        MassRow(number, 1.01 * mass, mass, reference and reference * mass, True, (1.005 * mass, 1.015 * mass))
+        for number, mass in ((1, 50.0 * MILLIGRAM), (2, 100.0 * MILLIGRAM))
     ]
     return Picture(title, curves, rows)
 

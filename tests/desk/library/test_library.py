@@ -112,9 +112,8 @@ def test_result_shows_itself(result: ort.EvaluationResult) -> None:
     assert set(result.trace.state) == {"STARTING", "RUNNING_NOMINAL", "ADAPTED"}
     figure = result.plot(injections=[4])
     assert any("injection 4" in axes.get_title() for axes in figure.axes)
-    with pytest.raises(ort.UserError, match="no injection 9") as refused:
+    with pytest.raises(ort.UserError, match=r"^injections: .*no injection 9"):
         result.plot(injections=[9])
-    assert refused.value.location == "injections"
 
 
 def test_learned_state_goes_on(worn: Worn, result: ort.EvaluationResult, tmp_path: Path) -> None:
@@ -162,9 +161,8 @@ def test_observer_at_work_says_what_to_keep_of_it() -> None:
 
 
 def test_observer_refuses_a_sample_rate_by_its_parameter() -> None:
-    with pytest.raises(ort.UserError) as refused:
+    with pytest.raises(ort.UserError, match=r"^sample_rate_Hz: "):
         ort.Observer(ort.Injector.load(), sample_rate_Hz=float("nan"))
-    assert refused.value.location == "sample_rate_Hz"
 
 
 def test_results_are_pickled_whole(
@@ -206,9 +204,8 @@ def test_injectors_of_the_same_files_are_equal(discovery: ort.Discovery) -> None
     ],
 )
 def test_simulate_refuses_by_its_parameters(arguments: dict[str, Any], location: str, words: str) -> None:
-    with pytest.raises(ort.UserError, match=words) as refused:
+    with pytest.raises(ort.UserError, match=f"^{location}: .*{words}"):
         ort.simulate(**arguments)
-    assert refused.value.location == location
 
 
 @pytest.mark.parametrize(("call", "form"), [("evaluate", "layout"), ("discover", "recording"), ("fit", "frame")])
@@ -221,9 +218,8 @@ def test_a_line_pressure_that_never_moves_is_refused(worn: Worn, call: str, form
         columns = (f'{c.rpartition("_")[0]} = {{column = "{c}", unit = "{c.rpartition("_")[2]}"}}' for c in frame)
         bench.write_text("[recording]\n" + "\n".join(columns))
         injector = ort.Injector.load(bench=bench)
-    with pytest.raises(ort.UserError, match=r"never moves: it is 99\.3 MPa") as refused:
+    with pytest.raises(ort.UserError, match=r"line_pressure.*: never moves: it is 99\.3 MPa"):
         getattr(injector, call)(dead if form == "recording" else frame)
-    assert "line_pressure" in refused.value.location
 
 
 @pytest.fixture(scope="module")

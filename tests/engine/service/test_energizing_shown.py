@@ -68,10 +68,8 @@ def test_check_says_what_to_expect(tmp_path: Path, lines: str, mapping: str, lev
 )
 def test_mistakes_name_the_key(tmp_path: Path, lines: str, location: str, word: str) -> None:
     bench = pulse_bench(tmp_path, lines)
-    with pytest.raises(UserError) as caught:
+    with pytest.raises(UserError, match=f"(?s): {location}: .*{word}"):
         map_bus(load_bench(bench))
-    assert location in caught.value.location
-    assert word in f"{caught.value.problem} {caught.value.remedy}"
 
 
 def test_document_of_a_log(tmp_path: Path) -> None:

@@ -115,17 +115,9 @@ def test_text_for_a_direction_and_a_length_without_its_field(tmp_path: Path) -> 
         file.append(signals, common_timebase=True)
         file.groups[0].channel_group.flags |= 0x6
         file.save(path)
-    entries = list(open_log(path))
-    assert [(f.frame.frame_id, f.frame.is_extended, len(f.frame.payload)) for f in entries] == [
-        (1, False, 0),
-        (2, False, 8),
-        (3, True, 12),
-    ]
-    assert [(f.is_sent, f.frame.is_fd, f.channel) for f in entries] == [
-        (False, False, "1"),
-        (True, False, "1"),
-        (False, True, "1"),
-    ]
+    frames = [(f.frame.frame_id, f.frame.is_extended, f.frame.is_fd, f.is_sent, f.channel) for f in open_log(path)]
+    assert frames == [(1, False, False, False, "1"), (2, False, False, True, "1"), (3, True, True, False, "1")]
+    assert [len(entry.frame.payload) for entry in open_log(path)] == [0, 8, 12]
 
 
 @pytest.mark.parametrize("factor", [-1e-9, 1.0, float("nan")])

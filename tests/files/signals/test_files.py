@@ -89,12 +89,9 @@ def test_a_file_or_folder_that_is_not_there(tmp_path: Path, suffix: str) -> None
         read_recording(tmp_path / f"absent{suffix}")
     with pytest.raises(UserError, match="no such file or folder"):
         write_recording(tmp_path / "absent" / f"a{suffix}", RECORDING)
-
-
-def test_folder_in_place_of_a_file(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").mkdir()
+    (tmp_path / "folder.csv").mkdir()
     with pytest.raises(UserError, match="cannot be opened"):
-        read_recording(tmp_path / "a.csv")
+        read_recording(tmp_path / "folder.csv")
 
 
 def test_a_device_is_not_replaced_by_a_file(tmp_path: Path) -> None:

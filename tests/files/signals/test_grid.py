@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+import pyarrow
 import pytest
 from asammdf import Signal
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from pyarrow import parquet
 
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.files.signals import csv_table, mapped_signals, mdf4_table, stream
@@ -60,9 +62,8 @@ def test_a_restart_splits(tmp_path: Path) -> None:
 @pytest.mark.parametrize("rate", [50e3, 100.003e3])
 def test_means_are_not_resampled(tmp_path: Path, rate: float) -> None:
     path = write_rows(tmp_path, np.arange(20_000) / rate)
-    with pytest.raises(UserError, match="cannot be resampled") as caught:
+    with pytest.raises(UserError, match=r"cannot be resampled\n.*set sampling\.rate_hz to the rate of the file"):
         opened(path, tmp_path, 'meaning = "mean"')
-    assert "set sampling.rate_hz to the rate of the file" in caught.value.remedy
     assert opened(write_rows(tmp_path, np.arange(500) / RATE), tmp_path, 'meaning = "mean"').meaning is Meaning.MEAN
     assert opened(path, tmp_path).meaning is Meaning.INSTANT
 
@@ -78,9 +79,8 @@ def test_another_rate_is_resampled(tmp_path: Path, rate: float) -> None:
 
 
 def test_time_in_another_unit_falls_apart_with_a_remedy(tmp_path: Path) -> None:
-    with pytest.raises(UserError) as raised:
+    with pytest.raises(UserError, match="unit of the time"):
         opened(write_rows(tmp_path, np.arange(500.0)), tmp_path)
-    assert "unit of the time" in str(raised.value)
 
 
 @given(
@@ -161,9 +161,8 @@ def test_an_mdf4_channel_in_several_groups_must_be_chosen(tmp_path: Path) -> Non
     group[1] = Signal(np.zeros(100), fast, name=names[1], unit="mm")
     other = [Signal(np.full(100, 70.0), fast, name="RailPressure", unit="MPa")]
     path = mdf4(tmp_path / "x.mf4", group, other)
-    with pytest.raises(UserError, match="is in the groups 0, 1") as raised:
+    with pytest.raises(UserError, match=r"(?s)is in the groups 0, 1.*remedy: .*group = 0"):
         read(path, bench(tmp_path, text=RASTERS))
-    assert "group = 0" in raised.value.remedy
     chosen = RASTERS.replace('column = "RailPressure"', 'column = "RailPressure"\ngroup = 1')
     assert read(path, bench(tmp_path, text=chosen)).rail_pressure[0] == 70e6
 
@@ -177,30 +176,20 @@ def test_a_channel_of_text_is_refused(tmp_path: Path) -> None:
 
 
 def test_parquet_with_units_in_its_metadata(tmp_path: Path) -> None:
-    import pyarrow
-    import pyarrow.parquet
-
     result = signals(300)
-    columns = {
-        "t": result["t"] * 1e3,
-        "p_Rail": result["p_Rail"].astype(np.float32),
-        "lift": result["lift"].astype(int),
-    }
-    table = pyarrow.table({**columns, "p_Line": result["p_Line"], "word": ["a"] * 300})
+    kinds = {"p_Rail": result["p_Rail"].astype(np.float32), "lift": result["lift"].astype(int)}
+    table = pyarrow.table({**result, "t": result["t"] * 1e3, **kinds, "word": ["a"] * 300})
     fields = [field.with_metadata({"unit": "bar"}) if field.name == "p_Rail" else field for field in table.schema]
-    pyarrow.parquet.write_table(table.cast(pyarrow.schema(fields)), tmp_path / "x.parquet")
+    parquet.write_table(table.cast(pyarrow.schema(fields)), tmp_path / "x.parquet")
     recording = read(tmp_path / "x.parquet", bench(tmp_path, rail=""))
     np.testing.assert_allclose(recording.rail_pressure, result["p_Rail"] * 1e5)
     np.testing.assert_allclose(recording.needle_lift, result["lift"] * 1e-6)
 
 
 def test_two_columns_of_one_name_in_parquet(tmp_path: Path) -> None:
-    import pyarrow
-    import pyarrow.parquet
-
     columns = [pyarrow.array(values) for values in signals(300).values()]
     names = ["t", "p_Rail", "lift", "p_Rail"]
-    pyarrow.parquet.write_table(pyarrow.Table.from_arrays(columns, names), tmp_path / "x.parquet")
+    parquet.write_table(pyarrow.Table.from_arrays(columns, names), tmp_path / "x.parquet")
     with pytest.raises(UserError, match="column 'p_Rail' appears 2 times"):
         opened(tmp_path / "x.parquet", tmp_path)
 
@@ -209,6 +198,5 @@ def test_two_columns_of_one_name_in_parquet(tmp_path: Path) -> None:
 def test_stamps_rounded_to_more_than_a_sample_are_to_blame(tmp_path: Path, digits: int) -> None:
     """Every second row would be left out, and the rest read at half the rate."""
     path = write_rows(tmp_path, np.round(np.arange(400) * 2.0**-1 * 10.0**-digits, digits))
-    with pytest.raises(UserError, match="its stamps are rounded") as raised:
+    with pytest.raises(UserError, match=r"(?s)its stamps are rounded.*remedy: .*\[recording\] rate_hz"):
         opened(path, tmp_path)
-    assert "[recording] rate_hz" in raised.value.remedy

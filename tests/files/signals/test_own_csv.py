@@ -53,9 +53,7 @@ def test_written_header_and_cells(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("cell", ["", " ", "nan", "NaN"])
 def test_empty_and_nan_cells_are_not_available(tmp_path: Path, cell: str) -> None:
-    lines = rows()
-    lines[4] = f"0.00004,{cell},0.01,{cell}"
-    recording = read_recording(write(tmp_path, "\n".join([HEADER, *lines])))
+    recording = read_recording(write(tmp_path, with_row(4, f"0.00004,{cell},0.01,{cell}")))
     assert np.flatnonzero(np.isnan(recording.rail_pressure)).tolist() == [4]
     assert np.flatnonzero(np.isnan(recording.line_pressure)).tolist() == [4]
     assert not np.isnan(recording.needle_lift).any()
@@ -122,9 +120,8 @@ def test_what_is_beside_a_recording_is_refused_by_name(tmp_path: Path, name: str
     """`*.csv` catches it, too."""
     path = tmp_path / name
     path.write_text("time_s,sac_pressure_MPa\n0,5\n")
-    with pytest.raises(UserError, match="the truth behind a simulated recording, or the shots beside") as error:
+    with pytest.raises(UserError, match=r"behind a simulated recording, or the shots.*\n  remedy: .*leave it out"):
         read_recording(path)
-    assert "leave it out" in str(error.value.remedy)
 
 
 NO_LIFT = "\n".join([HEADER.replace("needle_lift_mm", "note"), *rows(), ""])

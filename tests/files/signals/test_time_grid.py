@@ -46,11 +46,8 @@ def test_rate_is_exact_behind_rounded_stamps(rate: float, decimals: int, at_once
     assert grid.sample_rate == rate
 
 
-def test_rate_of_a_round_period_is_its_inverse() -> None:
+def test_rate_or_period_is_the_roundest_that_fits() -> None:
     assert rate_of(np.arange(1000, dtype=np.float64) * 3e-6) == 1 / 3e-6
-
-
-def test_rate_of_few_coarse_stamps_is_the_roundest_that_fits() -> None:
     assert rate_of(np.array([0.0, 33e-6, 67e-6, 100e-6])) == 30e3
 
 

@@ -48,6 +48,7 @@ def test_what_is_shown_was_not_fitted(worn: Worn) -> None:
     assert set(gaps.held_out).isdisjoint(gaps.fitted_on)
     assert sorted(gaps.held_out + gaps.fitted_on) == [0, 1, 2, 3]
     assert [point.recording for point in gaps.points] == list(gaps.held_out)
+    assert worn.findings.points == worn.findings.files  # with one point each
 
 
 def test_one_operating_point_is_fitted_and_shown() -> None:

@@ -1,6 +1,7 @@
 """Terms: their units and that of `c`, what they may do to the model."""
 
 import pickle
+import re
 
 import pytest
 
@@ -60,10 +61,8 @@ def test_unit_of_the_coefficient(equation: str, law: str, unit: str) -> None:
     ],
 )
 def test_units_that_do_not_fit(equation: str, law: str, said: str) -> None:
-    with pytest.raises(UserError) as refused:
+    with pytest.raises(UserError, match=f"{re.escape(said)}(?s:.*)\n  remedy: ."):
         coefficient_unit(TermEquation(equation), parse(law))
-    assert said in refused.value.problem
-    assert refused.value.remedy
 
 
 @pytest.mark.parametrize(
@@ -118,11 +117,8 @@ def test_sound_terms(equation: str, law: str, c: float) -> None:
     ],
 )
 def test_unsound_terms(equation: str, law: str, c: float, said: str) -> None:
-    with pytest.raises(UserError) as refused:
+    with pytest.raises(UserError, match=f"^{equation}(?s:.*){re.escape(said)}(?s:.*)\n  remedy: ."):
         refuse_unbounded(term(equation, law, c), DOMAIN)
-    assert refused.value.location.startswith(equation)
-    assert said in refused.value.problem
-    assert refused.value.remedy
 
 
 def test_words() -> None:

@@ -1,23 +1,26 @@
-"""The verdict: a mass is known to 3 % at three standard deviations, and when the needle moves."""
+"""The verdict: a mass is known to 3 %, and when the needle moves; control flow; what a bad event leaves."""
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.account import Account
-from observer_rt.engine.learning.hypotheses import BEFORE
+from observer_rt.engine.learning.hypotheses import AT_FAULT, BEFORE
 from observer_rt.engine.learning.learned_injector import LearnedInjector
-from observer_rt.engine.learning.posterior.event import ExplainedEvent
+from observer_rt.engine.learning.posterior.event import Believing, ExplainedEvent
 from observer_rt.engine.learning.posterior.event_mass import EventMass
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.outcome import Shares, verdict_of
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effective import LAG_UNIT
+from observer_rt.model.effects import effective_model, sized
 
 WIDE = SCALARS.prior(1e8)
 NEW = LearnedInjector(prior_belief(0.0 * WIDE, np.diag(WIDE**2)), 0.0 * WIDE)
@@ -45,3 +48,21 @@ def test_known_masses_are_valid(shares: Shares, odds: float, later: float, reaso
     verdict = verdict_of(explained, mass, shares, (), WIDE)
     assert [objection.reason for objection in verdict.own] == reasons
     assert not verdict.forward
+
+
+def test_a_bad_event_ages_what_was_learned_and_teaches_nothing_else() -> None:
+    aged = prior_belief(0.0 * WIDE, 2.0 * np.diag(WIDE**2))
+    for learned, belief in ((replace(NEW, is_prior=False), aged), (NEW, NEW.belief)):
+        explanation = Explanation(learned, AT_FAULT, 0.0, NONE, aged, NONE, NONE, NONE, NEW.theta, None, None, 1.0)
+        assert Believing(NONE, NONE, NONE).after(explanation).belief is belief
+
+
+def test_the_control_flow_of_an_event_is_that_of_its_open_needle() -> None:
+    """4 mm3/ms at 100 MPa for a millisecond, over 50 mm3."""
+    inputs = np.tile([1.0, 0.0], (200, 1))
+    inputs[50:150, 1] = 1e-6
+    model = effective_model(load_injector(), (sized("control_flow", c=4e-6),)).coefficients
+    window: Any = SimpleNamespace(inputs=inputs)
+    setting: Any = SimpleNamespace(coefficients=model, interval=1e-5)
+    mass = EventMass(window, setting, NEW.theta, 50e-9, NEW.theta, 0.0, 1)
+    assert mass.controlled == pytest.approx(0.08, rel=0.05)

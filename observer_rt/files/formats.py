@@ -143,7 +143,8 @@ def _signals(
 
     has_shots: a table of shots is beside it, which stands in for the lift.
     """
-    mapping, lift = injector.config.recording if injector is not None else None, kind.mapping.needle_lift
+    mapping = injector.config.recording if injector is not None else None
+    lift = kind.mapping.needle_lift
     if has_shots and lift is not None and lift.column not in kind.table.names(path):
         kind = replace(kind, mapping=kind.mapping.model_copy(update={"needle_lift": None}))
     if kind.is_own(path, mapping):

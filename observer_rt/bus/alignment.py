@@ -1,7 +1,7 @@
 """Memory by which the compiled core aligns frames to one gapless stream of samples, and keeps their time.
 
 `alignment.pxi` and `placing.pxi` of `core/frames` align by it: messages of one time base are joined by their
-unwrapped sample index, those of others follow on the same grid (`mapping.timing.GridRelation`). Up to two missing
+unwrapped sample index, those of others follow on the same grid (`mapping.grid_relation`). Up to two missing
 samples are interpolated, more are a loss. An index jump is legal only with a contiguous E2E counter in every message
 on the grid and a closed needle before and after.
 
@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.timing import GridRelation
+from observer_rt.bus.mapping.grid_relation import GridRelation
 from observer_rt.core.frames import frames as core
 from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.core.stream.stream import Break

@@ -14,7 +14,7 @@ LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another s
 
 
 class Jitter(NamedTuple):
-    """Delays of a message's frames over its shortest one: their scatter and greatest [s], over `frames` frames."""
+    """Delays of a message's frames over its shortest one: of how many frames, their scatter and the greatest [s]."""
 
     frames: int
     sigma: float
@@ -32,16 +32,14 @@ def jitter_of(clock: np.void) -> Jitter:
 
 
 class MessageTiming(NamedTuple):
-    """Timing of one input message: delays of its frames, drift of its clock against the receiver's [-].
-
-    unknown [s]: distance at which its samples may lie from their places on the grid; 0 where an index joins them,
-    infinite while the clocks are not known.
-    """
+    """Timing of one input message by the receive stamps of its frames."""
 
     name: str
     jitter: Jitter
     drift: float
+    """Of its clock against the receiver's [-]."""
     unknown: float
+    """Greatest distance of its samples from their places on the grid [s]: 0 by index, inf: clocks not known yet."""
     lately: float
     """Greatest delay in the last 0.2 s [s]."""
 

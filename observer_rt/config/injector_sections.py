@@ -13,6 +13,8 @@ from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 OneCharacter = Annotated[str, Field(min_length=1, max_length=1)]
 
 Identifier = Annotated[int, Field(ge=0, le=0x1FFF_FFFF)]
+LOWEST_RATE, HIGHEST_RATE = 1e3, 1e6  # Hz, of samples
+SampleRate = Annotated[float, Field(ge=LOWEST_RATE, le=HIGHEST_RATE)]
 
 
 class Meaning(StrEnum):
@@ -71,7 +73,7 @@ class RecordingConfig(Section):
     energizing: ColumnConfig | None = None
     chamber_pressure: ColumnConfig | None = None
     time: TimeConfig | None = None  # MDF4 files bring their own; others need it, or `rate_hz`
-    rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] | None = None
+    rate_hz: SampleRate | None = None
     """Rate at which rows follow each other where no column is the time; also that of the grid."""
     separator: OneCharacter | None = None  # of CSV, as the next one; None: as the file looks
     decimal: OneCharacter | None = None
@@ -101,7 +103,7 @@ class RecordingConfig(Section):
 
 
 class SamplingConfig(Section):
-    rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] = 100e3
+    rate_hz: SampleRate = 100e3
     meaning: Meaning = Meaning.INSTANT
     bridge_ms: Annotated[float, Field(ge=0, le=5)] = 0.5  # of a signal that is frozen or drops out
     rate_meter_ms: tuple[Annotated[float, Field(gt=0, le=2)], ...] | None = None  # its poles; None: `fit` finds them

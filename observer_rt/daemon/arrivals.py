@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from observer_rt.bus.can_frame import STANDARD_MASK
+from observer_rt.bus.can_frame import STANDARD_MASK, frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.input_tables import ROLES
@@ -43,13 +43,12 @@ class Arrivals:
     """Counts frames by their identifiers. Times [ns] are of the caller's clock."""
 
     def __init__(self, bus: BusMap) -> None:
-        self.sources = sources_of(bus)
-        self.watched = (*bus.received, *bus.sent, *twins_of(bus))
+        self.sources = tuple(watched_input(bus, layout) for layout in bus.received)
+        self.watched = watched_messages(bus)
         """Messages whose frames are counted."""
-        self._counts = {_key(layout): FrameCount(0, 0) for layout in self.watched}
-        inputs = {_key(layout) for layout in bus.received}  # one that is shared by mistake, `check` reports
-        self._own = tuple((layout, self._counts[_key(layout)]) for layout in bus.sent if _key(layout) not in inputs)
-        self._inputs = tuple((source, self._counts[_key(source.layout)]) for source in self.sources)
+        self._counts = {layout.key: FrameCount(0, 0) for layout in self.watched}
+        inputs = {layout.key for layout in bus.received}  # one that is shared by mistake, `check` reports
+        self._own = tuple((layout, self._counts[layout.key]) for layout in bus.sent if layout.key not in inputs)
         self._begin = 0
 
     def begin(self, now: int) -> None:
@@ -58,29 +57,29 @@ class Arrivals:
 
     def note(self, bus: int, frame_id: int, is_extended: bool, now: int) -> None:
         """Counts a frame."""
-        count = self._counts.get((bus, frame_id, is_extended))
+        count = self._counts.get(frame_key(frame_id, is_extended, bus))
         if count is not None:
             count.frames += 1
             count.last = now
 
     def set(self, layout: MessageLayout, frames: int, last: int) -> None:
         """Sets how many frames of a message came so far, and when the last one did."""
-        count = self._counts[_key(layout)]
+        count = self._counts[layout.key]
         count.frames, count.last = frames, last
 
     def count_of(self, source: WatchedMessage) -> FrameCount:
         """Arrivals of an input message."""
-        return self._counts[_key(source.layout)]
+        return self._counts[source.layout.key]
 
     def has_twin(self, source: WatchedMessage) -> bool:
         """Whether frames came with its number only as an identifier of the other size, 11 bits or 29."""
-        twin = self._counts.get(_key(_twin(source.layout)))
+        twin = self._counts.get(_twin(source.layout).key)
         return twin is not None and twin.frames > self.count_of(source).frames == 0
 
     @property
     def frames(self) -> int:
         """Frames of all input messages."""
-        return sum(count.frames for _, count in self._inputs)
+        return sum(self.count_of(source).frames for source in self.sources)
 
     def age(self, source: WatchedMessage, now: int) -> float:
         """Time since its last frame [s]; nan: none came yet."""
@@ -102,7 +101,7 @@ class Arrivals:
     @property
     def is_complete(self) -> bool:
         """Whether every message with samples has come."""
-        return all(count.frames for source, count in self._inputs if source.streams)
+        return all(self.count_of(source).frames for source in self.sources if source.streams)
 
     @property
     def foreign(self) -> tuple[tuple[MessageLayout, FrameCount], ...]:
@@ -134,36 +133,24 @@ def age_text(age: float) -> str:
     return f"{age * 1e3:.0f} ms ago" if age < 1.0 else f"{age:.1f} s ago"
 
 
-def sources_of(bus: BusMap) -> tuple[WatchedMessage, ...]:
-    """All input messages of a bench with what they carry."""
-    carried: dict[MessageLayout, list[str]] = {layout: [] for layout in bus.received}
-    streams: dict[MessageLayout, list[int]] = {layout: [] for layout in bus.received}
-    for number, stream in enumerate(bus.inputs.streams):
-        layout = layout_of(bus, number)
-        carried[layout] += [role.value for place, role in enumerate(ROLES) if int(stream["roles"]) >> place & 1]
-        streams[layout].append(number)
-    patience = {layout: STALE if streams[layout] else math.inf for layout in bus.received}
+def watched_input(bus: BusMap, layout: MessageLayout) -> WatchedMessage:
+    """An input message with what it carries."""
+    streams = tuple(number for number in range(len(bus.inputs.streams)) if layout_of(bus, number) == layout)
+    bits = [int(bus.inputs.streams[number]["roles"]) for number in streams]
+    roles = [role.value for carried in bits for place, role in enumerate(ROLES) if carried >> place & 1]
+    patience = [STALE] if streams else []
     for message in bus.slow:
-        for signal in message.signals:
-            carried[message.layout].append(signal.role.value)
-            patience[message.layout] = min(patience[message.layout], signal.timeout)
-    if bus.energizing is not None:
+        if message.layout == layout:
+            roles += [signal.role.value for signal in message.signals]
+            patience += [signal.timeout for signal in message.signals]
+    if bus.energizing is not None and bus.energizing.layout == layout:
         from observer_rt.bus.mapping.optional_inputs import slow_timeout  # optional: [signals.energizing]
 
-        layout = bus.energizing.layout
-        carried[layout].append("energizing")
+        roles.append("energizing")
         if bus.energizing.cycle is not None:
-            patience[layout] = min(patience[layout], slow_timeout(None, round(bus.energizing.cycle * NANOSECONDS)))
-    return tuple(
-        WatchedMessage(
-            layout,
-            f"{message_text(bus, layout)} ({', '.join(roles)})",
-            tuple(roles),
-            tuple(streams[layout]),
-            patience[layout],
-        )
-        for layout, roles in carried.items()
-    )
+            patience.append(slow_timeout(None, round(bus.energizing.cycle * NANOSECONDS)))
+    text = f"{message_text(bus, layout)} ({', '.join(roles)})"
+    return WatchedMessage(layout, text, tuple(roles), streams, min(patience, default=math.inf))
 
 
 def inputs_of(arrivals: Arrivals, timing: Sequence[MessageTiming], now: int) -> tuple[InputStatus, ...]:
@@ -192,11 +179,15 @@ def lateness(timing: Sequence[MessageTiming]) -> str:
     return text
 
 
-def twins_of(bus: BusMap) -> list[MessageLayout]:
-    """The inputs as messages with identifiers of the other size, 11 bits or 29, unless these are known as such."""
-    own = {_key(layout) for layout in (*bus.received, *bus.sent)}
+def watched_messages(bus: BusMap) -> tuple[MessageLayout, ...]:
+    """Messages whose frames tell of faults: inputs, results, which nobody else sends, and twins of the inputs.
+
+    A twin has an identifier of the other size, 11 bits or 29, by which no message is known.
+    """
+    own = (*bus.received, *bus.sent)
+    keys = {layout.key for layout in own}
     twins = (_twin(layout) for layout in bus.received if layout.frame_id <= STANDARD_MASK)
-    return [twin for twin in twins if _key(twin) not in own]
+    return (*own, *(twin for twin in twins if twin.key not in keys))
 
 
 def _twin(layout: MessageLayout) -> MessageLayout:
@@ -206,7 +197,3 @@ def _twin(layout: MessageLayout) -> MessageLayout:
 def message_text(bus: BusMap, layout: MessageLayout) -> str:
     """Describes a message with its identifier."""
     return f"{bus.name_of(layout)} 0x{layout.frame_id:X}"
-
-
-def _key(layout: MessageLayout) -> tuple[int, int, bool]:
-    return layout.bus, layout.frame_id, layout.is_extended

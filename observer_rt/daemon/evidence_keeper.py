@@ -17,7 +17,7 @@ from observer_rt.config.signals import effects_after_alignment
 from observer_rt.daemon.control_socket import OBSERVER
 from observer_rt.daemon.keeper import sole_writer
 from observer_rt.daemon.state_file import model_hash
-from observer_rt.engine.reports.evidence import LEAD, EventEvidence, EventInputs, event_inputs, evidence_of
+from observer_rt.engine.reports.evidence import LEAD, EventInputs, event_inputs, evidence_of
 from observer_rt.engine.reports.injection_report import InjectionReport, injection_record
 from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.core import Core
@@ -120,18 +120,14 @@ class EvidenceKeeper:
         except queue.Full:
             self.lost += 1
 
-    def _evidence(self, queued: "_QueuedEvent") -> EventEvidence | None:
-        """Evidence of an event; None where none is to be kept."""
-        c, energizing = queued.constants.coefficients, self._has_energizing
-        injections = [injection_record(report, c, energizing) for report in queued.reports]
-        belief = {**self._model, "injections": injections}
-        return evidence_of(queued.reports, queued.inputs, queued.constants, belief)
-
     def _write(self) -> None:
         """Hand waiting events to the process, which is started anew should it have ended."""
         process: subprocess.Popen[bytes] | None = None
         while (queued := self._waiting.get()) is not None:
-            if (event := self._evidence(queued)) is None:
+            reports, inputs, constants = queued
+            records = [injection_record(report, constants.coefficients, self._has_energizing) for report in reports]
+            event = evidence_of(reports, inputs, constants, {**self._model, "injections": records})
+            if event is None:  # of no kind that is kept
                 continue
             if process is None or process.poll() is not None:
                 process = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
@@ -141,11 +137,9 @@ class EvidenceKeeper:
                     "  remedy: nothing; it is made anew, and further events are kept"
                 )
             try:
-                answer = _asked(process, event.packed())
+                answer = _answer_of(process, event.packed()) or "failed its process ended"
             except OSError as error:
                 answer = f"failed {error}"
-            if not answer:
-                answer = "failed its process ended"
             self._note(answer)
         if process is not None:
             assert process.stdin is not None
@@ -155,12 +149,12 @@ class EvidenceKeeper:
                 process.wait(LAST_EVENTS)
 
     def _note(self, answer: str) -> None:
-        said, _, why = answer.partition(" ")
-        self.kept += said == "kept"
-        if said == "kept" and self._lost_together:
+        verdict, _, why = answer.partition(" ")
+        self.kept += verdict == "kept"
+        if verdict == "kept" and self._lost_together:
             self._tell(f"evidence is kept in {self._folder} again; {self._lost_together} events were lost")
             self._lost_together = 0
-        if said != "failed":
+        if verdict != "failed":
             return
         self.lost += 1
         self._lost_together += 1
@@ -171,7 +165,7 @@ class EvidenceKeeper:
             )
 
 
-def _asked(process: "subprocess.Popen[bytes]", message: bytes) -> str:
+def _answer_of(process: "subprocess.Popen[bytes]", message: bytes) -> str:
     """Answer of the writing process to a message; empty: it ended."""
     assert process.stdin is not None
     assert process.stdout is not None

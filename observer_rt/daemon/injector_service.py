@@ -175,14 +175,14 @@ class InjectorService:
             lost = f", {self._evidence.lost} lost" if self._evidence.lost else ""
             say(Topic.STOP, f"evidence: {self._evidence.kept} events kept{lost}")
         counters = core.counters
-        spoilt = {
+        counts = {
             "frames with a wrong CRC": counters.crc_errors,
             "of wrong length": counters.length_errors,
             "twice": counters.repeated_frames,
             "out of sequence": counters.sequence_errors,
             "log lines lost": self._log.lost,
         }
-        more = "".join(f", {count} {what}" for what, count in spoilt.items() if count)
+        more = "".join(f", {count} {what}" for what, count in counts.items() if count)
         say(
             Topic.STOP,
             f"stopped after {counters.samples} samples, {counters.injections} injections; {counters.lost_samples} "

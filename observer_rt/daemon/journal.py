@@ -132,7 +132,7 @@ class JournalWriter:
                 self.written += isinstance(entry, InjectionReport)
 
     def finish(self) -> str:
-        """Write what waits and the clean stop; what to say of it. Raises `RunError`."""
+        """Write what waits and the clean stop; returns a text about the journal. Raises `RunError`."""
         self.write()
         with self._writing() as connection:
             connection.execute(

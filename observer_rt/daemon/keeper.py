@@ -9,18 +9,16 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple
 
 from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.daemon.journal import JournalWriter, require_journal
 from observer_rt.daemon.state_file import save_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from observer_rt.foundation.files import is_at
 from observer_rt.foundation.outputs import JOURNAL, LEARNED_STATE, check_folder, check_own_file
-
-if TYPE_CHECKING:
-    from observer_rt.daemon.journal import JournalWriter
 
 LONGEST_ID = 20  # digits of a process id
 IMPLAUSIBLE = "check the sensors and their units; what was kept before stays"
@@ -102,22 +100,10 @@ class UnsavedError(RunError):
     """The last write failed: of what was learned, or of the journal."""
 
 
-class PersistentFile(Protocol):
-    """A file that follows the daemon's results. name: kind and path, for messages."""
-
-    name: str
-
-    def write(self) -> None:
-        """Bring the file up to date. Raises `ObserverError`; what could not be written is by a later call."""
-
-    def finish(self) -> str:
-        """Write a last time, changed or not; returns a text about the file. Raises `ObserverError`."""
-
-
 class RetryingWriter:
     """Tries to write a file; reports the beginning and the end of a failure once each."""
 
-    def __init__(self, file: PersistentFile, interval: float, tell: Tell) -> None:
+    def __init__(self, file: "LearnedState | JournalWriter", interval: float, tell: Tell) -> None:
         """interval [s]: time until the next attempt, for the message."""
         self.failures = 0
         self._file = file
@@ -160,7 +146,7 @@ class Keeper:
     """Writes learned state and journal in a thread of its own, so that the loop never waits for a disk."""
 
     def __init__(
-        self, injector: BenchInjector, state: Path | None, journal: "JournalWriter | None", tell: Tell
+        self, injector: BenchInjector, state: Path | None, journal: JournalWriter | None, tell: Tell
     ) -> None:
         """state: where the learned state is kept; None, as for the journal: nowhere."""
         self.state = state
@@ -184,9 +170,8 @@ class Keeper:
         """
         # what comes just after a write waits for the next one, and for its end
         interval = self._injector.config.state.save_within_s / 2
-        files: list[PersistentFile] = [] if self._journal is None else [self._journal]
-        if self.state is not None:
-            files.insert(0, LearnedState(self.state, self._injector, source))
+        state = LearnedState(self.state, self._injector, source) if self.state is not None else None
+        files = (file for file in (state, self._journal) if file is not None)
         self._writers = [RetryingWriter(file, interval, self._tell) for file in files]
         stop = threading.Event()
         thread = threading.Thread(target=self._write, args=(interval, stop), name="keeping")
@@ -221,12 +206,12 @@ class LearnedState:
         self._written = source()
 
     def write(self) -> None:
-        """Replace the file if something was learned since."""
+        """Replace the file if something was learned since. Raises `RunError`; a later call tries it again."""
         if self._source() is not self._written:
             self.finish()
 
     def finish(self) -> str:
-        """Replace the file."""
+        """Replace the file; returns a text about it. Raises `RunError`."""
         knowledge = self._source()
         save_knowledge(self._path, knowledge, self._model)
         self._written = knowledge
@@ -245,7 +230,7 @@ def kept_files(injector: BenchInjector, state: Path | None = None, journal: Path
 
     Raises `UserError` for files that cannot be kept, or are of another kind.
     """
-    taken = {path.resolve(): str(path) for path in (injector.file.path, injector.parameters_path)}
+    owners = {path.resolve(): str(path) for path in (injector.file.path, injector.parameters_path)}
     files = KeptFiles(state or injector.state, journal or injector.journal)
     options = (
         "--state" if state else injector.location("state.file"),
@@ -254,14 +239,12 @@ def kept_files(injector: BenchInjector, state: Path | None = None, journal: Path
     for option, path, kind in zip(options, files, (LEARNED_STATE, JOURNAL), strict=True):
         if path is None:
             continue
-        if other := taken.get(path.resolve()):
+        if other := owners.get(path.resolve()):
             raise UserError(option, f"{path} is {other} already", "name another file")
-        taken[path.resolve()] = option
+        owners[path.resolve()] = option
         check_own_file(option, path, kind)
         check_folder(option, path.absolute().parent)
     if files.journal is not None:
-        from observer_rt.daemon.journal import require_journal  # optional: --journal
-
         require_journal(files.journal)
     return files
 
@@ -276,9 +259,5 @@ def keeper_of(bench: Bench, state: Path | None, journal: Path | None, tell: Tell
     with contextlib.ExitStack() as locks:
         if files.state is not None:
             locks.enter_context(sole_writer(files.state))
-        writer = None
-        if files.journal is not None:
-            from observer_rt.daemon.journal import JournalWriter  # optional: --journal
-
-            writer = JournalWriter(files.journal, bench, tell)
+        writer = JournalWriter(files.journal, bench, tell) if files.journal is not None else None
         yield Keeper(bench.injector, files.state, writer, tell)

@@ -10,7 +10,7 @@ from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.opening import IdleLink, first_heard, open_link
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.arrivals import message_text, twins_of
+from observer_rt.daemon.arrivals import message_text, watched_messages
 from observer_rt.daemon.input_watch import OTHER_SENDER
 from observer_rt.engine.reports.news import Listener, Notice
 from observer_rt.engine.words import Topic
@@ -46,9 +46,8 @@ class LinkOpening:
             if number not in used:
                 yield IdleLink()
                 continue
-            # the inputs, also under a mistaken format, and results, which nobody else sends
-            wanted = [*self.bus.received_on(number), *_on(number, (*self.bus.sent, *twins_of(self.bus)))]
-            link = self._when_there(number, list(dict.fromkeys(wanted)), len(used) > 1)
+            # where only results are sent they are read all the same: a link that reads nothing gets no error frames
+            link = self._when_there(number, watched_messages(self.bus), len(used) > 1)
             yield link
             on = f"{named.label}: " if len(used) > 1 else ""
             self.tell(Notice(Topic.START, f"{on}time stamps: {link.stamp_source}", is_over=True))
@@ -60,20 +59,20 @@ class LinkOpening:
         with ExitStack() as stack, suppress(LinkDownError):  # which the daemon waits for
             links = {}
             for number in {layout.bus for layout in self.bus.sent}:
-                links[number] = stack.enter_context(self._when_there(number, _on(number, self.bus.sent), False))
+                links[number] = stack.enter_context(self._when_there(number, self.bus.sent, False))
             if sender := first_heard(links, self.stop):
-                on, frame = sender
-                name = next(
-                    message_text(self.bus, layout)
-                    for layout in self.bus.sent
-                    if (layout.bus, layout.frame_id) == (on, frame.frame_id)
-                )
-                text = f"another node sends {name} already\n  remedy: {OTHER_SENDER}"
+                on = sender.bus, sender.frame.frame_id
+                layout = next(layout for layout in self.bus.sent if (layout.bus, layout.frame_id) == on)
+                text = f"another node sends {message_text(self.bus, layout)} already\n  remedy: {OTHER_SENDER}"
                 self.tell(Notice(Topic.SENDER, text))
 
-    def _when_there(self, number: int, wanted: list[tuple[int, bool]], computer_time: bool) -> Link:
-        """The link of a bus, opened once its interface is there; wanted, computer_time: as of `open_link`."""
+    def _when_there(self, number: int, messages: Iterable[MessageLayout], computer_time: bool) -> Link:
+        """The link of a bus, opened once its interface is there; it reads those of these messages that are on it.
+
+        computer_time: as of `open_link`.
+        """
         named = self.bench.config.buses[number]
+        wanted = list({(layout.frame_id, layout.is_extended): None for layout in messages if layout.bus == number})
         config = named.config
         waiting_for = ""
         while True:
@@ -95,7 +94,3 @@ class LinkOpening:
 def buses_of(bus: BusMap) -> frozenset[int]:
     """Numbers of the buses that something is read from or sent to."""
     return frozenset(layout.bus for layout in (*bus.received, *bus.sent))
-
-
-def _on(number: int, layouts: Iterable[MessageLayout]) -> list[tuple[int, bool]]:
-    return [(layout.frame_id, layout.is_extended) for layout in layouts if layout.bus == number]

@@ -65,10 +65,10 @@ class ServiceLog:
         level = logging.INFO if is_over else TOPICS[topic].level
         if text.startswith(_WARNING):
             level, text = logging.WARNING, text.removeprefix(_WARNING)
-        said = f"{topic}: {one_line(text)}"
-        line = f"{_now()} {logging.getLevelName(level)} {said}"
+        message = f"{topic}: {one_line(text)}"
+        line = f"{_now()} {logging.getLevelName(level)} {message}"
         if topic not in self._hidden:  # the journal has a time of its own, and takes the level from the number
-            self._screen.put(f"<{_PRIORITIES[level]}>{said}" if self._is_journal else line)
+            self._screen.put(f"<{_PRIORITIES[level]}>{message}" if self._is_journal else line)
         if self._file is not None:
             self._file.put(line)
 
@@ -188,7 +188,7 @@ class EventLogger:
         self._c = c
 
     def hear(self, news: News) -> None:
-        """Logs it."""
+        """Log a report or a notice; states and links go to systemd, too."""
         match news:
             case InjectionReport():
                 self._log.say(Topic.INJECTION, line(news) + self._offset(news))

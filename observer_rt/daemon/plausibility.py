@@ -32,13 +32,12 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
 
 def _problem_of_belief(learned: LearnedInjector, farthest: NDArray[np.float64]) -> str | None:
     """Fault of one belief likewise; farthest: largest size (m,) of each parameter."""
+    belief = learned.belief
     # the mean is free of the bounds' signs: it may say that a leak is slightly negative
-    if np.any(np.abs(learned.belief.mean) > farthest):
+    if np.any(np.abs(belief.mean) > farthest):
         return "the mean lies beyond what an injector can do"
-    for name, covariance in (
-        ("the covariance", learned.belief.covariance),
-        ("the error's covariance", learned.belief.error_covariance),
-    ):
+    covariances = {"the covariance": belief.covariance, "the error's covariance": belief.error_covariance}
+    for name, covariance in covariances.items():
         if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
             return f"{name} is not symmetric and positive definite"
     return None

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLAG, FD_MTU
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.core.frames.frames import ARRIVAL, ERROR_FRAME, ERRORS, PUMP, PUMP_BUS, WAITING
-from observer_rt.foundation.units import MICROSECOND
+from observer_rt.foundation.units import MICROSECOND, NANOSECOND
 
-NANOSECOND = 1e-9  # s
 SHORTEST = 1024  # ns, where the first of the octaves begins that are counted in quarters
 MOST = 0.999  # of the rates, that `Latency.p999` is about
 

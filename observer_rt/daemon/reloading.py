@@ -160,8 +160,8 @@ class Reloading:
     def _settle(self, bench: Bench, model: str) -> None:
         """Answer the requests for the bench that is served now."""
         for wish in self._taken:
-            said = {"model": model, "version": __version__, "bench": str(bench.path.absolute())}
-            wish.answer.set_result(said | {"unsaved": self.unsaved})
+            answer = {"model": model, "version": __version__, "bench": str(bench.path.absolute())}
+            wish.answer.set_result(answer | {"unsaved": self.unsaved})
         self._taken, self.unsaved = (), ""
 
     def _reload(self, request: Message) -> Message:

@@ -110,14 +110,7 @@ class ShownInjection:
     def text(self) -> dict[str, Any]:
         """All but the curves themselves, for JSON."""
         samples = next((curve.size for curve in self.curves.values()), 0)
-        return {
-            "count": self.count,
-            "moment": self.moment,
-            "values": self.values,
-            "references": self.references,
-            "curves": [*self.curves],
-            "samples": samples,
-        }
+        return {**vars(self), "curves": [*self.curves], "samples": samples}
 
     @property
     def data(self) -> bytes:

@@ -48,12 +48,8 @@ class View:
         head = _heading(status, inner)
         drawn = len(Console(width=inner).render_lines(head))  # long reasons take more lines than one
         left = max(0, height - BORDER - len(lines) - drawn - HEADING)
-        parts: list[RenderableType] = [head, *lines]
-        if shown:
-            parts.append(_injections(shown[-max(1, left) :], inner))
-        else:
-            parts.append(Text("no injection yet", style="dim"))
-        return Panel(Group(*parts), title=self._title, expand=False)
+        table = _injections(shown[-max(1, left) :], inner) if shown else Text("no injection yet", style="dim")
+        return Panel(Group(head, *lines, table), title=self._title, expand=False)
 
 
 def _heading(status: Status, width: int) -> Table:

@@ -65,7 +65,7 @@ def operating_point(evidence: EventEvidence) -> str:
 
 def write_evidence(path: Path, evidence: EventEvidence, time: str) -> None:
     """Write it; time: of the verdict, ISO 8601."""
-    said = {
+    statement = {
         "kind": evidence.kind.value,
         "time": time,
         "event": evidence.event,
@@ -75,7 +75,7 @@ def write_evidence(path: Path, evidence: EventEvidence, time: str) -> None:
         "belief": evidence.belief,
     }
     samples = (evidence.first_index + np.arange(evidence.signals.shape[1])) / evidence.sample_rate
-    with ParquetWriter(path, SI[:4], {_BELIEF: json.dumps(said)}) as writer:
+    with ParquetWriter(path, SI[:4], {_BELIEF: json.dumps(statement)}) as writer:
         writer.write([samples, *evidence.signals])
 
 
@@ -93,12 +93,12 @@ def read_evidence(path: Path) -> KeptEvent:
         reader = parquet.ParquetFile(pyarrow.BufferReader(content), page_checksum_verification=True)
         if reader.metadata.num_rows > _MOST_SAMPLES:  # equal ones take no room in a file
             raise ValueError
-        said = json.loads(reader.schema_arrow.metadata[_BELIEF.encode()])
+        statement = json.loads(reader.schema_arrow.metadata[_BELIEF.encode()])
         table = reader.read([column.header for column in SI[:4]])
         time, rail, lift, line = (column.to_numpy() for column in table.columns)
         recording = Recording(time, rail, lift, line, path=path)
-        kind, judged, belief = EvidenceKind(said["kind"]), str(said["time"]), dict(said["belief"])
-        open_time, pressure = float(said["open_time_s"]), float(said["opening_pressure_Pa"])
+        kind, judged, belief = EvidenceKind(statement["kind"]), str(statement["time"]), dict(statement["belief"])
+        open_time, pressure = float(statement["open_time_s"]), float(statement["opening_pressure_Pa"])
         sha256 = hashlib.sha256(content).hexdigest()
         return KeptEvent(path, sha256, kind, judged, open_time, pressure, belief, recording)
     except OSError as error:  # also of a page whose checksum is another

@@ -112,40 +112,52 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
     kind = _of(path, SIGNALS)
-    mapping = injector.config.recording if injector is not None else None
     if path.name.endswith(BESIDE):
         problem = "is the truth behind a simulated recording, or the shots beside a recording, no recording itself"
         raise UserError(str(path), problem, "leave it out; shots are read with the recording beside them")
     with file_errors(path):
-        stream: TableSignals
-        shots, lift = path.with_suffix(SHOTS_SUFFIX), kind.mapping.needle_lift
-        if (has_shots := shots.is_file()) and lift is not None and lift.column not in kind.table.names(path):
-            kind = replace(kind, mapping=kind.mapping.model_copy(update={"needle_lift": None}))
-        if kind.is_own(path, mapping):
-            table = kind.table(path, kind.mapping, is_own=True)
-            stream = EvenSignals(table) if len(table.rasters) == 1 else MappedSignals(table, 0.0)
-        else:
-            rate = injector.sample_rate if injector is not None and mapping is not None else 0.0
-            layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time, has_shots)
-            table = kind.table(path, layout)
-            table.mapped_by = table.mapped_by if mapping else "by its heading"
-            table.density = density if injector is None or density is not None else injector.coefficients.density
-            stream = MappedSignals(table, rate)
-            stream.notes = (*(() if mapping else (f"{path}: {in_words(layout)}",)), *stream.notes)
+        shots = path.with_suffix(SHOTS_SUFFIX)
+        has_shots = shots.is_file()
+        stream = _signals(path, kind, injector, density, has_shots)
         if has_shots:
             take_shots(shots, stream)
         stream.refuse_unknown_needle()
     if injector is not None:
-        stated = mapping.meaning if mapping is not None else None
-        stream.meaning = stated or injector.config.sampling.meaning
-        if (meter := injector.config.sampling.rate_meter_ms) is not None:
-            stream.meter = tuple(lag * MILLISECOND for lag in meter)
+        sampling, mapping = injector.config.sampling, injector.config.recording
+        stream.meaning = (mapping.meaning if mapping is not None else None) or sampling.meaning
+        if sampling.rate_meter_ms is not None:
+            stream.meter = tuple(lag * MILLISECOND for lag in sampling.rate_meter_ms)
     if stream.meaning is Meaning.MEAN and isinstance(stream, MappedSignals) and stream.is_resampled:
         raise UserError(
             str(path),
             f"its samples, which are means, are not on a grid of {stream.sample_rate:g} Hz, and cannot be resampled",
             'set sampling.rate_hz to the rate of the file, or say meaning = "instant" if that is what they are',
         )
+    return stream
+
+
+def _signals(
+    path: Path, kind: SignalFormat, injector: BenchInjector | None, density: float | None, has_shots: bool
+) -> TableSignals:
+    """Signals of a file in our own layout, else in that of the user's `[recording]`, else as its headings say.
+
+    has_shots: a table of shots is beside it, which stands in for the lift.
+    """
+    mapping = injector.config.recording if injector is not None else None
+    lift = kind.mapping.needle_lift
+    if has_shots and lift is not None and lift.column not in kind.table.names(path):
+        kind = replace(kind, mapping=kind.mapping.model_copy(update={"needle_lift": None}))
+    if kind.is_own(path, mapping):
+        table = kind.table(path, kind.mapping, is_own=True)
+        return EvenSignals(table) if len(table.rasters) == 1 else MappedSignals(table, 0.0)
+    layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time, has_shots)
+    table = kind.table(path, layout)
+    table.density = density if injector is None or density is not None else injector.coefficients.density
+    if injector is not None and mapping is not None:
+        return MappedSignals(table, injector.sample_rate)
+    table.mapped_by = "by its heading"
+    stream = MappedSignals(table, 0.0)
+    stream.notes = (f"{path}: {in_words(layout)}", *stream.notes)
     return stream
 
 

@@ -85,10 +85,8 @@ def record(
     lost_before = receiver.dropped
     with file_errors(path):
         try:
-            is_stopped = False
             while True:
-                if stop.is_set() and not is_stopped:
-                    is_stopped = True
+                if is_stopped := stop.is_set():
                     receiver.close()
                 received = receiver.receive(0.0 if is_stopped else RECEIVE_TIMEOUT)
                 if is_stopped and received is None:  # all that was read is written

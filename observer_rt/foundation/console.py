@@ -73,13 +73,13 @@ def progress_bar(console: Console, text: str, total: float | None) -> Iterator[C
     is_seen = console.is_terminal or (console.is_jupyter and find_spec("ipywidgets") is not None)
     with Progress(*columns, console=console, transient=True, disable=not is_seen) as progress:
         task = progress.add_task(visible(text), total=total)
-        said = monotonic()
+        last_line = monotonic()
 
         def update(done: float) -> None:
-            nonlocal said
+            nonlocal last_line
             progress.update(task, completed=done)
-            if not is_seen and monotonic() - said > SILENCE:
-                said = monotonic()
+            if not is_seen and monotonic() - last_line > SILENCE:
+                last_line = monotonic()
                 say(console, text if total is None else f"{text}: {done / total:.0%}")
 
         yield update

@@ -49,9 +49,9 @@ Figure = Annotated[float, unit(1.0)]
 
 @dataclass(frozen=True)
 class Entry:
-    """Metadata of a field of a data class: what makes its entry in a document, which is of a type of its own.
+    """Metadata of a field of a data class whose entry in a document is of another type.
 
-    made: of the value and of the document, which is the context; kind: of the entry.
+    made: the entry, of the field's value and the object that the document is dumped with as context; kind: its type.
     """
 
     made: Callable[[Any, Any], Any]

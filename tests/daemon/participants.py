@@ -19,7 +19,7 @@ from observer_rt.bus.links.link import Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.daemon.arrivals import Arrivals
+from observer_rt.daemon.arrivals import Arrivals, watched_messages
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.pump import FramePump
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
@@ -220,9 +220,9 @@ def opened(path: Path, sending: bool) -> Iterator[list[Link]]:
     bench = load_bench(path)
     bus = map_bus(bench)
     with ExitStack() as stack:
-        links = []
+        links, wanted = [], [] if sending else watched_messages(bus)
         for number, named in enumerate(bench.config.buses):
-            inputs = [] if sending else bus.received_on(number)
+            inputs = [(message.frame_id, message.is_extended) for message in wanted if message.bus == number]
             computer_time = not sending and len(bench.config.buses) > 1
             link = open_link(named.config.interface, named.config.channel, True, inputs, computer_time)
             links.append(stack.enter_context(link))

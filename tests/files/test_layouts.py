@@ -9,7 +9,7 @@ import pytest
 from observer_rt.config.bench import load_bench
 from observer_rt.files.formats import read_recording
 from observer_rt.files.signals.recording import Recording
-from observer_rt.files.tables import signals_of
+from observer_rt.files.tables_in_memory import signals_of
 from observer_rt.foundation.errors import UserError
 from tests.device import simulated
 from tests.files.layouts import LAYOUTS, Layout, text

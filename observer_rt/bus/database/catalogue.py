@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from cantools.database.can import Message
+from cantools.database.can import Database, Message
 
 from observer_rt.bus.database.dbc_file import load_database, overlooked
 from observer_rt.bus.database.lookup import find_message
@@ -20,6 +20,15 @@ class BusMessage(NamedTuple):
     bus: int
 
 
+class _BusDatabase(NamedTuple):
+    """A database of the bench, and the number of the bus its messages are on."""
+
+    path: Path
+    lenient: bool
+    content: Database
+    bus: int
+
+
 class BenchDatabases:
     """The databases a bench file names, read. Raises `UserError` for one that cannot be."""
 
@@ -28,7 +37,7 @@ class BenchDatabases:
         self.links = tuple(link.config for link in bench.config.buses)
         self.labels = tuple(link.label for link in bench.config.buses)
         self._databases = [
-            (path, entry.lenient, load_database(path, entry.lenient), bench.config.bus_number(entry.link))
+            _BusDatabase(path, entry.lenient, load_database(path, entry.lenient), bench.config.bus_number(entry.link))
             for path, entry in zip(bench.databases, bench.config.dbc, strict=True)
         ]
 
@@ -37,37 +46,28 @@ class BenchDatabases:
 
         Raises `UserError` at `location`, a key of the bench file, with what the database has instead.
         """
-        in_order = [(database, bus) for _, _, database, bus in self._databases]
+        bus, in_order = None, self._databases
         if link is not None:
-            wanted = self._config.bus_number(link)
-            in_order.sort(key=lambda known: known[1] != wanted)
-            in_order = [(database, wanted) for database, _ in in_order]
-        for database, bus in in_order:
-            if any(message.name == name for message in database.messages):
-                return BusMessage(find_message(database, name), bus)
-        with named(location):
-            return BusMessage(find_message(in_order[0][0], name), in_order[0][1])
+            bus = self._config.bus_number(link)
+            in_order = sorted(self._databases, key=lambda database: database.bus != bus)
+        with_name = (database for database in in_order if any(m.name == name for m in database.content.messages))
+        database = next(with_name, in_order[0])
+        with locating(location):
+            return BusMessage(find_message(database.content, name), database.bus if bus is None else bus)
 
     def __iter__(self) -> Iterator[tuple[Path, BusMessage]]:
         """Iterate over all messages, used or not, on the buses of their databases."""
-        return (
-            (path, BusMessage(message, bus))
-            for path, _, database, bus in self._databases
-            for message in database.messages
-        )
+        for database in self._databases:
+            yield from ((database.path, BusMessage(message, database.bus)) for message in database.content.messages)
 
     def overlooked(self) -> tuple[str, ...]:
         """Faults of databases that were read leniently."""
-        return tuple(
-            f"{path}: {complaint}"
-            for path, lenient, _, _ in self._databases
-            if lenient
-            for complaint in overlooked(path)
-        )
+        paths = (database.path for database in self._databases if database.lenient)
+        return tuple(f"{path}: {complaint}" for path in paths for complaint in overlooked(path))
 
 
 @contextmanager
-def named(location: str) -> Iterator[None]:
+def locating(location: str) -> Iterator[None]:
     """Let errors that name message and signal also name the location in the bench file."""
     try:
         yield

@@ -133,11 +133,9 @@ def _line_of(path: Path, reason: str) -> int | None:
     if (stopped := _AT_LINE.search(reason)) is not None:
         return int(stopped.group(1))
     lines = _text_of(path).splitlines()
-    if (unused := _OF_SIGNAL.match(reason)) is not None:
-        return next((number for number, line in enumerate(lines, 1) if line.startswith(unused[1])), None)
-    if (undefined := _UNDEFINED.match(reason)) is not None:
-        use = f'BA_ "{undefined.group(1)}"'
-        return next((number for number, line in enumerate(lines, 1) if line.startswith(use)), None)
+    if (match := _OF_SIGNAL.match(reason) or _UNDEFINED.match(reason)) is not None:
+        begin = f'BA_ "{match[1]}"' if match.re is _UNDEFINED else match[1]
+        return next((number for number, line in enumerate(lines, 1) if line.startswith(begin)), None)
     if (match := _IN_MESSAGE.search(reason)) is not None:
         signal, message = match.groups()
     elif (match := _MESSAGE.search(reason)) is not None:
@@ -178,16 +176,12 @@ def repaired_dbc(text: str) -> tuple[str, tuple[str, ...]]:
         else:
             text = text.replace(match[0], "")
     if extended:
-        text = _IDENTIFIED.sub(lambda match: _as_extended(match, extended), text)
+        text = _IDENTIFIED.sub(
+            lambda m: f"{m[1]}{m[2]}{int(m[3]) | _EXTENDED}" if m[3] and int(m[3]) in extended else m[0], text
+        )
     defined = {(match[1], signal) for match in _MESSAGE_LINES.finditer(text) for signal in _SIGNAL.findall(match[3])}
     for match in list(_SIGNAL_VALUES.finditer(text)):
         if match.group(2, 3) not in defined:
             complaints.append(f"{match[1]}: there is no such signal, it is left out")
             text = text.replace(match[0], "")
     return text, tuple(complaints)
-
-
-def _as_extended(match: re.Match[str], extended: set[int]) -> str:
-    if match[3] is None or int(match[3]) not in extended:
-        return match[0]
-    return f"{match[1]}{match[2]}{int(match[3]) | _EXTENDED}"

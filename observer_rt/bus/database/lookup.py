@@ -1,15 +1,4 @@
-"""Bus databases looked up: messages, signals, their units, layout attributes, and end-to-end protection.
-
-AUTOSAR end-to-end protection stands at the start of a frame: profiles 5 (CAN FD) and 1 (classic CAN).
-
-Profile 5. Bytes 0-1: CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF), little-endian, over byte 2 to the end
-of the frame and then over the data id of the message, low byte first. Byte 2: counter 0 to 255.
-
-Profile 1, variant 1A. Byte 0: CRC-8 (polynomial 0x1D, start 0), over the data id, low byte first, and then over
-byte 1 to the end of the frame. Byte 1, low four bits: counter 0 to 14; the high four bits are free.
-
-The receiver's state machine (AUTOSAR E2E_SM) judges the frames of a message together.
-"""
+"""Bus databases looked up: messages, signals, their units, layout attributes, and end-to-end protection."""
 
 import hashlib
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -69,7 +58,7 @@ class MessageLayout:
 
     @cached_property
     def protection(self) -> np.void:
-        """Protection as compiled code takes it, `e2e.PROTECTION`."""
+        """Protection as compiled code takes it, a row `PROTECTION`."""
         return protection_of(self.e2e_profile, self.e2e_data_id)
 
     @property

@@ -3,11 +3,10 @@
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from queue import Empty, SimpleQueue
 
 from observer_rt.bus.links.link import LONGEST_WAIT, BusFrame, Link, LinkDownError
-from observer_rt.bus.links.opening import RECONNECT_PERIOD
+from observer_rt.bus.links.opening import reconnect
 
 CAPACITY = 20_000  # frames that reading threads keep; what comes on top of them waits in the drivers
 _FULL_WAIT = 1e-3  # s
@@ -72,15 +71,9 @@ class EnduringReading:
                     frame = link.receive(LONGEST_WAIT)
                 except LinkDownError:
                     self._outages[bus] += 1
-                    self._wait_until_back(link)
+                    reconnect(link, self._ended)
                 else:
                     if frame is not None:
                         self._arrived.put((BusFrame(bus, frame), link.dropped))
         except Exception as error:  # whatever it is, who receives must get it
             self._arrived.put(error)
-
-    def _wait_until_back(self, link: Link) -> None:
-        while not self._ended.wait(RECONNECT_PERIOD):
-            with suppress(LinkDownError):
-                link.reconnect()
-                return

@@ -162,6 +162,6 @@ def block_of(frames: Sequence[BusFrame]) -> FrameBlock:
 
 def blocks_of(frames: Iterable[BusFrame]) -> Iterator[FrameBlock]:
     """Blocks of all frames, so many at a time that none waits long."""
-    coming = iter(frames)
-    while some := list(islice(coming, AT_ONCE)):
-        yield block_of(some)
+    remaining = iter(frames)
+    while batch := list(islice(remaining, AT_ONCE)):
+        yield block_of(batch)

@@ -1,11 +1,11 @@
 """Opening of links, also after an outage; links over a descriptor, idle links; listening for other senders."""
 
 import os
-import select
 import socket
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from ctypes.util import find_library
 from importlib.util import find_spec
 
@@ -35,7 +35,7 @@ class DescriptorLink(SocketCanLink):
     when the link is closed.
     """
 
-    def _open(self) -> None:
+    def _connect(self) -> None:
         try:
             self._socket = socket.socket(fileno=os.dup(int(self._channel)))
         except (ValueError, OSError) as error:
@@ -43,9 +43,6 @@ class DescriptorLink(SocketCanLink):
             raise UserError("link.channel", f"{self._channel!r} is not the descriptor of a socket", remedy) from error
         self._socket.setblocking(False)
         self._stamps = StampReader(self._socket, self._channel, computer_time=True)
-        self._dropped_by_socket = 0
-        self._readable = select.poll()
-        self._readable.register(self._socket, select.POLLIN)
 
     def receive(self, timeout_s: float) -> Frame | None:
         # No kernel chooses here: a frame that nobody wants ends the wait early, which callers must expect anyway.
@@ -142,6 +139,15 @@ def first_heard(links: Mapping[int, Link], stop: threading.Event) -> BusFrame | 
             if frame is not None:
                 return BusFrame(bus, frame)
     return None
+
+
+def reconnect(link: Link, stop: threading.Event) -> bool:
+    """Try again and again to reconnect a link that is down; False: `stop` was set before it is back."""
+    while not stop.wait(RECONNECT_PERIOD):
+        with suppress(LinkDownError):
+            link.reconnect()
+            return True
+    return False
 
 
 class BusDownError(LinkDownError):

@@ -33,8 +33,8 @@ class OwnFrames:
         if len(self._sent) > MOST_OWN:
             del self._sent[next(iter(self._sent))]
 
-    def has_back(self, frame_id: int, is_extended: bool, payload: bytes) -> bool:
-        """Whether a received frame is a sent one; each frame sent comes back once."""
+    def forget(self, frame_id: int, is_extended: bool, payload: bytes) -> bool:
+        """Forget a frame that comes back, or was not sent after all, once; False: none such is remembered."""
         key = frame_id, is_extended, payload
         left = self._sent.pop(key, 0) - 1
         if left > 0:
@@ -108,7 +108,7 @@ class PythonCanLink(Link):
             if message.is_remote_frame:
                 continue
             key = (message.arbitration_id, message.is_extended_id)
-            if self._own.has_back(*key, bytes(message.data)):
+            if self._own.forget(*key, bytes(message.data)):
                 continue
             if self._receive_ids is None or key in self._receive_ids:
                 stamp_ns = 0 if self._computer_time else round(message.timestamp * 1e9)
@@ -156,7 +156,7 @@ class PythonCanLink(Link):
             try:
                 self._bus.send(message, timeout_s)
             except BaseException:
-                self._own.has_back(frame_id, is_extended, payload)
+                self._own.forget(frame_id, is_extended, payload)
                 raise
             if self._receive_ids is not None and not self._receive_ids:
                 while self._bus.recv(0.0) is not None:

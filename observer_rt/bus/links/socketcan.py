@@ -22,9 +22,9 @@ from observer_rt.foundation.units import NANOSECONDS
 NO_SOCKETCAN = 'sudo modprobe can_raw, or interface = "udp_multicast" in the bench file (docs/buses.md)'
 """Remedy where the kernel has no CAN."""
 
-# Of the generic Linux interface (linux/net_tstamp.h, linux/ethtool.h), not known to Python's socket module.
-SO_TIMESTAMPNS = 35
-SO_TIMESTAMPING = 37
+# Of the generic Linux interface (linux/net_tstamp.h, linux/ethtool.h), not all known to Python's socket module.
+SO_TIMESTAMPNS, SO_TIMESTAMPING, SO_RXQ_OVFL = 35, 37, 40
+_SO_RCVBUFFORCE, _CAN_RAW_ERR_FILTER, _SIOCGIFMTU = 33, 2, 0x8921
 _RX_HARDWARE, _RX_SOFTWARE, _SOFTWARE, _RAW_HARDWARE = 1 << 2, 1 << 3, 1 << 4, 1 << 6
 _SIOCETHTOOL = 0x8946
 _ETHTOOL_GET_TS_INFO = 0x41
@@ -39,12 +39,6 @@ RECEIVE_BUFFER_BYTES = 16 << 20  # some 20,000 frames; the usual default holds a
 FRAME_BYTES = 768  # about what a received frame takes of it
 SEND_RETRY_S = 0.5e-3  # about three full frames at 500k/5M
 SEND_PATIENCE_S = 0.5
-
-# Of the generic Linux interface, not all known to Python's socket module.
-_SO_RCVBUFFORCE = 33
-SO_RXQ_OVFL = 40
-_SIOCGIFMTU = 0x8921
-_CAN_RAW_ERR_FILTER = 2
 
 # struct can_frame: identifier, length, 3 unused, data. struct canfd_frame: identifier, length, flags, 2
 # unused, data. The whole size says which of the two was read.
@@ -122,6 +116,13 @@ class SocketCanLink(link.Link):
         self._open()
 
     def _open(self) -> None:
+        self._connect()
+        self._dropped_by_socket = 0
+        self._readable = select.poll()
+        self._readable.register(self._socket, select.POLLIN)
+
+    def _connect(self) -> None:
+        """Make the socket and the reader of its stamps."""
         try:
             self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         except OSError as error:
@@ -134,9 +135,6 @@ class SocketCanLink(link.Link):
         except RunError:
             self._socket.close()
             raise
-        self._dropped_by_socket = 0
-        self._readable = select.poll()
-        self._readable.register(self._socket, select.POLLIN)
 
     def _configure(self) -> None:
         if self._fd:

@@ -11,11 +11,12 @@ from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import STANDARD_MASK
-from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
+from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, locating
 from observer_rt.bus.database.lookup import INDEX_BITS, MessageLayout, from_unit, signal_names
 from observer_rt.bus.mapping import input_tables, output_messages
+from observer_rt.bus.mapping.grid_relation import GridRelation, grid_relations
 from observer_rt.bus.mapping.output_signals import RESULTS, signals_of
-from observer_rt.bus.mapping.timing import GridRelation, grid_relations, map_timing, number_signal
+from observer_rt.bus.mapping.timing import map_timing, number_signal
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import INPUT_GROUP
@@ -72,16 +73,6 @@ class BusMap:
         kinds = ((RESULTS[key], message) for key, message in self.results.items())
         return [(kind.values, message) for kind, message in kinds if kind.per_injection == per_injection]
 
-    def received_on(self, bus: int) -> list[tuple[int, bool]]:
-        """(identifier, is extended) to be read from a bus.
-
-        Of one with results only they are those of the results, which nobody else sends: a link that reads nothing
-        would not get its controller's state either.
-        """
-        wanted = [layout for layout in self.received if layout.bus == bus]
-        wanted = wanted or [layout for layout in self.sent if layout.bus == bus]
-        return [(layout.frame_id, layout.is_extended) for layout in wanted]
-
     def name_of(self, layout: MessageLayout) -> str:
         """Name of a message and, where there are several, of its bus."""
         return f"{layout.name} on {self.labels[layout.bus]}" if len(self.labels) > 1 else layout.name
@@ -126,7 +117,7 @@ def map_injector(injector: BenchInjector, databases: BenchDatabases) -> BusMap:
     def output(key: str, compile_message: Callable[..., Compiled]) -> Compiled:
         location = injector.location(f"outputs.{key}")
         message, number = databases.find(location, getattr(outputs, key), outputs.link)
-        with named(location):
+        with locating(location):
             return compile_message(_moved(message, getattr(outputs, f"{key}_id")), bus=number)
 
     return BusMap(
@@ -168,7 +159,7 @@ def _map_inputs(
     layouts = []
     streams: list[tuple[BusMessage, list[Role]]] = []
     for source, roles in by_message.values():
-        with named(injector.location(f"signals.{roles[0]}.message")):
+        with locating(injector.location(f"signals.{roles[0]}.message")):
             layout = output_messages.protected_layout(*source)
         layouts.append(layout)
         row = input_tables.frame_row(layout)
@@ -199,50 +190,42 @@ def _map_message(
     tables: input_tables.InputTables,
 ) -> list[list[Role]]:
     """Add a message to the tables; returns the roles of each of its streams."""
-
-    def is_measured(role: Role) -> bool:
-        return role is not Role.NEEDLE_LIFT or injector.config.signals.needle_lift is not None
-
+    signals, places = injector.config.signals, {role: injector.location(f"signals.{role}") for role in roles}
+    measured = {role for role in roles if role is not Role.NEEDLE_LIFT or signals.needle_lift is not None}
     samples: dict[Role, tuple[str, ...]] = {}
     streams: dict[tuple[input_tables.SampleGroup, ...], list[Role]] = {}
     for role in roles:
-        with named(injector.location(f"signals.{role}")):
-            samples[role] = signal_names(message, injector.config.signals.of(role).names)
-            groups = input_tables.sample_groups(message, samples[role])
-        if row["samples"] not in (0, len(samples[role])):
-            raise UserError(
-                injector.location(f"signals.{role}"),
-                f"has {len(samples[role])} samples a frame, other signals of {message.name} have {row['samples']}",
-                "name as many samples for every signal of a message",
-            )
-        for other in filter(is_measured, samples if is_measured(role) else ()):
-            if other is not role and set(samples[other]) & set(samples[role]):
+        with locating(places[role]):
+            names = signal_names(message, signals.of(role).names)
+            groups = input_tables.sample_groups(message, names)
+        if row["samples"] not in (0, len(names)):
+            problem = f"has {len(names)} samples a frame, other signals of {message.name} have {row['samples']}"
+            raise UserError(places[role], problem, "name as many samples for every signal of a message")
+        for other in (other for other in samples if {other, role} <= measured):
+            if set(samples[other]) & set(names):
                 problem = f"{other} and {role} read the same signals of {message.name}"
-                raise UserError(injector.location(f"signals.{role}"), problem, "name the signals of each")
-        row["samples"] = len(samples[role])
+                raise UserError(places[role], problem, "name the signals of each")
+        samples[role], row["samples"] = names, len(names)
         streams.setdefault(groups, []).append(role)
     for groups, together in streams.items():
-        number = number_signal(injector, message, together)
+        number, location = number_signal(injector, message, together), places[together[0]]
         if number is not None:
-            with named(injector.location(f"signals.{together[0]}")):
+            with locating(location):
                 input_tables.require_carried(message, number.name, groups)
         if any(group.conditions for group in groups) and (number is None or number.length != INDEX_BITS):
             problem = f"{message.name} sends samples in turns under a multiplexer, but no sample index with them"
             remedy = "name the signal with the index of the frame's first sample"
-            raise UserError(injector.location(f"signals.{together[0]}.index"), problem, remedy)
+            raise UserError(f"{location}.index", problem, remedy)
         for group in groups:
-            group_row = np.zeros((), INPUT_GROUP)
-            names = [] if number is None else [number.name]
+            group_row, carried = np.zeros((), INPUT_GROUP), [] if number is None else [number.name]
             for role in together:
-                column, config = input_tables.ROLES.index(role), injector.config.signals.of(role)
-                group_row["position"][column] = len(names)
-                if is_measured(role):
-                    group_row["factor"][column] = from_unit(
-                        injector.location(f"signals.{role}"), message, samples[role][0], config.unit, _UNITS[role]
-                    )
-                names.extend(samples[role][group.offset : group.offset + group.count])
-            with named(injector.location(f"signals.{together[0]}")):
-                tables.add_group(group_row, message, names, group, None if number is None else number.name)
+                column, unit, names = input_tables.ROLES.index(role), signals.of(role).unit, samples[role]
+                group_row["position"][column] = len(carried)
+                if role in measured:
+                    group_row["factor"][column] = from_unit(places[role], message, names[0], unit, _UNITS[role])
+                carried += names[group.offset : group.offset + group.count]
+            with locating(location):
+                tables.add_group(group_row, message, carried, group, None if number is None else number.name)
         tables.streams.append((int(row["samples"]), sum(1 << input_tables.ROLES.index(role) for role in together)))
     tables.add_message(row, message, [group for groups in streams for group in groups])
     return list(streams.values())

@@ -16,7 +16,7 @@ from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.database import lookup
-from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
+from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, locating
 from observer_rt.bus.database.codec import compile_conditions, conditions_of, signal_table
 from observer_rt.bus.mapping import input_tables
 from observer_rt.bus.mapping.output_messages import protected_layout
@@ -167,7 +167,7 @@ def _slow_signal(
     config: SlowSignalConfig,
 ) -> SlowSignal:
     location = injector.location(f"signals.{role}")
-    with named(location):
+    with locating(location):
         lookup.find_signal(message, config.signal)
     carried, own_unit = OPTIONAL_SIGNALS[role], getattr(config, "unit", None)
     unit, factor, timeout = lookup.stated_unit(message, config.signal, own_unit), 1.0, math.inf
@@ -176,7 +176,7 @@ def _slow_signal(
     if carried.units is not None:
         factor = lookup.from_unit(location, message, config.signal, own_unit, carried.units)
     origin = carried.to_si(unit)[1]
-    with named(location):
+    with locating(location):
         selection = compile_conditions(message, conditions_of(message, config.signal))
         table = signal_table(message, [config.signal])
     default = (carried.usual(injector.parameters) - origin) / factor
@@ -211,12 +211,12 @@ def _energizing(
     location = injector.location("signals.energizing")
     roles = map(injector.config.signals.of, Role)
     companions = [mapping for mapping in roles if mapping.message == message.name]  # roles that it carries too
-    with named(location):
+    with locating(location):
         names = lookup.signal_names(message, config.names)
         groups = input_tables.sample_groups(message, names)
     index = _index(injector, config, message, companions, grid)
     if index is not None:
-        with named(location):
+        with locating(location):
             input_tables.require_carried(message, index, groups)
     if len(groups) > 1:
         problem = f"comes in {len(groups)} kinds of frame of {message.name} that take turns"

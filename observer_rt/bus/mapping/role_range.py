@@ -33,18 +33,19 @@ def role_factor(bus: BusMap, role: Role) -> float:
 
 def role_range(bus: BusMap, role: Role) -> RoleRange:
     """Range [SI] of the role on the bus: the values that reach the receiver when more is encoded than fits."""
-    message = bus.inputs.messages[message_of(bus, role)]
-    ends = []
-    for value in (-np.inf, np.inf):
-        values = []
-        for signal in _samples(bus, role):
-            payload = np.zeros(int(message["length"]), np.uint8)
-            encode_signals(np.array([value]), signal, payload)
-            decoded = np.empty(1)
-            decode_signals(payload, signal, decoded)
-            values.append(float(decoded[0]) * role_factor(bus, role))
-        ends.append(values)
-    return RoleRange(max(ends[0]), min(ends[1]))
+    length, factor = int(bus.inputs.messages[message_of(bus, role)]["length"]), role_factor(bus, role)
+    lowest, highest = (
+        [_received(value, signal, length) * factor for signal in _samples(bus, role)] for value in (-np.inf, np.inf)
+    )
+    return RoleRange(max(lowest), min(highest))
+
+
+def _received(value: float, signal: NDArray[np.void], length: int) -> float:
+    """What the receiver makes of a value in the database's unit; signal: its table; length: of the frame [bytes]."""
+    payload, decoded = np.zeros(length, np.uint8), np.empty(1)
+    encode_signals(np.array([value]), signal, payload)
+    decode_signals(payload, signal, decoded)
+    return float(decoded[0])
 
 
 def role_resolution(bus: BusMap, role: Role, value: float) -> float:

@@ -4,19 +4,17 @@ The grid is that of the message with the line pressure: its index, or the number
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import INDEX_BITS, USUAL_INDEX, MessageLayout, find_signal
-from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
-from observer_rt.config.injector_sections import Meaning
-from observer_rt.config.signals import Role, undone_in_alignment
+from observer_rt.config.signals import Role
 from observer_rt.core.frames import frames
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
@@ -29,17 +27,6 @@ TOLERANCE = 2e-6  # s that the time of lift or line pressure may be unknown by: 
 RAIL_TOLERANCE = 20e-6  # s, the same of the rail pressure, which changes slowly
 SLOW_TOLERANCE = 0.1  # of the interval of a slower one
 RATIO_TOLERANCE = 1e-6
-
-
-class GridRelation(NamedTuple):
-    """Relation of a message's samples to the grid; distances in samples of the grid."""
-
-    roles: int  # bits of those that are joined by it
-    spacing: float  # from one sample of the message to the next
-    reach: float  # longest distance of two of its samples that is bridged
-    holds: bool  # whether its last sample is held as long
-    early: float = 0.0  # by how much its values are earlier than its samples
-    on_grid: bool = False  # whether its samples are those of the grid
 
 
 def map_timing(
@@ -75,39 +62,6 @@ def map_timing(
     return rows
 
 
-def grid_relations(
-    injector: BenchInjector, timing: NDArray[np.void], roles: Sequence[int]
-) -> list[GridRelation | None]:
-    """Relation of each message to the grid, None where all of it is on it; `roles` (bits) of each.
-
-    The value of a mean is that of half a sample period earlier, a filtered value that of the stated delay earlier.
-    The line pressure stays where it is: the model's is averaged and delayed instead.
-    """
-    config = injector.config
-    is_mean = config.sampling.meaning is Meaning.MEAN
-    result: list[GridRelation | None] = []
-    for row, bits in zip(timing, roles, strict=True):
-        spacing = float(row["steps"])
-        delays = (  # of its roles, as stated of their message
-            undone_in_alignment(config.signals, role)
-            for number, role in enumerate(ROLES)
-            if role is not Role.LINE_PRESSURE and (int(bits) >> number) & 1
-        )
-        late = max(delays, default=0.0) * config.sampling.rate_hz
-        early = (0.5 * spacing if is_mean else 0.0) + late
-        reach = frames.MAX_INTERPOLATED + 1.0
-        if row["joining"] in (frames.Joining.INDEX, frames.Joining.NEAREST):
-            others = int(bits) & ~(1 << ROLES.index(Role.LINE_PRESSURE))
-            follows = early != 0.0 and others != 0
-            result.append(GridRelation(others, spacing, reach, False, early, True) if follows else None)
-            continue
-        is_slow = bool(row["steps"] > 1)
-        if is_slow:
-            reach = float(row["hold"]) * config.sampling.rate_hz
-        result.append(GridRelation(int(bits), spacing, reach, is_slow, early))
-    return result
-
-
 def number_signal(injector: BenchInjector, message: Message, roles: Sequence[Role]) -> Signal | None:
     """The signal that distinguishes the message's frames: its index, or the counter of one without; None: neither.
 
@@ -129,12 +83,9 @@ def number_signal(injector: BenchInjector, message: Message, roles: Sequence[Rol
         raise UserError(location, f"message {message.name} has no signal {counter!r}", "name the one that counts")
     signal = find_signal(message, counter)
     if (signal.is_signed, signal.scale, signal.offset) != (False, 1, 0) or signal.length > LONGEST_COUNTER:
-        raise UserError(
-            location,
-            f"{counter} of message {message.name} is no unsigned number of at most {LONGEST_COUNTER} bits in steps "
-            "of 1",
-            "name such a signal, which counts all its codes through",
-        )
+        kind = f"unsigned number of at most {LONGEST_COUNTER} bits in steps of 1"
+        problem = f"{counter} of message {message.name} is no {kind}"
+        raise UserError(location, problem, "name such a signal, which counts all its codes through")
     return signal
 
 
@@ -169,10 +120,8 @@ def _map_message(
     elif signal is not None:
         numbering, modulus = frames.Numbering.COUNTER, 1 << signal.length
     elif layout.e2e_data_id is not None:
-        numbering, modulus = (
-            frames.Numbering.E2E_COUNTER,
-            frames.values_of_counter(layout.e2e_profile or frames.UNPROTECTED),
-        )
+        profile = layout.e2e_profile or frames.UNPROTECTED
+        numbering, modulus = frames.Numbering.E2E_COUNTER, frames.values_of_counter(profile)
     row["numbering"], row["modulus"] = numbering, modulus
     row["steps"] = steps = _steps(injector, message, roles)
     row["interval"] = steps / injector.sample_rate

@@ -1,4 +1,9 @@
-# AUTOSAR end-to-end protection at the start of a frame, and the receiver's state machine: see bus.database.e2e.
+# AUTOSAR end-to-end protection at the start of a frame, and the receiver's state machine over the frames of a message.
+#
+# Profile 5, CAN FD. Bytes 0-1: CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF), little-endian, over byte 2 to the
+# end of the frame and then over the data id of the message, low byte first. Byte 2: counter 0 to 255.
+# Profile 1, variant 1A, classic CAN. Byte 0: CRC-8 (polynomial 0x1D, start 0), over the data id, low byte first, and
+# then over byte 1 to the end of the frame. Byte 1, low four bits: counter 0 to 14; the high four bits are free.
 
 cpdef enum:
     UNPROTECTED = 0
@@ -114,7 +119,7 @@ cdef int64_t frame_counter(const uint8_t* payload, int64_t profile) noexcept nog
 cdef int64_t classify(
     int64_t counter, int64_t last_counter, bint seen, int64_t max_delta, int64_t profile
 ) noexcept nogil:
-    """E2EStatus of a frame with a good CRC, by its counter: see bus.database.e2e."""
+    """E2EStatus of a frame with a good CRC, by its counter."""
     cdef int64_t values, delta
     if not seen:
         return E2E_INITIAL

@@ -41,12 +41,11 @@ cdef bint proceed(Pipeline* pipeline) noexcept nogil:
 
 
 cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t size, int64_t stamp) noexcept nogil:
-    """Check, decode and align one frame of an input message; what fails a check is counted and dropped."""
-    cdef bint follows, contiguous
+    """Check one frame of an input message and take what it carries; one that fails a check is counted and dropped."""
     receiver = pipeline.receiver
     message = &pipeline.inputs.messages[number]
     receiver.frames += message.group_count > 0
-    supervised, profile = &pipeline.supervised[number], message.protection.profile
+    supervised = &pipeline.supervised[number]
     status = judge(payload, size, message, supervised)
     if status == E2E_LENGTH_ERROR:
         receiver.length_errors += 1
@@ -58,16 +57,25 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
     if supervised.state == E2E_INVALID:
         supervised.refused += 1
         return
-    counter = frame_counter(payload, profile)
     take_inputs(&pipeline.input_memory, &pipeline.inputs, pipeline.observer, number, payload, status, stamp)
     pipeline.publisher.memory.learning = pipeline.input_memory.memory.learning
-    if message.group_count == 0:
+    if message.group_count == 0 or not _take_samples(pipeline, number, payload, stamp):
         return
-    last = receiver.last_counter[number]
+    decide(&pipeline.alignment)
+    decided = pipeline.alignment.memory.decided
+    if decided > pipeline.observer.memory.positions.recorded:
+        take_recorded(pipeline.observer, decided, doubt_of(&pipeline.keeping))
+
+
+cdef bint _take_samples(Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t stamp) noexcept nogil:
+    """Decode and align the samples of a frame, and judge its sequence; False: it has some, and none has a place."""
+    cdef bint follows, contiguous, restarted = False
+    cdef int64_t carried = 0, placed = 0
+    receiver, message = pipeline.receiver, &pipeline.inputs.messages[number]
+    profile, last = message.protection.profile, receiver.last_counter[number]
+    counter = frame_counter(payload, profile)
     status = classify(counter, last, last >= 0, _max_step(profile), profile)
     follows = profile != UNPROTECTED and status == E2E_OK
-    cdef int64_t carried = 0, placed = 0
-    cdef bint restarted = False
     for g in range(message.first_group, message.first_group + message.group_count):
         group = &pipeline.inputs.groups[g]
         if not is_selected(payload, &pipeline.inputs.selection, group.first_condition, group.condition_count):
@@ -79,7 +87,7 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
             placed |= 1 << group.stream
             restarted |= placing == PLACING_RESTARTED
     if carried != 0 and placed == 0:
-        return
+        return False
     for g in range(message.first_group, message.first_group + message.group_count):
         stream = pipeline.inputs.groups[g].stream
         if (placed >> stream) & 1:
@@ -89,10 +97,7 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
     if not restarted and (status == E2E_WRONG_SEQUENCE or status == E2E_REPEATED) and profile != UNPROTECTED:
         receiver.sequence_errors += 1
     receiver.last_counter[number] = counter
-    decide(&pipeline.alignment)
-    decided = pipeline.alignment.memory.decided
-    if decided > pipeline.observer.memory.positions.recorded:
-        take_recorded(pipeline.observer, decided, doubt_of(&pipeline.keeping))
+    return True
 
 
 cdef int64_t judge(

@@ -40,7 +40,7 @@ def carries(const uint8_t[::1] payload, selection, int64_t first, int64_t count)
 
 
 def protect_frame(uint8_t[::1] payload, int64_t length, protection, int64_t counter) -> None:
-    """Write the counter of the message's `counter`-th frame and then the CRC, in place; protection: `e2e.PROTECTION`."""
+    """Write the counter of the message's `counter`-th frame and then the CRC, in place; protection: `PROTECTION`."""
     cdef const Protection[::1] row = atleast_1d(protection)
     if row[0].profile != UNPROTECTED:
         _require(shortest_frame(row[0].profile) <= length <= payload.shape[0], "bytes")

@@ -38,7 +38,7 @@ class ObserverRun:
         self._filed = core.compiled.observer.constants.coefficients.chamber_pressure
         self._samples = HistorySamples()
         self._seen = 0  # samples of the core
-        self._commands, self._begun, self._is_energized = 0, 0, False
+        self._commands, self._command_start, self._is_energized = 0, 0, False  # start: index of its first sample
 
     def observe(self, source: SignalStream, sink: Evaluation) -> None:
         """Observe the frames of a log as they are, or a recording in frames of a measuring device.
@@ -58,15 +58,15 @@ class ObserverRun:
         self._observe(blocks_of(log.frames))
 
     def _observe_recording(self, stream: SignalStream, sink: Evaluation) -> None:
-        rate, begun = stream.sample_rate, 0
+        rate, start_index = stream.sample_rate, 0  # of the stretch
         for chunk in self._device.chunks(stream.chunks()):
             if chunk.first == 0:
-                begun, samples = self._device.begin(rate), stream.stretches[chunk.stretch].samples
-                self._samples.begin(Run(sink, samples, rate, begun, start=float(chunk.time[0])))
-                sink.first_index = begun if chunk.stretch == 0 else sink.first_index
+                start_index, samples = self._device.begin(rate), stream.stretches[chunk.stretch].samples
+                self._samples.begin(Run(sink, samples, rate, start_index, start=float(chunk.time[0])))
+                sink.first_index = start_index if chunk.stretch == 0 else sink.first_index
             self._samples.give(chunk.first, chunk.time, chunk.injection_rate)
             if chunk.energizing is not None:
-                self._energize(begun + chunk.first, chunk.energizing > 0.5)
+                self._energize(start_index + chunk.first, chunk.energizing > 0.5)
             self._observe_surrounded(chunk)
 
     def _observe_surrounded(self, chunk: Chunk) -> None:
@@ -87,10 +87,11 @@ class ObserverRun:
         observer = self._core.compiled.observer
         for row in np.flatnonzero(np.diff(level, prepend=self._is_energized)).tolist():
             if level[row]:
-                self._commands, self._begun = self._commands + 1, first_index + row
-                energize(observer, self._commands - 1, self._begun)
+                self._commands, self._command_start = self._commands + 1, first_index + row
+                energize(observer, self._commands - 1, self._command_start)
             else:
-                energize(observer, self._commands - 1, self._begun, first_index + row - self._begun)
+                length = first_index + row - self._command_start
+                energize(observer, self._commands - 1, self._command_start, length)
         self._is_energized = bool(level[-1])
 
     def finish(self) -> None:

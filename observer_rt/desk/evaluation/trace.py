@@ -24,12 +24,14 @@ _RATES = (  # m3/s
     "open_loop_rate",  # of x^
 )
 _STATES = {"x": "", "phi": "1/s"}  # units of fields of three numbers, x normalised
+_PARTS = {f"{name}{part + 1}": (name, part) for name in _STATES for part in range(3)}
+"""Such a field, and the place of one of its numbers, by the channel of their column."""
 _COLUMNS = (
     WrittenColumn("time_s", "time", "s", NUMBER),
     *(WrittenColumn(f"{name}_mm3_per_ms", name, "mm3/ms", NUMBER, factor=MM3_PER_MS) for name in _RATES),
     WrittenColumn("valid", "valid", "", "%d"),
     WrittenColumn("state", "state", "", "%s", tuple(state.name for state in State)),
-    *(WrittenColumn(f"{name}{i}", f"{name}{i}", unit, NUMBER) for name, unit in _STATES.items() for i in (1, 2, 3)),
+    *(WrittenColumn(part, part, _STATES[field], NUMBER) for part, (field, _) in _PARTS.items()),
 )
 TRACE_COLUMNS = tuple(column.header for column in _COLUMNS)
 """Names of the columns of a written trace, units included."""
@@ -88,6 +90,6 @@ def trace_arrays(rows: Trace) -> Sequence[NDArray[Any]]:
 
 def _values(rows: Trace, column: WrittenColumn) -> NDArray[Any]:
     """A column of a written trace, of a field or, as `x1`, of one of its three numbers."""
-    field = column.channel.rstrip("123")
-    values = rows[field] if field == column.channel else rows[field][:, int(column.channel[-1]) - 1]
+    field, part = _PARTS.get(column.channel, (column.channel, None))
+    values = rows[field] if part is None else rows[field][:, part]
     return np.array(values) if column.factor == 1.0 else np.asarray(values / column.factor)

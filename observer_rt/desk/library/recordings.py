@@ -18,7 +18,7 @@ from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.signals.recording import SIGNALS, Recording
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
 from observer_rt.files.signals.table_writers import PRINTED
-from observer_rt.files.tables import signals_of
+from observer_rt.files.tables_in_memory import signals_of
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_hash

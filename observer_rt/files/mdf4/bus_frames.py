@@ -63,8 +63,8 @@ def frames(path: Path) -> Iterator[Answer]:
             part = owners[first : first + RECORDS_AT_ONCE]
             records, is_valid = np.empty(part.size, RECORD), np.empty(part.size, np.bool_)
             for number in np.unique(part):
-                mine = part == number
-                records[mine], is_valid[mine] = groups[number].following(int(np.count_nonzero(mine)))
+                rows = part == number
+                records[rows], is_valid[rows] = groups[number].following(int(np.count_nonzero(rows)))
             yield totals, {"records": records[is_valid]}
 
 

@@ -12,6 +12,7 @@ from observer_rt.bus.mapping.bus_map import BusMap, message_timing
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.role_range import message_of, role_range, role_resolution
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
+from observer_rt.config.injector_sections import HIGHEST_RATE, LOWEST_RATE
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import Numbering, frames_of_message
 from observer_rt.engine.signal_survey import Survey
@@ -24,7 +25,6 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE, MIL
 WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
 WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
 RATE_TOLERANCE = 1e-6  # relative, between recording and bench
-LOWEST_RATE, HIGHEST_RATE = 1e3, 1e6  # Hz, of `SamplingConfig`
 OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
 
 _SHOWN_UNIT = {

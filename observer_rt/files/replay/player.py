@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 
 from observer_rt.bus.links.link import FdFlags, Link, LinkDownError
-from observer_rt.bus.links.opening import RECONNECT_PERIOD, first_heard, open_link
+from observer_rt.bus.links.opening import first_heard, open_link, reconnect
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
@@ -146,8 +146,8 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
     with ExitStack() as stack:
         links = {}
         for bus, config in buses.items():
-            mine = sorted((message.identifier, message.is_extended) for message in sent if message.bus == bus)
-            links[bus] = stack.enter_context(open_link(config.interface, config.channel, config.fd, mine))
+            identifiers = sorted((message.identifier, message.is_extended) for message in sent if message.bus == bus)
+            links[bus] = stack.enter_context(open_link(config.interface, config.channel, config.fd, identifiers))
         traffic = first_heard(links, stop)
     if traffic is not None:
         config = buses[traffic.bus]
@@ -256,11 +256,6 @@ def _wait_until_back(link: Link, error: LinkDownError, stop: threading.Event, te
     """Reconnect a link whose interface is down or away; ns it took. `stop` ends it early."""
     since = time.monotonic_ns()
     tell(f"waiting for the interface: {error}")
-    while not stop.wait(RECONNECT_PERIOD):
-        try:
-            link.reconnect()
-        except LinkDownError:
-            continue
+    if reconnect(link, stop):
         tell("the interface is back, going on")
-        break
     return time.monotonic_ns() - since

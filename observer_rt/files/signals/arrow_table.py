@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
-from observer_rt.files.signals.table import TIME, FileTable, Heading, Table, TablePart, Values, present
+from observer_rt.files.signals.table import TIME, FileTable, Heading, Table, TablePart, Values, find_columns
 from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since
 from observer_rt.foundation.errors import UserError
 
@@ -27,7 +27,7 @@ class ArrowTable(Table):
 
     def __init__(self, path: Path, config: RecordingConfig, schema: Any, is_own: bool = False) -> None:
         super().__init__(path, config, is_own)
-        self.mapped = present(path, self._wanted(), schema.names, is_own)
+        self.mapped = find_columns(path, self._wanted(), schema.names, is_own)
         self.columns = {field.name: _unit(field) for field in schema}
         self.units = {name: unit for name, column in self.mapped.items() if (unit := self.columns[column.column])}
         self.rasters = (tuple(name for name in self.mapped if name != TIME),)

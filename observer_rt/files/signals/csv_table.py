@@ -118,11 +118,8 @@ class CsvTable(FileTable):
             return None
         if any(sign in text for sign in (*_UNSEEN, COMMENT)) or dialect.separator == dialect.decimal:
             return None
-        kinds: dict[int, Any] = {
-            place: np.float64 for name, place in dialect.places.items() if self._calendar is None or name != TIME
-        }
-        if self._calendar is not None:
-            kinds[dialect.places[TIME]] = str
+        of_time: Any = np.float64 if self._calendar is None else str
+        kinds = {place: of_time if name == TIME else np.float64 for name, place in dialect.places.items()}
         try:
             with warnings.catch_warnings(action="ignore"):  # from 3.1 on this is the only precision
                 table = pandas.read_csv(

@@ -18,27 +18,20 @@ BEYOND = 2.0  # times a fitted range of rail pressures
 
 def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | None = None) -> None:
     """Raise `UserError` for a signal without a value, and a lift or line pressure that stays as the needle opens."""
-    for name in Role:
-        signal = survey.signals.get(name)
-        if signal is not None and not signal.count:
-            dead = Implausible(name, "has no value at all", "check its column, and how it was exported")
-            raise dead.error(path, (columns or {}).get(name, ""))
     rail, lift, line = (survey.signals.get(name) for name in Role)
-    if rail is None or line is None or lift is None:
-        return
-    problems: dict[Role, str] = {}
-    if lift.swing == 0.0 and line.swing > rail.swing + DIPS:
-        problems[Role.NEEDLE_LIFT] = (
-            f"is {lift.highest / MILLIMETRE:.4g} mm all the time, though the line pressure moves by "
-            f"{line.swing / MEGAPASCAL:.3g} MPa"
-        )
-    if line.swing == 0.0 and lift.highest > OPEN:
-        problems[Role.LINE_PRESSURE] = (
-            f"never moves: it is {line.highest / MEGAPASCAL:.4g} MPa all the time, though the needle opens"
-        )
-    for role, problem in problems.items():
-        dead = Implausible(role, problem, "check its column and its sensor")
-        raise dead.error(path, (columns or {}).get(role, ""))
+    export, sensor = "check its column, and how it was exported", "check its column and its sensor"
+    empty = (name for name, signal in zip(Role, (rail, lift, line), strict=True) if signal and not signal.count)
+    dead = [Implausible(name, "has no value at all", export) for name in empty]
+    if not dead and rail is not None and lift is not None and line is not None:
+        if lift.swing == 0.0 and line.swing > rail.swing + DIPS:
+            still = f"is {lift.highest / MILLIMETRE:.4g} mm all the time"
+            moves = f"the line pressure moves by {line.swing / MEGAPASCAL:.3g} MPa"
+            dead.append(Implausible(Role.NEEDLE_LIFT, f"{still}, though {moves}", sensor))
+        if line.swing == 0.0 and lift.highest > OPEN:
+            still = f"never moves: it is {line.highest / MEGAPASCAL:.4g} MPa all the time"
+            dead.append(Implausible(Role.LINE_PRESSURE, f"{still}, though the needle opens", sensor))
+    for fault in dead[:1]:
+        raise fault.error(path, (columns or {}).get(fault.signal, ""))
 
 
 class SignalDoubt(NamedTuple):

@@ -5,26 +5,27 @@ Each time axis is looked through first: its rate, its gaps, where it begins anew
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from observer_rt.config.injector_sections import HIGHEST_RATE, LOWEST_RATE
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, Stretch
-from observer_rt.files.signals.table import TIME, Table, TablePart, Values
+from observer_rt.files.signals.table import NO_ROWS, TIME, Table, TablePart, Values
 from observer_rt.files.signals.table_signals import TableSignals
 from observer_rt.files.signals.time_axis import AxisSurvey, RowRun, rate_of, refuse_wrong_clock
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND, first_of
 
 MOST_STRETCHES = 10_000
-LOWEST_RATE, HIGHEST_RATE = 1e3, 1e6  # Hz, as of the bench file
 MOST_RESTARTS = 0.01  # of the rows, where the time may begin anew
 SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a file may be
 SAME_RATE = 0.01  # relative, of a file and the grid
 MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
 FEWEST_FOR_RATE = 1000  # stamps, whose jitter is then no difference of rates
+_CHECK_TIME = "check column and unit of the time, or raise recording.bridge_ms"
 
 
 @dataclass
@@ -33,26 +34,20 @@ class _Rows:
 
     parts: Iterator[TablePart]
     first: int = 0
-    time: Values = field(default_factory=lambda: np.empty(0))
-    signals: dict[str, Values] = field(default_factory=dict)
+    kept: TablePart = NO_ROWS
 
     def read(self) -> bool:
         """Append a part; False at the end of the file."""
         part = next(self.parts, None)
-        if part is None:
-            return False
-        self.signals = {
-            name: np.concatenate((self.signals.get(name, np.empty(0)), values))
-            for name, values in part.signals.items()
-        }
-        self.time = np.concatenate((self.time, part.time))
-        return True
+        if part is not None:
+            self.kept = self.kept.followed_by(part)
+        return part is not None
 
     def drop(self, rows: int) -> None:
         """Forget the first rows."""
         self.first += rows
-        self.time = self.time[rows:]
-        self.signals = {name: values[rows:] for name, values in self.signals.items()}
+        signals = {name: values[rows:] for name, values in self.kept.signals.items()}
+        self.kept = TablePart(self.kept.time[rows:], signals)
 
 
 class MappedSignals(TableSignals):
@@ -98,8 +93,8 @@ class MappedSignals(TableSignals):
         for name, column in config.items():
             raster = next((i for i, names in enumerate(table.rasters) if name in names), self._main)
             every = f", every {self._axes[raster].period / MILLISECOND:.6g} ms" if name != TIME else ""
-            unit, said = self._unit(name, column)
-            lines.append(f"{name} is '{column.column}' in {unit} ({said}){every}")
+            unit, source = self._unit(name, column)
+            lines.append(f"{name} is '{column.column}' in {unit} ({source}){every}")
         if others:
             lines.append(f"not used: {first_of(others, 40)}")
         return tuple(lines)
@@ -108,8 +103,8 @@ class MappedSignals(TableSignals):
         rows = [_Rows(self._parts(raster)) for raster in range(len(self._axes))]
         for number, (run, stretch) in enumerate(zip(self._runs, self.stretches, strict=True)):
             main = rows[self._main]
-            while main.first + main.time.size <= run.first and main.read():
-                main.drop(min(main.time.size, run.first - main.first))
+            while main.first + main.kept.time.size <= run.first and main.read():
+                main.drop(min(main.kept.time.size, run.first - main.first))
             main.drop(run.first - main.first)
             for first in range(0, stretch.samples, SAMPLES_AT_ONCE):
                 grid = np.arange(first, min(first + SAMPLES_AT_ONCE, stretch.samples), dtype=np.float64)
@@ -125,15 +120,15 @@ class MappedSignals(TableSignals):
         """The signals of an axis at places of a grid that begins at a time [s]; last: row of the main axis."""
         until = begin + (grid[-1] + 1.0) / self.sample_rate
         while (
-            (not rows.time.size or rows.time[-1] <= until)
-            and (last is None or rows.first + rows.time.size <= last)
+            (not rows.kept.time.size or rows.kept.time[-1] <= until)
+            and (last is None or rows.first + rows.kept.time.size <= last)
             and rows.read()
         ):
             pass
-        count = rows.time.size if last is None else min(rows.time.size, last + 1 - rows.first)
-        position, rises = axis.knots(rows.time[:count], begin)
+        count = rows.kept.time.size if last is None else min(rows.kept.time.size, last + 1 - rows.first)
+        position, rises = axis.knots(rows.kept.time[:count], begin)
         signals = {
-            name: axis.at(grid, position[rises], values[:count][rises]) for name, values in rows.signals.items()
+            name: axis.at(grid, position[rises], values[:count][rises]) for name, values in rows.kept.signals.items()
         }
         passed = int(np.searchsorted(np.maximum.accumulate(position), grid[-1] - 1.0)) if count else 0
         longest = max(axis.reach for axis in self._axes)
@@ -147,11 +142,8 @@ class MappedSignals(TableSignals):
         for part in self._surveyed_parts(raster):
             axis.take(part.time)
             if len(axis.runs) > MOST_STRETCHES:
-                raise UserError(
-                    str(self.path),
-                    f"falls apart: {len(axis.runs)} gaps or steps back of the time in its first {axis.rows} rows",
-                    "check column and unit of the time, or raise recording.bridge_ms",
-                )
+                gaps = f"{len(axis.runs)} gaps or steps back of the time in its first {axis.rows} rows"
+                raise UserError(str(self.path), f"falls apart: {gaps}", _CHECK_TIME)
         self._refuse_disorder(sum(run.is_restart for run in axis.runs), axis.rows)
         if not axis.period:
             problem = "the time does not rise" if axis.rows > 1 else f"holds {axis.rows} sample(s)"
@@ -193,8 +185,8 @@ class MappedSignals(TableSignals):
             raise UserError(str(self.path), problem, "split it there")
         runs = [run for run in axis.runs if self._samples(run) >= 2]
         if not runs:
-            remedy = "check column and unit of the time, or raise recording.bridge_ms"
-            raise UserError(str(self.path), f"holds no two samples within {axis.reach / MILLISECOND:g} ms", remedy)
+            problem = f"holds no two samples within {axis.reach / MILLISECOND:g} ms"
+            raise UserError(str(self.path), problem, _CHECK_TIME)
         return runs
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 from observer_rt.config.injector_sections import ColumnConfig, RecordingConfig
 from observer_rt.files.mdf4.reader_process import mdf4_apart
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
-from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, TablePart, present
+from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, TablePart, find_columns
 from observer_rt.foundation.errors import UserError
 
 _START = 64 + 24 + 6 * 8  # byte of the header block's start time
@@ -49,7 +49,7 @@ class Mdf4Table(FileTable):
             self.notes.append(f"{path}: [recording.time] is passed over, MDF4 channels have their own time")
         channels = _channels(path)
         self.columns = {channel.name: channel.unit for channel in reversed(channels)}
-        self.mapped = present(path, dict(config.signals), self.columns, is_own, self.word)
+        self.mapped = find_columns(path, dict(config.signals), self.columns, is_own, self.word)
         self._channels = {name: self._channel(column, channels) for name, column in self.mapped.items()}
         self.units = {name: channel.unit for name, channel in self._channels.items() if channel.unit}
         self._groups = sorted({channel.group for channel in self._channels.values()})

@@ -45,7 +45,7 @@ def take_shots(path: Path, stream: TableSignals) -> None:
         problem = f"{start[row]:.6g} to {end[row]:.6g} s is no shot between {before[row]:.6g} and {bounds[-1]:.6g} s"
         remedy = "give start and length, of a sample at least, one after the other, by the time of the recording"
         raise UserError(table.location(row, 0), problem, remedy)
-    said = f"{path}: {end.size} shots of {length.min() / MILLISECOND:.4g} to {length.max() / MILLISECOND:.4g} ms"
+    note = f"{path}: {end.size} shots of {length.min() / MILLISECOND:.4g} to {length.max() / MILLISECOND:.4g} ms"
     stream.edges, stream.optional = np.ravel((start, end), order="F"), (*stream.optional, "energizing")
-    stream.notes += (said,)
-    stream.details = (*(stream.details or (f"{stream.path}: our own layout",)), said)
+    stream.notes += (note,)
+    stream.details = (*(stream.details or (f"{stream.path}: our own layout",)), note)

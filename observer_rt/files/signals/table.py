@@ -33,6 +33,15 @@ class TablePart(NamedTuple):
     time: Values
     signals: Mapping[str, Values]
 
+    def followed_by(self, part: "TablePart") -> "TablePart":
+        """These rows, and those of a part that follows; `NO_ROWS` are followed by any."""
+        before = self.signals or dict.fromkeys(part.signals, self.time)
+        signals = {name: np.concatenate((before[name], values)) for name, values in part.signals.items()}
+        return TablePart(np.concatenate((self.time, part.time)), signals)
+
+
+NO_ROWS = TablePart(np.empty(0), {})
+
 
 class Table(ABC):
     """The mapped columns of a file.
@@ -116,7 +125,7 @@ class FileTable(Table):
         return [heading.name for heading in cls.headings(path)]
 
 
-def present(
+def find_columns(
     path: Path, wanted: Mapping[str, ColumnConfig], names: Collection[str], is_own: bool, word: str = "column"
 ) -> dict[str, ColumnConfig]:
     """The columns wanted that a file has. Raises `UserError` where one is missing that it must have."""

@@ -95,9 +95,9 @@ class TableSignals(SignalStream):
     def _unit(self, name: str, column: ColumnConfig) -> tuple[str, str]:
         """Unit of a column, and its source in words. Raises `UserError` for none and for an unknown one."""
         stated = (self._table.units.get(name, ""), "as the file says")
-        unit, said = stated if column.unit is None else (column.unit, self._table.mapped_by)
+        unit, source = stated if column.unit is None else (column.unit, self._table.mapped_by)
         if name not in UNITS:  # a level
-            return unit, said
+            return unit, source
         spelling = units.spelled(unit, UNITS[name])
         if not spelling:
             raise UserError(
@@ -106,7 +106,7 @@ class TableSignals(SignalStream):
                 f'state it in the bench file, [recording.{name}] unit = "...": one of {", ".join(UNITS[name])}; a '
                 "factor makes one of any other",
             )
-        return spelling, said
+        return spelling, source
 
     def _scale(self, name: str, column: ColumnConfig) -> _Scale:
         spelling = self._unit(name, column)[0]
@@ -150,12 +150,7 @@ class EvenSignals(TableSignals):
         """Iterate over all parts, joined so that each but the last has two samples or more, and so a rate."""
         waiting: TablePart | None = None
         for part in self._parts(0):
-            if waiting is not None:
-                before = waiting
-                signals = {
-                    name: np.concatenate((before.signals[name], values)) for name, values in part.signals.items()
-                }
-                part = TablePart(np.concatenate((before.time, part.time)), signals)
+            part = part if waiting is None else waiting.followed_by(part)
             waiting = part if part.time.size < 2 else None
             if waiting is None:
                 yield part

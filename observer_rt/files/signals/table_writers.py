@@ -120,13 +120,13 @@ class Mdf4Writer(TableWriter):
 class ParquetWriter(TableWriter):
     """Parquet; units are metadata `unit` of the columns, words a dictionary."""
 
-    def __init__(self, path: Path, columns: Sequence[WrittenColumn], said: Mapping[str, str] | None = None) -> None:
-        """said: further metadata of the file."""
+    def __init__(self, path: Path, columns: Sequence[WrittenColumn], facts: Mapping[str, str] | None = None) -> None:
+        """facts: further metadata of the file."""
         import pyarrow
         import pyarrow.parquet
 
         super().__init__(path, columns)
-        self._said = said or {}
+        self._facts = facts or {}
         self._arrow = pyarrow
         self._writer: Any = None
 
@@ -138,7 +138,7 @@ class ParquetWriter(TableWriter):
                 arrow.field(column.header, array.type, metadata={"unit": column.unit} if column.unit else None)
                 for column, array in zip(self._columns, made, strict=True)
             ]
-            self._schema = arrow.schema(fields, metadata=self._said)
+            self._schema = arrow.schema(fields, metadata=self._facts)
             self._writer = self._stack.enter_context(
                 arrow.parquet.ParquetWriter(str(self._path), self._schema, write_page_checksum=True)
             )

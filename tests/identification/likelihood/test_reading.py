@@ -9,7 +9,7 @@ from rich.console import Console
 
 from observer_rt.config.bench import load_injector
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
-from observer_rt.files.tables import signals_of
+from observer_rt.files.tables_in_memory import signals_of
 from observer_rt.identification.likelihood.coverage import coverage
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.identification.likelihood.provenance import without_copies

@@ -16,16 +16,17 @@ from observer_rt.files.signals.table import TIME
 from observer_rt.foundation.errors import UserError
 
 
-def _in_arrow(table: Any) -> Any:
+def _in_arrow(table: Any, name: str) -> Any:
     """A DataFrame, an index of floats or moments as its first column, or arrays by name as a table of Arrow.
 
-    Units in names, as `p_Rail [bar]`, or in `attrs["unit"]` become metadata. Raises `UserError` for anything else.
+    Units in names, as `p_Rail [bar]`, or in `attrs["unit"]` become metadata. Raises `UserError` for anything else;
+    name: of the table in its message.
     """
     import pyarrow
 
     if not isinstance(table, Mapping | pd.DataFrame):
         problem = f"is a {type(table).__name__}"
-        raise UserError("table", problem, "give a pandas DataFrame, or arrays by name in a dict")
+        raise UserError(name, problem, "give a pandas DataFrame, or arrays by name in a dict")
     try:
         frame = pd.DataFrame(dict(table)) if isinstance(table, Mapping) else table
         if frame.index.dtype.kind in "fmM":
@@ -34,15 +35,15 @@ def _in_arrow(table: Any) -> Any:
             raise ValueError("several of its columns have one name")
         fields, columns = [], []
         for heading, column in frame.items():
-            name, unit = name_and_unit(str(heading))
+            header, unit = name_and_unit(str(heading))
             values = column.astype(str) if column.dtype == object else column
             columns.append(pyarrow.array(values, from_pandas=True))
             metadata = {"unit": str(column.attrs.get("unit", unit))}
-            fields.append(pyarrow.field(name, columns[-1].type, metadata=metadata))
+            fields.append(pyarrow.field(header, columns[-1].type, metadata=metadata))
         return pyarrow.table(columns, pyarrow.schema(fields))
     except (ValueError, TypeError, AttributeError, pyarrow.ArrowException) as error:
         remedy = "give columns of numbers, each under a name of its own, one value for each sample: shape (n,)"
-        raise UserError("table", str(error), remedy) from None
+        raise UserError(name, str(error), remedy) from None
 
 
 class HeldTable(ArrowTable):
@@ -70,7 +71,7 @@ def signals_of(
     [kg/m3], for a rate of mass.
     Raises `UserError` with the layout to state where names and units do not say which column is which.
     """
-    held, notes = _in_arrow(table), list[str]()
+    held, notes = _in_arrow(table, name), list[str]()
     if layout is None:
         layout = layout_of(name, headings_of(held.schema))
         notes = [f"{name}: {in_words(layout)}"]

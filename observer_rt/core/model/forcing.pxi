@@ -165,7 +165,7 @@ cdef void _observe(
         past[PAST_INJECTIONS] += 1.0
         past[PAST_SINCE] = 0.0
     if past[PAST_OF_FLOWS] > 0.0 and not is_at_rest(x, u):
-        changed_flows(x, u, c, network, &q_h, &q_s)
+        flows_with_phi(x, u, c, network, &q_h, &q_s)
     _line_in_middle(x, u, 0.5 * interval.length, c, network, f, line)
     unit = c.pressure_scale / MEGAPASCAL
     chamber = c.chamber_pressure / MEGAPASCAL

@@ -91,7 +91,7 @@ cdef inline void right_hand_side(
     """
     cdef double q_h = 0.0, q_s = 0.0
     if not is_at_rest(x, u):
-        changed_flows(x, u, c, network, &q_h, &q_s)
+        flows_with_phi(x, u, c, network, &q_h, &q_s)
     lump_rates(x, u, q_h, q_s, c, rate, n)
 
 
@@ -115,8 +115,8 @@ cdef inline void tangent_rates(
     if at_rest:
         flows.q_h = flows.q_s = 0.0
     else:
-        flow_slopes(x, u, c, network, &flows)
-        flow_numbers(x, u, &flows, t, of_flows, of_flows + t.m)
+        flow_slopes(x, &u, c, network, &flows)
+        flow_slopes_by_theta(u, &flows, t, of_flows, of_flows + t.m)
     lump_slopes(x, u, flows.q_h, flows.q_s, &c.line.lump, t, by_state, by_flow, n)
     if at_rest:
         memset(by_flow, 0, 2 * n * sizeof(double))

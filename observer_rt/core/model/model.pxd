@@ -30,14 +30,14 @@ cdef class Carried:
 
 cdef void rates_at(const double* x, Inputs u, const Coefficients* c, const Network* network, double* rate) noexcept nogil
 cdef double injection_rate(const double* x, Inputs u, const Coefficients* c, const Network* network) noexcept nogil
-cdef double fault_and_rate(
+cdef double rate_and_phi(
     const double* x, Inputs u, const Coefficients* c, const Network* network, double* phi
 ) noexcept nogil
 cdef void flow_slopes(
-    const double* x, Inputs u, const Coefficients* c, const Network* network, FlowSlopes* result
+    const double* x, const Inputs* u, const Coefficients* c, const Network* network, FlowSlopes* flows
 ) noexcept nogil
-cdef void flow_numbers(
-    const double* x, Inputs u, const FlowSlopes* flows, const Tangent* t, double* of_h, double* of_s
+cdef void flow_slopes_by_theta(
+    Inputs u, const FlowSlopes* flows, const Tangent* t, double* of_h, double* of_s
 ) noexcept nogil
 cdef void advance_over(
     double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Tangent* t

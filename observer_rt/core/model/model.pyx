@@ -13,7 +13,7 @@ from observer_rt.core.model.hydraulics cimport (
     NOZZLE_NUMBERS, Nozzle, NozzleSlopes, Sac, Seat, bent, bent_slope, normalised_area, nozzle_law, nozzle_law_slopes, sac_rate,
     sac_stiffness, seat_law, seat_law_slopes
 )
-from observer_rt.core.model.needle cimport NEEDLE_NUMBERS, OF_BOUNCE
+from observer_rt.core.model.needle cimport BOUNCE_HEIGHT, CLOSING_DELAY, NEEDLE_NUMBERS, OPENING_DELAY
 from observer_rt.core.model.network cimport *
 from observer_rt.core.model.records cimport *
 from observer_rt.core.model.sensor cimport (

@@ -3,9 +3,14 @@
 from libc.math cimport cos, exp, pi, pow, sin
 
 cdef enum:
-    NEEDLE_NUMBERS = 6  # that are learned: delay of the opening, ln of its speed, the same of the closing, and ..
-    OF_BOUNCE = 4  # .. the height of a bounce, and its length
-    OF_LENGTH = 5
+    # numbers that are learned
+    OPENING_DELAY = 0
+    OPENING_SPEED = 1  # its natural logarithm, as of the next
+    CLOSING_DELAY = 2
+    CLOSING_SPEED = 3
+    BOUNCE_HEIGHT = 4
+    BOUNCE_LENGTH = 5
+    NEEDLE_NUMBERS = 6
 
 cdef extern from *:
     """
@@ -51,14 +56,14 @@ cdef inline bint answers(
 
     learned (NEEDLE_NUMBERS,): in s, natural logarithms, m and s.
     """
-    s.opening = start + needle.opening_delay + learned[0]
-    s.closing = start + length + needle.closing_delay + learned[2]
-    s.opening_speed = needle.opening_speed * pow(pressure, OPENING_EXPONENT) * exp(learned[1])
-    s.closing_speed = needle.closing_speed * pow(pressure, CLOSING_EXPONENT) * exp(learned[3])
+    s.opening = start + needle.opening_delay + learned[OPENING_DELAY]
+    s.closing = start + length + needle.closing_delay + learned[CLOSING_DELAY]
+    s.opening_speed = needle.opening_speed * pow(pressure, OPENING_EXPONENT) * exp(learned[OPENING_SPEED])
+    s.closing_speed = needle.closing_speed * pow(pressure, CLOSING_EXPONENT) * exp(learned[CLOSING_SPEED])
     s.top = min(s.closing, s.opening + needle.stop / s.opening_speed)
     s.closed = s.closing + s.opening_speed * (s.top - s.opening) / s.closing_speed
-    s.bounce = max(needle.landing_bounce + learned[OF_BOUNCE], 0.0)
-    s.landed = s.closed + max(needle.bounce_length + learned[OF_LENGTH], SHORTEST_BOUNCE)
+    s.bounce = max(needle.landing_bounce + learned[BOUNCE_HEIGHT], 0.0)
+    s.landed = s.closed + max(needle.bounce_length + learned[BOUNCE_LENGTH], SHORTEST_BOUNCE)
     return s.closing > s.opening
 
 
@@ -109,15 +114,15 @@ cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, 
     cdef double begins = _mean_step(time - s.opening, window), turns = _mean_step(time - s.top, window)
     cdef double falls = _mean_step(time - s.closing, window), ends = _mean_step(time - s.closed, window)
     cdef double up = s.opening_speed, down = s.closing_speed, peak = up * (s.top - s.opening), later, longer
-    by_number[OF_BOUNCE] = _mean_bounce(time, window, s, &later, &longer)
-    by_number[OF_LENGTH] = s.bounce * longer
+    by_number[BOUNCE_HEIGHT] = _mean_bounce(time, window, s, &later, &longer)
+    by_number[BOUNCE_LENGTH] = s.bounce * longer
     ends += later * s.bounce / down  # what lands later bounces later
-    by_number[3] = ends * peak - down * fall
+    by_number[CLOSING_SPEED] = ends * peak - down * fall
     if s.top < s.closing:  # it gets to its stop
-        by_number[0] = -up * (begins - turns)
-        by_number[1] = up * rise - turns * peak
-        by_number[2] = down * (falls - ends)
+        by_number[OPENING_DELAY] = -up * (begins - turns)
+        by_number[OPENING_SPEED] = up * rise - turns * peak
+        by_number[CLOSING_DELAY] = down * (falls - ends)
     else:
-        by_number[0] = -up * (begins - ends)
-        by_number[1] = up * rise - ends * peak
-        by_number[2] = up * (turns - ends) + down * (falls - ends)
+        by_number[OPENING_DELAY] = -up * (begins - ends)
+        by_number[OPENING_SPEED] = up * rise - ends * peak
+        by_number[CLOSING_DELAY] = up * (turns - ends) + down * (falls - ends)

@@ -5,6 +5,7 @@ from libc.string cimport memset
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Nozzle, Sac, Seat
 from observer_rt.core.model.needle cimport NEEDLE_NUMBERS
+from observer_rt.core.model.network cimport INPUTS
 from observer_rt.core.model.valve cimport VALVE_NUMBERS, Servo, Valve
 
 cdef enum:
@@ -189,6 +190,7 @@ cdef struct FlowSlopes:
     double h_change  # by N_H: the flow without it
     double s_change  # by N_S
     double[NOZZLE_NUMBERS][2] h_number  # by what is learned of the nozzle, as two factors
+    double[INPUTS] z  # inputs of the network
 
 
 # A program of terms, and what is remembered from sample to sample; the rest is scratch.

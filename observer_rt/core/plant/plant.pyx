@@ -14,7 +14,7 @@ from observer_rt.core.model.valve cimport (
     LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_EDGE, Stroke, hold_valve, join_valve
 )
 
-cdef double BOUNCE_LENGTH = 60e-6  # s, from landing on
+cdef double BOUNCE_TIME = 60e-6  # s, from landing on
 cdef double EMPTY_SAC = 1e-9  # of the pressure scale, below which a shut sac is at chamber pressure
 
 
@@ -33,7 +33,7 @@ cdef inline NeedleStroke _stroke(const double[:, ::1] strokes, int64_t number) n
 
 cdef inline double _lift(double time, const NeedleStroke* s, double bounce) noexcept nogil:
     """Lift [m] at a time [s] in or after a stroke, after which the needle bounces by a lift [m]."""
-    cdef double landed = (time - s.closed - 0.5 * CORNER_ROUNDING) / BOUNCE_LENGTH
+    cdef double landed = (time - s.closed - 0.5 * CORNER_ROUNDING) / BOUNCE_TIME
     cdef double lift = rounded_lift(time, CORNER_ROUNDING, s)
     return lift + 4.0 * bounce * landed * (1.0 - landed) if 0.0 < landed < 1.0 else lift
 
@@ -80,7 +80,7 @@ def run_injector(
     cdef Knot knot
     cdef Inputs u, middle, end_u
     cdef double delay = sensor.delay, lag = sensor.lag, step, start, before, shown, added, end, share, rail_middle, rail_end
-    cdef double lift_before, lift_end, lasting = BOUNCE_LENGTH if bounce > 0.0 else 0.0
+    cdef double lift_before, lift_end, lasting = BOUNCE_TIME if bounce > 0.0 else 0.0
     cdef int64_t n, i, samples = time.shape[0]
     c = &model.coefficients
     f = &terms.forcing

@@ -5,14 +5,14 @@ from libc.stdint cimport int32_t, int64_t
 from libc.string cimport memcpy, memset
 
 from observer_rt.core.model.model cimport (
-    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, fault_and_rate, flow_slopes, follow_lift,
+    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, rate_and_phi, flow_slopes, follow_lift,
     is_shut_under_terms, needle_speed, predict, rest_line, shown_under_terms, trusted_under_terms, under_terms, valve_at
 )
 from observer_rt.core.model.records cimport (
     BY_NOZZLE, BY_SEAT, PAST_NUMBERS, SAC, TOTALS, Coefficients, FlowSlopes, Forced, Forcing, Inputs, Interval, Knot,
     Network, inputs_of, opened_since
 )
-from observer_rt.core.model.needle cimport NEEDLE_JITTER, NEEDLE_NUMBERS
+from observer_rt.core.model.needle cimport NEEDLE_JITTER, NEEDLE_NUMBERS, OPENING_DELAY
 from observer_rt.core.model.network cimport CURVES
 from observer_rt.core.model.valve cimport VALVE_NUMBERS, Stroke, valve_edge
 from observer_rt.core.stream.state cimport COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT, OperatingPoint
@@ -280,7 +280,7 @@ cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Netw
     if not row.resting or x_hat[SAC] != 0.0:  # a term may hold the needle open
         u = inputs_of(row.rail_pressure, max(row.seat_area, 0.0))
         u.since = row.opened_since
-        row.injection_rate = s.observer.memory.in_force.level * fault_and_rate(x_hat, u, c, network, row.phi)
+        row.injection_rate = s.observer.memory.in_force.level * rate_and_phi(x_hat, u, c, network, row.phi)
 
 
 include "live.pxi"

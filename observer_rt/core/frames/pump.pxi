@@ -296,11 +296,8 @@ cdef bint _take_frame(Pumped* pump, Pipeline* pipeline, int64_t number) noexcept
     frame = pump.frames + place * SLOT_BYTES
     memcpy(&identifier, frame, sizeof(identifier))
     length = min(<int64_t> frame[4], <int64_t> LONGEST_FRAME)
-    key = number << 33
-    if identifier & CAN_EFF_FLAG:
-        key += (identifier & CAN_EFF_MASK) + (<int64_t> 1 << 32)
-    else:
-        key += identifier & CAN_SFF_MASK
+    key = number * BUS_KEY
+    key += EXTENDED_KEY + (identifier & CAN_EFF_MASK) if identifier & CAN_EFF_FLAG else identifier & CAN_SFF_MASK
     stamp = bus.stamp
     bus.next += 1
     _note_stamp(pump, number)

@@ -108,6 +108,7 @@ class Core:
         healthy = injector.healthy_injector(bench_injector)
         may_learn = healthy.adequate and (config.learning.enabled if learning is None else learning)
         observer = make_observer(constants, start, learner, healthy)
+        opens, _ = dead_band(levels.needle_lift)
         self.compiled = messages.CompiledPipeline(
             messages.Pipeline(
                 bus.inputs,
@@ -117,7 +118,7 @@ class Core:
                 make_timekeeping(
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
                 ),
-                make_alignment(bus.grid_relations, dead_band(levels.needle_lift)[0], observer.recorded),
+                make_alignment(bus.grid_relations, opens, observer.recorded),
                 observer,
                 messages.make_publisher(bus.rate, may_learn),
             )

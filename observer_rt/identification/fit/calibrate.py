@@ -15,6 +15,7 @@ from observer_rt.identification.fit.comparison import Comparison, compared
 from observer_rt.identification.fit.folds import Fold, by_meter, folds_of, share_between_samples, thinned
 from observer_rt.identification.fit.forms import INERTANCE, NEEDLE, NOZZLE, STRUCTURES, FreeParameter, Structure
 from observer_rt.identification.fit.masses import MeanMass
+from observer_rt.identification.fit.problem import GROUPS_OF_FOLD
 from observer_rt.identification.fit.rate import rate_meter, rate_misfit
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
@@ -41,7 +42,7 @@ METERED = 0.5  # of this misfit, from which on poles of the meter explain it
 ROUGH = 0.8  # of the time, in which structures are compared
 
 
-class FlowLevel(StrEnum):
+class LevelSource(StrEnum):
     """Measurement that fixes the absolute level of flow."""
 
     FILE = "file"
@@ -69,7 +70,7 @@ class CalibrationResult:
     rate_misfit: of the shape of a measured rate, as a share, against the model that explains the pressures and the
     rate's integrals; meter: time constants [s] of the rate's meter, stated or found; causes: tried where more than
     noise is left, the best first; not_observed: why the observer could not learn with the fitted model, empty where
-    it could; flow_level: factor from these masses to published ones, for a sensor's gain was removed before the fit.
+    it could; flow_factor: factor from these masses to published ones, for a sensor's gain was removed before the fit.
     """
 
     file: InjectorParameters
@@ -77,13 +78,13 @@ class CalibrationResult:
     choice: Choice
     fitted: FittedStructure
     kept: tuple[FreeParameter, ...]
-    level: FlowLevel
+    level_source: LevelSource
     comparison: Comparison
     rate_misfit: float
     meter: tuple[float, ...] = ()
     causes: tuple[TriedCause, ...] = ()
     not_observed: str = ""
-    flow_level: float = 1.0
+    flow_factor: float = 1.0
 
     @property
     def injector(self) -> InjectorParameters:
@@ -131,7 +132,7 @@ class CalibrationResult:
         if NOZZLE not in calibration.free:
             return np.full(len(calibration.folds), math.inf)
         slopes = np.split(at.slopes[:, calibration.free.index(NOZZLE)], np.cumsum(at.residuals.counts[:-1]))
-        by_fold = zip(calibration.folds, slopes[::3], strict=False)  # of line pressure; rate and mass follow
+        by_fold = zip(calibration.folds, slopes[::GROUPS_OF_FOLD], strict=False)  # of the line pressure
         return np.array([math.sqrt(len(fold.measurement.events) / (slope @ slope)) for fold, slope in by_fold])
 
     @property
@@ -154,7 +155,7 @@ class CalibrationResult:
         The fit takes the errors of several masses for independent ones, which they may not be. The error of a rate is
         that of its gain and of the density. None where neither rate nor mass was measured.
         """
-        if self.level is FlowLevel.FILE:
+        if self.level_source is LevelSource.FILE:
             return None
         determined = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
         # twice, for the level is an area's and the parameter a diameter
@@ -177,12 +178,12 @@ def calibrate(
     weighed: measured masses by the number of the recording; progress takes the share done; structures: that are
     compared. Raises `RunError` where no structure has a solution.
     """
-    level = FlowLevel.MASS if weighed else FlowLevel.FILE
+    source = LevelSource.MASS if weighed else LevelSource.FILE
     if any(one.recording.injection_rate is not None for one in recordings):  # which gives it at every sample
-        level = FlowLevel.RATE
+        source = LevelSource.RATE
     folds = folds_of(recordings, weighed)
     coarse = tuple(thinned(fold, ROUGH_EVENTS) for fold in folds)  # structures are compared on
-    further = (() if level is FlowLevel.FILE else (INERTANCE,)) + (NEEDLE if recordings[0].is_answered else ())
+    further = (() if source is LevelSource.FILE else (INERTANCE,)) + (NEEDLE if recordings[0].is_answered else ())
     tried = tried_structures(structures, file, further, coarse, lambda share: progress(ROUGH * share))
     choice = choose(tried)
     if choice is None:
@@ -198,7 +199,7 @@ def calibrate(
     fine = [replace(thinned(fold, FINE_EVENTS), rate_shape=has_shape) for fold in folds]
     best, kept = settled(choice.best, file, fine)
     comparison = compared(file, best.injector, best.offsets, best.calibration.folds)
-    done = CalibrationResult(file, recordings, choice, best, kept, level, comparison, misfit, meter or ())
+    done = CalibrationResult(file, recordings, choice, best, kept, source, comparison, misfit, meter or ())
     if done.above_gate:
         done = replace(done, causes=tried_causes(choice.best))
     progress(1.0)

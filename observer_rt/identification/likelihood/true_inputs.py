@@ -1,6 +1,5 @@
 """True inputs of a recording: its rail pressure, and the seat area of its lift, corrected by the terms of a model."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -84,6 +83,7 @@ def _areas_of(
     area = np.zeros(lift.size)
     if not openings:
         return area
+    _, shuts = dead_band(measurement.noise.needle_lift)
     fill_areas(
         lift,
         np.array([(o.first, o.last) for o in openings]),
@@ -91,7 +91,8 @@ def _areas_of(
         terms.lift_factor,
         terms.lift_shift,
         FOOT_ROUNDING / measurement.interval,
-        dead_band(measurement.noise.needle_lift)[1] if measurement.means else math.nan,
+        measurement.means,
+        shuts,
         c.seat,
         area,
     )

@@ -35,8 +35,7 @@ cdef inline void _begin_event(ObserverMemory* memory, int64_t position) noexcept
     under_way.number += 1
     under_way.opening_position = position
     under_way.learnable = memory.synchronisation.synchronised
-    under_way.fault = 0
-    under_way.differs = False
+    under_way.fault, under_way.differs = 0, False
 
 
 cdef void part_events(Observer* observer, int64_t position) noexcept nogil:

@@ -48,7 +48,7 @@ cdef void fine_step(
 cdef void rest_line(double* x, double pressure, const Coefficients* c) noexcept nogil
 cdef double needle_speed(double before, double area, double interval, const Seat* seat) noexcept nogil
 cdef double above_100_mpa(double rail, const Coefficients* c) noexcept nogil
-cdef bint follow_lift(
+cdef bint follow_stroke(
     Strokes* s, int64_t position, double before, double area, double pressure, double interval, const Seat* seat
 ) noexcept nogil
 cdef void begin_strokes(Strokes* s) noexcept nogil

@@ -3,14 +3,8 @@
 from libc.math cimport cos, exp, pi, pow, sin
 
 cdef enum:
-    # numbers that are learned
-    OPENING_DELAY = 0
-    OPENING_SPEED = 1  # its natural logarithm, as of the next
-    CLOSING_DELAY = 2
-    CLOSING_SPEED = 3
-    BOUNCE_HEIGHT = 4
-    BOUNCE_LENGTH = 5
-    NEEDLE_NUMBERS = 6
+    # numbers that are learned; of speeds the natural logarithm
+    OPENING_DELAY, OPENING_SPEED, CLOSING_DELAY, CLOSING_SPEED, BOUNCE_HEIGHT, BOUNCE_LENGTH, NEEDLE_NUMBERS
 
 cdef extern from *:
     """

@@ -94,8 +94,8 @@ cdef void _follow_live(Stepping* s, int64_t position) noexcept nogil:
     s.forced.network = s.network
     live.follows = isfinite(rate + sigma)
     if live.follows:
-        level = s.observer.memory.in_force.level
-        row.injection_rate, row.rate_sigma, row.as_believed = level * rate, level * sigma, live.filters[0].weight
+        factor = s.observer.memory.in_force.flow_factor
+        row.injection_rate, row.rate_sigma, row.as_believed = factor * rate, factor * sigma, live.filters[0].weight
 
 
 cdef void _advance_live(Stepping* s, int64_t position) noexcept nogil:

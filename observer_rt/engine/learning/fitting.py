@@ -55,7 +55,7 @@ class Limits:
 def theta_limits(c: Coefficients, needle: NeedleLaw | None = None) -> Limits:
     """Limits of theta (m,); a pilot valve may lose all of its flow, a needle by commands its bounce, but not more."""
     lowest, highest = SCALARS.bounds(c.pressure_scale)
-    lowest[Parameter.CONTROL_FLOW] = -c.line.servo / c.line.a1
+    lowest[Parameter.CONTROL_FLOW] = -c.line.control_flow / c.line.a1
     lowest[Parameter.LANDING_BOUNCE] = 0.0 if needle is None else -needle.landing_bounce / LIFT_UNIT
     gate = SCALARS.gate
     for column in (Parameter.CONTROL_FLOW, Parameter.LANDING_BOUNCE):

@@ -118,7 +118,7 @@ cdef bint _take_samples(Pipeline* pipeline, int64_t number, const uint8_t* paylo
 cdef inline void _note_interruptions(
     Pipeline* pipeline, const InputMessage* message, int64_t placed, bint follows
 ) noexcept nogil:
-    """Note which streams of a message were interrupted; placed: bits of those that this frame, which `follows`, went on with."""
+    """Note which streams a frame interrupts: those without a bit in `placed`, unless it follows the last one."""
     for g in range(message.first_group, message.first_group + message.group_count):
         stream = pipeline.inputs.groups[g].stream
         if (placed >> stream) & 1:

@@ -60,12 +60,12 @@ cdef double _solve_end(
     line, sac = &c.line.wave, &c.sac
     cdef double[3] solved  # p_L, Q_L, p_S
     cdef double lowest = min(x[SAC], x[0], 0.0) - SPARE, highest = max(x[SAC], x[0], 0.0) + SPARE
-    cdef double inflow = line.a1 * (x[1] - line.outflow), fill, soften, line_error, sac_error, pp, ps, sp, ss, whole, middle
-    cdef double by_p, by_s, error, share = 1.0, error_before = INFINITY
+    cdef double inflow = line.a1 * (x[1] - line.outflow), fill, soften, line_error, sac_error, pp, ps, sp, ss, whole
+    cdef double middle, by_p, by_s, error, share = 1.0, error_before = INFINITY
     cdef FlowSlopes flows
     cdef int64_t iteration
     memcpy(solved, x, sizeof(solved))
-    inflow -= drained(x[0], &line.softness, line.control_flow, line.displaced, u)  # explicit: the root hardly changes in a step
+    inflow -= drained(x[0], &line.softness, line.control_flow, line.displaced, u)  # explicit: the root hardly moves
     for iteration in range(<int64_t> MOST_ITERATIONS):
         flow_slopes(solved, &u, c, network, &flows)
         middle = 0.5 * (x[SAC] + solved[SAC])

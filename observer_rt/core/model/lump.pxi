@@ -63,15 +63,15 @@ cdef inline void lump_slopes(
     inflow = inflow - drained(x[0], &line.softness, line.control_flow, line.displaced, u)
     by_state[0] = by_pressure * inflow - soft * (line.leak + drained_slope(x[0], &line.softness, line.control_flow, u))
     by_state[1] = soft * line.a1
-    by_state[WIDTH] = -line.a3
-    by_state[WIDTH + 1] = -2.0 * line.a4 * fabs(x[1])
-    by_flow[0] = -soft * line.a2_nozzle
-    by_flow[1] = -soft * line.a2_seat
+    by_state[WIDTH], by_state[WIDTH + 1] = -line.a3, -2.0 * line.a4 * fabs(x[1])
+    by_flow[0], by_flow[1] = -soft * line.a2_nozzle, -soft * line.a2_seat
     of_pressure.a1 = soft * (x[1] - line.outflow)
     of_pressure.a2_nozzle = -soft * q_h
     of_pressure.a2_seat = -soft * q_s
     of_pressure.leak = -soft * x[0]
-    of_pressure.control_flow = -soft * u.servo.opening * control_root(x[0], &line.softness) if u.servo.opening != 0.0 else 0.0
+    of_pressure.control_flow = 0.0
+    if u.servo.opening != 0.0:
+        of_pressure.control_flow = -soft * u.servo.opening * control_root(x[0], &line.softness)
     of_pressure.displaced = -soft * u.servo.speed
     of_pressure.softness.air = by_air * inflow
     of_pressure.softness.stiffness_slope = by_slope * inflow

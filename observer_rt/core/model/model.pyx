@@ -20,8 +20,8 @@ from observer_rt.core.model.sensor cimport (
     SENSOR_GAIN, SENSOR_NUMBERS, InputTerms, LaggedSlopes, Sensor, lagged, lagged_slopes, recorded, recorded_mean
 )
 from observer_rt.core.model.valve cimport (
-    LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_NUMBERS, VALVE_TAIL, Servo, Stroke, Strokes, Valve, hold_valve, join_valve, stop_share,
-    valve_begins, valve_edge, valve_ends
+    LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_NUMBERS, VALVE_TAIL, Servo, Stroke, Strokes, Valve, hold_valve, join_valve,
+    stop_share, valve_begins, valve_edge, valve_ends
 )
 
 from observer_rt.core.records import enum_of, tuple_of

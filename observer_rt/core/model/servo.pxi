@@ -4,7 +4,9 @@
 # G (1 + h s) is that of valve.pxd, by the needle's strokes or by commands; the strokes are followed here.
 
 
-cdef inline double drained(double x_1, const Softness* line, double control_flow, double displaced, Inputs u) noexcept nogil:
+cdef inline double drained(
+    double x_1, const Softness* line, double control_flow, double displaced, Inputs u
+) noexcept nogil:
     """Outflow of the line beside nozzle and seat, as a rate of pressure [1/s] in an incompressible one."""
     cdef double total = displaced * u.servo.speed
     if control_flow != 0.0 and u.servo.opening != 0.0:

@@ -58,7 +58,7 @@ cdef inline double _lift_at(const Simulation* s, double time) noexcept nogil:
 cdef inline Inputs _inputs_at(
     const Simulation* s, double time, double rail, double lift, double valve_lift
 ) noexcept nogil:
-    """Inputs at a time [s] in or before the stroke; valve_lift: by which the pilot valve knows the needle at its stop."""
+    """Inputs at a time [s] in or before the stroke; valve_lift: by which the valve knows the needle at its stop."""
     cdef Inputs u = inputs_of(rail, normalised_area(lift, &s.coefficients.seat))
     cdef double at_stop = valve_lift - (s.stroke.top - s.stroke.opening) * s.stroke.opening_speed + LIFT_OFF
     line = &s.coefficients.line
@@ -81,7 +81,7 @@ cdef inline void _open_valve(Inputs* u, double time, const NeedleStroke* s, cons
     join_valve(&u.servo, time, &lifted, &c.valve, 1.0, VALVE_EDGE)
 
 
-cdef void _apply_terms(Simulation* s, const double* x, Inputs start, Inputs end, double length, double area) noexcept nogil:
+cdef void _force(Simulation* s, const double* x, Inputs start, Inputs end, double length, double area) noexcept nogil:
     """Have `forced` be an interval [s] under the terms in force; area: in its middle."""
     cdef Interval interval
     cdef Knot knot
@@ -99,7 +99,7 @@ cdef void _take_sample(Simulation* s, double* x, int64_t n, double* state, doubl
         x[SAC] = 0.0  # at rest, not decaying towards denormal numbers
     for i in range(3):
         state[i] = x[i]
-    _apply_terms(s, x, s.u, s.u, 0.0, s.u.area)
+    _force(s, x, s.u, s.u, 0.0, s.u.area)
     rate[0] = rate_after(x, &s.forced)
 
 
@@ -113,8 +113,8 @@ cdef inline void _begin_next_stroke(Simulation* s, double time) noexcept nogil:
 
 cdef void _take_step(Simulation* s, double* x, int64_t n, int64_t i, double* recorded) noexcept nogil:
     """Step the state by step i of those from sample n to the next, and record the line pressures that fall in it."""
-    cdef double step = (s.time[n + 1] - s.time[n]) / s.steps, start = s.time[n] + i * step
-    cdef double rail = s.rail[n], rise = s.rail[n + 1] - s.rail[n], lift_before = s.lift, before = x[0], shown = s.indicated
+    cdef double step = (s.time[n + 1] - s.time[n]) / s.steps, start = s.time[n] + i * step, shown = s.indicated
+    cdef double rail = s.rail[n], rise = s.rail[n + 1] - s.rail[n], lift_before = s.lift, before = x[0]
     cdef double middle_rail = rail + (i + 0.5) / s.steps * rise, end_rail = rail + (i + 1.0) / s.steps * rise
     cdef Inputs middle, end
     _begin_next_stroke(s, start)
@@ -122,7 +122,7 @@ cdef void _take_step(Simulation* s, double* x, int64_t n, int64_t i, double* rec
     middle = _inputs_at(s, start + 0.5 * step, middle_rail, _lift_at(s, start + 0.5 * step), lift_before)
     end = _inputs_at(s, start + step, end_rail, s.lift, s.lift)
     s.u.servo.speed = middle.servo.speed = end.servo.speed = (s.lift - lift_before) / step
-    _apply_terms(s, x, s.u, end, step, middle.area)
+    _force(s, x, s.u, end, step, middle.area)
     middle.rail = middle.rail + s.forced.interval.end.rail - end.rail
     middle.area = s.forced.knot.area
     fine_step(x, s.forced.interval.start, middle, s.forced.interval.end, step, &s.forced.coefficients, &s.forced.network)

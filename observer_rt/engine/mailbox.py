@@ -106,12 +106,12 @@ def _write(
     carried["learned_offset"] = constants.sensor.offset + learned.offset
     carried["sensor"] = learned.sensor
     carried["sensor"][0] += constants.sensor.lag
-    carried["level"] = constants.calibration.level(knowledge.in_force[Parameter.LINE_PRESSURE_GAIN])
+    carried["flow_factor"] = constants.calibration.level(knowledge.in_force[Parameter.LINE_PRESSURE_GAIN])
     line, valve = learned.coefficients.line, learned.coefficients.valve
     carried["line"][: len(line)] = line
     carried["valve"], carried["needle"] = valve, learned.needle
     later = COMMAND_AFTER if valve.commanded else KNOWN_AFTER + max(valve.start, valve.end)
-    carried["watch_later"] = round(later / constants.interval) if line.servo > 0.0 else 0
+    carried["watch_later"] = round(later / constants.interval) if line.control_flow > 0.0 else 0
     noise, scale = knowledge.state.noise, constants.coefficients.pressure_scale
     verdict["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale
     observer.verdict_gains[slot] = schedule.gains

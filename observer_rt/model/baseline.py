@@ -1,5 +1,6 @@
 """What a model leaves unexplained: of the healthy injector, [baseline], and beside accepted terms, [remainder]."""
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -23,7 +24,7 @@ class PhaseFigures(Section):
     @classmethod
     def of(cls, figures: Mapping[str, float]) -> "PhaseFigures":
         """Convert figures by name of the phase, in which nan stands for an unseen phase."""
-        return cls(**{name.lower(): value for name, value in figures.items() if value == value})
+        return cls(**{name.lower(): value for name, value in figures.items() if not math.isnan(value)})
 
     def at(self, phase: str) -> float:
         """The figure of a phase by its name; 1 for an unseen phase."""

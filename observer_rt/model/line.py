@@ -40,7 +40,7 @@ def at_closed_end(
         "stiffness_bend": bend,
         "stiffness_pressure": (USUAL_PRESSURE - chamber) / scale.pressure,
         "chamber_pressure": chamber / scale.pressure,
-        "servo": stiffness * control_flow_at_scale(parameters),
+        "control_flow": stiffness * control_flow_at_scale(parameters),
         "displaced": stiffness * (parameters.line.displacement or 0.0),
         "outflow": 0.0,  # this and the next are of terms alone
         "loss": 0.0,
@@ -56,7 +56,7 @@ class LumpLine(model.LumpLine):
     __slots__ = ()
     kind = model.LUMP  # by which the core steps it: a number of `core/model/interval.pxi`
     further = 0  # states beyond p_L and Q_L
-    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak", "servo", "displaced")  # in proportion to K_L
+    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak", "control_flow", "displaced")  # in proportion to K_L
     of_inertance = ("a3", "a4")  # in inverse proportion to the inertance
     averaged = False  # its last state is the integral of p_L [s], see `begin_mean`
     resolved = 0.0  # s over which means of p_L are a pipe's, shorter waves are not; 0: it has none

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.model.model import advance_state, fault_with_rate
+from observer_rt.core.model.model import advance_state, phi_and_rate
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
@@ -54,7 +54,7 @@ def test_conserving_form_conserves_mass(injector: InjectorParameters) -> None:
     inputs = stroke(15_001, sample)
     c = coefficients(injector)
     states = integrate(inputs, (RAIL, 0.0, 0.0), sample, 1, c)
-    rate = np.array([fault_with_rate(x, u, c, NO_FAULT)[1] for x, u in zip(states, inputs, strict=True)])
+    rate = np.array([phi_and_rate(x, u, c, NO_FAULT)[1] for x, u in zip(states, inputs, strict=True)])
     p_0, q_0 = injector.scaling.pressure, injector.scaling.flow
     in_line = injector.line.volume / injector.fluid.bulk_modulus_line * p_0 * (states[:, 0] - RAIL)
     in_sac = injector.nozzle.sac_volume / injector.fluid.bulk_modulus_sac * p_0 * states[:, 2]
@@ -98,7 +98,7 @@ def test_parabolas_inject_what_the_exact_laws_do(fuel: str, rail: float) -> None
     inputs, c = stroke(401, SAMPLE) * np.array([rail / RAIL, 1.0]), coefficients(injector)
     states = integrate(inputs, (rail, 0.0, 0.0), SAMPLE, substeps_needed(injector, 100e3), c)
     expected = _by_scipy(injector, inputs, 0.0, 0.0)
-    volume = sum(fault_with_rate(x, u, c, NO_FAULT)[1] for x, u in zip(states, inputs, strict=True))
+    volume = sum(phi_and_rate(x, u, c, NO_FAULT)[1] for x, u in zip(states, inputs, strict=True))
     exact = sum(physical_rates(x, u, 0.0, 0.0, injector)[1] for x, u in zip(expected, inputs, strict=True))
     assert volume == pytest.approx(exact, rel=7e-4)
     assert np.abs(states - expected)[:, 0].max() < 0.005 * np.ptp(expected[:, 0])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.core.model.model import fault_with_rate, rates_of_change
+from observer_rt.core.model.model import phi_and_rate, rates_of_change
 from observer_rt.model.effective import coefficients
 from observer_rt.model.network import HIDDEN, Network, constant_network, network_with
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
@@ -43,7 +43,7 @@ def test_equations_are_those_in_physical_units(
     network = constant_network(v_h, v_s)
     rates, q_h = physical_rates(x, u, v_h, v_s, injector)
     np.testing.assert_allclose(rates_of_change(x, u, c, network), rates, rtol=1e-9, atol=1e-6)
-    assert fault_with_rate(x, u, c, network)[1] == pytest.approx(q_h, rel=1e-9, abs=1e-15)
+    assert phi_and_rate(x, u, c, network)[1] == pytest.approx(q_h, rel=1e-9, abs=1e-15)
 
 
 @over_forms
@@ -56,19 +56,19 @@ def test_published_rate_obeys_both_balances_and_phi_is_added(
     p_0 = injector.scaling.pressure
     line = injector.line.volume * p_0 / injector.fluid.bulk_modulus_line
     sac = injector.nozzle.sac_volume * p_0 / injector.fluid.bulk_modulus_sac
-    phi = fault_with_rate(x, u, c, network)[0]
+    phi = phi_and_rate(x, u, c, network)[0]
     added = np.subtract(rates_of_change(x, u, c, network), rates_of_change(x, u, c, NO_FAULT))
     np.testing.assert_allclose(phi, added, rtol=1e-6, atol=1e-6)
     assert phi[1] == 0.0
-    expected = fault_with_rate(x, u, c, NO_FAULT)[1] - line * phi[0]
+    expected = phi_and_rate(x, u, c, NO_FAULT)[1] - line * phi[0]
     if injector.line_outflow is LineOutflow.SEAT:
         expected -= sac * phi[2]
-    assert fault_with_rate(x, u, c, network)[1] == pytest.approx(expected, rel=1e-9, abs=1e-15)
+    assert phi_and_rate(x, u, c, network)[1] == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
 def test_fault_of_the_nozzle_has_the_direction_of_the_paper(injector: InjectorParameters) -> None:
     """Nozzle wear acts along L = [1 0 12]^T in the paper's form, on the sac alone in the conserving one."""
-    phi = fault_with_rate((0.9, 1.0, 0.8), (0.95, 0.9), coefficients(injector), constant_network(nozzle=0.3))[0]
+    phi = phi_and_rate((0.9, 1.0, 0.8), (0.95, 0.9), coefficients(injector), constant_network(nozzle=0.3))[0]
     assert phi[2] < 0.0
     assert phi[0] == pytest.approx(phi[2] / 12 if injector.line_outflow is LineOutflow.NOZZLE else 0.0)
 
@@ -78,8 +78,8 @@ def test_closed_needle_and_empty_sac_are_at_rest(injector: InjectorParameters) -
     worn = constant_network(0.5, 0.5)
     worn.bias[:] = 0.5
     assert rates_of_change((0.95, 0.0, 0.0), (0.95, 0.0), c, worn) == [0.0, 0.0, 0.0]
-    assert fault_with_rate((0.95, 0.0, 0.0), (0.95, 0.0), c, worn)[1] == 0.0
-    assert fault_with_rate((0.95, 0.3, 0.0), (0.95, 0.0), c, worn) == ((0.0, 0.0, 0.0), 0.0)
+    assert phi_and_rate((0.95, 0.0, 0.0), (0.95, 0.0), c, worn)[1] == 0.0
+    assert phi_and_rate((0.95, 0.3, 0.0), (0.95, 0.0), c, worn) == ((0.0, 0.0, 0.0), 0.0)
 
 
 def test_sac_of_a_closed_needle_empties_through_the_nozzle(injector: InjectorParameters) -> None:
@@ -102,10 +102,10 @@ def test_nothing_leaves_an_open_nozzle_against_its_own_pressure(injector: Inject
     """Back-pressure of 8 MPa at a seat open by half: 5 MPa from the start, 3 MPa that come with the seat."""
     c = coefficients(injector)
     network = NO_FAULT._replace(nozzle=np.array([0.05, 0.06]))
-    assert fault_with_rate((0.95, 0.3, 0.08), (0.95, 0.5), c, network)[1] == pytest.approx(0.0, abs=1e-15)
+    assert phi_and_rate((0.95, 0.3, 0.08), (0.95, 0.5), c, network)[1] == pytest.approx(0.0, abs=1e-15)
     raised, as_before = ((0.95, 0.3, 0.5 + rise) for rise in (0.08, 0.0))
-    assert fault_with_rate(raised, (0.95, 0.5), c, network)[1] == pytest.approx(
-        fault_with_rate(as_before, (0.95, 0.5), c, NO_FAULT)[1]
+    assert phi_and_rate(raised, (0.95, 0.5), c, network)[1] == pytest.approx(
+        phi_and_rate(as_before, (0.95, 0.5), c, NO_FAULT)[1]
     )
     shut = (0.95, 0.0)
-    assert fault_with_rate(as_before, shut, c, network)[1] == fault_with_rate(as_before, shut, c, NO_FAULT)[1]
+    assert phi_and_rate(as_before, shut, c, network)[1] == phi_and_rate(as_before, shut, c, NO_FAULT)[1]

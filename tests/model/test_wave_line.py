@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.model.model import FORGETTING, WEIGHTS, advance_state, fault_with_rate, slopes_of_flows
+from observer_rt.core.model.model import FORGETTING, WEIGHTS, advance_state, phi_and_rate, slopes_of_flows
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized
@@ -45,7 +45,7 @@ def run(c: Coefficients, rate: float, substeps: int, seconds: float) -> tuple[Ar
         u = (RAIL, area(k / rate)), (RAIL, area((k + 1) / rate))
         advance_state(x, Interval(*u, 1.0 / rate, substeps), c, network)
         states.append(x.copy())
-        rates.append(fault_with_rate(x, u[1], c, network)[1])
+        rates.append(phi_and_rate(x, u[1], c, network)[1])
     return np.array(states), np.array(rates)
 
 
@@ -166,9 +166,9 @@ def test_what_leaves_the_line_was_in_it() -> None:
     x, injected = at_rest(alone), 0.0
     for k in range(900):
         u = (RAIL, area(k / rate)), (RAIL, area((k + 1) / rate))
-        before = fault_with_rate(x, u[0], alone, constant_network())[1]
+        before = phi_and_rate(x, u[0], alone, constant_network())[1]
         advance_state(x, Interval(*u, 1.0 / rate, 1), alone, constant_network())
-        injected += 0.5 * (before + fault_with_rate(x, u[1], alone, constant_network())[1]) / rate
+        injected += 0.5 * (before + phi_and_rate(x, u[1], alone, constant_network())[1]) / rate
     cells = int(line.cells)
     pressures = np.array([x[pressure_at(i, cells)] for i in range(1, cells + 1)])
     compliance = np.full(cells, c.flow_scale / line.b)

@@ -8,7 +8,7 @@ import pytest
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import SignalConfig
-from observer_rt.core.frames.frames import SUPERVISION, judge_frame
+from observer_rt.core.frames.frames import SUPERVISION, status_of_frame
 from observer_rt.engine.stream.state import Reason
 from observer_rt.files.replay.framing import Framer, all_samples
 from tests.observed_plants import recording_of
@@ -57,7 +57,7 @@ def test_frames_change_from_the_fault_on_and_bear_right_check_sums(outcome: Outc
     assert [f for f in changed if f.time < BEGIN] == [f for f in frames if f.time < BEGIN]
     assert changed != frames
     message, payloads = bus.inputs.messages[0], [np.frombuffer(f.payload, np.uint8) for f in changed]
-    worth = {judge_frame(payload, message, np.zeros(1, SUPERVISION)) for payload in payloads}
+    worth = {status_of_frame(payload, message, np.zeros(1, SUPERVISION)) for payload in payloads}
     assert (4 in worth) == (name == "wrong_crc")  # E2E_CRC_ERROR
 
 

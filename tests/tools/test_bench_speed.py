@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.core.frames.frames import SUPERVISION, judge_frame
+from observer_rt.core.frames.frames import SUPERVISION, status_of_frame
 from tests.observed_plants import bench_at
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.pace import Passage
@@ -34,7 +34,7 @@ def test_sender_goes_on_with_index_counter_and_crc(folder: Path, traffic: Traffi
     assert frames["data"][:20].tobytes() == loop["data"][-20:].tobytes()  # as the framer wrote them
     message = map_bus(bench_at(SAMPLE_RATE)).inputs.messages[0]
     for number, payload in enumerate(frames["data"]):
-        assert judge_frame(payload, message, np.zeros(1, SUPERVISION)) not in WRONG
+        assert status_of_frame(payload, message, np.zeros(1, SUPERVISION)) not in WRONG
         assert payload[2] == (first + number) % 256
         assert index_of(payload.tobytes()) == (first + number) * SAMPLES
         assert payload[8:].tobytes() == loop["data"][(first + number) % traffic.frames][8:].tobytes()

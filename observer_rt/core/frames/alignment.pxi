@@ -21,9 +21,7 @@ cdef void store(
     """
     slot = &alignment.slots[index & SLOT_MASK]
     if slot.index != index:
-        slot.index = index
-        slot.present = 0
-        slot.interpolated = False
+        slot.index, slot.present, slot.interpolated = index, 0, False
     if abs(value) < IMPOSSIBLE[role]:
         slot.present |= 1 << role
         slot.values[role] = value
@@ -111,8 +109,7 @@ cdef void _pass_on(Alignment* alignment, Slot* slot) noexcept nogil:
     gap = slot.index - memory.last_index - 1
     cdef int64_t broken = BREAK_NONE
     if memory.next_break != BREAK_NONE:
-        broken = memory.next_break
-        memory.next_break = BREAK_NONE
+        broken, memory.next_break = memory.next_break, BREAK_NONE
     elif 0 < gap <= MAX_INTERPOLATED:
         memory.lost += gap
         for k in range(1, gap + 1):
@@ -143,9 +140,7 @@ cdef Recorded* _append(Alignment* alignment, int64_t index) noexcept nogil:
     memory = alignment.memory
     row = &alignment.recorded[memory.decided & RECORDED_MASK]
     memory.decided += 1
-    row.index = index
-    row.interpolated = False
-    row.broken = BREAK_NONE
+    row.index, row.interpolated, row.broken = index, False, BREAK_NONE
     return row
 
 

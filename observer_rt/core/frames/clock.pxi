@@ -24,15 +24,8 @@ cdef double FEW_TOGETHER = 0.1  # share of frames closer than a bus can carry th
 
 cdef void forget(Clock* clock) noexcept nogil:
     """Begin anew: the index or the stamps no longer continue those before."""
-    clock.begun = False
-    clock.points = 0
-    clock.offset = 0.0
-    clock.drift = 0.0
-    clock.residual = INFINITY
-    clock.spread = 0.0
-    clock.latest = 0.0
-    clock.usual = 0.0
-    clock.raised = 0.0
+    clock.begun, clock.points, clock.residual = False, 0, INFINITY
+    clock.offset = clock.drift = clock.spread = clock.latest = clock.usual = clock.raised = 0.0
 
 
 cdef double excess(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
@@ -54,9 +47,7 @@ cdef bint take_stamp(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
     True when that ended a window, so that line, residual and spread are new.
     """
     if not clock.begun:
-        clock.begun = True
-        clock.first_index = index
-        clock.first_stamp = stamp
+        clock.begun, clock.first_index, clock.first_stamp = True, index, stamp
         _open_window(clock, 0.0)
     place = <double> (index - clock.first_index)
     above = excess(clock, index, stamp)
@@ -77,8 +68,7 @@ cdef bint take_stamp(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
         clock.together += 1
     clock.last_stamp = stamp
     if above < clock.lowest:
-        clock.lowest = above
-        clock.lowest_at = place
+        clock.lowest, clock.lowest_at = above, place
     now = <double> (stamp - clock.first_stamp)
     if now < clock.window_end:
         return False
@@ -99,13 +89,9 @@ cdef double index_at(Clock* clock, double time, int64_t epoch) noexcept nogil:
 
 
 cdef void _open_window(Clock* clock, double start) noexcept nogil:
-    clock.window_end = start + WINDOW
-    clock.lowest = INFINITY
-    clock.latest = 0.0
-    clock.frames = 0
-    clock.prompt = 0
-    clock.waited = 0.0
-    clock.together = 0
+    clock.window_end, clock.lowest = start + WINDOW, INFINITY
+    clock.latest = clock.waited = 0.0
+    clock.frames = clock.prompt = clock.together = 0
 
 
 cdef void _close_window(Clock* clock, double now) noexcept nogil:
@@ -113,13 +99,10 @@ cdef void _close_window(Clock* clock, double now) noexcept nogil:
     off_line = clock.lowest - clock.offset - clock.drift * clock.lowest_at
     clock.raised = off_line if clock.points >= ENOUGH_POINTS else 0.0
     if clock.points >= ENOUGH_POINTS and abs(off_line) > CLOCK_STEP:
-        clock.points = 0
-        clock.drift = 0.0
-        clock.offset = clock.lowest
-        clock.residual = INFINITY
+        clock.points, clock.residual = 0, INFINITY
+        clock.offset, clock.drift = clock.lowest, 0.0
     row = clock.points % POINTS
-    clock.places[row] = clock.lowest_at
-    clock.excesses[row] = clock.lowest
+    clock.places[row], clock.excesses[row] = clock.lowest_at, clock.lowest
     clock.points += 1
     clock.spread = clock.latest
     if clock.points <= ENOUGH_POINTS:

@@ -1,9 +1,4 @@
-# AUTOSAR end-to-end protection at the start of a frame, and the receiver's state machine over the frames of a message.
-#
-# Profile 5, CAN FD. Bytes 0-1: CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF), little-endian, over byte 2 to the
-# end of the frame and then over the data id of the message, low byte first. Byte 2: counter 0 to 255.
-# Profile 1, variant 1A, classic CAN. Byte 0: CRC-8 (polynomial 0x1D, start 0), over the data id, low byte first, and
-# then over byte 1 to the end of the frame. Byte 1, low four bits: counter 0 to 14; the high four bits are free.
+# AUTOSAR end-to-end protection at the start of a frame, and the receiver's state machine: see bus.database.e2e.
 
 cpdef enum:
     UNPROTECTED = 0
@@ -12,6 +7,7 @@ cpdef enum:
     CRC_BYTES = 2  # of profile 5
     COUNTER_BYTE = 2
     NIBBLE_BYTE = 1  # with the counter of profile 1
+    MAX_COUNTER_STEP = 15  # larger ones are a wrong sequence, not a few lost frames
 
 cdef enum:  # E2EStatus
     E2E_OK = 0
@@ -91,7 +87,9 @@ cdef void protect(uint8_t* payload, int64_t length, const Protection* protection
         payload[0], payload[1] = <uint8_t> crc, <uint8_t> (crc >> 8)
 
 
-cdef bint check(const uint8_t* payload, int64_t size, int64_t length, const Protection* protection) noexcept nogil:
+cdef bint has_good_crc(
+    const uint8_t* payload, int64_t size, int64_t length, const Protection* protection
+) noexcept nogil:
     """Whether the CRC in a frame of `size` bytes is that of its first `length` and its data id.
 
     False for a frame too short and for a counter the profile does not have; True for an unprotected message.
@@ -116,12 +114,10 @@ cdef int64_t frame_counter(const uint8_t* payload, int64_t profile) noexcept nog
     return payload[COUNTER_BYTE] if profile == PROFILE_5 else 0
 
 
-cdef int64_t classify(
-    int64_t counter, int64_t last_counter, bint seen, int64_t max_delta, int64_t profile
-) noexcept nogil:
-    """E2EStatus of a frame with a good CRC, by its counter."""
+cdef int64_t classify(int64_t counter, int64_t last_counter, int64_t profile) noexcept nogil:
+    """E2EStatus of a frame with a good CRC, by its counter and the last one, -1: there was none."""
     cdef int64_t values, delta
-    if not seen:
+    if last_counter < 0:
         return E2E_INITIAL
     values = counter_values(profile)
     delta = (counter - last_counter) % values
@@ -131,7 +127,7 @@ cdef int64_t classify(
         return E2E_REPEATED
     if delta == 1:
         return E2E_OK
-    return E2E_OK_SOME_LOST if delta <= max_delta else E2E_WRONG_SEQUENCE
+    return E2E_OK_SOME_LOST if delta <= min(<int64_t> MAX_COUNTER_STEP, values // 2) else E2E_WRONG_SEQUENCE
 
 
 cdef void supervise(Supervision* memory, int64_t status) noexcept nogil:

@@ -38,9 +38,7 @@ cdef int64_t count_frame(Counting* counting, Clock* clock, int64_t sequence, int
             _count_anew(counting, sequence)
             return COUNT_ANEW
         return COUNT_OLD
-    counting.number = number
-    counting.sequence = sequence
-    counting.old = 0
+    counting.number, counting.sequence, counting.old = number, sequence, 0
     return COUNT_NEXT
 
 
@@ -67,7 +65,5 @@ cdef bint has_slipped(Clock* clock) noexcept nogil:
 
 
 cdef void _count_anew(Counting* counting, int64_t sequence) noexcept nogil:
-    counting.begun = True
-    counting.number = 0
-    counting.sequence = sequence
-    counting.old = 0
+    counting.begun, counting.sequence = True, sequence
+    counting.number = counting.old = 0

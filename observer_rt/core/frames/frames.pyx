@@ -26,18 +26,15 @@ cpdef enum:
 
 cdef int64_t INDEX_MASK = 0xFFFFFFFF  # of a sample index as sent
 cdef int64_t NANOSECONDS = 1000000000  # of a second
+# Added to the id of a frame for its key, as by bus.can_frame.frame_key.
+cdef int64_t EXTENDED_KEY = <int64_t> 1 << 32
+cdef int64_t BUS_KEY = <int64_t> 1 << 33  # for each bus before its own
 
 cdef enum:  # Placing
-    PLACING_ACCEPTED = 0
-    PLACING_REPEATED = 1
-    PLACING_OLD = 2
-    PLACING_RESTARTED = 3
+    PLACING_ACCEPTED, PLACING_REPEATED, PLACING_OLD, PLACING_RESTARTED
 
 cdef enum:  # Count
-    COUNT_NEXT = 0
-    COUNT_REPEATED = 1
-    COUNT_OLD = 2
-    COUNT_ANEW = 3
+    COUNT_NEXT, COUNT_REPEATED, COUNT_OLD, COUNT_ANEW
 
 cdef enum:  # Joining: how a message's samples are joined to the grid
     JOINING_INDEX = 0  # its index is the grid's

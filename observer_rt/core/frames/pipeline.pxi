@@ -1,10 +1,6 @@
 # Pipeline from one received frame to the frames it causes: check, decode, align, observe, publish.
 
 
-cdef enum:
-    MAX_COUNTER_STEP = 15  # larger steps of the E2E counter are a wrong sequence, not a few lost frames
-
-
 cdef inline bint handle(
     Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_t size, int64_t stamp
 ) noexcept nogil:
@@ -41,66 +37,22 @@ cdef bint proceed(Pipeline* pipeline) noexcept nogil:
 
 
 cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t size, int64_t stamp) noexcept nogil:
-    """Check one frame of an input message and take what it carries; one that fails a check is counted and dropped."""
-    receiver = pipeline.receiver
+    """Check, decode and align one frame of an input message; what fails a check is counted and dropped."""
     message = &pipeline.inputs.messages[number]
-    receiver.frames += message.group_count > 0
-    supervised = &pipeline.supervised[number]
-    status = judge(payload, size, message, supervised)
-    if status == E2E_LENGTH_ERROR:
-        receiver.length_errors += 1
-        receiver.odd_length[number] = size
-        return
-    if status == E2E_CRC_ERROR:
-        receiver.crc_errors += 1
-        return
-    if supervised.state == E2E_INVALID:
-        supervised.refused += 1
+    pipeline.receiver.frames += message.group_count > 0
+    status = check_frame(payload, size, message, &pipeline.supervised[number])
+    if _is_refused(pipeline, number, size, status):
         return
     take_inputs(&pipeline.input_memory, &pipeline.inputs, pipeline.observer, number, payload, status, stamp)
     pipeline.publisher.memory.learning = pipeline.input_memory.memory.learning
-    if message.group_count == 0 or not _take_samples(pipeline, number, payload, stamp):
-        return
-    decide(&pipeline.alignment)
-    decided = pipeline.alignment.memory.decided
-    if decided > pipeline.observer.memory.positions.recorded:
-        take_recorded(pipeline.observer, decided, doubt_of(&pipeline.keeping))
+    if message.group_count > 0 and _take_samples(pipeline, number, payload, stamp):
+        decide(&pipeline.alignment)
+        decided = pipeline.alignment.memory.decided
+        if decided > pipeline.observer.memory.positions.recorded:
+            take_recorded(pipeline.observer, decided, doubt_of(&pipeline.keeping))
 
 
-cdef bint _take_samples(Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t stamp) noexcept nogil:
-    """Decode and align the samples of a frame, and judge its sequence; False: it has some, and none has a place."""
-    cdef bint follows, contiguous, restarted = False
-    cdef int64_t carried = 0, placed = 0
-    receiver, message = pipeline.receiver, &pipeline.inputs.messages[number]
-    profile, last = message.protection.profile, receiver.last_counter[number]
-    counter = frame_counter(payload, profile)
-    status = classify(counter, last, last >= 0, _max_step(profile), profile)
-    follows = profile != UNPROTECTED and status == E2E_OK
-    for g in range(message.first_group, message.first_group + message.group_count):
-        group = &pipeline.inputs.groups[g]
-        if not is_selected(payload, &pipeline.inputs.selection, group.first_condition, group.condition_count):
-            continue
-        carried |= 1 << group.stream
-        contiguous = follows and receiver.interrupted[group.stream] == 0
-        placing = _take_group(pipeline, group, payload, counter, contiguous, stamp)
-        if placing == PLACING_ACCEPTED or placing == PLACING_RESTARTED:
-            placed |= 1 << group.stream
-            restarted |= placing == PLACING_RESTARTED
-    if carried != 0 and placed == 0:
-        return False
-    for g in range(message.first_group, message.first_group + message.group_count):
-        stream = pipeline.inputs.groups[g].stream
-        if (placed >> stream) & 1:
-            receiver.interrupted[stream] = 0
-        elif not follows:
-            receiver.interrupted[stream] = 1
-    if not restarted and (status == E2E_WRONG_SEQUENCE or status == E2E_REPEATED) and profile != UNPROTECTED:
-        receiver.sequence_errors += 1
-    receiver.last_counter[number] = counter
-    return True
-
-
-cdef int64_t judge(
+cdef int64_t check_frame(
     const uint8_t* payload, int64_t size, const InputMessage* message, Supervision* supervised
 ) noexcept nogil:
     """E2EStatus of a frame by its length and its protection, which takes note of it; OK without protection."""
@@ -108,19 +60,71 @@ cdef int64_t judge(
     cdef int64_t status = E2E_OK
     if size != message.length and size != message.padded_length:
         status = E2E_LENGTH_ERROR
-    elif not check(payload, size, message.length, &message.protection):
+    elif not has_good_crc(payload, size, message.length, &message.protection):
         status = E2E_CRC_ERROR
     elif profile != UNPROTECTED:
-        counter, last = frame_counter(payload, profile), supervised.counter
-        status = classify(counter, last, last >= 0, _max_step(profile), profile)
+        counter = frame_counter(payload, profile)
+        status = classify(counter, supervised.counter, profile)
         supervised.counter = counter
     if profile != UNPROTECTED:
         supervise(supervised, status)
     return status
 
 
-cdef int64_t _max_step(int64_t profile) noexcept nogil:
-    return min(<int64_t> MAX_COUNTER_STEP, counter_values(profile) // 2)
+cdef inline bint _is_refused(Pipeline* pipeline, int64_t number, int64_t size, int64_t status) noexcept nogil:
+    """Whether a frame of this E2EStatus fails a check; each is counted."""
+    receiver, supervised = pipeline.receiver, &pipeline.supervised[number]
+    if status == E2E_LENGTH_ERROR:
+        receiver.length_errors += 1
+        receiver.odd_length[number] = size
+    elif status == E2E_CRC_ERROR:
+        receiver.crc_errors += 1
+    elif supervised.state == E2E_INVALID:
+        supervised.refused += 1
+    else:
+        return False
+    return True
+
+
+cdef bint _take_samples(Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t stamp) noexcept nogil:
+    """Decode and align the samples of a checked frame; False if none of them has a place."""
+    cdef bint follows, restarted = False
+    cdef int64_t carried = 0, placed = 0  # bits of streams
+    receiver, message = pipeline.receiver, &pipeline.inputs.messages[number]
+    profile = message.protection.profile
+    counter = frame_counter(payload, profile)
+    status = classify(counter, receiver.last_counter[number], profile)
+    follows = profile != UNPROTECTED and status == E2E_OK
+    for g in range(message.first_group, message.first_group + message.group_count):
+        group = &pipeline.inputs.groups[g]
+        if not is_selected(payload, &pipeline.inputs.selection, group.first_condition, group.condition_count):
+            continue
+        carried |= 1 << group.stream
+        placing = _take_group(
+            pipeline, group, payload, counter, follows and receiver.interrupted[group.stream] == 0, stamp
+        )
+        if placing == PLACING_ACCEPTED or placing == PLACING_RESTARTED:
+            placed |= 1 << group.stream
+            restarted |= placing == PLACING_RESTARTED
+    if carried != 0 and placed == 0:
+        return False
+    _note_interruptions(pipeline, message, placed, follows)
+    if not restarted and (status == E2E_WRONG_SEQUENCE or status == E2E_REPEATED) and profile != UNPROTECTED:
+        receiver.sequence_errors += 1
+    receiver.last_counter[number] = counter
+    return True
+
+
+cdef inline void _note_interruptions(
+    Pipeline* pipeline, const InputMessage* message, int64_t placed, bint follows
+) noexcept nogil:
+    """Note which streams a frame interrupts: those without a bit in `placed`, unless it follows the last one."""
+    for g in range(message.first_group, message.first_group + message.group_count):
+        stream = pipeline.inputs.groups[g].stream
+        if (placed >> stream) & 1:
+            pipeline.receiver.interrupted[stream] = 0
+        elif not follows:
+            pipeline.receiver.interrupted[stream] = 1
 
 
 cdef int64_t _take_group(

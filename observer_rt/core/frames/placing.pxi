@@ -36,9 +36,7 @@ cdef int64_t place_block(
         return placing
     stream.old_blocks = 0
     if start > stream.next_index and stream.on_grid:
-        stream.jump_block = stream.last_start
-        stream.jump_from = stream.next_index
-        stream.jump_to = start
+        stream.jump_block, stream.jump_from, stream.jump_to = stream.last_start, stream.next_index, start
         stream.jump_contiguous = contiguous
         decide_until(alignment, start + count - PATIENCE)  # what waited longer is stale, and a jump needs its slots
     _extend(alignment, message, start, count)
@@ -72,8 +70,7 @@ cdef int64_t _unwrapped(Alignment* alignment, int64_t message, int64_t raw_index
 cdef void _extend(Alignment* alignment, int64_t message, int64_t start, int64_t count) noexcept nogil:
     memory = alignment.memory
     stream = &alignment.streams[message]
-    stream.last_start = start
-    stream.next_index = start + count
+    stream.last_start, stream.next_index = start, start + count
     if stream.on_grid:
         memory.newest = max(memory.newest, stream.next_index)
 
@@ -83,9 +80,7 @@ cdef void _begin_stream(Alignment* alignment, int64_t message, int64_t start, in
     _extend(alignment, message, start, count)
     stream.seen = True
     stream.first_index = start
-    stream.jump_block = start
-    stream.jump_from = start
-    stream.jump_to = start
+    stream.jump_block = stream.jump_from = stream.jump_to = start
     stream.jump_contiguous = False
     stream.old_blocks = 0
 
@@ -120,6 +115,4 @@ cdef void _begin_anew(Alignment* alignment, int64_t message) noexcept nogil:
             alignment.streams[m].seen = False
     for k in range(SLOTS):
         alignment.slots[k].index = -1
-    memory.begun = False
-    memory.newest = 0
-    memory.next_break = BREAK_RESTART
+    memory.begun, memory.newest, memory.next_break = False, 0, BREAK_RESTART

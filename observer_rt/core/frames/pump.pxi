@@ -18,7 +18,6 @@ cpdef enum:
     SHORTEST_LATENCY = 10  # bits of those [ns] that come before them: 1 us
 
 cdef int64_t LARGEST_LATENCY = 10000000000  # ns: longer ago a frame was recorded, not received
-cdef int64_t EXTENDED = <int64_t> 1 << 32, BUS = <int64_t> 1 << 33  # in the key of a frame, as of `bus.can_frame`
 
 cdef extern from *:
     """
@@ -246,48 +245,41 @@ cdef int64_t _earliest(Pumped* pump) noexcept nogil:
 
 
 cdef void _note_stamp(Pumped* pump, int64_t number) noexcept nogil:
-    """The stamp of a bus's next frame, if one waits: the feeder's behind the frame, else what the kernel says."""
-    cdef int64_t place
+    """The stamp of a bus's next frame, and what the kernel says of lost ones."""
+    cdef int64_t stamp = 0, place, by_kernel, by_interface
+    cdef int64_t[6] times
+    cdef uint32_t overflows
+    cdef cmsghdr* said
+    cdef msghdr* header
     bus = &pump.buses[number]
     if bus.next >= bus.count:
         return
     place = number * BATCH + bus.next
     if pump.headers[place].msg_len == SLOT_BYTES:
         memcpy(&bus.stamp, pump.frames + (place + 1) * SLOT_BYTES - sizeof(int64_t), sizeof(int64_t))
-    else:
-        _read_control(bus, &pump.headers[place].msg_hdr)
-
-
-cdef void _read_control(PumpBus* bus, msghdr* header) noexcept nogil:
-    """The stamp and the count of lost frames that the kernel puts beside a frame; without a stamp it is now."""
-    cdef int64_t[6] times
-    cdef uint32_t overflows
-    control = CMSG_FIRSTHDR(header)
-    bus.stamp = 0
-    while control != NULL:
-        if control.cmsg_level == SOL_SOCKET:
-            if control.cmsg_type == SO_TIMESTAMPNS:
-                memcpy(times, CMSG_DATA(control), 2 * sizeof(int64_t))
-                bus.stamp = times[0] * NANOSECONDS + times[1]
-            elif control.cmsg_type == SO_TIMESTAMPING:
-                memcpy(times, CMSG_DATA(control), 6 * sizeof(int64_t))
-                bus.stamp = _interface_stamp(bus, times[0] * NANOSECONDS + times[1], times[4] * NANOSECONDS + times[5])
-            elif control.cmsg_type == SO_RXQ_OVFL:
-                memcpy(&overflows, CMSG_DATA(control), sizeof(overflows))
+        return
+    header = &pump.headers[place].msg_hdr
+    said = CMSG_FIRSTHDR(header)
+    while said != NULL:
+        if said.cmsg_level == SOL_SOCKET:
+            if said.cmsg_type == SO_TIMESTAMPNS:
+                memcpy(times, CMSG_DATA(said), 2 * sizeof(int64_t))
+                stamp = times[0] * NANOSECONDS + times[1]
+            elif said.cmsg_type == SO_TIMESTAMPING:
+                memcpy(times, CMSG_DATA(said), 6 * sizeof(int64_t))
+                by_kernel = times[0] * NANOSECONDS + times[1]
+                by_interface = times[4] * NANOSECONDS + times[5]
+                stamp = by_kernel
+                if by_interface != 0:
+                    if not bus.has_offset:
+                        bus.offset = (by_kernel if by_kernel != 0 else now(CLOCK_REALTIME)) - by_interface
+                        bus.has_offset = True
+                    stamp = by_interface + bus.offset
+            elif said.cmsg_type == SO_RXQ_OVFL:
+                memcpy(&overflows, CMSG_DATA(said), sizeof(overflows))
                 bus.overflows = overflows
-        control = CMSG_NXTHDR(header, control)
-    if bus.stamp == 0:
-        bus.stamp = now(CLOCK_REALTIME)
-
-
-cdef int64_t _interface_stamp(PumpBus* bus, int64_t by_kernel, int64_t by_interface) noexcept nogil:
-    """The interface's stamp moved to the computer's time by the offset of its first, else the kernel's; 0: neither."""
-    if by_interface == 0:
-        return by_kernel
-    if not bus.has_offset:
-        bus.offset = (by_kernel if by_kernel != 0 else now(CLOCK_REALTIME)) - by_interface
-        bus.has_offset = True
-    return by_interface + bus.offset
+        said = CMSG_NXTHDR(header, said)
+    bus.stamp = stamp if stamp != 0 else now(CLOCK_REALTIME)
 
 
 cdef bint _take_frame(Pumped* pump, Pipeline* pipeline, int64_t number) noexcept nogil:
@@ -304,11 +296,8 @@ cdef bint _take_frame(Pumped* pump, Pipeline* pipeline, int64_t number) noexcept
     frame = pump.frames + place * SLOT_BYTES
     memcpy(&identifier, frame, sizeof(identifier))
     length = min(<int64_t> frame[4], <int64_t> LONGEST_FRAME)
-    key = number * BUS
-    if identifier & CAN_EFF_FLAG:
-        key += EXTENDED + (identifier & CAN_EFF_MASK)
-    else:
-        key += identifier & CAN_SFF_MASK
+    key = number * BUS_KEY
+    key += EXTENDED_KEY + (identifier & CAN_EFF_MASK) if identifier & CAN_EFF_FLAG else identifier & CAN_SFF_MASK
     stamp = bus.stamp
     bus.next += 1
     _note_stamp(pump, number)

@@ -47,10 +47,10 @@ def protect_frame(uint8_t[::1] payload, int64_t length, protection, int64_t coun
         protect(&payload[0], length, &row[0], counter)
 
 
-def judge_frame(const uint8_t[::1] payload, message, Supervision[::1] supervised) -> int:
+def status_of_frame(const uint8_t[::1] payload, message, Supervision[::1] supervised) -> int:
     """E2EStatus of a frame of a message, a row `INPUT_MESSAGE`; its state machine, `supervised` (1,), notes it."""
     cdef const InputMessage[::1] row = atleast_1d(message)
-    return judge(&payload[0] if payload.shape[0] else NULL, payload.shape[0], &row[0], &supervised[0])
+    return check_frame(&payload[0] if payload.shape[0] else NULL, payload.shape[0], &row[0], &supervised[0])
 
 
 def values_of_counter(int64_t profile) -> int:

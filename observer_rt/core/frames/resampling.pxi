@@ -47,8 +47,7 @@ cdef void follow(Alignment* alignment, int64_t message, double position, const d
         follower.next_index = last + 1
         if (follower.roles >> LIFT) & 1:
             _follow_lift(alignment, follower, position, values[LIFT], first)
-    follower.stale = False
-    follower.position = position
+    follower.stale, follower.position = False, position
     for role in range(MAX_INPUTS):
         follower.values[role] = values[role]
 
@@ -77,8 +76,7 @@ cdef void _follow_lift(
         value = lift + (1.0 - share) * (follower.values[LIFT] - lift)  # to the last bit its own
         place = min(max(begin + share * (row + after - begin) - index, 0.0), 1.0)
         store(alignment, index, LIFT, value, index < row and distance > MISSED, place)
-    follower.lift_row = row
-    follower.lift_after = after
+    follower.lift_row, follower.lift_after = row, after
 
 
 cdef int64_t _end_of_grid(Alignment* alignment) noexcept nogil:
@@ -95,8 +93,6 @@ cdef void _begin_follower(Follower* follower, double position) noexcept nogil:
     """Begin a follower anew, of which nothing is known before this sample."""
     if not follower.begun:
         follower.first_index = <int64_t> ceil(position)
-    follower.begun = True
-    follower.next_index = <int64_t> ceil(position)
-    follower.lift_row = <int64_t> ceil(position) - 1
+    follower.begun, follower.shut_for = True, 0
+    follower.next_index, follower.lift_row = <int64_t> ceil(position), <int64_t> ceil(position) - 1
     follower.lift_after = position - follower.lift_row
-    follower.shut_for = 0

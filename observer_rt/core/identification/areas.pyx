@@ -1,6 +1,6 @@
 """Normalised seat areas of a recorded lift, its ramps extended to where the needle leaves its seat."""
 
-from libc.math cimport fabs, isnan
+from libc.math cimport fabs
 from libc.stdint cimport int64_t
 
 from observer_rt.core.model.hydraulics cimport Seat, normalised_area
@@ -19,13 +19,13 @@ cdef struct Foot:
 
 def fill_areas(
     const double[:] lift, const int64_t[:, ::1] openings, const double[:, ::1] ramps, double factor, double shift,
-    double rounding, double tolerance, seat, double[::1] area
+    double rounding, bint means, double tolerance, seat, double[::1] area
 ) -> None:
     """Normalised seat areas (n,): of the true lift while open, 0 while shut.
 
     openings: (k, 2) first and last sample; ramps: (k, 4) lift and slope of the rising ramp, of the falling one.
-    tolerance: of `slope_of_means`, where samples are means and the first and last one of an opening are each over a
-    part of a ramp only, which is extended to it; else nan.
+    means: whether samples are means, the first and last one of an opening each over a part of a ramp only, which is
+    extended to it; tolerance: of `slope_of_means` then.
 
     A sensor that reads too little misses the foot of a ramp, which is extended to where the needle leaves its seat.
     Beside it stands the negative area the ramp comes from, see `between` in `lump.pxi`.
@@ -48,7 +48,7 @@ def fill_areas(
             for k in range(first, last + 1):
                 area[k] = _area(factor * lift[k] + shift, &of_seat)
             rising.lift, rising.slope, falling.lift, falling.slope = ramps[i, 0], ramps[i, 1], ramps[i, 2], ramps[i, 3]
-            if not isnan(tolerance):
+            if means:
                 rising = _ramp_of_means(lift[first], lift[min(first + 1, samples - 1)], rising, tolerance)
                 falling = _ramp_of_means(lift[last], lift[max(last - 1, <int64_t> 0)], falling, tolerance)
                 area[first] = _area(factor * rising.lift + shift, &of_seat)

@@ -8,7 +8,7 @@ from numpy import array, zeros, zeros_like
 from observer_rt.core.learning.matrices cimport propagate
 from observer_rt.core.model.hydraulics cimport Seat, sac_stiffness, seat_area_slope
 from observer_rt.core.model.model cimport (
-    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, flow_numbers, flow_slopes, predict, rate_after,
+    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, flow_slopes, flow_slopes_by_theta, predict, rate_after,
     servos_over, shown_under_terms, trusted_under_terms, under_terms
 )
 from observer_rt.core.model.needle cimport NEEDLE_NUMBERS
@@ -105,8 +105,8 @@ cdef class _FlowRecord:
         u.area = max(u.area, 0.0)
         if u.area <= 0.0 and x[SAC] == 0.0:
             return
-        flow_slopes(x, u, c, &forced.network, &flows)
-        flow_numbers(x, u, &flows, t, t.of_flows, t.of_flows + t.m)
+        flow_slopes(x, &u, c, &forced.network, &flows)
+        flow_slopes_by_theta(u, &flows, t, t.of_flows, t.of_flows + t.m)
         self.rate[k], self.fullness[k] = nozzle_flow * flows.q_h, x[SAC] / x[0]
         for i in range(3):
             gradient[i] = nozzle_flow * flows.h_x[i]

@@ -23,7 +23,7 @@ cdef void move_end(
     cdef int64_t j
     if is_at_rest(x, mean) and end.area <= 0.0:
         middle = before + half * soft * line.a1 * (x[1] - line.outflow)
-        middle -= half * soft * drained(before, &line.softness, line.servo, line.displaced, mean)
+        middle -= half * soft * drained(before, &line.softness, line.control_flow, line.displaced, mean)
         middle /= 1.0 + half * soft * line.leak
     else:
         middle = _solve_end(x, mean, half, half * soft, c, network, &sac)
@@ -58,50 +58,44 @@ cdef double _solve_end(
     error that grew is shorter, for where the nozzle's flow falls with its pressure they may go in circles.
     """
     line, sac = &c.line.wave, &c.sac
-    cdef double p_0 = x[0], flow = x[1], s_0 = x[SAC], p = x[0], s = x[SAC]
-    cdef double inflow = line.a1 * (flow - line.outflow)
-    cdef double lowest = min(s_0, p_0, 0.0) - SPARE, highest = max(s_0, p_0, 0.0) + SPARE
-    cdef double[INPUTS] z
-    cdef double[INPUTS] h_z
-    cdef double[INPUTS] s_z
-    cdef double nozzle, seat, through_nozzle, through_seat, q_h, q_s, fill, soften, seat_by_sac
-    cdef double h_s, s_p, s_s, line_error, sac_error, pp, ps, sp, ss, whole, by_p, by_s, unused, error
-    cdef double share = 1.0, error_before = INFINITY
+    cdef double[3] solved  # p_L, Q_L, p_S
+    cdef double lowest = min(x[SAC], x[0], 0.0) - SPARE, highest = max(x[SAC], x[0], 0.0) + SPARE
+    cdef double inflow = line.a1 * (x[1] - line.outflow), fill, soften, line_error, sac_error, pp, ps, sp, ss, whole
+    cdef double middle, by_p, by_s, error, share = 1.0, error_before = INFINITY
+    cdef FlowSlopes flows
     cdef int64_t iteration
-    inflow -= drained(p_0, &line.softness, line.servo, line.displaced, u)  # explicit: the root hardly changes in a step
+    memcpy(solved, x, sizeof(solved))
+    inflow -= drained(x[0], &line.softness, line.control_flow, line.displaced, u)  # explicit: the root hardly moves
     for iteration in range(<int64_t> MOST_ITERATIONS):
-        gather_inputs(p, s, u, z)
-        nozzle, seat = 1.0 + change_of(False, z, network, h_z), 1.0 + change_of(True, z, network, s_z)
-        through_nozzle = nozzle_law(s, u.area, network.nozzle, &c.nozzle)
-        through_seat = seat_law(p, s, u.area, &c.seat)
-        q_h, q_s = through_nozzle * nozzle, through_seat * seat
-        h_s = nozzle_law_slopes(s, u.area, network.nozzle, &c.nozzle).by_sac * nozzle + through_nozzle * h_z[NOZZLE_DROP]
-        s_p = seat_law_slopes(p, s, u.area, &c.seat, &unused, &seat_by_sac) * seat + through_seat * s_z[SEAT_DROP]
-        s_s = seat_by_sac * seat - through_seat * s_z[SEAT_DROP]
-        fill = sac_step * sac_stiffness(0.5 * (s_0 + s), sac)
-        soften = 0.5 * sac_step * bent_slope(0.5 * (s_0 + s), sac.stiffness_slope, sac.stiffness_bend)
-        line_error = p - p_0 - line_step * (inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s)
-        sac_error = s - s_0 - fill * sac_rate(q_h, q_s, sac)
-        pp = 1.0 + line_step * (line.leak + line.a2_seat * s_p)
-        ps = line_step * (line.a2_nozzle * h_s + line.a2_seat * s_s)
-        sp = -fill * sac.a5 * s_p
-        ss = 1.0 + fill * (sac.a6 * h_s - sac.a5 * s_s) - soften * sac_rate(q_h, q_s, sac)
+        flow_slopes(solved, &u, c, network, &flows)
+        middle = 0.5 * (x[SAC] + solved[SAC])
+        fill = sac_step * sac_stiffness(middle, sac)
+        soften = 0.5 * sac_step * bent_slope(middle, sac.stiffness_slope, sac.stiffness_bend)
+        soften *= sac_rate(flows.q_h, flows.q_s, sac)
+        line_error = solved[0] - x[0] - line_step * (
+            inflow - line.leak * solved[0] - line.a2_nozzle * flows.q_h - line.a2_seat * flows.q_s
+        )
+        sac_error = solved[SAC] - x[SAC] - fill * sac_rate(flows.q_h, flows.q_s, sac)
+        pp = 1.0 + line_step * (line.leak + line.a2_seat * flows.s_x[0])
+        ps = line_step * (line.a2_nozzle * flows.h_x[SAC] + line.a2_seat * flows.s_x[SAC])
+        sp = -fill * sac.a5 * flows.s_x[0]
+        ss = 1.0 + fill * (sac.a6 * flows.h_x[SAC] - sac.a5 * flows.s_x[SAC]) - soften
         error = fabs(line_error) + fabs(sac_error)
         share = 0.5 * share if error > error_before else min(2.0 * share, 1.0)
         error_before = error
         whole = pp * ss - ps * sp
         by_p = share * (ps * sac_error - ss * line_error) / whole
         by_s = share * (sp * line_error - pp * sac_error) / whole
-        if s + by_s < lowest:
-            by_s = 0.5 * (lowest - s)
-        elif s + by_s > highest:
-            by_s = 0.5 * (highest - s)
-        p += by_p
-        s += by_s
+        if solved[SAC] + by_s < lowest:
+            by_s = 0.5 * (lowest - solved[SAC])
+        elif solved[SAC] + by_s > highest:
+            by_s = 0.5 * (highest - solved[SAC])
+        solved[0] += by_p
+        solved[SAC] += by_s
         if fabs(by_p) + fabs(by_s) < CLOSE:
             break
-    solved_sac[0] = s
-    return p
+    solved_sac[0] = solved[SAC]
+    return solved[0]
 
 
 cdef void _end_rows(
@@ -128,8 +122,8 @@ cdef void _end_rows(
     memcpy(line_row, of_line, t.m * sizeof(double))
     if not at_rest:
         memcpy(sac_row, of_sac, t.m * sizeof(double))
-        flow_slopes(solved, u, c, network, &flows)
-        flow_numbers(solved, u, &flows, t, of_h, of_s)
+        flow_slopes(solved, &u, c, network, &flows)
+        flow_slopes_by_theta(u, &flows, t, of_h, of_s)
         q_h, q_s = flows.q_h, flows.q_s
         h_flow, s_flow = flows.h_x[1], flows.s_x[1]
         pp += fill * (line.a2_nozzle * flows.h_x[0] + line.a2_seat * flows.s_x[0])
@@ -148,7 +142,7 @@ cdef void _end_rows(
     if line_step > 0.0:
         inflow = flow - line.outflow
         net = line.a1 * inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
-        net -= drained(x[0], &line.softness, line.servo, line.displaced, u)
+        net -= drained(x[0], &line.softness, line.control_flow, line.displaced, u)
         by_pressure = stiffness_slopes(x[0], &line.softness, &by_air, &by_slope)
         by_line = <WaveLine*> t.by_coefficient
         by_line.a1 = fill * inflow
@@ -156,14 +150,14 @@ cdef void _end_rows(
         by_line.a2_seat = -fill * q_s
         by_line.leak = -fill * p
         by_line.displaced = -fill * u.servo.speed
-        by_line.servo = 0.0
+        by_line.control_flow = 0.0
         if u.servo.opening != 0.0:
-            by_line.servo = -fill * u.servo.opening * servo_root(x[0], &line.softness)
-            add_valve(line_row, -fill, x[0], &line.softness, line.servo, u, &t.theta)
+            by_line.control_flow = -fill * u.servo.opening * control_root(x[0], &line.softness)
+            add_valve(line_row, -fill, x[0], &line.softness, line.control_flow, u, &t.theta)
         by_line.softness.air = line_step * by_air * net
         by_line.softness.stiffness_slope = line_step * by_slope * net
         add_coefficients(t, t.moved, 0, 1)  # its first row is that of the line
-        soften = line_step * by_pressure * net - fill * drained_slope(x[0], &line.softness, line.servo, u)
+        soften = line_step * by_pressure * net - fill * drained_slope(x[0], &line.softness, line.control_flow, u)
         by_flow = fill * (line.a1 - line.a2_nozzle * h_flow - line.a2_seat * s_flow)
         for j in range(t.m):
             line_row[j] += soften * of_line[j] + by_flow * of_flow[j]

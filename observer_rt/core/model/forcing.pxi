@@ -5,21 +5,10 @@
 # of the line, the constants of the network, the inputs.
 
 cdef enum:
-    # places in `Forcing.past`
-    PAST_TIME = 0  # s
-    PAST_INJECTIONS = 1
-    PAST_SINCE = 2  # ms
-    PAST_LIFT = 3  # mm
-    PAST_PRESSURE = 4  # MPa
-    PAST_AREA = 5
-    PAST_OF_FLOWS = 6  # whether a law reads the flow through seat or nozzle
-    PAST_OF_SENSOR = 7  # whether one is of the sensor
-    # and in `Forcing.variables`
-    VARIABLE_LINE_PRESSURE = 1
-    VARIABLE_SEAT_FLOW = 5
-    VARIABLE_NOZZLE_FLOW = 6
-    VARIABLE_RATES = 9  # of lift, rail pressure and line pressure
-    VARIABLE_OPEN = 15
+    # places in `Forcing.past`: s, number, ms, mm, MPa, and ..
+    PAST_TIME, PAST_INJECTIONS, PAST_SINCE, PAST_LIFT, PAST_PRESSURE, PAST_AREA
+    PAST_OF_FLOWS  # .. whether a law reads the flow through seat or nozzle
+    PAST_OF_SENSOR  # .. whether one is of the sensor
     LIFT_ITERATIONS = 5  # of a lift whose flow coefficient depends on it
 
 cdef double LEAST_LIFT = 0.02e-6  # m, from which on a term holds a needle open that is seen to be shut
@@ -33,19 +22,14 @@ cdef void begin_forcing(Forcing* f, double time, double injections) noexcept nog
     """Let a program begin anew with the needle shut, at a time [s] after so many injections."""
     cdef int64_t i
     f.first_of_sensor = sensor_rows(f.program, f.rows)
-    for i in range(<int64_t> PAST_NUMBERS):
-        f.past[i] = 0.0
-    f.past[PAST_OF_SENSOR] = 1.0 if f.first_of_sensor < f.rows else 0.0
-    f.past[PAST_OF_FLOWS] = (
-        1.0 if reads(f.program, f.rows, VARIABLE_SEAT_FLOW) or reads(f.program, f.rows, VARIABLE_NOZZLE_FLOW) else 0.0
-    )
+    memset(f.past, 0, PAST_NUMBERS * sizeof(double))
+    memset(f.variables, 0, VARIABLES * sizeof(double))
+    memset(f.totals, 0, TOTALS * sizeof(double))
+    f.past[PAST_OF_SENSOR] = f.first_of_sensor < f.rows
+    f.past[PAST_OF_FLOWS] = reads(f.program, f.rows, VARIABLE_SEAT_FLOW) or reads(f.program, f.rows, VARIABLE_NOZZLE_FLOW)
     f.past[PAST_TIME], f.past[PAST_INJECTIONS], f.past[PAST_PRESSURE] = time, injections, NAN
     for i in range(3 * f.rows):
         f.memory[i] = NAN
-    for i in range(<int64_t> VARIABLES):
-        f.variables[i] = 0.0
-    for i in range(<int64_t> TOTALS):
-        f.totals[i] = 0.0
 
 
 cdef void under_terms(
@@ -67,28 +51,35 @@ cdef void _force(
     Forced* forced
 ) noexcept nogil:
     """Apply the terms in force to line, network and inputs of an interval."""
-    cdef double pressure = MEGAPASCAL / c.pressure_scale, flow = MM3_PER_MS / c.flow_scale, more, lift, area
-    cdef double* totals = f.totals  # in the order of `TermEquation`
-    cdef bint moves, bends
+    cdef double pressure = MEGAPASCAL / c.pressure_scale, flow = MM3_PER_MS / c.flow_scale
+    cdef double* totals = f.totals
     _observe(x, interval, c, network, f)
     run_program(f.program, 0, f.first_of_sensor, f.rows, f.variables, f.memory, interval.length / MILLISECOND, totals)
-    f.bias[0] = network.bias[0] + totals[3]
-    f.bias[1] = network.bias[1] + totals[2]
+    f.bias[0] = network.bias[0] + totals[EQUATION_NOZZLE_FLOW]
+    f.bias[1] = network.bias[1] + totals[EQUATION_SEAT_FLOW]
     memcpy(f.nozzle, network.nozzle, NOZZLE_NUMBERS * sizeof(double))
-    f.nozzle[0] += totals[6] * pressure
+    f.nozzle[0] += totals[EQUATION_CHAMBER_PRESSURE] * pressure
     forced.network.bias, forced.network.nozzle = f.bias, f.nozzle
-    _change_line(&forced.coefficients, totals[4], totals[5], totals[1] * flow, totals[0] * pressure)
-    more, lift = totals[9] * pressure, totals[8] * MILLIMETRE
-    moves = f.variables[VARIABLE_OPEN] > 0.0
-    area = lifted(interval.end.area, lift, moves, &c.seat)
-    f.past[PAST_AREA] = area
-    bends = interval.start.area > 0.0 or knot.area > 0.0 or interval.end.area > 0.0
-    forced.interval.start.rail = interval.start.rail + more
-    forced.interval.start.area = lifted(interval.start.area, lift, moves, &c.seat)
-    forced.interval.end.rail = interval.end.rail + more
-    forced.interval.end.area = area
-    forced.knot.share = knot.share if bends else 0.0
-    forced.knot.area = lifted(knot.area, lift, moves, &c.seat)
+    _change_line(
+        &forced.coefficients, totals[EQUATION_STIFFNESS], totals[EQUATION_INERTANCE],
+        totals[EQUATION_LINE_PRESSURE] * flow, totals[EQUATION_LINE_FLOW] * pressure,
+    )
+    _change_inputs(
+        interval, knot, totals[EQUATION_RAIL_PRESSURE] * pressure, totals[EQUATION_NEEDLE_LIFT] * MILLIMETRE,
+        f.variables[VARIABLE_OPEN] > 0.0, &c.seat, forced,
+    )
+    f.past[PAST_AREA] = forced.interval.end.area
+
+
+cdef void _change_inputs(
+    const Interval* interval, Knot knot, double rail, double lift, bint moves, const Seat* seat, Forced* forced
+) noexcept nogil:
+    """Add to the rail pressure [p_0] and the lift [m] of an interval; moves: as of `lifted`."""
+    cdef bint bends = interval.start.area > 0.0 or knot.area > 0.0 or interval.end.area > 0.0
+    start, end = &forced.interval.start, &forced.interval.end
+    start.rail, end.rail = interval.start.rail + rail, interval.end.rail + rail
+    start.area, end.area = lifted(interval.start.area, lift, moves, seat), lifted(interval.end.area, lift, moves, seat)
+    forced.knot.share, forced.knot.area = knot.share if bends else 0.0, lifted(knot.area, lift, moves, seat)
 
 
 cdef void _change_line(
@@ -124,7 +115,7 @@ cdef double shown_under_terms(double shown, const Forced* forced, Forcing* f) no
     line_pressure = (shown * c.pressure_scale + c.chamber_pressure) / MEGAPASCAL
     f.variables[VARIABLE_LINE_PRESSURE] = line_pressure
     if duration > 0.0:
-        f.variables[VARIABLE_RATES + 2] = (line_pressure - f.past[PAST_PRESSURE]) * MILLISECOND / duration
+        f.variables[VARIABLE_LINE_RATE] = (line_pressure - f.past[PAST_PRESSURE]) * MILLISECOND / duration
     run_program(f.program, f.first_of_sensor, f.rows, f.rows, f.variables, f.memory, duration / MILLISECOND, f.totals)
     return shown + f.totals[EQUATION_SENSOR] * MEGAPASCAL / c.pressure_scale
 
@@ -154,7 +145,9 @@ cdef void _observe(
     cdef double duration = interval.length / MILLISECOND
     cdef double* past = f.past
     cdef double* seen = f.variables
-    cdef double q_h = 0.0, q_s = 0.0, unit, chamber, line_pressure, lift_rate, rail_rate, line_rate, through_nozzle, rise
+    cdef double q_h = 0.0, q_s = 0.0, line_pressure, rise
+    cdef double unit = c.pressure_scale / MEGAPASCAL, chamber = c.chamber_pressure / MEGAPASCAL
+    cdef double through_nozzle = c.nozzle.flow / MM3_PER_MS
     cdef double[2] line
     cdef Inputs u = between(interval.start, interval.end, 0.5)
     u.rail = 0.5 * (interval.start.rail + interval.end.rail)
@@ -165,40 +158,29 @@ cdef void _observe(
         past[PAST_INJECTIONS] += 1.0
         past[PAST_SINCE] = 0.0
     if past[PAST_OF_FLOWS] > 0.0 and not is_at_rest(x, u):
-        changed_flows(x, u, c, network, &q_h, &q_s)
+        flows_with_phi(x, u, c, network, &q_h, &q_s)
     _line_in_middle(x, u, 0.5 * interval.length, c, network, f, line)
-    unit = c.pressure_scale / MEGAPASCAL
-    chamber = c.chamber_pressure / MEGAPASCAL
     line_pressure = line[0] * unit + chamber
-    lift_rate, rail_rate, line_rate = seen[VARIABLE_RATES], seen[VARIABLE_RATES + 1], seen[VARIABLE_RATES + 2]
     if duration > 0.0:
-        lift_rate = (lift - past[PAST_LIFT]) / duration
-        rail_rate = (interval.end.rail - interval.start.rail) * unit / duration
         rise = line_pressure - past[PAST_PRESSURE]
-        line_rate = 0.0 if isnan(rise) else rise / duration
+        seen[VARIABLE_LIFT_RATE] = (lift - past[PAST_LIFT]) / duration
+        seen[VARIABLE_RAIL_RATE] = (interval.end.rail - interval.start.rail) * unit / duration
+        seen[VARIABLE_LINE_RATE] = 0.0 if isnan(rise) else rise / duration
         past[PAST_LIFT], past[PAST_PRESSURE] = lift, line_pressure
-    through_nozzle = c.nozzle.flow / MM3_PER_MS
-    # in the order of `Variable`
-    seen[0] = u.rail * unit + chamber
-    seen[1] = line_pressure
-    seen[2] = x[2] * unit + chamber
-    seen[3] = chamber
+    seen[VARIABLE_RAIL_PRESSURE] = u.rail * unit + chamber
+    seen[VARIABLE_LINE_PRESSURE] = line_pressure
+    seen[VARIABLE_SAC_PRESSURE] = x[SAC] * unit + chamber
+    seen[VARIABLE_CHAMBER_PRESSURE] = chamber
     # friction and inertance act along a whole line: shut at its end it goes on ringing, and there nothing flows
-    seen[4] = (mean_flow(x, c.cells) if c.cells > 0 else line[1]) * c.flow_scale / MM3_PER_MS
-    seen[5] = q_s * through_nozzle * c.sac.a5 / c.sac.a6
-    seen[6] = q_h * through_nozzle
-    seen[7] = lift
-    seen[8] = NAN  # the largest lift, a number in every program
-    seen[9] = lift_rate
-    seen[10] = rail_rate
-    seen[11] = line_rate
-    seen[12] = past[PAST_SINCE]
-    seen[13] = past[PAST_TIME]
-    seen[14] = max(past[PAST_INJECTIONS], 1.0)
-    seen[15] = 1.0 if is_open else 0.0
-    seen[16] = 0.0 if is_open else 1.0
-    seen[17] = 1.0 if is_open and lift_rate > 0.0 else 0.0
-    seen[18] = 1.0 if is_open and lift_rate < 0.0 else 0.0
+    seen[VARIABLE_LINE_FLOW] = (mean_flow(x, c.cells) if c.cells > 0 else line[1]) * c.flow_scale / MM3_PER_MS
+    seen[VARIABLE_SEAT_FLOW] = q_s * through_nozzle * c.sac.a5 / c.sac.a6
+    seen[VARIABLE_NOZZLE_FLOW] = q_h * through_nozzle
+    seen[VARIABLE_LIFT], seen[VARIABLE_MAX_LIFT] = lift, NAN  # the largest is a number in every program
+    seen[VARIABLE_SINCE_OPENING], seen[VARIABLE_TIME] = past[PAST_SINCE], past[PAST_TIME]
+    seen[VARIABLE_INJECTION_NUMBER] = max(past[PAST_INJECTIONS], 1.0)
+    seen[VARIABLE_OPEN], seen[VARIABLE_CLOSED] = 1.0 if is_open else 0.0, 0.0 if is_open else 1.0
+    seen[VARIABLE_OPENING] = 1.0 if is_open and seen[VARIABLE_LIFT_RATE] > 0.0 else 0.0
+    seen[VARIABLE_CLOSING] = 1.0 if is_open and seen[VARIABLE_LIFT_RATE] < 0.0 else 0.0
     past[PAST_SINCE] += duration
     past[PAST_TIME] += interval.length
 
@@ -217,8 +199,9 @@ cdef void _line_in_middle(
         return
     changed = c[0]
     _change_line(
-        &changed, f.totals[4], f.totals[5], f.totals[1] * MM3_PER_MS / c.flow_scale,
-        f.totals[0] * MEGAPASCAL / c.pressure_scale,
+        &changed, f.totals[EQUATION_STIFFNESS], f.totals[EQUATION_INERTANCE],
+        f.totals[EQUATION_LINE_PRESSURE] * MM3_PER_MS / c.flow_scale,
+        f.totals[EQUATION_LINE_FLOW] * MEGAPASCAL / c.pressure_scale,
     )
     rates_at(x, u, &changed, network, rate)
     line[0] += half * rate[0]

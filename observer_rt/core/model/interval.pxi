@@ -1,4 +1,5 @@
-# A sample interval of any line: a new kind of line is a file, and a branch wherever the kind is asked for.
+# A sample interval of any line, (19)-(22) of a lump or its like of a pipe: a new kind of line is a file, and a branch
+# wherever the kind is asked for.
 
 include "servo.pxi"
 include "lump.pxi"
@@ -21,14 +22,14 @@ cdef void advance_over(
     """
     if c.kind == LUMP and c.is_mean:
         if t == NULL:
-            _advance_lump(x, interval, knot, c, network, NULL, 4)
+            _advance_lump(x, interval, knot, c, network, NULL, MEAN_STATES)
         else:
-            _advance_lump(x, interval, knot, c, network, t, 4)
+            _advance_lump(x, interval, knot, c, network, t, MEAN_STATES)
     elif c.kind == LUMP:
         if t == NULL:
-            _advance_lump(x, interval, knot, c, network, NULL, 3)
+            _advance_lump(x, interval, knot, c, network, NULL, LUMP_STATES)
         else:
-            _advance_lump(x, interval, knot, c, network, t, 3)
+            _advance_lump(x, interval, knot, c, network, t, LUMP_STATES)
     else:
         leapfrog(x, interval, knot, c, network, t)
 
@@ -38,9 +39,9 @@ cdef void fine_step(
 ) noexcept nogil:
     """Move the state by a single step [s], in place, whose inputs are known in its middle, too."""
     if c.kind == LUMP and c.is_mean:
-        _runge_kutta_step(x, start, middle, end, step, c, network, NULL, 4)
+        _runge_kutta_step(x, start, middle, end, step, c, network, NULL, MEAN_STATES)
     elif c.kind == LUMP:
-        _runge_kutta_step(x, start, middle, end, step, c, network, NULL, 3)
+        _runge_kutta_step(x, start, middle, end, step, c, network, NULL, LUMP_STATES)
     else:
         move_line(x, start.rail, step, c, NULL)
         move_end(x, middle, end, step, c, network, NULL)

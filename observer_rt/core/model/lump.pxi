@@ -42,11 +42,11 @@ cdef inline void lump_rates(
     line = &c.line.lump
     rate[0] = stiffness(x[0], &line.softness) * (
         line.a1 * (x[1] - line.outflow) - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]
-        - drained(x[0], &line.softness, line.servo, line.displaced, u)
+        - drained(x[0], &line.softness, line.control_flow, line.displaced, u)
     )
     rate[1] = line.a3 * (u.rail - line.loss - x[0]) - line.a4 * x[1] * fabs(x[1])
     rate[SAC] = sac_stiffness(x[SAC], &c.sac) * sac_rate(q_h, q_s, &c.sac)
-    if n == 4:
+    if n == MEAN_STATES:
         rate[3] = x[0]
 
 
@@ -60,24 +60,24 @@ cdef inline void lump_slopes(
     cdef double by_pressure = stiffness_slopes(x[0], &line.softness, &by_air, &by_slope)
     cdef double inflow = line.a1 * (x[1] - line.outflow) - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]
     of_pressure, of_flow = <LumpLine*> t.by_coefficient, <LumpLine*> (t.by_coefficient + t.size)
-    inflow = inflow - drained(x[0], &line.softness, line.servo, line.displaced, u)
-    by_state[0] = by_pressure * inflow - soft * (line.leak + drained_slope(x[0], &line.softness, line.servo, u))
+    inflow = inflow - drained(x[0], &line.softness, line.control_flow, line.displaced, u)
+    by_state[0] = by_pressure * inflow - soft * (line.leak + drained_slope(x[0], &line.softness, line.control_flow, u))
     by_state[1] = soft * line.a1
-    by_state[WIDTH] = -line.a3
-    by_state[WIDTH + 1] = -2.0 * line.a4 * fabs(x[1])
-    by_flow[0] = -soft * line.a2_nozzle
-    by_flow[1] = -soft * line.a2_seat
+    by_state[WIDTH], by_state[WIDTH + 1] = -line.a3, -2.0 * line.a4 * fabs(x[1])
+    by_flow[0], by_flow[1] = -soft * line.a2_nozzle, -soft * line.a2_seat
     of_pressure.a1 = soft * (x[1] - line.outflow)
     of_pressure.a2_nozzle = -soft * q_h
     of_pressure.a2_seat = -soft * q_s
     of_pressure.leak = -soft * x[0]
-    of_pressure.servo = -soft * u.servo.opening * servo_root(x[0], &line.softness) if u.servo.opening != 0.0 else 0.0
+    of_pressure.control_flow = 0.0
+    if u.servo.opening != 0.0:
+        of_pressure.control_flow = -soft * u.servo.opening * control_root(x[0], &line.softness)
     of_pressure.displaced = -soft * u.servo.speed
     of_pressure.softness.air = by_air * inflow
     of_pressure.softness.stiffness_slope = by_slope * inflow
     of_flow.a3 = u.rail - line.loss - x[0]
     of_flow.a4 = -x[1] * fabs(x[1])
-    if n == 4:
+    if n == MEAN_STATES:
         by_state[3 * WIDTH] = 1.0
 
 
@@ -91,7 +91,7 @@ cdef inline void right_hand_side(
     """
     cdef double q_h = 0.0, q_s = 0.0
     if not is_at_rest(x, u):
-        changed_flows(x, u, c, network, &q_h, &q_s)
+        flows_with_phi(x, u, c, network, &q_h, &q_s)
     lump_rates(x, u, q_h, q_s, c, rate, n)
 
 
@@ -115,8 +115,8 @@ cdef inline void tangent_rates(
     if at_rest:
         flows.q_h = flows.q_s = 0.0
     else:
-        flow_slopes(x, u, c, network, &flows)
-        flow_numbers(x, u, &flows, t, of_flows, of_flows + t.m)
+        flow_slopes(x, &u, c, network, &flows)
+        flow_slopes_by_theta(u, &flows, t, of_flows, of_flows + t.m)
     lump_slopes(x, u, flows.q_h, flows.q_s, &c.line.lump, t, by_state, by_flow, n)
     if at_rest:
         memset(by_flow, 0, 2 * n * sizeof(double))
@@ -138,7 +138,7 @@ cdef inline void tangent_rates(
         by_number[theta.valve[i]] = 0.0
     if u.servo.opening != 0.0:
         of_pressure = -stiffness(x[0], &c.line.lump.softness)
-        add_valve(by_number, of_pressure, x[0], &c.line.lump.softness, c.line.lump.servo, u, theta)
+        add_valve(by_number, of_pressure, x[0], &c.line.lump.softness, c.line.lump.control_flow, u, theta)
     lump_rates(x, u, flows.q_h, flows.q_s, c, rate, n)
 
 

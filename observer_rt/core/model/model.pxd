@@ -30,14 +30,14 @@ cdef class Carried:
 
 cdef void rates_at(const double* x, Inputs u, const Coefficients* c, const Network* network, double* rate) noexcept nogil
 cdef double injection_rate(const double* x, Inputs u, const Coefficients* c, const Network* network) noexcept nogil
-cdef double fault_and_rate(
+cdef double rate_and_phi(
     const double* x, Inputs u, const Coefficients* c, const Network* network, double* phi
 ) noexcept nogil
 cdef void flow_slopes(
-    const double* x, Inputs u, const Coefficients* c, const Network* network, FlowSlopes* result
+    const double* x, const Inputs* u, const Coefficients* c, const Network* network, FlowSlopes* flows
 ) noexcept nogil
-cdef void flow_numbers(
-    const double* x, Inputs u, const FlowSlopes* flows, const Tangent* t, double* of_h, double* of_s
+cdef void flow_slopes_by_theta(
+    Inputs u, const FlowSlopes* flows, const Tangent* t, double* of_h, double* of_s
 ) noexcept nogil
 cdef void advance_over(
     double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Tangent* t
@@ -48,7 +48,7 @@ cdef void fine_step(
 cdef void rest_line(double* x, double pressure, const Coefficients* c) noexcept nogil
 cdef double needle_speed(double before, double area, double interval, const Seat* seat) noexcept nogil
 cdef double above_100_mpa(double rail, const Coefficients* c) noexcept nogil
-cdef bint follow_lift(
+cdef bint follow_stroke(
     Strokes* s, int64_t position, double before, double area, double pressure, double interval, const Seat* seat
 ) noexcept nogil
 cdef void begin_strokes(Strokes* s) noexcept nogil

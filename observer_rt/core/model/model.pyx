@@ -13,15 +13,15 @@ from observer_rt.core.model.hydraulics cimport (
     NOZZLE_NUMBERS, Nozzle, NozzleSlopes, Sac, Seat, bent, bent_slope, normalised_area, nozzle_law, nozzle_law_slopes, sac_rate,
     sac_stiffness, seat_law, seat_law_slopes
 )
-from observer_rt.core.model.needle cimport NEEDLE_NUMBERS, OF_BOUNCE
+from observer_rt.core.model.needle cimport BOUNCE_HEIGHT, CLOSING_DELAY, NEEDLE_NUMBERS, OPENING_DELAY
 from observer_rt.core.model.network cimport *
 from observer_rt.core.model.records cimport *
 from observer_rt.core.model.sensor cimport (
     SENSOR_GAIN, SENSOR_NUMBERS, InputTerms, LaggedSlopes, Sensor, lagged, lagged_slopes, recorded, recorded_mean
 )
 from observer_rt.core.model.valve cimport (
-    LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_NUMBERS, Servo, Stroke, Strokes, Valve, hold_valve, join_valve, stop_share,
-    valve_begins, valve_edge, valve_ends
+    LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_NUMBERS, VALVE_TAIL, Servo, Stroke, Strokes, Valve, hold_valve, join_valve,
+    stop_share, valve_begins, valve_edge, valve_ends
 )
 
 from observer_rt.core.records import enum_of, tuple_of

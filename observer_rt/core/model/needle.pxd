@@ -3,11 +3,9 @@
 from libc.math cimport cos, exp, pi, pow, sin
 
 cdef enum:
-    NEEDLE_NUMBERS = 8  # that are learned: delay of the opening, ln of its speed, the same of the closing, and ..
-    OF_BOUNCE = 4  # .. the height of a bounce, its length ..
-    OF_LENGTH = 5
-    OF_OPENING_CURVE = 6  # .. and the shares by which low lifts are higher, opening and closing
-    OF_CLOSING_CURVE = 7
+    # numbers that are learned; of speeds the natural logarithm
+    OPENING_DELAY, OPENING_SPEED, CLOSING_DELAY, CLOSING_SPEED, BOUNCE_HEIGHT, BOUNCE_LENGTH, OPENING_CURVE
+    CLOSING_CURVE, NEEDLE_NUMBERS
 
 cdef extern from *:
     """
@@ -57,15 +55,15 @@ cdef inline bint answers(
 
     learned (NEEDLE_NUMBERS,): in s, natural logarithms, m, s and shares.
     """
-    s.opening = start + needle.opening_delay + learned[0]
-    s.closing = start + length + needle.closing_delay + learned[2]
-    s.opening_speed = needle.opening_speed * pow(pressure, OPENING_EXPONENT) * exp(learned[1])
-    s.closing_speed = needle.closing_speed * pow(pressure, CLOSING_EXPONENT) * exp(learned[3])
+    s.opening = start + needle.opening_delay + learned[OPENING_DELAY]
+    s.closing = start + length + needle.closing_delay + learned[CLOSING_DELAY]
+    s.opening_speed = needle.opening_speed * pow(pressure, OPENING_EXPONENT) * exp(learned[OPENING_SPEED])
+    s.closing_speed = needle.closing_speed * pow(pressure, CLOSING_EXPONENT) * exp(learned[CLOSING_SPEED])
     s.top = min(s.closing, s.opening + needle.stop / s.opening_speed)
     s.closed = s.closing + s.opening_speed * (s.top - s.opening) / s.closing_speed
-    s.bounce = max(needle.landing_bounce + learned[OF_BOUNCE], 0.0)
-    s.landed = s.closed + max(needle.bounce_length + learned[OF_LENGTH], SHORTEST_BOUNCE)
-    s.opening_curve, s.closing_curve = learned[OF_OPENING_CURVE], learned[OF_CLOSING_CURVE]
+    s.bounce = max(needle.landing_bounce + learned[BOUNCE_HEIGHT], 0.0)
+    s.landed = s.closed + max(needle.bounce_length + learned[BOUNCE_LENGTH], SHORTEST_BOUNCE)
+    s.opening_curve, s.closing_curve = learned[OPENING_CURVE], learned[CLOSING_CURVE]
     return s.closing > s.opening
 
 
@@ -126,18 +124,18 @@ cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, 
     cdef double steep = 1.0 + _curve(time, window, s) * low * (1.0 - even / LOW_LIFT)
     cdef double up = steep * s.opening_speed, down = steep * s.closing_speed, peak = up * (s.top - s.opening)
     cdef double later, longer
-    by_number[OF_BOUNCE] = _mean_bounce(time, window, s, &later, &longer)
-    by_number[OF_LENGTH] = s.bounce * longer
+    by_number[BOUNCE_HEIGHT] = _mean_bounce(time, window, s, &later, &longer)
+    by_number[BOUNCE_LENGTH] = s.bounce * longer
     ends += later * s.bounce / down  # what lands later bounces later
-    by_number[3] = ends * peak - down * fall
+    by_number[CLOSING_SPEED] = ends * peak - down * fall
     if s.top < s.closing:  # it gets to its stop
-        by_number[0] = -up * (begins - turns)
-        by_number[1] = up * rise - turns * peak
-        by_number[2] = down * (falls - ends)
+        by_number[OPENING_DELAY] = -up * (begins - turns)
+        by_number[OPENING_SPEED] = up * rise - turns * peak
+        by_number[CLOSING_DELAY] = down * (falls - ends)
     else:
-        by_number[0] = -up * (begins - ends)
-        by_number[1] = up * rise - ends * peak
-        by_number[2] = up * (turns - ends) + down * (falls - ends)
-    by_number[OF_OPENING_CURVE], by_number[OF_CLOSING_CURVE] = even * low * (1.0 - falls), even * low * falls
+        by_number[OPENING_DELAY] = -up * (begins - ends)
+        by_number[OPENING_SPEED] = up * rise - ends * peak
+        by_number[CLOSING_DELAY] = up * (turns - ends) + down * (falls - ends)
+    by_number[OPENING_CURVE], by_number[CLOSING_CURVE] = even * low * (1.0 - falls), even * low * falls
     if 0.0 < falls < 1.0:
-        by_number[2] -= even * low * (s.closing_curve - s.opening_curve) / window
+        by_number[CLOSING_DELAY] -= even * low * (s.closing_curve - s.opening_curve) / window

@@ -68,7 +68,7 @@ def commanded_areas(
                 lift = rounded_lift(time, window, &s)
                 lift_slopes(time, window, &s, by_number)
                 area = normalised_area(lift, &of_seat)
-                if area < areas[k] or lift <= 0.0 and by_number[OF_BOUNCE] <= 0.0:
+                if area < areas[k] or lift <= 0.0 and by_number[BOUNCE_HEIGHT] <= 0.0:
                     continue
                 areas[k], shots[k] = area, command
                 steep = normalised_area_slope(lift, &of_seat)

@@ -185,17 +185,18 @@ def slopes_of_flows(x, u, coefficients, network) -> dict[str, Any]:
     cdef Model model = Model(coefficients)
     cdef Weights weights = Weights(network)
     cdef FlowSlopes found
-    flow_slopes(&state[0], _inputs(u), &model.coefficients, &weights.network, &found)
+    cdef Inputs of_u = _inputs(u)
+    flow_slopes(&state[0], &of_u, &model.coefficients, &weights.network, &found)
     return found
 
 
-def fault_with_rate(x, u, coefficients, network) -> tuple[tuple[float, float, float], float]:
+def phi_and_rate(x, u, coefficients, network) -> tuple[tuple[float, float, float], float]:
     """phi(x, u) of (2), (27), its three rows [1/s], and the injection rate Q_H^ [m3/s]."""
     cdef const double[::1] state = _state(x)
     cdef Model model = Model(coefficients)
     cdef Weights weights = Weights(network)
     cdef double[3] phi
-    rate = fault_and_rate(&state[0], _inputs(u), &model.coefficients, &weights.network, phi)
+    rate = rate_and_phi(&state[0], _inputs(u), &model.coefficients, &weights.network, phi)
     return (phi[0], phi[1], phi[2]), rate
 
 

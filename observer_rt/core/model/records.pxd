@@ -5,11 +5,14 @@ from libc.string cimport memset
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Nozzle, Sac, Seat
 from observer_rt.core.model.needle cimport NEEDLE_NUMBERS
+from observer_rt.core.model.network cimport INPUTS
 from observer_rt.core.model.valve cimport VALVE_NUMBERS, Servo, Valve
 
 cdef enum:
     MOST_COEFFICIENTS = 24  # of a line
     SAC = 2  # place of p_S in x
+    LUMP_STATES = 3  # p_L, Q_L, p_S, and ..
+    MEAN_STATES = 4  # .. the integral of p_L, whose means are recorded
     MEMORIES = 3  # states of a wave's line that remember its flow
     TOTALS = 10  # equations that terms may correct
     PAST_NUMBERS = 8  # remembered from sample to sample, whatever the terms
@@ -39,7 +42,7 @@ cdef struct LumpLine:
     double a4  # line friction
     double leak  # line drained by p_L - p_C, 0 for a tight injector
     Softness softness
-    double servo  # control flow at p_0: a1 c / Q_0
+    double control_flow  # of the pilot valve at p_0: a1 c / Q_0
     double displaced  # by 1 m/s of the needle: a1 A_d / Q_0
     double outflow  # of the end, by terms, in units of Q_0
     double loss  # of pressure along the line, by terms, in units of p_0
@@ -62,7 +65,7 @@ cdef struct WaveLine:
     Softness softness
     double cells  # n
     double joint  # where the parts meet, in cells from the rail
-    double servo  # as of the lump, and the following
+    double control_flow  # as of the lump, and the following
     double displaced
     double outflow
     double loss  # likewise, spread evenly over the faces
@@ -189,6 +192,7 @@ cdef struct FlowSlopes:
     double h_change  # by N_H: the flow without it
     double s_change  # by N_S
     double[NOZZLE_NUMBERS][2] h_number  # by what is learned of the nozzle, as two factors
+    double[INPUTS] z  # inputs of the network
 
 
 # A program of terms, and what is remembered from sample to sample; the rest is scratch.

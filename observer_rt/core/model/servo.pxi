@@ -1,33 +1,36 @@
 # A servo injector: the flow that its pilot valve takes out of the line, and the fuel that its needle displaces.
 #
-# At the closed end, c G(t) sqrt(p_L / 100 MPa) + A_d dx/dt beside nozzle and seat: none of it is injected.
+# At the closed end, c G(t) sqrt(p_L / 100 MPa) + A_d dx_N/dt beside nozzle and seat: none of it is injected. The opening
+# G (1 + h s) is that of valve.pxd, by the needle's strokes or by commands; the strokes are followed here.
 
 
-cdef inline double drained(double x_1, const Softness* line, double servo, double displaced, Inputs u) noexcept nogil:
+cdef inline double drained(
+    double x_1, const Softness* line, double control_flow, double displaced, Inputs u
+) noexcept nogil:
     """Outflow of the line beside nozzle and seat, as a rate of pressure [1/s] in an incompressible one."""
     cdef double total = displaced * u.servo.speed
-    if servo != 0.0 and u.servo.opening != 0.0:
-        total += servo * u.servo.opening * servo_root(x_1, line)
+    if control_flow != 0.0 and u.servo.opening != 0.0:
+        total += control_flow * u.servo.opening * control_root(x_1, line)
     return total
 
 
-cdef inline double servo_root(double x_1, const Softness* line) noexcept nogil:
-    """Root of the absolute pressure, in units of p_0, which drives the control flow: its return is nearly empty."""
+cdef inline double control_root(double x_1, const Softness* line) noexcept nogil:
+    """Root of the absolute pressure, in units of p_0, that drives the control flow: its return is nearly empty."""
     return sqrt(max(x_1 + line.chamber_pressure, LOWEST_PRESSURE))
 
 
-cdef inline double drained_slope(double x_1, const Softness* line, double servo, Inputs u) noexcept nogil:
+cdef inline double drained_slope(double x_1, const Softness* line, double control_flow, Inputs u) noexcept nogil:
     """Derivative of `drained` with respect to x_1."""
-    if servo == 0.0 or u.servo.opening == 0.0 or x_1 + line.chamber_pressure <= LOWEST_PRESSURE:
+    if control_flow == 0.0 or u.servo.opening == 0.0 or x_1 + line.chamber_pressure <= LOWEST_PRESSURE:
         return 0.0
-    return 0.5 * servo * u.servo.opening / servo_root(x_1, line)
+    return 0.5 * control_flow * u.servo.opening / control_root(x_1, line)
 
 
 cdef inline void add_valve(
-    double* row, double factor, double x_1, const Softness* line, double servo, Inputs u, const ByTheta* theta
+    double* row, double factor, double x_1, const Softness* line, double control_flow, Inputs u, const ByTheta* theta
 ) noexcept nogil:
     """Add to a row the derivatives of `drained` by the numbers of the valve, times a factor."""
-    cdef double flow = factor * servo * servo_root(x_1, line) if servo != 0.0 else 0.0
+    cdef double flow = factor * control_flow * control_root(x_1, line) if control_flow != 0.0 else 0.0
     cdef int64_t number
     for number in range(<int64_t> VALVE_NUMBERS):
         row[theta.valve[number]] += flow * theta.valve_sizes[number] * u.servo.by_number[number]
@@ -55,43 +58,61 @@ cdef double above_100_mpa(double rail, const Coefficients* c) noexcept nogil:
     return max((rail * c.pressure_scale + c.chamber_pressure) / 1e8, 0.1)
 
 
-cdef bint follow_lift(
+cdef bint follow_stroke(
     Strokes* s, int64_t position, double before, double area, double pressure, double interval, const Seat* seat
 ) noexcept nogil:
-    """Follow the lift to a sample; whether it shows that the valve opened or shut, or did not shut.
+    """Follow the strokes to a sample; whether it shows that the valve opened or shut, or did not shut.
 
     before, area: normalised, of the sample before and of this one; pressure: of the rail over 100 MPa.
     """
     cdef double lifted
-    cdef bint is_shown = False
+    cdef bint begins
     if not s.is_lifted and area <= 0.0:
         return False
     lifted = normalised_area(LIFT_OFF, seat)
-    if not s.is_lifted:
+    begins = not s.is_lifted
+    if begins:
         if not before < lifted <= area:
             return False
-        s.is_lifted, s.before = True, s.last
-        s.last.lifts, s.last.falls = position - 1 + (lifted - before) / (area - before), INFINITY
-        s.last.pressure, s.shown = pressure, s.last.lifts
-        s.highest = s.level = s.mark = 0.0
-        is_shown = True
+        _begin_stroke(s, position - 1 + (lifted - before) / (area - before), pressure)
     if area > s.highest:
-        s.highest = area
-        s.level = normalised_area(lift_at(area, seat) - LIFT_OFF, seat)
-        if s.level >= s.mark:
-            s.mark, s.since = area, position
-    if area >= s.level:
-        if not isinf(s.last.falls):
-            is_shown, s.shown = True, s.last.falls
-        s.high, s.last.falls = position, INFINITY
-    elif s.high == position - 1:
-        s.last.falls = s.shown = s.high + (before - s.level) / (before - area)
-        is_shown = True
-        if (position - s.since) * interval >= STAYS_AT_STOP:
-            s.stop, s.stop_edge = s.level, STOP_EDGE * (s.highest - s.level)
+        _raise_summit(s, position, area, seat)
     if area < lifted:
         s.is_lifted = False
-    return is_shown
+    return _follow_fall(s, position, before, area, interval) or begins
+
+
+cdef inline void _begin_stroke(Strokes* s, double lifts, double pressure) noexcept nogil:
+    """Begin a stroke that lifts at this position."""
+    s.is_lifted, s.before = True, s.last
+    s.last.lifts, s.last.falls, s.last.pressure = lifts, INFINITY, pressure
+    s.edge = lifts
+    s.highest = s.falls_below = s.stays_at = 0.0
+
+
+cdef inline void _raise_summit(Strokes* s, int64_t position, double area, const Seat* seat) noexcept nogil:
+    """Raise the highest area of the stroke, and with it that below which the needle falls."""
+    s.highest = area
+    s.falls_below = normalised_area(lift_at(area, seat) - LIFT_OFF, seat)
+    if s.falls_below >= s.stays_at:
+        s.stays_at, s.stays_since = area, position
+
+
+cdef inline bint _follow_fall(Strokes* s, int64_t position, double before, double area, double interval) noexcept nogil:
+    """Whether a sample shows that the needle begins to fall, or that a fall was none: it is up again."""
+    cdef bint had_fallen
+    if area >= s.falls_below:
+        had_fallen = not isinf(s.last.falls)
+        if had_fallen:
+            s.edge = s.last.falls
+        s.last_above, s.last.falls = position, INFINITY
+        return had_fallen
+    if s.last_above != position - 1:
+        return False
+    s.last.falls = s.edge = s.last_above + (before - s.falls_below) / (before - area)
+    if (position - s.stays_since) * interval >= STAYS_AT_STOP:
+        s.stop, s.stop_edge = s.falls_below, STOP_EDGE * (s.highest - s.falls_below)
+    return True
 
 
 cdef void begin_strokes(Strokes* s) noexcept nogil:
@@ -136,12 +157,12 @@ cdef servos_over(
     begin_strokes(&s)
     for k in range(1, n):
         was_lifted = s.is_lifted
-        follow_lift(&s, k, inputs[k - 1, 1], inputs[k, 1], above_100_mpa(inputs[k, 0], c), interval, &c.seat)
+        follow_stroke(&s, k, inputs[k - 1, 1], inputs[k, 1], above_100_mpa(inputs[k, 0], c), interval, &c.seat)
         if c.valve.commanded == 0.0 and was_lifted and (not s.is_lifted or k == n - 1):
             strokes.append(s.last)
     for stroke in strokes:
-        first = max(valve_begins(&stroke, &c.valve, interval) - 6.0 * edge, 0.0)
-        last = min(valve_ends(&stroke, &c.valve, interval) + 6.0 * edge, samples - 1.0)
+        first = max(valve_begins(&stroke, &c.valve, interval) - VALVE_TAIL * edge, 0.0)
+        last = min(valve_ends(&stroke, &c.valve, interval) + VALVE_TAIL * edge, samples - 1.0)
         for k in range(<int64_t> first, <int64_t> last + 1):
             join_valve(<Servo*> &result[k, 0], k, &stroke, &c.valve, interval, edge)
     for k in range(1, samples):

@@ -2,33 +2,30 @@
 #
 # A program is postfix: rows (operation, operand), the end of a term adds what is on the stack to its equation's total.
 
-cpdef enum:  # Operation of a law on one or two arguments, and what a program has beside
-    OP_ADD = 0
-    OP_SUBTRACT = 1
-    OP_MULTIPLY = 2
-    OP_DIVIDE = 3
-    OP_POWER = 4  # the exponent is a number
-    OP_GREATER = 5  # 0 or 1, as LESS
-    OP_LESS = 6
-    OP_NEGATE = 7
-    OP_SQRT = 8  # with the sign of its argument
-    OP_ABS = 9
-    OP_EXP = 10
-    OP_LOG = 11
-    OP_SIN = 12
-    OP_COS = 13
-    OP_TANH = 14
-    OP_MIN = 15
-    OP_MAX = 16
+cdef enum:  # Operation of a law on one or two arguments
+    OP_ADD, OP_SUBTRACT, OP_MULTIPLY, OP_DIVIDE
+    OP_POWER  # the exponent is a number
+    OP_GREATER, OP_LESS  # 0 or 1
+    OP_NEGATE
+    OP_SQRT  # with the sign of its argument
+    OP_ABS, OP_EXP, OP_LOG, OP_SIN, OP_COS, OP_TANH, OP_MIN, OP_MAX
+
+cpdef enum:  # what a program has beside
     OP_NUMBER = 17  # operand: the value
     OP_VARIABLE = 18  # which
     OP_LAG = 19  # ms
     OP_RINGING = 20  # behind two numbers, frequency in kHz and damping
     OP_END = 21  # of a term of this equation
 
-cdef enum:
-    VARIABLES = 19
-    EQUATION_SENSOR = 7
+cdef enum:  # `Variable`
+    VARIABLE_RAIL_PRESSURE, VARIABLE_LINE_PRESSURE, VARIABLE_SAC_PRESSURE, VARIABLE_CHAMBER_PRESSURE
+    VARIABLE_LINE_FLOW, VARIABLE_SEAT_FLOW, VARIABLE_NOZZLE_FLOW, VARIABLE_LIFT, VARIABLE_MAX_LIFT
+    VARIABLE_LIFT_RATE, VARIABLE_RAIL_RATE, VARIABLE_LINE_RATE, VARIABLE_SINCE_OPENING, VARIABLE_TIME
+    VARIABLE_INJECTION_NUMBER, VARIABLE_OPEN, VARIABLE_CLOSED, VARIABLE_OPENING, VARIABLE_CLOSING, VARIABLES
+
+cdef enum:  # `TermEquation`
+    EQUATION_LINE_FLOW, EQUATION_LINE_PRESSURE, EQUATION_SEAT_FLOW, EQUATION_NOZZLE_FLOW, EQUATION_STIFFNESS
+    EQUATION_INERTANCE, EQUATION_CHAMBER_PRESSURE, EQUATION_SENSOR, EQUATION_NEEDLE_LIFT, EQUATION_RAIL_PRESSURE
 
 cdef double DAMPED = 0.99  # of what rings no more
 # By equation, in its units: beyond that no term, and no sum of terms, goes.
@@ -67,8 +64,7 @@ cdef void run_program(
     cdef int64_t top = 3 * rows  # the stack grows downwards, from the end
     cdef int64_t row, operation, place
     cdef double operand
-    for place in range(<int64_t> TOTALS):
-        totals[place] = 0.0
+    memset(totals, 0, TOTALS * sizeof(double))
     for row in range(first, end):
         operation, operand = <int64_t> program[2 * row], program[2 * row + 1]
         if operation == OP_NUMBER:
@@ -165,9 +161,7 @@ cdef double _of_two(int64_t operation, double a, double b) noexcept nogil:
         return 1.0 if a < b else 0.0
     if isnan(a) or isnan(b):
         return NAN
-    if operation == OP_MIN:
-        return min(a, b)
-    return max(a, b)
+    return min(a, b) if operation == OP_MIN else max(a, b)
 
 
 cdef double _of_one(int64_t operation, double a) noexcept nogil:

@@ -6,18 +6,20 @@ from libc.math cimport INFINITY, isinf, log, pow, tanh
 from libc.stdint cimport int64_t
 
 cdef enum:
-    VALVE_NUMBERS = 4  # start, end, hold and exponent
+    VALVE_START, VALVE_END, VALVE_HOLD, VALVE_EXPONENT, VALVE_NUMBERS  # numbers of `Valve` that are learned
 
 cdef extern from *:
     """
     #define VALVE_EDGE 20e-6
     #define LEAST_EDGE 0.6
+    #define VALVE_TAIL 6.0
     #define LIFT_OFF 15e-6
     #define STOP_EDGE 0.3
     #define STAYS_AT_STOP 0.14e-3
     """
     const double VALVE_EDGE  # s, half width of its opening and its shutting
     const double LEAST_EDGE  # samples: shorter ones would alias
+    const double VALVE_TAIL  # half widths from its middle, beyond which an edge has begun or is over
     const double LIFT_OFF  # m, of a needle that has left its seat, or, below it, its highest lift
     const double STOP_EDGE  # of `LIFT_OFF`, half width of the stop's edge
     const double STAYS_AT_STOP  # s, at least
@@ -50,13 +52,13 @@ cdef struct Strokes:
     bint is_lifted
     Stroke before
     Stroke last
-    double shown  # `lifts` or `falls` that the last sample showed, or showed to be none
+    double edge  # `lifts` or `falls` that the last sample showed, or showed to be none
     double highest  # area of this one
-    double level  # area of a lift `LIFT_OFF` lower
-    int64_t high  # position at which it was above that last
-    double mark  # highest area when it last rose by more than `LIFT_OFF`
-    int64_t since  # position at which that was
-    double stop  # level of the last stroke that stayed above it for long, 0 where none did
+    double falls_below  # area of a lift `LIFT_OFF` lower
+    int64_t last_above  # position at which it was above that last
+    double stays_at  # highest area when it last rose by more than `LIFT_OFF`
+    int64_t stays_since  # position at which that was
+    double stop  # `falls_below` of the last stroke that stayed above it for long, 0 where none did
     double stop_edge  # area
 
 
@@ -81,27 +83,29 @@ cdef inline void join_valve(
     """Have the valve open for one more stroke: it is one valve, and open where any of them opens it."""
     cdef double first = valve_begins(stroke, valve, interval), last = valve_ends(stroke, valve, interval)
     cdef double earlier, logarithm, up, down, opening, other, by_start, by_end
-    if position < first - 6.0 * edge or position > last + 6.0 * edge:
+    if position < first - VALVE_TAIL * edge or position > last + VALVE_TAIL * edge:
         return
     earlier, logarithm = pow(stroke.pressure, -valve.exponent), log(stroke.pressure)
     up, down = tanh((position - first) / edge), 1.0 if isinf(last) else tanh((last - position) / edge)
     opening, other = 0.25 * (1.0 + up) * (1.0 + down), 1.0 - servo.opening
     by_start = 0.25 * (1.0 - up * up) * (1.0 + down) * earlier / (edge * interval)
     by_end = -0.25 * (1.0 - down * down) * (1.0 + up) * earlier / (edge * interval)
-    servo.by_number[0] = servo.by_number[0] * (1.0 - opening) + other * by_start
-    servo.by_number[1] = servo.by_number[1] * (1.0 - opening) + other * by_end
-    servo.by_number[3] = servo.by_number[3] * (1.0 - opening) - other * logarithm * (valve.start * by_start + valve.end * by_end)
+    servo.by_number[VALVE_START] = servo.by_number[VALVE_START] * (1.0 - opening) + other * by_start
+    servo.by_number[VALVE_END] = servo.by_number[VALVE_END] * (1.0 - opening) + other * by_end
+    servo.by_number[VALVE_EXPONENT] = servo.by_number[VALVE_EXPONENT] * (1.0 - opening) - other * logarithm * (
+        valve.start * by_start + valve.end * by_end
+    )
     servo.opening += other * opening
 
 
 cdef inline void hold_valve(Servo* servo, double at_stop, const Valve* valve) noexcept nogil:
     """Change the flow while the needle is at its stop, by a share 0..1 of the change."""
     cdef double factor = 1.0 + valve.hold * at_stop
-    servo.by_number[2] = servo.opening * at_stop
+    servo.by_number[VALVE_HOLD] = servo.opening * at_stop
     servo.opening *= factor
-    servo.by_number[0] *= factor
-    servo.by_number[1] *= factor
-    servo.by_number[3] *= factor
+    servo.by_number[VALVE_START] *= factor
+    servo.by_number[VALVE_END] *= factor
+    servo.by_number[VALVE_EXPONENT] *= factor
 
 
 cdef inline double stop_share(double area, const Strokes* strokes) noexcept nogil:

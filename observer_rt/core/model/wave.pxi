@@ -96,8 +96,7 @@ cdef void mean_flow_row(Tangent* t, int64_t cells, int64_t row) noexcept nogil:
     cdef const double* flow
     cdef double share = 1.0 / cells
     cdef int64_t i, j
-    for j in range(t.m):
-        result[j] = 0.0
+    memset(result, 0, t.m * sizeof(double))
     for i in range(1, cells + 1):
         flow = t.by + flow_at(i, cells) * t.m
         for j in range(t.m):

@@ -28,16 +28,18 @@ cdef struct FreeWeights:
 
 cdef void free_fault(const double* x, Inputs u, const FreeWeights* w, double* rows) noexcept nogil:
     """phi(z) of (7) with z = [x u 1], its three rows [1/s]."""
-    cdef double first = w.bias[0], second = w.bias[1], third = w.bias[2], sigma
+    cdef double sigma
     cdef const double* row
-    cdef int64_t neuron
+    cdef int64_t neuron, i
+    for i in range(<int64_t> ROWS):
+        rows[i] = w.bias[i]
     for neuron in range(<int64_t> NEURONS):
         row = w.hidden + ARGUMENTS * neuron
         sigma = fast_tanh(row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * u.rail + row[4] * u.area + row[5])
-        first += w.output[neuron] * sigma
-        second += w.output[NEURONS + neuron] * sigma
-        third += w.output[2 * NEURONS + neuron] * sigma
-    rows[0], rows[1], rows[2] = w.unit * first, w.unit * second, w.unit * third
+        for i in range(<int64_t> ROWS):
+            rows[i] += w.output[NEURONS * i + neuron] * sigma
+    for i in range(<int64_t> ROWS):
+        rows[i] *= w.unit
 
 
 cdef double balanced_rate(double x_3, double u_2, double phi_1, const Coefficients* c) noexcept nogil:
@@ -59,13 +61,13 @@ cdef struct System:
 
 cdef inline void _rates(const double* x, Inputs u, double y, const System* s, double* rate) noexcept nogil:
     """x^' of (26), or x~' of (5), with the plus sign."""
-    cdef double[3] rows
+    cdef double[ROWS] rows
+    cdef int64_t i
     rates_at(x, u, s.coefficients, s.nominal, rate)
     if s.phi != NULL:
         free_fault(x, u, s.phi, rows)
-        rate[0] += rows[0]
-        rate[1] += rows[1]
-        rate[2] += rows[2]
+        for i in range(<int64_t> ROWS):
+            rate[i] += rows[i]
     else:
         rate[0] = rate[0] + s.gain * (y - x[0])
 

@@ -35,8 +35,7 @@ cdef inline void _begin_event(ObserverMemory* memory, int64_t position) noexcept
     under_way.number += 1
     under_way.opening_position = position
     under_way.learnable = memory.synchronisation.synchronised
-    under_way.fault = 0
-    under_way.differs = False
+    under_way.fault, under_way.differs = 0, False
 
 
 cdef void part_events(Observer* observer, int64_t position) noexcept nogil:
@@ -133,10 +132,8 @@ cdef void close_event(Observer* observer, int64_t position) noexcept nogil:
     )
     event.fault, event.differs = under_way.fault, under_way.differs
     event.closed_index = observer.ring[position & MASK].index
-    event.judged_before = memory.judgement.events_judged
-    event.injections = counts.injections_begun
-    event.standstill = memory.standstill
-    event.resting_lift = memory.resting_lift
+    event.judged_before, event.injections = memory.judgement.events_judged, counts.injections_begun
+    event.standstill, event.resting_lift = memory.standstill, memory.resting_lift
     counts.events_closed += 1  # last: from here on others may read it
 
 

@@ -17,10 +17,8 @@ cdef bint stays_low(Observer* observer, int64_t position, double highest) noexce
     Then the sensor's zero has stepped, because no needle stops just off its seat. highest [m]: lifts above it are not
     examined. To be called at an opening only: the search is slow.
     """
-    memory = observer.memory
-    band = &memory.dead_band
-    timing = &observer.constants.timing
-    ring = observer.ring
+    memory, ring = observer.memory, observer.ring
+    band, timing = &memory.dead_band, &observer.constants.timing
     if ring[position & MASK].index - memory.needle.shut_index <= timing.bounce:
         return False
     ahead, first = lookahead_at(observer, position), 0

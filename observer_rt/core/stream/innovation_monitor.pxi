@@ -45,8 +45,7 @@ cdef void end_contradiction(Observer* observer, bint is_resting, bint is_new) no
     """
     monitor = &observer.memory.monitor
     if is_new:
-        monitor.alarm_at_standstill = is_resting
-        monitor.calm = 0
+        monitor.alarm_at_standstill, monitor.calm = is_resting, 0
     monitor.alarm_at_standstill = monitor.alarm_at_standstill and is_resting
     monitor.calm = monitor.calm + 1 if monitor.normalised_innovation_squared < CALM_NIS else 0
     if monitor.alarm_at_standstill and monitor.calm >= observer.constants.timing.good:

@@ -3,7 +3,7 @@
 cdef double SLOW_PEAK = 5.0  # times its own mean square: with the watch's limit, five standard deviations
 
 
-cdef bint judged(Observer* observer) noexcept nogil:
+cdef bint judge_event(Observer* observer) noexcept nogil:
     """Judge the oldest closed event by the verdict posted on it; False, with nothing done, where there is none."""
     memory = observer.memory
     number = memory.judgement.events_taken
@@ -76,7 +76,7 @@ cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
     return (is_as_believed or memory.judgement.flow_differs) and row.rate_sigma * point.flowing <= sharp * point.flow
 
 
-cdef bint given_up(Observer* observer) noexcept nogil:
+cdef bint give_up_event(Observer* observer) noexcept nogil:
     """Give up the oldest closed event, which is due; False, with nothing done, if a verdict may still come.
 
     An event that only the next window of the source showed to be over, long due, has until two more have closed.

@@ -94,8 +94,8 @@ cdef void _follow_live(Stepping* s, int64_t position) noexcept nogil:
     s.forced.network = s.network
     live.follows = isfinite(rate + sigma)
     if live.follows:
-        level = s.observer.memory.in_force.level
-        row.injection_rate, row.rate_sigma, row.as_believed = level * rate, level * sigma, live.filters[0].weight
+        factor = s.observer.memory.in_force.flow_factor
+        row.injection_rate, row.rate_sigma, row.as_believed = factor * rate, factor * sigma, live.filters[0].weight
 
 
 cdef void _advance_live(Stepping* s, int64_t position) noexcept nogil:
@@ -189,7 +189,7 @@ cdef void _delay_needle(Live* live, double falls_by, double samples, Interval* i
             for k in range(<int64_t> LIVE_STATES):
                 filter.covariance[OF_DELAY][k] = filter.covariance[k][OF_DELAY] = 0.0
             filter.covariance[OF_DELAY][OF_DELAY] = 1.0
-    interval.start.by_needle[0] = interval.end.by_needle[0] = falls_by * samples
+    interval.start.by_needle[OPENING_DELAY] = interval.end.by_needle[OPENING_DELAY] = falls_by * samples
     interval.start.area += falls_by * samples * live.mean[OF_DELAY]
     interval.end.area += falls_by * samples * live.mean[OF_DELAY]
 
@@ -271,7 +271,7 @@ cdef double _live_rate(Stepping* s, int64_t position, double* sigma) noexcept no
         return 0.0
     for i in range(2):
         bias[i] += max(live.mean[OF_NOZZLE + i], LEAST_CHANGE) - max(live.moved_mean[OF_NOZZLE + i], LEAST_CHANGE)
-    flow_slopes(live.mean, u, &s.forced.coefficients, &s.forced.network, &flows)
+    flow_slopes(live.mean, &u, &s.forced.coefficients, &s.forced.network, &flows)
     memset(by, 0, sizeof(by))
     memcpy(by, flows.h_x, 3 * sizeof(double))
     by[OF_NOZZLE] = flows.h_change

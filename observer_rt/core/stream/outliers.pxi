@@ -165,25 +165,23 @@ cdef inline double _lift_over(Observer* observer, int64_t begin, int64_t end) no
     return observer.ring[end & MASK].needle_lift - observer.ring[begin & MASK].needle_lift
 
 
-cdef double _value(Observer* observer, int64_t position, int64_t channel) noexcept nogil:
-    """Value that a channel has at a position."""
-    row = &observer.ring[position & MASK]
+cdef inline double* _field(Sample* row, int64_t channel) noexcept nogil:
+    """Where a sample has the value of a channel."""
     if channel == RAIL:
-        return row.rail_pressure
-    if channel == LIFT:
-        return row.needle_lift
-    return row.line_pressure
+        return &row.rail_pressure
+    return &row.needle_lift if channel == LIFT else &row.line_pressure
+
+
+cdef inline double _value(Observer* observer, int64_t position, int64_t channel) noexcept nogil:
+    """Value that a channel has at a position."""
+    return _field(&observer.ring[position & MASK], channel)[0]
 
 
 cdef void _replace(Sample* row, int64_t channel, double value) noexcept nogil:
     """Put another value in the place of a channel's."""
-    if channel == RAIL:
-        row.rail_pressure = value
-    elif channel == LIFT:
+    if channel == LIFT:
         row.lift += value - row.needle_lift
-        row.needle_lift = value
-    else:
-        row.line_pressure = value
+    _field(row, channel)[0] = value
 
 
 cdef void _follow_run(Observer* observer, int64_t position, int64_t number, double value) noexcept nogil:

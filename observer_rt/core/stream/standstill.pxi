@@ -75,9 +75,9 @@ cdef void _halve(Observer* observer) noexcept nogil:
     before.line_squares *= 0.5
 
 
-cdef bint _differ(double one, double other, double factor) noexcept nogil:
-    """Whether one exceeds the other by more than a factor."""
-    return one > factor * other or other > factor * one
+cdef bint _differ(double a, double b, double factor) noexcept nogil:
+    """Whether either exceeds the other by more than a factor."""
+    return a > factor * b or b > factor * a
 
 
 cdef void forget_other_noise(Observer* observer) noexcept nogil:

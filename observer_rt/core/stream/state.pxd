@@ -52,9 +52,7 @@ cdef enum:  # VerdictKind: what the stream found when an event was due
     TAKEN_LEARNED = 2  # with what was learned from it
 
 cdef enum:  # Stepping
-    STEPPING_START = 0
-    STEPPING_PREDICT = 1
-    STEPPING_CORRECT = 2
+    STEPPING_START, STEPPING_PREDICT, STEPPING_CORRECT
 
 
 cdef struct Recorded:
@@ -212,7 +210,7 @@ cdef struct Carried:
     double nozzle[NOZZLE_NUMBERS]
     double learned_offset
     double sensor[SENSOR_NUMBERS]  # as the model in force and what was learned say
-    double level  # factor on flows: of the rail pressure, by what was learned of its sensor
+    double flow_factor  # on flows: of the rail pressure, by what was learned of its sensor
     double line[MOST_COEFFICIENTS]  # its coefficients with what was learned of it
     Valve valve
     double needle[NEEDLE_NUMBERS]

@@ -49,12 +49,9 @@ cdef inline void _append(
     row.rail_pressure = (at_rail - c.chamber_pressure) / c.pressure_scale
     row.needle_lift = needle_lift
     row.line_pressure = (sample.values[LINE] - c.chamber_pressure) / c.pressure_scale
-    row.lift_after = sample.shares[LIFT]
-    row.rail_share = sample.shares[RAIL]
-    row.interpolated = sample.interpolated
-    row.broken = sample.broken
-    row.bridged = 0
-    row.doubt = sample.doubt
+    row.lift_after, row.rail_share = sample.shares[LIFT], sample.shares[RAIL]
+    row.interpolated, row.broken = sample.interpolated, sample.broken
+    row.bridged, row.doubt = 0, sample.doubt
     if sample.doubt != DOUBT_NONE:  # it may have begun with samples that still wait for their look-ahead
         first = max(positions.processed, positions.received - observer.constants.timing.lookahead)
         for position in range(first, positions.received):
@@ -120,7 +117,7 @@ cdef void _finish(Observer* observer) noexcept nogil:
     judgement, counts = &memory.judgement, &memory.counts
     break_event(observer, memory.positions.processed - 1)
     make_all_due(observer)
-    while judgement.events_taken < counts.events_closed and judged(observer):
+    while judgement.events_taken < counts.events_closed and judge_event(observer):
         pass
     judgement.waiting = judgement.events_taken < counts.events_closed
 
@@ -157,12 +154,12 @@ cdef inline bint _judge_due_events(Observer* observer, int64_t index) noexcept n
     memory = observer.memory
     judgement = &memory.judgement
     while judgement.events_taken < memory.counts.events_closed and judgement_due(observer, index):
-        if judged(observer):
+        if judge_event(observer):
             continue
         if memory.mode.waits_for_verdicts:
             judgement.waiting = True
             return False
-        if not given_up(observer):
+        if not give_up_event(observer):
             break
     return True
 
@@ -189,8 +186,7 @@ cdef void _begin_segment(Observer* observer, int64_t position) noexcept nogil:
         memory.commands.answered = memory.commands.count  # their indices are of another count
     memory.positions.segment_start = position
     synchronisation.rested = position
-    synchronisation.synchronised = False
-    synchronisation.unsynchronised_by = row.broken
+    synchronisation.synchronised, synchronisation.unsynchronised_by = False, row.broken
 
 
 cdef void _move_needle(Observer* observer, int64_t position, bint opens) noexcept nogil:
@@ -214,10 +210,7 @@ cdef void _move_needle(Observer* observer, int64_t position, bint opens) noexcep
                 come_to_rest(observer, position)
         elif not keep_sinking(observer, position):
             shut_needle(observer, row.index)
-    if needle.is_open:
-        row.lift_area = area_at(observer, position)
-    else:
-        row.lift_area = shut_area(observer, position)
+    row.lift_area = area_at(observer, position) if needle.is_open else shut_area(observer, position)
     row.seat_area = area_between_lifts(observer, position)
 
 
@@ -225,9 +218,8 @@ cdef void _recover(Observer* observer, int64_t position) noexcept nogil:
     """Start the pair anew where a state is not finite; it is valid again only after a standstill."""
     synchronisation = &observer.memory.synchronisation
     synchronisation.numerical_resets += 1
-    synchronisation.synchronised = False
+    synchronisation.synchronised, synchronisation.unsynchronised_by = False, REASON_NUMERICAL
     observer.memory.event.learnable = False
-    synchronisation.unsynchronised_by = REASON_NUMERICAL
     start_pair(observer, position)
 
 

@@ -5,16 +5,16 @@ from libc.stdint cimport int32_t, int64_t
 from libc.string cimport memcpy, memset
 
 from observer_rt.core.model.model cimport (
-    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, fault_and_rate, flow_slopes, follow_lift,
+    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, rate_and_phi, flow_slopes, follow_stroke,
     is_shut_under_terms, needle_speed, predict, rest_line, shown_under_terms, trusted_under_terms, under_terms, valve_at
 )
 from observer_rt.core.model.records cimport (
     BY_NOZZLE, BY_SEAT, PAST_NUMBERS, SAC, TOTALS, Coefficients, FlowSlopes, Forced, Forcing, Inputs, Interval, Knot,
     Network, inputs_of, opened_since
 )
-from observer_rt.core.model.needle cimport NEEDLE_JITTER, NEEDLE_NUMBERS
+from observer_rt.core.model.needle cimport NEEDLE_JITTER, NEEDLE_NUMBERS, OPENING_DELAY
 from observer_rt.core.model.network cimport CURVES
-from observer_rt.core.model.valve cimport VALVE_NUMBERS, Stroke, valve_edge
+from observer_rt.core.model.valve cimport VALVE_NUMBERS, VALVE_TAIL, Stroke, valve_edge
 from observer_rt.core.stream.state cimport COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT, OperatingPoint
 from observer_rt.core.stream.stream cimport Stream
 
@@ -127,8 +127,7 @@ cdef void _start(Stepping* s, int64_t position) noexcept nogil:
     memcpy(_x_hat(s, position), x_tilde, s.observer.states * sizeof(double))
     for i in range(3 * s.of_tilde.rows):
         s.of_tilde.memory[i] = NAN
-    for i in range(<int64_t> TOTALS):
-        s.of_tilde.totals[i] = 0.0
+    memset(s.of_tilde.totals, 0, TOTALS * sizeof(double))
     s.live.follows = False
     _read(s, position, &s.coefficients, &s.network)
     row.open_loop_rate, row.rate_sigma, row.as_believed = row.injection_rate, NAN, 1.0
@@ -147,7 +146,7 @@ cdef bint _follow_valve(Stepping* s, int64_t position) noexcept nogil:
     cdef bint is_shown
     ring, in_force = s.observer.ring, &s.observer.memory.in_force
     before, row = &ring[(position - 1) & MASK], &ring[position & MASK]
-    is_shown = follow_lift(
+    is_shown = follow_stroke(
         &s.strokes, position, before.seat_area, row.seat_area, above_100_mpa(row.rail_pressure, &s.coefficients),
         s.interval, &s.coefficients.seat,
     )
@@ -169,13 +168,13 @@ cdef bint _follow_commands(Stepping* s, int64_t position) noexcept nogil:
     if s.commands > 0:
         stroke = _command(s, s.commands - 1, position)
         if stroke.falls != s.command.falls:  # its end has become known
-            is_shown, s.strokes.shown = True, min(stroke.falls, s.command.falls)
+            is_shown, s.strokes.edge = True, min(stroke.falls, s.command.falls)
         s.command = stroke
     while s.commands < commands.count:
         stroke = _command(s, s.commands, position)
-        if stroke.lifts > position + 6.0 * valve_edge(s.interval):
+        if stroke.lifts > position + VALVE_TAIL * valve_edge(s.interval):
             break
-        s.strokes.shown = min(s.strokes.shown, stroke.lifts) if is_shown else stroke.lifts
+        s.strokes.edge = min(s.strokes.edge, stroke.lifts) if is_shown else stroke.lifts
         is_shown, s.commands = True, s.commands + 1
         s.command_before, s.command = s.command, stroke
     return is_shown
@@ -210,7 +209,7 @@ cdef void _run_again(Stepping* s, int64_t position) noexcept nogil:
     valve, ring = &s.observer.memory.in_force.valve, s.observer.ring
     pressure = s.strokes.last.pressure if valve.commanded == 0.0 else 1.0
     before = max(valve.start, valve.end) * pow(pressure, -valve.exponent) / s.interval
-    for k in range(max(earliest, <int64_t> (s.strokes.shown - before - 6.0 * valve_edge(s.interval))), position):
+    for k in range(max(earliest, <int64_t> (s.strokes.edge - before - VALVE_TAIL * valve_edge(s.interval))), position):
         row = &ring[k & MASK]
         row.valve = _valve_at(s, k)
         shown = _predict_sample(s, k)
@@ -280,7 +279,7 @@ cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Netw
     if not row.resting or x_hat[SAC] != 0.0:  # a term may hold the needle open
         u = inputs_of(row.rail_pressure, max(row.seat_area, 0.0))
         u.since = row.opened_since
-        row.injection_rate = s.observer.memory.in_force.level * fault_and_rate(x_hat, u, c, network, row.phi)
+        row.injection_rate = s.observer.memory.in_force.flow_factor * rate_and_phi(x_hat, u, c, network, row.phi)
 
 
 include "live.pxi"

@@ -172,7 +172,7 @@ cdef class Stream:
 
     def judged(self) -> bool:
         """Judge the oldest closed event by the verdict posted on it; False where there is none."""
-        return judged(&self.observer)
+        return judge_event(&self.observer)
 
     def carry_on(self, int64_t slot) -> None:
         """Carry the theta, gains and noise of a slot from here on."""

@@ -97,16 +97,16 @@ def fitted_model(
     """
     doubts = [*warnings(measurements)]
     gain = sensor_gain(measurements, calibration)
-    level = calibration.level(gain)
+    factor = calibration.level(gain)
     if gain != 0.0:
-        measurements = without_gain(measurements, gain, level)
-        weighed = {number: mass.by(level) for number, mass in weighed.items()}
+        measurements = without_gain(measurements, gain, factor)
+        weighed = {number: mass.by(factor) for number, mass in weighed.items()}
     if measurements[0].is_answered:
         doubts.append(TRADED)
         done = _with_needle(start, measurements, weighed, progress)
     else:
         done = calibrate(start, measurements, weighed, progress)
-    done = replace(done, flow_level=level)
+    done = replace(done, flow_factor=factor)
     baseline = baseline_of(done, digests)
     try:
         observer = observer_remainder(done.injector, baseline, [used.recording for used in done.measurements])

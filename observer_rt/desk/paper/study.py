@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench
 from observer_rt.core.model.laws import normalised_area
-from observer_rt.core.model.model import fault_with_rate
+from observer_rt.core.model.model import phi_and_rate
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.paper.scheme import FreeNetwork, PaperSetting, free_network, no_fault, scaled_identity, swept
 from observer_rt.desk.paper.table import Estimator, EstimatorCurves, Study, WearCase
@@ -85,7 +85,7 @@ def true_fault(
 ) -> NDArray[np.float64]:
     """True phi of (27), (n, 3) [1/s], for a nozzle wear v_H and v_S = 0, along x (n, 3) and u (n, 2)."""
     network = constant_network(nozzle=nozzle_wear)
-    return np.array([fault_with_rate(row, col, c, network)[0] for row, col in zip(x, u, strict=True)])
+    return np.array([phi_and_rate(row, col, c, network)[0] for row, col in zip(x, u, strict=True)])
 
 
 def learning_window(

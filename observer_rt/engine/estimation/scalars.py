@@ -289,7 +289,7 @@ SCALARS = Scalars((
            longest_step=6 * _MM3_PER_MS, bounds=(-30 * _MM3_PER_MS, 30 * _MM3_PER_MS),
            gated_from=0.0, shown=ShownIndicator("control_flow", _control_flow, label="control flow c",
                                        unit=("m3/s", 1.0), screen_unit=("mm3/ms", MM3_PER_MS)),
-           change=lambda line, c: line._replace(servo=line.servo + line.a1 * c)),
+           change=lambda line, c: line._replace(control_flow=line.control_flow + line.a1 * c)),
     Scalar("control_start", Parameter.CONTROL_START, prior=80e-6, drift=10e-6, longest_step=40e-6,
            bounds=(-0.3e-3, 0.4e-3), counted=ScalarUnit.TIME, element=Element.VALVE),
     Scalar("control_end", Parameter.CONTROL_END, prior=80e-6, drift=10e-6, longest_step=40e-6,

@@ -60,7 +60,7 @@ def theta_limits(c: Coefficients, needle: NeedleLaw | None = None) -> Limits:
     Where the lift is recorded, no event tells of the needle's own numbers: they are not among the gated.
     """
     lowest, highest = SCALARS.bounds(c.pressure_scale)
-    lowest[Parameter.CONTROL_FLOW] = -c.line.servo / c.line.a1
+    lowest[Parameter.CONTROL_FLOW] = -c.line.control_flow / c.line.a1
     lowest[Parameter.LANDING_BOUNCE] = 0.0 if needle is None else -needle.landing_bounce / LIFT_UNIT
     gated = {
         column: float(lowest[column]) if column in LOSSES else least

@@ -109,6 +109,7 @@ class Core:
         healthy = injector.healthy_injector(bench_injector)
         may_learn = healthy.adequate and (config.learning.enabled if learning is None else learning)
         observer = make_observer(constants, start, learner, healthy)
+        opens, _ = dead_band(levels.needle_lift)
         self.compiled = messages.CompiledPipeline(
             messages.Pipeline(
                 bus.inputs,

@@ -42,7 +42,7 @@ METERED = 0.5  # of this misfit, from which on poles of the meter explain it
 ROUGH = 0.8  # of the time, in which structures are compared
 
 
-class FlowLevel(StrEnum):
+class LevelSource(StrEnum):
     """Measurement that fixes the absolute level of flow."""
 
     FILE = "file"
@@ -70,13 +70,13 @@ class CalibrationResult:
     choice: Choice  # among structures, compared on few events
     fitted: FittedStructure  # the chosen one on many events
     kept: tuple[FreeParameter, ...]  # as in the file, because the recordings do not determine them
-    level: FlowLevel
+    level_source: LevelSource
     comparison: Comparison  # of the models before and after
     rate_misfit: float  # share of a measured rate's shape that a model of pressures and integrals does not explain
     meter: tuple[float, ...] = ()  # time constants [s] of the rate's meter, stated or fitted
     causes: tuple[TriedCause, ...] = ()  # tried where more than noise is left, the best first
     not_observed: str = ""  # why the observer could not learn with the fitted model; empty: it could
-    flow_level: float = 1.0  # published masses over these: a sensor's gain was removed before the fit
+    flow_factor: float = 1.0  # published masses over these: a sensor's gain was removed before the fit
 
     @property
     def injector(self) -> InjectorParameters:
@@ -124,7 +124,7 @@ class CalibrationResult:
         if NOZZLE not in calibration.free:
             return np.full(len(calibration.folds), math.inf)
         slopes = np.split(at.slopes[:, calibration.free.index(NOZZLE)], np.cumsum(at.residuals.counts[:-1]))
-        by_fold = zip(calibration.folds, slopes[::GROUPS_OF_FOLD], strict=False)  # of line pressure, the first group
+        by_fold = zip(calibration.folds, slopes[::GROUPS_OF_FOLD], strict=False)  # of the line pressure
         return np.array([math.sqrt(len(fold.measurement.events) / (slope @ slope)) for fold, slope in by_fold])
 
     @property
@@ -147,7 +147,7 @@ class CalibrationResult:
         The fit takes the errors of several masses for independent ones, which they may not be. The error of a rate is
         that of its gain and of the density. None where neither rate nor mass was measured.
         """
-        if self.level is FlowLevel.FILE:
+        if self.level_source is LevelSource.FILE:
             return None
         determined = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
         # twice, for the level is an area's and the parameter a diameter
@@ -170,12 +170,12 @@ def calibrate(
     weighed: measured masses by the number of the recording; progress takes the share done; structures: that are
     compared. Raises `RunError` where no structure has a solution.
     """
-    level = FlowLevel.MASS if weighed else FlowLevel.FILE
+    source = LevelSource.MASS if weighed else LevelSource.FILE
     if any(one.recording.injection_rate is not None for one in recordings):  # which gives it at every sample
-        level = FlowLevel.RATE
+        source = LevelSource.RATE
     folds = folds_of(recordings, weighed)
     coarse = tuple(thinned(fold, ROUGH_EVENTS) for fold in folds)  # structures are compared on
-    further = (() if level is FlowLevel.FILE else (INERTANCE,)) + (NEEDLE if recordings[0].is_answered else ())
+    further = (() if source is LevelSource.FILE else (INERTANCE,)) + (NEEDLE if recordings[0].is_answered else ())
     tried = tried_structures(structures, file, further, coarse, lambda share: progress(ROUGH * share))
     choice = choose(tried)
     if choice is None:
@@ -191,7 +191,7 @@ def calibrate(
     fine = [replace(thinned(fold, FINE_EVENTS), rate_shape=has_shape) for fold in folds]
     best, kept = settled(choice.best, file, fine)
     comparison = compared(file, best.injector, best.offsets, best.calibration.folds)
-    done = CalibrationResult(file, recordings, choice, best, kept, level, comparison, misfit, meter or ())
+    done = CalibrationResult(file, recordings, choice, best, kept, source, comparison, misfit, meter or ())
     if done.above_gate:
         done = replace(done, causes=tried_causes(choice.best))
     progress(1.0)

@@ -16,7 +16,7 @@ from observer_rt.identification.fit.calibrate import (
     TOLERATED,
     CalibrationResult,
     FittedNumber,
-    FlowLevel,
+    LevelSource,
 )
 from observer_rt.identification.fit.comparison import RecordingMass, Residual
 from observer_rt.identification.fit.search import FailedStructure
@@ -81,9 +81,9 @@ def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[
         structures=tuple(map(_tried, done.choice.tried)),
         parameters=done.sizes,
         kept={one.name: {"value": one.of(done.injector) / one.si, "unit": one.unit} for one in done.kept},
-        level={"from": done.level, "words": level_words(done)},
+        level={"from": done.level_source, "words": level_words(done)},
         residuals=comparison.residuals,
-        masses=comparison.masses(done.flow_level),
+        masses=comparison.masses(done.flow_factor),
         mass_share=done.mass_share,
         told_shares=tuple(done.told_shares.tolist()),
         line_pressure_offsets_MPa=tuple(done.fitted.offsets.tolist()),
@@ -108,9 +108,9 @@ def _tried(structure: Trial) -> TriedStructure:
 
 def level_words(done: CalibrationResult) -> str:
     """Describes what fixes the absolute level of flow."""
-    if done.level is FlowLevel.RATE:
+    if done.level_source is LevelSource.RATE:
         return f"fixed by the measured injection rate{_FITTED}"
-    if done.level is FlowLevel.MASS:
+    if done.level_source is LevelSource.MASS:
         return f"fixed by the measured masses{_FITTED}"
     return (
         "rests one to one on A_L/(rho_L L_L) of the file (line.diameter, line.length, fluid.density_line): pressures "

@@ -68,7 +68,7 @@ def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
     ]
     return Baseline(
         adequate=not done.inadequate,
-        level=done.level.value,
+        level=done.level_source.value,
         mass_share=rounded(done.mass_share),
         sample_rate_Hz=rounded(recordings[0].recording.sample_rate),
         injections=sum(len(fold.measurement.events) for fold in done.fitted.calibration.folds),

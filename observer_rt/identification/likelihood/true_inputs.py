@@ -1,6 +1,5 @@
 """True inputs of a recording: its rail pressure, and the seat area of its lift, corrected by the terms of a model."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -92,7 +91,8 @@ def _areas_of(
         terms.lift_factor,
         terms.lift_shift,
         FOOT_ROUNDING / measurement.interval,
-        shuts if measurement.means else math.nan,  # nan: samples are instants, whose ramps begin where they say
+        measurement.means,
+        shuts,
         c.seat,
         area,
     )

@@ -22,8 +22,8 @@ from observer_rt.core.frames.frames import (
     SUPERVISION,
     UNPROTECTED,
     E2EState,
-    judge_frame,
     protect_frame,
+    status_of_frame,
 )
 
 DATA_ID = 0x0100
@@ -50,7 +50,7 @@ def worth_of(frame: NDArray[np.uint8], length: int, row: np.void, last: int = -1
     message, supervised = np.zeros(1, INPUT_MESSAGE), np.zeros(1, SUPERVISION)
     message["length"], message["padded_length"], message["protection"] = length, frame.size, row
     supervised["counter"] = last
-    return E2EStatus(judge_frame(frame, message, supervised))
+    return E2EStatus(status_of_frame(frame, message, supervised))
 
 
 def frame_with(row: np.void, counter: int) -> NDArray[np.uint8]:
@@ -190,7 +190,7 @@ def test_states_are_those_of_the_plain_state_machine(
     plain = StateMachine(window, min_ok, max_errors)
     for status in statuses:
         memory["counter"] = -1 if status is E2EStatus.INITIAL else 7
-        assert judge_frame(FRAMES[status], message, memory) == status
+        assert status_of_frame(FRAMES[status], message, memory) == status
         plain.take(status)
         assert memory["state"][0] == plain.state
 

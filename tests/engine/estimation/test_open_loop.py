@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.core.model.laws import seat_area_slope
-from observer_rt.core.model.model import advance_state, fault_with_rate
+from observer_rt.core.model.model import advance_state, phi_and_rate
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.predictor import Window, input_variance, open_loop
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, PARAMETERS, Parameter, learned_of
@@ -75,7 +75,7 @@ def test_rate_is_that_of_the_observer_in_open_loop(case: Case) -> None:
     for k in range(1, window.output.size):
         between = Interval(inputs[k - 1], inputs[k], 1e-5, case.setting.substeps)
         advance_state(x, between, c, learned.network, None)
-        expected.append(fault_with_rate(x, inputs[k], c, learned.network)[1])
+        expected.append(phi_and_rate(x, inputs[k], c, learned.network)[1])
     assert max(expected) > 40e-6  # m3/s
     np.testing.assert_allclose(rate, expected, atol=1e-12 * max(expected))
 

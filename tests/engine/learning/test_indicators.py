@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.core.model.model import fault_with_rate
+from observer_rt.core.model.model import phi_and_rate
 from observer_rt.engine.estimation.scalars import NOZZLE, PARAMETERS, SEAT, WEIGHTS, Parameter, network_of
 from observer_rt.engine.learning.indicators import LEAST_SEAT_SIGMA, OPENED_SINCE, indicators_of, nozzle_change
 from observer_rt.model.effective import coefficients
@@ -25,9 +25,9 @@ def worn() -> np.ndarray:
 def test_nozzle_change_is_that_of_the_injection_rate() -> None:
     c = coefficients(NOMINAL)
     c = c._replace(nozzle=c.nozzle._replace(transition=1e-9))
-    changed = fault_with_rate(X, (*U, OPENED_SINCE), c, network_of(worn()))[1]
+    changed = phi_and_rate(X, (*U, OPENED_SINCE), c, network_of(worn()))[1]
     assert nozzle_change(worn(), X, U)[0] == pytest.approx(
-        changed / fault_with_rate(X, U, c, constant_network())[1] - 1.0
+        changed / phi_and_rate(X, U, c, constant_network())[1] - 1.0
     )
 
 

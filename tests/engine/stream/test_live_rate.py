@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import advance_state, fault_with_rate
+from observer_rt.core.model.model import advance_state, phi_and_rate
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.simulation.schedule import make_schedule
@@ -92,7 +92,7 @@ class Step(NamedTuple):
     def rate(self, z: Numbers) -> Numbers:
         """At its end (1,) [m3/s]."""
         rail, area = self.interval.end
-        return np.array([fault_with_rate(z[:3], (rail, max(area, 0.0)), self.c, constant_network(z[3], z[4]))[1]])
+        return np.array([phi_and_rate(z[:3], (rail, max(area, 0.0)), self.c, constant_network(z[3], z[4]))[1]])
 
 
 def mixed(filters: list[ReferenceFilter]) -> tuple[Numbers, Numbers]:

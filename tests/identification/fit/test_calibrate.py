@@ -10,7 +10,7 @@ from scipy.signal import lsim
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation
 from observer_rt.files.signals.recording import Recording, shown_slowly
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.fit.calibrate import RATE_MISFIT, CalibrationResult, FlowLevel, calibrate
+from observer_rt.identification.fit.calibrate import RATE_MISFIT, CalibrationResult, LevelSource, calibrate
 from observer_rt.identification.fit.document import level_words, verdict_words
 from observer_rt.identification.fit.folds import folds_of
 from observer_rt.identification.fit.forms import INERTANCE, STIFFENING, STIFFNESS, FreeParameter, with_values
@@ -113,7 +113,7 @@ def test_residuals_fall_to_noise(by_pressures: CalibrationResult) -> None:
 
 
 def test_the_level_rests_on_the_inertance_of_the_file(by_pressures: CalibrationResult) -> None:
-    assert by_pressures.level is FlowLevel.FILE
+    assert by_pressures.level_source is LevelSource.FILE
     assert "one to one on A_L/(rho_L L_L)" in level_words(by_pressures)
 
 
@@ -189,7 +189,7 @@ def _wrong_inertance() -> InjectorParameters:
 
 def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
     done = _fit(_measured(simulations(measured_rate=True)), _wrong_inertance())
-    assert done.level is FlowLevel.RATE
+    assert done.level_source is LevelSource.RATE
     assert done.fitted.calibration.folds[0].rate_shape
     assert "contradicts" not in verdict_words(done)
     assert abs(_mass_error(done.injector)) < 0.005  # the rate's gain errors are 0.5 % a recording
@@ -224,7 +224,7 @@ def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
     made = simulations()
     true = MILLIGRAM * float(_fit(_measured(made), NOMINAL).comparison.masses(1.0)[0].mass_mg["fitted"] or 0.0)
     done = _fit(_measured(made), _wrong_inertance(), n0=MeanMass(true, 0.003 * true))
-    assert done.level is FlowLevel.MASS
+    assert done.level_source is LevelSource.MASS
     assert abs(_mass_error(done.injector)) < 0.005
 
 

@@ -52,7 +52,7 @@ class EventMass:
         """Control flow of a servo injector while its needle is open, over the injected volume."""
         model, inputs = learned_of(self.theta, self.setting.coefficients).coefficients, self.window.inputs
         opened = inputs[inputs[:, 1] > 0.0, 0] + model.chamber_pressure / model.pressure_scale
-        flow: float = model.flow_scale * model.line.servo / model.line.a1
+        flow: float = model.flow_scale * model.line.control_flow / model.line.a1
         return flow * float(np.sqrt(opened).sum()) * self.setting.interval / max(self.volume, LEAST)
 
     def variance(self, covariance: NDArray[np.float64]) -> float:

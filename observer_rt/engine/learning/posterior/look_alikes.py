@@ -107,7 +107,7 @@ def _with_coil(
         lambda window: reader.cost_of(explained.state, learned, window, unaware),
         reader.wide,
         reader.interval,
-        learned_of(explanation.theta, reading.follows.setting.coefficients).coefficients.line.servo > 0.0,
+        learned_of(explanation.theta, reading.follows.setting.coefficients).coefficients.line.control_flow > 0.0,
     )
     begins_anew = energizing.is_known and not state.energizing.is_known
     state = replace(state, energizing=energizing)

@@ -76,10 +76,9 @@ def test_every_frame_is_in_the_file_and_where_some_were_lost(tmp_path: Path, suf
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_frame_may_be_older_than_the_first(tmp_path: Path, suffix: str) -> None:
     """Another bus's may have waited longer to be read."""
-    stop, path = threading.Event(), tmp_path / f"bus{suffix}"
-    source = Source(5, stop)
+    path, source = tmp_path / f"bus{suffix}", Source(5)
     source.step_ns = -200_000
-    run(path, source, stop)
+    run(path, source)
     assert sorted(entry.frame.stamp_ns for entry in open_log(path)) == pytest.approx(
         [START + n * source.step_ns for n in range(5, 0, -1)], abs=999
     )

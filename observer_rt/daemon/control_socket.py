@@ -1,4 +1,4 @@
-"""The daemon's one local socket: a request and its answer are a line of JSON each, for whoever may open its file.
+"""The daemon's one local socket: a request is a line of JSON, its answer one or bytes, for whoever may open its file.
 
 The socket stands beside the lock of the file that the daemon keeps, else beside its bench file: a process that sees
 the file sees the socket, too, even through a folder shared with a container. Where the daemon may write neither, the

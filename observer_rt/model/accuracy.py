@@ -53,7 +53,7 @@ class StatedAccuracy:
     parallel_flow: float = 0.0
     measured: float | None = None
     control_flow: float = 0.0
-    in_step: float = 0.0  # of an event: that of its control flow, over what is injected
+    in_step: float = 0.0  # of an event: that of its control flow, which is in step with it, over what is injected
 
     @classmethod
     def of(cls, line_percent: float, rail_percent: float, stated: Accuracy) -> "StatedAccuracy":
@@ -72,7 +72,7 @@ class StatedAccuracy:
 
     @property
     def rail_share(self) -> float:
-        """By which the rail sensor's gain is expected below 0, of that gain."""
+        """Share of the learned gain that is the rail sensor's: sigma_rail^2 / (sigma_rail^2 + sigma_line^2)."""
         return (self.rail_sensor / self.gain) ** 2 if self.gain else 0.0
 
     def level(self, gain: float) -> float:
@@ -91,7 +91,7 @@ class StatedAccuracy:
 
     @property
     def mass(self) -> float:
-        """Of every mass: constant over injections."""
+        """Of every mass: constant over injections but for the part of the control flow, `in_step`."""
         if self.measured is not None:
             return self.measured
         return math.hypot(self.common, self.line, LEAK * self.parallel_flow, self.in_step)

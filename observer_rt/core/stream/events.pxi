@@ -155,7 +155,7 @@ cdef void note_closed_late(Observer* observer, int64_t index) noexcept nogil:
 
 
 cdef void make_all_due(Observer* observer) noexcept nogil:
-    """Judge the waiting events at once: the index they were due at will not come, or no sample will."""
+    """Make the waiting events due at once: the index they were due at will not come, or no sample will."""
     memory = observer.memory
     for i in range(memory.judgement.events_taken, memory.counts.events_closed):
         observer.events[i % PENDING_EVENTS].due_index = -1

@@ -36,7 +36,7 @@ cdef double BELIEVED = 0.5  # weight of the filter by which the injector is as b
 
 
 cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows) noexcept nogil:
-    """Look up for how long the flow is known at the rail pressure of a sample, when either may have changed."""
+    """Look up for how long the flow is known at the rail pressure of a sample, and begin its sums anew."""
     cdef int64_t place = <int64_t> (observer.ring[position & MASK].rail_pressure / RAIL_BIN)
     point = &observer.memory.operating_point
     place = min(max(place, <int64_t> 0), <int64_t> RAIL_BINS - 1)
@@ -45,16 +45,16 @@ cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows
     point.flow, point.open_loop_flow, point.flowing = 0.0, 0.0, 0
 
 
-cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
-    """Whether the flow, if there is any, is known well enough at a sample.
+cdef inline bint _is_as_believed(const Sample* row) noexcept nogil:
+    """Whether the filters find the injector as believed, or no filter follows."""
+    return isnan(row.rate_sigma) or row.as_believed > BELIEVED
 
-    It is known where events have shown it; a needle that falls shows nothing new. Filters that follow must find the
-    injector as believed, and know the flow sharply. They cannot yet at the opening, where the last event must have
-    been as believed, too. If they find another injector, a fault of the line or of a sensor looks alike while it
-    runs: then the last event's own fit must have said that it was the flow.
+
+cdef void follow_flow(Observer* observer, int64_t position) noexcept nogil:
+    """Add up what flows, and note whether it leaves the learned range, and whether the event differs from the belief.
+
+    A needle that falls shows nothing new.
     """
-    cdef bint is_as_believed, is_early
-    cdef double sharp
     memory = observer.memory
     point, row = &memory.operating_point, &observer.ring[position & MASK]
     if memory.needle.is_open:
@@ -63,17 +63,30 @@ cdef bint is_flow_known(Observer* observer, int64_t position) noexcept nogil:
         point.flow += row.injection_rate
         point.open_loop_flow += row.open_loop_rate
         point.flowing += 1
-    is_as_believed = isnan(row.rate_sigma) or row.as_believed > BELIEVED
-    memory.event.differs = not is_as_believed
+    memory.event.differs = not _is_as_believed(row)
     if not point.in_learned_range:  # where the first filter is as wide as others
         memory.event.differs = fabs(point.flow - point.open_loop_flow) > SHARP * point.flow
+
+
+cdef bint is_flow_known(const Observer* observer, int64_t position) noexcept nogil:
+    """Whether the flow, if there is any, is known well enough at a sample.
+
+    It is known where events have shown it. Filters that follow must find the injector as believed, and know the flow
+    sharply. They cannot yet at the opening, where the last event must have been as believed, too. If they find
+    another injector, a fault of the line or of a sensor looks alike while it runs: then the last event's own fit must
+    have said that it was the flow.
+    """
+    cdef bint is_explained
+    cdef double sharp
+    memory = observer.memory
+    point, row = &memory.operating_point, &observer.ring[position & MASK]
     if isnan(row.rate_sigma) or not point.in_learned_range:
         return point.in_learned_range
-    is_early = point.flowing * observer.constants.interval < SHARP_AFTER
-    if is_early:
-        return is_as_believed and not memory.judgement.differed
-    sharp = SHARP if is_as_believed else SHARP_IF_OTHER
-    return (is_as_believed or memory.judgement.flow_differs) and row.rate_sigma * point.flowing <= sharp * point.flow
+    if point.flowing * observer.constants.interval < SHARP_AFTER:
+        return _is_as_believed(row) and not memory.judgement.differed
+    sharp = SHARP if _is_as_believed(row) else SHARP_IF_OTHER
+    is_explained = _is_as_believed(row) or memory.judgement.flow_differs
+    return is_explained and row.rate_sigma * point.flowing <= sharp * point.flow
 
 
 cdef bint give_up_event(Observer* observer) noexcept nogil:
@@ -137,8 +150,11 @@ cdef void _note_reason(Observer* observer, Event* event, int64_t reason) noexcep
 
 
 cdef void _put_learned_into_force(Observer* observer, int64_t slot, bint is_coloured) noexcept nogil:
-    """Put what was learned into force, but for an offset that the standstill has moved meanwhile."""
-    cdef bint has_followed
+    """Put what was learned into force, but for the offset in use where it is near, which the standstill may have moved.
+
+    Under coloured noise the standstill moves none.
+    """
+    cdef bint is_near
     memory = observer.memory
     pair = &memory.pair
     verdict = &observer.verdicts[slot]
@@ -147,8 +163,8 @@ cdef void _put_learned_into_force(Observer* observer, int64_t slot, bint is_colo
     offset = pair.offset
     carry_on(observer, slot)
     furthest = FURTHEST_OFFSET / observer.constants.pressure_scale
-    has_followed = abs(offset - memory.in_force.learned_offset) < furthest
-    if has_followed and not is_coloured:
+    is_near = abs(offset - memory.in_force.learned_offset) < furthest
+    if is_near and not is_coloured:
         pair.offset = offset
     if verdict.is_adopted:
         memory.judgement.phi_version += 1

@@ -115,7 +115,7 @@ cdef struct RestingLift:
 
 cdef struct Event:
     int64_t number
-    int64_t due_index  # judged at the first sample >= this outside every event
+    int64_t due_index  # judged at the first sample >= this with the needle shut and settled
     int64_t start_position  # of the first and the last sample of its learning window
     int64_t end_position
     int64_t opening_position  # of its first sample with the needle open
@@ -318,7 +318,7 @@ cdef struct LiftZero:
     double spread  # m2, mean square of the lift about it: noise of any colour
     double variance_lately  # m2, of the noise: a shorter mean
 
-# crosstalk.pxi: of the lift of a shut needle on the line pressure
+# crosstalk.pxi, its mean lift_zero.pxi, too: of the lift of a shut needle on the line pressure
 cdef struct CrosstalkRegression:
     double line_mean  # of the line pressure, running as the zero does
     int64_t count

@@ -1,7 +1,7 @@
 # The step of the observer: all operations for one sample of the stream, in their order.
 
 cdef enum:
-    _RESTLESS = MAX_EVENT + RING // 8  # samples without standstill; a needle that is open as long is stuck
+    _RESTLESS = MAX_EVENT + RING // 8  # samples without standstill; a needle open beyond MAX_EVENT is stuck
 
 
 cdef void take_recorded(Observer* observer, int64_t end, int64_t doubt) noexcept nogil:
@@ -123,7 +123,7 @@ cdef void _finish(Observer* observer) noexcept nogil:
 
 
 cdef bint _process(Observer* observer, int64_t position) noexcept nogil:
-    """Process one sample; returns False, with nothing done, if an event must be judged first."""
+    """Process one sample; False if an event must be judged first, and the sample comes again: it is not marked yet."""
     cdef bint opens
     needle, row = &observer.memory.needle, &observer.ring[position & MASK]
     if row.broken != BREAK_NONE:
@@ -224,7 +224,7 @@ cdef void _recover(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void _settle(Observer* observer, int64_t position) noexcept nogil:
-    """Note whether the pair has settled: once x~ is good and the sac at rest, until the stream breaks."""
+    """Note whether the pair has settled: once x~ is good and the sac at rest, until a break, or a stuck needle."""
     cdef bint is_stuck
     memory = observer.memory
     needle, synchronisation = &memory.needle, &memory.synchronisation
@@ -261,6 +261,7 @@ cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
     memory = observer.memory
     synchronisation, monitor, judgement = &memory.synchronisation, &memory.monitor, &memory.judgement
     row = &observer.ring[position & MASK]
+    follow_flow(observer, position)
     facts = SampleFacts(
         synchronisation.unsynchronised_by, synchronisation.synchronised, row.doubt, memory.input_fault,
         is_beyond_limit(observer), monitor.falls >= INJECTIONS_UNSEEN,

@@ -1,8 +1,8 @@
 """The injector that is demonstrated on: (19)-(23) as printed, solved by scipy, with a needle and a rail of its own.
 
 It shares no code with the model that observes it, so that a demonstration shows more than that the model agrees with
-itself: the orifice laws are sharp, the integrator chooses its steps, the needle accelerates and hits its stops hard,
-the rail dips with every injection, recovers, and ripples with the pump.
+itself: the orifice laws are sharp but below 1 kPa, the integrator chooses its steps, the needle accelerates and hits
+its stops hard, the rail dips with every injection, recovers, and ripples with the pump.
 """
 
 import math
@@ -151,7 +151,7 @@ def _nozzle_flow(sac: float, departure: Departure) -> float:
 
 
 def _velocity(drop: float) -> float:
-    """Velocity [m/s] behind an orifice: sgn(drop) sqrt(2 |drop| / rho)."""
+    """Velocity [m/s] behind an orifice: sgn(drop) sqrt(2 |drop| / rho), in proportion to the drop near 0."""
     return drop * math.sqrt(2.0 / (DENSITY * (abs(drop) + _LAMINAR)))
 
 

@@ -105,7 +105,7 @@ def screen_table(study: Study) -> Table:
 
 
 def csv_table(study: Study) -> str:
-    """Every number of the table, and the MSE of every estimator, unrounded."""
+    """Every number of the table, and the MSE of every estimator, to six digits."""
     rows = [
         {
             "v_H": str(case.nozzle_wear),

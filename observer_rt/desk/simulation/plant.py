@@ -51,7 +51,8 @@ def run_plant(
     """Integrate the injector from rest over an even `time` [s], shape (n,), n >= 2.
 
     `rail_pressure` [Pa], shape (n,), is linear between samples; the lift is exact at every stage of every
-    step. The steps are at most 1 us, an integer number per sample. bounce [m]: lift after landing.
+    step. The steps are at most 1 us (2 us on a line of cells), an integer number per sample. bounce [m]: lift after
+    landing.
     """
     longest_step, model = _longest_step(model)
     c = model.coefficients

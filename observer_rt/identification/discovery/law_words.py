@@ -62,7 +62,7 @@ class Reading:
 
 
 def as_if(term: Term, largest_lift: float | None = None) -> str:
-    """Describes a term as a sentence that begins with `as if`. largest_lift: of the needle [m]."""
+    """Describes a term as the sentence behind `as if`. largest_lift: of the needle [m]."""
     plain = plain_words(term, largest_lift)
     if plain:
         return plain

@@ -53,23 +53,23 @@ def signature_of(
 ) -> Signature | None:
     """Signature of an effect beside a model that was `judged`, at the smallest probe that is visible.
 
-    None where the effect has no size, no size has a solution, or none changes anything. remaining: residuals that the
-    gains are of, where they are others than those of `judged`.
+    Else it is at the last that changes something. None where the effect has no size, no size has a solution, or none
+    changes anything. remaining: residuals that the gains are of, where they are others than those of `judged`.
     """
     if not effect.parameters:
         return None
-    first, others = effect.parameters[0], effect.parameters[1:]
+    probed, others = effect.parameters[0], effect.parameters[1:]
     signature = None
     for probe in PROBES:
-        size = probe * first.dead_zone
-        size = size if size <= first.highest else -size
+        size = probe * probed.dead_zone
+        size = size if size <= probed.highest else -size
         moved = judge(effect, (size, *(p.starts[0] for p in others)))
-        if moved is None or not first.lowest <= size <= first.highest:
+        if moved is None or not probed.lowest <= size <= probed.highest:
             break
         before, after, left = (
             [residuals_of([recording]).z for recording in models] for models in (judged, moved, remaining or judged)
         )
-        changes = [first - second for first, second in zip(before, after, strict=True)]
+        changes = [z_before - z_after for z_before, z_after in zip(before, after, strict=True)]
         information = np.array([float(change @ change) for change in changes])
         gain = np.array([float(change @ z) for change, z in zip(changes, left, strict=True)])
         if float(np.sum(information)) > 0.0:

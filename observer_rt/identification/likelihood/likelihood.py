@@ -83,7 +83,7 @@ class RecordingLikelihood:
         return LiftNoise(self.measurement, self._with_lift_lag)
 
     def judge(self, model: EffectiveModel) -> JudgedModel | None:
-        """Compare the recording with a model; None where the model has no finite solution on it."""
+        """Compare the recording with a model; None without a finite solution in the steps and delays there may be."""
         stable = in_stable_cells(
             self.measurement.as_recorded(model), self.measurement.interval, self._highest_pressure
         )

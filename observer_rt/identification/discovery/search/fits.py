@@ -192,7 +192,7 @@ class Fitter:
         return self._remembered(hypothesis, hypothesis.ids, minimum_of_law)
 
     def sharpened(self, candidate: Candidate) -> Candidate | None:
-        """A candidate with the numbers within its laws fitted, too; None if the laws have none.
+        """A candidate with the numbers within its laws fitted, too; None if the laws have none, or the fit fails.
 
         The many numbers of a table are fitted if it stands alone: beside another law they hardly move.
         """

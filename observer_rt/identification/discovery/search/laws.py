@@ -1,8 +1,8 @@
 """Laws beside a candidate: the best of one linearised pass are refitted, and others are made for its residuals.
 
-The law of nozzle or seat that stands out of what the network learned is the first guess. It decides which law, or
-product of two, is refitted first, and nothing else: it comes from the same recordings, and prior odds by it would
-count them twice.
+The law of nozzle or seat that stands out of what the network learned is the first guess: it, or the product of two,
+is refitted first, whatever its rank, a product although a curve is adequate. It has no better odds for that: it comes
+from the same recordings, which would count twice.
 """
 
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
 PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over the best single to be fitted
 SHORTLIST = 40  # of further laws that are linearised again
 SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
-OTHER_FORM = 5e-3  # of what a name explains, that a curve beside it must gain: .001 at most beside right names
+OTHER_FORM = 5e-3  # share of what a name explains, which a curve beside it must gain: beside right names .001 at most
 TAILORED_FURTHER = 2  # most promising equations, in which laws of further terms are made to measure
 _LOSSES = {TermEquation.LINE_FLOW, TermEquation.RAIL_PRESSURE}
 _ALIKE = (
@@ -166,29 +166,32 @@ class Laws:
         return self._fitted_beside(self._nothing, products(partial(self._fits.scores, self._nothing), guessed))
 
     def stand_ins(self, best: Candidate) -> list[Candidate]:
-        """Laws that may be right instead of a single effect.
+        """Laws that may be right instead of a single effect, alone, as far as they explain half of it.
 
-        Instead of a law: laws made to measure over its variable in every other equation; its form in equations that
-        the line pressure hardly distinguishes from its own; products that explain more by the odds against a law.
-        Instead of a name that explains everything: laws of another form at its place.
+        Instead of a law, products that explain more by the odds against a law, too.
         """
-        law, score = best.hypothesis.effects[0].apply, partial(self._fits.scores, self._nothing)
-        others, pairs = list[Effect](), list[Candidate]()
-        if not isinstance(law, TermLaw):
-            over = self._unlike(best)
-        else:
-            axis = axis_of(law.law)
-            over = [one for one in _EVERY if one[1] is axis and one[0] is not law.equation]
-            alike = [other for other in TermEquation if {law.equation, other} in _ALIKE]
-            if self._fits.nominal.injector.line.model == "lump":  # what is lost along it is lost at its inlet
-                alike = [other for other in alike if {law.equation, other} != _LOSSES]
-            others = [term_effect(other, law.form, law.numbers) for other in alike]
-            pairs = [one for one in self._products_alone if one.price < best.price - UNNAMED]
-        made = [*(made_to_measure(free_curves(over, score), (), score) if over else ()), *others]
+        law = best.hypothesis.effects[0].apply
+        is_law = isinstance(law, TermLaw)
+        pairs = [pair for pair in self._products_alone if pair.price < best.price - UNNAMED] if is_law else []
+        made = self._instead_of_law(law) if isinstance(law, TermLaw) else self._made_over(self._unlike(best))
         half = 0.5 * (self._nothing.statistic - best.statistic)
-        alone = [(Hypothesis((one,)), np.zeros(1)) for one in made]
-        promising = [one for one in self._fits.laws(alone) if one.statistic < best.statistic + half]
+        alone = [(Hypothesis((effect,)), np.zeros(1)) for effect in made]
+        promising = [law for law in self._fits.laws(alone) if law.statistic < best.statistic + half]
         return promising + self._freed(promising) + pairs
+
+    def _instead_of_law(self, law: TermLaw) -> list[Effect]:
+        """Laws over its variable in other equations, and its form where the line pressure hardly tells it apart."""
+        axis = axis_of(law.law)
+        over = [curve for curve in _EVERY if curve[1] is axis and curve[0] is not law.equation]
+        alike = [other for other in TermEquation if {law.equation, other} in _ALIKE]
+        if self._fits.nominal.injector.line.model == "lump":  # what is lost along it is lost at its inlet
+            alike = [other for other in alike if {law.equation, other} != _LOSSES]
+        return [*self._made_over(over), *(term_effect(other, law.form, law.numbers) for other in alike)]
+
+    def _made_over(self, curves: list[tuple[TermEquation, Axis, str]]) -> list[Effect]:
+        """Laws made to measure over some curves."""
+        score = partial(self._fits.scores, self._nothing)
+        return [*made_to_measure(free_curves(curves, score), (), score)] if curves else []
 
     def _unlike(self, name: Candidate) -> list[tuple[TermEquation, Axis, str]]:
         """Curves at a name's place that gain a law's price beside it; beside a right name no form gains that much."""

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.daemon.array_texts import ArrayTexts
-from observer_rt.daemon.state_file import RestoredKnowledge, load_knowledge, model_hash, save_knowledge
+from observer_rt.daemon.state_file import VERSION, RestoredKnowledge, load_knowledge, model_hash, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
@@ -142,8 +142,11 @@ LEARNED = ("state", "account", "learned")
 MEAN = (*LEARNED, "belief", "mean")
 COVARIANCE = (*LEARNED, "belief", "covariance")
 NOT_RESTORED = {
-    "older version": (lambda document: document.update(version=1), r"version 1, not 12 (observer_rt "),
-    "newer version": (lambda document: document.update(version=13), "format is version 13, not 12"),
+    "older version": (lambda document: document.update(version=1), f"version 1, not {VERSION} (observer_rt "),
+    "newer version": (
+        lambda document: document.update(version=VERSION + 1),
+        f"is version {VERSION + 1}, not {VERSION}",
+    ),
     "another parameter": (put("columns", 0, value="lag"), "other parameters"),
     "a parameter too few": (put("columns", value=list(SCALARS.names[:-1])), "other parameters"),
     "model": (put("model_sha256", value="0" * 64), "another injector model"),

@@ -117,12 +117,12 @@ def test_a_needle_that_bounces_is_learned_by_its_commands(faults: Faults) -> Non
 
 
 def test_a_late_line_sensor_is_not_taken_for_a_needle_that_bounces() -> None:
-    """One injection leaves both open, and is not valid; the next ones show which it is."""
+    """One injection does not show its rate well enough to be valid; the next ones do."""
     events = in_turn(
         7, lambda _: Faults(line_pressure_sensor_lag=40e-6), (60e6, 100e6, 140e6), (0.6e-3, 1.9e-3, 1.0e-3)
     )
     run_of_events = without_lift(Bench(Injector(), Needle(0.9, 0.8), events, seed=6), 50e-6, 100e-6)
-    assert [report.reason for report in run_of_events.reports] == [Reason.TIME_BASE] + 6 * [Reason.NONE]
+    assert run_of_events.valid == [False] + 6 * [True]
     for report in run_of_events.reports[1:]:
         sizes = [report.indicators[name].value for name in ("line_pressure_sensor_lag", "needle_closes_later")]
         assert LAG_UNIT * np.array(sizes) == pytest.approx([40e-6, 100e-6], abs=10e-6)
@@ -140,6 +140,7 @@ def test_a_late_line_sensor_is_found_beside_a_needle_slow_at_either_end(
     bench = Bench(Injector(), needle, in_turn(6, lambda _: late, *points), seed=9)
     reports = without_lift(smooth(bench, 20.0, np.random.default_rng(0)), opens_later, closes_later).reports
     lags = [LAG_UNIT * report.indicators["line_pressure_sensor_lag"].value for report in reports if report.valid]
+    assert reports[0].reason is Reason.TIME_BASE
     assert len(lags) >= 3
     assert lags == pytest.approx([40e-6] * len(lags), abs=5e-6)
 

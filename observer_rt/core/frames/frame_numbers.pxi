@@ -1,9 +1,9 @@
 # Numbers of frames without an index: by a counter where they carry one, and by a loop locked on their stamps.
 #
 # The n-th frame of a cyclic message was sent at t0 + n x cycle; its stamp lies later by a delay that is never
-# negative. So a frame that comes late is late, not one of the next cycle: beyond what the counter itself shows, frames are lost only when the delay reaches
-# the time in which the counter comes round (one cycle where there is no counter) and delays like that do not occur
-# otherwise.
+# negative. So a frame that comes late is late, not one of the next cycle: beyond what the counter itself shows, frames
+# are lost only when the delay reaches the time in which the counter comes round (one cycle where there is no counter)
+# and delays like that do not occur otherwise.
 
 cdef enum:
     OLD_FRAMES_OF_RESTART = 3  # consecutive old frames that mean: the device began anew
@@ -15,7 +15,10 @@ cdef double SLIPPED = 0.5  # cycles beyond what is not known, by which all delay
 
 
 cdef int64_t count_frame(Counting* counting, Clock* clock, int64_t sequence, int64_t stamp) noexcept nogil:
-    """Give a frame its `number`; returns how it was counted, `Count`. `sequence`: its counter; the clock counts in samples."""
+    """Give a frame its `number`; returns how it was counted, `Count`.
+
+    sequence: its counter; the clock counts in samples.
+    """
     if not counting.begun:
         _count_anew(counting, sequence)
         return COUNT_NEXT

@@ -96,6 +96,11 @@ cdef inline double lands(const NeedleStroke* s) noexcept nogil:
     return s.landed if s.bounce > 0.0 else s.closed
 
 
+cdef inline double _even_lift(double rise, double fall, const NeedleStroke* s) noexcept nogil:
+    """Lift [m] at even speed, by the ramps [s] of its way up and down."""
+    return max(s.opening_speed * rise - s.closing_speed * fall, 0.0)
+
+
 cdef inline double _curve(double time, double window, const NeedleStroke* s) noexcept nogil:
     """Share by which the lowest lifts are higher: that of the opening, or, from the turn on, of the closing."""
     cdef double falls = _mean_step(time - s.closing, window)
@@ -109,7 +114,7 @@ cdef inline double rounded_lift(double time, double window, const NeedleStroke* 
         return 0.0
     rise = _mean_ramp(time - s.opening, window) - _mean_ramp(time - s.top, window)
     fall = _mean_ramp(time - s.closing, window) - _mean_ramp(time - s.closed, window)
-    lift = max(s.opening_speed * rise - s.closing_speed * fall, 0.0)
+    lift = _even_lift(rise, fall, s)
     lift *= 1.0 + _curve(time, window, s) * exp(-lift / LOW_LIFT)
     return lift + s.bounce * _mean_bounce(time, window, s, &by_time, &by_length) if s.bounce > 0.0 else lift
 
@@ -120,7 +125,7 @@ cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, 
     cdef double fall = _mean_ramp(time - s.closing, window) - _mean_ramp(time - s.closed, window)
     cdef double begins = _mean_step(time - s.opening, window), turns = _mean_step(time - s.top, window)
     cdef double falls = _mean_step(time - s.closing, window), ends = _mean_step(time - s.closed, window)
-    cdef double even = max(s.opening_speed * rise - s.closing_speed * fall, 0.0), low = exp(-even / LOW_LIFT)
+    cdef double even = _even_lift(rise, fall, s), low = exp(-even / LOW_LIFT)
     cdef double steep = 1.0 + _curve(time, window, s) * low * (1.0 - even / LOW_LIFT)
     cdef double up = steep * s.opening_speed, down = steep * s.closing_speed, peak = up * (s.top - s.opening)
     cdef double later, longer

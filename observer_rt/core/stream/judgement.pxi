@@ -76,17 +76,17 @@ cdef bint is_flow_known(const Observer* observer, int64_t position) noexcept nog
     another injector, a fault of the line or of a sensor looks alike while it runs: then the last event's own fit must
     have said that it was the flow.
     """
-    cdef bint is_explained
+    cdef bint is_as_believed
     cdef double sharp
     memory = observer.memory
     point, row = &memory.operating_point, &observer.ring[position & MASK]
     if isnan(row.rate_sigma) or not point.in_learned_range:
         return point.in_learned_range
+    is_as_believed = _is_as_believed(row)
     if point.flowing * observer.constants.interval < SHARP_AFTER:
-        return _is_as_believed(row) and not memory.judgement.differed
-    sharp = SHARP if _is_as_believed(row) else SHARP_IF_OTHER
-    is_explained = _is_as_believed(row) or memory.judgement.flow_differs
-    return is_explained and row.rate_sigma * point.flowing <= sharp * point.flow
+        return is_as_believed and not memory.judgement.differed
+    sharp = SHARP if is_as_believed else SHARP_IF_OTHER
+    return (is_as_believed or memory.judgement.flow_differs) and row.rate_sigma * point.flowing <= sharp * point.flow
 
 
 cdef bint give_up_event(Observer* observer) noexcept nogil:

@@ -33,7 +33,7 @@ class Account:
     modes: Mapping[Mode, float] = field(default_factory=lambda: {Mode.STEADY: 1.0})
     velocity: Velocity | None = None  # of wear that moves on
     rival: "Account | None" = field(default=None, metadata=NOT_KEPT)  # explains all events by other elements
-    log_odds: float = field(default=0.0, metadata=NOT_KEPT)  # logarithm of the rival's odds against this one
+    log_odds: float = field(default=0.0, metadata=NOT_KEPT)  # of a rival, against the account it is beside
 
 
 def _within(factor: float) -> float:

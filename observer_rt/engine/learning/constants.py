@@ -45,7 +45,7 @@ FALL_COUNTS = 0.42  # of the fall, by which the closed form may be wrong: .41 at
 BEYOND = 2.0  # nats that may lie beyond limits and the reach of a linearisation; I
 LIVE = 5e-3  # weight from which on a hypothesis is carried on; M
 RIVAL_LIVES = 1e-7  # .. where it explains all events by other elements: it takes some to tell a lag from a bounce; M
-AGAINST_RIVAL = 5.0  # nats at most that one event tells against it: a needle unlike the model's misleads; M
+AGAINST_RIVAL = 5.0  # nats at most that one event counts against a rival: a needle unlike the model's misleads; M
 SCALE_FITS = 3  # of an explanation, each at the scale of the weights that the one before makes the likeliest; M
 FIRST_STEPS, STEPS = 8, 2  # Gauss-Newton iterations: of a fit from far, and of one from near
 

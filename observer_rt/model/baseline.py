@@ -50,7 +50,7 @@ class Appearance(Section):
 
 
 class HealthyShape(Section):
-    """Mean innovation of the healthy injector [MPa] at the knots of `engine.learning.healthy`.
+    """Mean innovation of the healthy injector [MPa] at the knots of `engine.estimation.healthy_course`.
 
     Each slope is the change for every 40 MPa of rail pressure above 100 MPa.
     """

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import Bench, BenchInjector, load_bench
 from observer_rt.config.injector_sections import Meaning, SamplingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.estimation.healthy_course import EventStretch, stretch_of
 from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning.account import TemperedEvent, overdispersion_of
 from observer_rt.engine.learning.adequacy import BURN_IN, Innovations, event_statistics
-from observer_rt.engine.learning.healthy import NOT_FITTED, EventStretch, Healthy, ShapeFit, stretch_of
+from observer_rt.engine.learning.healthy import NOT_FITTED, ShapeFit
 from observer_rt.engine.learning.knowledge import Knowledge, Outcome
 from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.engine.learning.learner import Learner
@@ -48,9 +49,8 @@ class _HealthyEvent:
 
     def cost(self, shape: HealthyShape | None = None) -> EventCost:
         """Cost of the event, the shape taken out."""
-        interval = self.setting.interval
-        expected = Healthy(shape=shape).expected(self.window, self.setting.coefficients, interval)
-        return EventCost(self.window, self.setting, self.sigma, round(BURN_IN / interval), expected=expected)
+        burn_in = round(BURN_IN / self.setting.interval)
+        return EventCost(self.window, self.setting, self.sigma, burn_in, shape=shape)
 
 
 class _Listener(Learner):

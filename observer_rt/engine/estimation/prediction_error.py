@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.learning.whitening import NO_HIGH_PASS, robust_cost, weigh, whiten
 from observer_rt.core.model.needle import NEEDLE_JITTER, NEEDLE_NUMBERS
+from observer_rt.engine.estimation.healthy_course import commanded, expected_in
 from observer_rt.engine.estimation.predictor import (
     NO_RATE,
     NO_SLOPES,
@@ -24,6 +25,7 @@ from observer_rt.engine.estimation.predictor import (
 from observer_rt.engine.estimation.scalars import EVERY, LAWLESS, NEEDLE_LAW, Parameter, learned_of
 from observer_rt.engine.estimation.shot_delays import JITTER_SIZE, ShotDelays
 from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.model.baseline import HealthyShape
 
 ANSWERS = 4  # runs of an event at most, until its shots are as late as explains most
 MOST_JITTER, NEAR_JITTER = 3.0, 0.3  # standard deviations: of a move between two runs, and of one that slopes tell
@@ -122,13 +124,13 @@ class EventCost:
         offset: float | None = None,
         levels: NDArray[np.float64] | None = None,
         temper: float = 1.0,
-        expected: NDArray[np.float64] | None = None,
+        shape: HealthyShape | None = None,
     ) -> None:
         """sigma: standard deviation of white innovations, in units of p_0; whitening: None if they are white.
 
         offset: line over rail pressure at rest [p_0] on the mean, None where there was none; levels: (n,) by what
         samples are noisier than sigma, None: all are as noisy; temper: J is divided by it;
-        expected: (n,) mean innovation of the healthy injector, which is taken out, None: 0.
+        shape: mean innovation of the healthy injector, which is taken out, None: 0.
         """
         self._window = window
         self._setting = setting
@@ -142,7 +144,10 @@ class EventCost:
         self.sigma = sigma
         self.burn_in = burn_in
         self.temper = temper
-        self._expected = expected
+        self._shape = shape
+        self._expected: NDArray[np.float64] | None = None
+        if shape is not None and window.needle is None:
+            self._expected = expected_in(shape, window, setting.coefficients, setting.interval)
         self._together: int = max(1, round(setting.coefficients.line.resolved / setting.interval))
         self.slopes = self.unfiltered_slopes = NO_SLOPES
         """(n, m) of the innovations, and with the colour of the noise, where J was last linearised."""
@@ -248,6 +253,12 @@ class EventCost:
         window = self._window.with_jitter(self.jitter * NEEDLE_JITTER, self._setting.interval)
         slopes = np.empty((self.unfiltered.size, columns.size + self.jitter.size))
         innovations_with_sensitivity(window, self._setting, theta, self.unfiltered, slopes, columns)
+        if self._shape is not None and window.needle is not None:
+            learned = learned_of(theta, self._setting.coefficients)
+            course = commanded(self._shape, window, learned, self._setting)
+            self._expected = course.expected
+            slopes[:, np.flatnonzero(np.isin(columns, NEEDLE_LAW.columns))] -= course.by_numbers
+            slopes[:, columns.size :] -= course.by_shots
         self._whiten()
         return slopes
 

@@ -1,6 +1,7 @@
 """Predictors over an event: the identification system x~ with its innovations, and the observer x^ open loop."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -71,11 +72,16 @@ class Window(NamedTuple):
 
     def strokes(self, learned: LearnedModel, setting: "Setting") -> tuple[NeedleStroke, ...]:
         """Strokes of a needle that answers commands as it was learned, in time order [s] from the first sample on."""
+        return tuple(stroke for stroke in self.answers(learned, setting) if stroke is not None)
+
+    def answers(self, learned: LearnedModel, setting: "Setting") -> Iterator[NeedleStroke | None]:
+        """To each command the stroke; None: the needle does not lift."""
         if self.needle is None:
-            return ()
+            return
         spans = zip(*(setting.interval * self.commands).T, self._pressures(setting.coefficients), strict=True)
-        answers = [stroke_of(begin, end - begin, rail, self.needle, learned.needle) for begin, end, rail in spans]
-        return tuple(NeedleStroke(**answer) for answer in answers if answer is not None)
+        for begin, end, rail in spans:
+            answer = stroke_of(begin, end - begin, rail, self.needle, learned.needle)
+            yield None if answer is None else NeedleStroke(**answer)
 
     def _pressures(self, c: Coefficients) -> NDArray[np.float64]:
         """Of the rail at each command (k,), over 100 MPa."""

@@ -29,6 +29,7 @@ LIFT_DELAY_CHANGE = 30e-6  # s: an amplifier, or a filter ahead of a converter; 
 LIFT_DELAYS = (-60e-6, -40e-6, -20e-6, 20e-6, 40e-6, 60e-6)  # s, at which a fit of the lift's delay may begin; M
 OPENING_DELAYS, CLOSING_DELAYS = (-70e-6, 0.0, 70e-6), (-120e-6, 0.0, 120e-6)  # s, of a needle by commands; M
 LINE_SENSOR_LAG = 40e-6  # s, at which a fit of a late line sensor begins; M
+LEAST_LAG = 30e-6  # s, that shows beside a fitted line and a needle by commands; M: without, 15 us of none
 MOVED_IN_TIME = 20e-6  # s, by which a needle moves at another time: some mm3/ms of a rate; M
 FILED = 0.02  # of their prior, by which line and sensors may be off where no event has said otherwise; M
 LAWLESS, ONE_SCALE = 0.6, 0.5  # probability that a flow has no law; of one that has, that all curves are alike; M

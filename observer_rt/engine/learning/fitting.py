@@ -24,7 +24,7 @@ from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, Parameter, Theta
 from observer_rt.engine.estimation.shot_delays import ShotDelays
-from observer_rt.engine.learning.constants import BEYOND, MOVED_IN_TIME, NEARLY_WHITE, NEARLY_WHITE_BLOCKS
+from observer_rt.engine.learning.constants import BEYOND, LEAST_LAG, MOVED_IN_TIME, NEARLY_WHITE, NEARLY_WHITE_BLOCKS
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.model.effective import LAG_UNIT, LIFT_UNIT, Coefficients
 
@@ -36,17 +36,36 @@ AGREEMENT = 0.05  # of expected and actual cost [chi2 / 2]: within it a linearis
 LOSSES = (Parameter.CONTROL_FLOW, Parameter.LANDING_BOUNCE)  # as far as the file has any
 LATE_OR_BOUNCE = Alike(Parameter.SENSOR_LAG, Parameter.LANDING_BOUNCE, MOVED_IN_TIME / LAG_UNIT)
 
+_LAG = int(Parameter.SENSOR_LAG)
+
 Table = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Lowest and highest theta (m,), its longest step in an iteration (m,), and the gate of its scalars."""
+    """Lowest and highest theta (m,), its longest step in an iteration (m,), and the gate of its scalars.
+
+    least_lag: of the line sensor, below which it only looks late.
+    """
 
     lowest: NDArray[np.float64]
     highest: NDArray[np.float64]
     longest_step: NDArray[np.float64]
     gate: Gate = SCALARS.gate
+    least_lag: float = 0.0
+
+    @property
+    def without_lag(self) -> Gate:
+        """The gate, through which no lag of the line sensor goes."""
+        return self._with_lag_from(float(self.highest[_LAG]))
+
+    @property
+    def carried(self) -> Gate:
+        """The gate of what goes on to the next event."""
+        return self._with_lag_from(self.least_lag) if self.least_lag else self.gate
+
+    def _with_lag_from(self, least: float) -> Gate:
+        return replace(self.gate, lowest={**self.gate.lowest, _LAG: least})
 
     def refuse_far(self, mean: NDArray[np.float64]) -> None:
         """Raises numpy.linalg.LinAlgError for a mean (m,) of a belief that no event could bring back."""
@@ -54,10 +73,11 @@ class Limits:
             raise np.linalg.LinAlgError("the mean of a belief lies beyond all limits")
 
 
-def theta_limits(c: Coefficients, needle: NeedleLaw | None = None) -> Limits:
+def theta_limits(c: Coefficients, needle: NeedleLaw | None = None, is_fitted: bool = False) -> Limits:
     """Limits of theta (m,); a pilot valve may lose all of its flow, a needle by commands its bounce, but not more.
 
-    Where the lift is recorded, no event tells of the needle's own numbers: they are not among the gated.
+    Where the lift is recorded, no event tells of the needle's own numbers: they are not among the gated. Where it is
+    not, what a fitted line leaves looks like a sensor that is a little late, and delays of the needle make up for it.
     """
     lowest, highest = SCALARS.bounds(c.pressure_scale)
     lowest[Parameter.CONTROL_FLOW] = -c.line.control_flow / c.line.a1
@@ -68,7 +88,8 @@ def theta_limits(c: Coefficients, needle: NeedleLaw | None = None) -> Limits:
         if needle is not None or column not in NEEDLE_LAW.columns
     }
     gate = replace(SCALARS.gate, lowest=gated, alike=None if needle is None else LATE_OR_BOUNCE)
-    return Limits(lowest, highest, SCALARS.longest_step(c.pressure_scale), gate)
+    least_lag = LEAST_LAG / LAG_UNIT if is_fitted and needle is not None else 0.0
+    return Limits(lowest, highest, SCALARS.longest_step(c.pressure_scale), gate, least_lag)
 
 
 @dataclass(frozen=True)
@@ -96,8 +117,15 @@ class EventFitter:
         """Minimise cost and distance from the prior, at most so many steps from `start`.
 
         A step that lowers the total as its linearisation says is the last: there is nothing to be learned from
-        repeating it. One that does not lower it is halved. Raises numpy.linalg.LinAlgError when singular.
+        repeating it. One that does not lower it is halved. A sensor that only looks late is taken to be in time.
+        Raises numpy.linalg.LinAlgError when singular.
         """
+        fit = self._fit(start, prior, iterations, self.limits.gate)
+        if _LAG in fit.active and fit.linearisation.theta[_LAG] < self.limits.least_lag:
+            return self._fit(start, prior, iterations, self.limits.without_lag)
+        return fit
+
+    def _fit(self, start: Linearisation, prior: Belief, iterations: int, gate: Gate) -> EventFit:
         prior_information = prior.information
         prior_vector = prior_information @ prior.mean
 
@@ -109,7 +137,7 @@ class EventFitter:
         for _ in range(iterations):
             covariance, _ = inverse_of(prior_information + here.information)
             joint = covariance @ (prior_vector + here.vector)
-            best, active = best_subset(joint, covariance, self.limits.gate, active)
+            best, active = best_subset(joint, covariance, gate, active)
             best[self.unused] = 0.0
             target = self._within_reach(here.theta, best)
             value = self.cost.value(target)

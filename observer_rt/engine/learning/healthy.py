@@ -1,30 +1,19 @@
-"""What a fitted model leaves of a healthy injector, and its shape: observer and `discover` do not object to it.
-
-No model of a real line is exact. What it leaves of the healthy injector comes back in every injection: one course
-after the needle leaves its seat, one after it is back on it, both changing with the rail pressure. With it taken out,
-an injector is compared with the healthy one instead of with the model.
-"""
+"""What a fitted model leaves of a healthy injector, and its shape: observer and `discover` do not object to it."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.engine.estimation.healthy_course import KNOTS, EventStretch, expected_in
 from observer_rt.engine.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.baseline import Appearance, Baseline, HealthyRemainder, HealthyShape, PhaseFigures, Remainder
 from observer_rt.model.effective import Coefficients
 
-KNOTS = 1e-6 * np.concatenate(
-    [np.arange(-40.0, 400.0, 20.0), np.arange(400.0, 1200.0, 40.0), np.arange(1200.0, 4001.0, 100.0)]
-)
-"""Times [s] after an opening, or a closing, between which the course is straight; 0 before and after."""
-# Of the rail pressure, with which the courses change linearly.
-CENTRE, SPAN = 100 * MEGAPASCAL, 40 * MEGAPASCAL
 SPREAD = 0.6  # standard deviation of a knot before anything was measured, in sigma of an innovation
 _DIGITS = 5  # of MPa: 10 Pa
 EDGES = (Phase.OPENING, Phase.CLOSING)
@@ -33,37 +22,6 @@ EDGES = (Phase.OPENING, Phase.CLOSING)
 SCATTER = 2.0
 _FOR_NAMING = ("shape", "appears", "line_pressure_offset_MPa")
 SAME_RATE = 0.01  # share by which sample rates may differ and a baseline still holds: blocks count samples
-
-
-class EventStretch(NamedTuple):
-    """Consecutive samples round one event."""
-
-    samples: int
-    interval: float  # of samples [s]
-    rail_pressure: float  # before the event [Pa]
-    openings: tuple[tuple[float, float], ...]  # begin and end of each [samples from the first one, with fractions]
-
-    @property
-    def pressure(self) -> float:
-        """Rail pressure in the unit by which courses change."""
-        return (self.rail_pressure - CENTRE) / SPAN
-
-    def times(self, at: float) -> NDArray[np.float64]:
-        """Times [s] (n,) of the samples after a position."""
-        return np.asarray(self.interval * (np.arange(self.samples) - at), np.float64)
-
-
-def expected(shape: HealthyShape, stretch: EventStretch) -> NDArray[np.float64]:
-    """Mean innovation [Pa] (n,) of a healthy injector over a stretch."""
-    courses = [
-        MEGAPASCAL * (np.array(constant) + stretch.pressure * np.array(slope))
-        for constant, slope in ((shape.opening, shape.opening_slope), (shape.closing, shape.closing_slope))
-    ]
-    total = np.zeros(stretch.samples)
-    for edges in stretch.openings:
-        for course, edge in zip(courses, edges, strict=True):
-            total += np.interp(stretch.times(edge), KNOTS, course, left=0.0, right=0.0)
-    return total
 
 
 def together(first: HealthyShape, second: HealthyShape) -> HealthyShape:
@@ -146,35 +104,11 @@ class Healthy:
 
     def expected(self, window: Window, c: Coefficients, interval: float) -> NDArray[np.float64] | None:
         """Mean innovation (n,) [p_0] over a window of samples of an interval [s]; None: 0."""
-        if self.shape is None:
-            return None
-        expected_pressure = expected(self.shape, stretch_of(window, c, interval)) / c.pressure_scale
-        return expected_pressure[: window.output.size]
+        return None if self.shape is None else expected_in(self.shape, window, c, interval)
 
 
 NOT_FITTED = Healthy()
 """Remainder of a model that was not fitted to recordings."""
-
-
-def stretch_of(window: Window, c: Coefficients, interval: float) -> EventStretch:
-    """Stretch of a window for `expected`; its edges lie where the straight flanks of the seat area reach 0."""
-    area = window.inputs[:, 1]
-    changes = np.flatnonzero(np.diff(np.concatenate(([False], area > 0.0, [False])).astype(np.int8)))
-    edges = [
-        (first - _beyond(area, first, 1), last + _beyond(area, last, -1))
-        for first, last in zip(changes[::2].tolist(), (changes[1::2] - 1).tolist(), strict=True)
-    ]
-    before = float(window.inputs[min(window.opening, area.size - 1), 0])
-    rail_pressure = before * c.pressure_scale + c.chamber_pressure
-    return EventStretch(area.size, interval, rail_pressure, tuple(edges))
-
-
-def _beyond(area: NDArray[np.float64], edge: int, inwards: int) -> float:
-    """Share of a sample by which a flank begins beyond the last sample on it."""
-    further = edge + inwards
-    if not 0 <= further < area.size or area[further] <= area[edge]:
-        return 0.0
-    return min(float(area[edge] / (area[further] - area[edge])), 1.0)
 
 
 def healthy_of(baseline: Baseline | None, sample_rate: float, trusted: bool = False) -> Healthy:

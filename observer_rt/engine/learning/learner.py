@@ -39,8 +39,11 @@ class Learner:
     def __init__(self, constants: Constants, knowledge: Knowledge, healthy: Healthy = NOT_FITTED) -> None:
         """constants: at the start; healthy: what the model leaves unexplained of a healthy injector."""
         gains_for = lru_cache(maxsize=SCHEDULES)(gain_schedule)
-        scale, limits = constants.coefficients.pressure_scale, theta_limits(constants.coefficients, constants.needle)
-        self._reader = EventReader(constants.interval, scale, limits, healthy, constants.calibration, gains_for)
+        c = constants.coefficients
+        limits = theta_limits(c, constants.needle, healthy.shape is not None)
+        self._reader = EventReader(
+            constants.interval, c.pressure_scale, limits, healthy, constants.calibration, gains_for
+        )
         self._constants = constants
         self.schedule = self._reader.gains(knowledge.in_force, knowledge.state.noise, constants)
         """Gains at the start."""

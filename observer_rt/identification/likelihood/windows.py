@@ -11,10 +11,10 @@ from observer_rt.core.learning.phases import phases_of
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.model.needle import NeedleLaw
+from observer_rt.engine.estimation.healthy_course import EventStretch, expected
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
-from observer_rt.engine.learning.healthy import EventStretch, expected
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.identification.likelihood.events import JudgedEvent, shut_mask
 from observer_rt.identification.likelihood.measurement import Measurement

@@ -206,7 +206,7 @@ class EventReader:
             follows.offset,
             state.jitter.levels(window, follows.sigmas.innovation),
             state.overdispersion.factor,
-            self.healthy.expected(window, follows.setting.coefficients, self.interval),
+            self.healthy.shape,
         )
 
     def temper_in(

@@ -111,7 +111,7 @@ class Adequacy:
 
     def _late(self, candidate: Candidate) -> float:
         """Mean square delay of shots over its limit, above 1 if it is no jitter; 0 with a measured lift."""
-        return max((judged.late for judged in self._fits.judged(candidate) or ()), default=0.0) / MOST_LATE
+        return max((judged.delay_square for judged in self._fits.judged(candidate) or ()), default=0.0) / MOST_LATE
 
     def _is_remainder(self, pool: Pool) -> bool:
         """Whether the residuals of every phase fell so far that the rest may be the model's own error."""

@@ -51,10 +51,11 @@ def _equations(
     if not shown.ids and discovery.unexplained is not None:
         return {cell.key: discovery.unexplained.equation for cell in discovery.before}
     worst: dict[CellKey, tuple[float, Equation]] = {}
-    for number, effect in enumerate(shown.hypothesis.effects):
-        others = shown.model_without(number, nominal)
-        judged = likelihood.judge(others)
-        for cell in discovery.before if judged is None else cells_of(likelihood, judged, others):
+    for effect in shown.hypothesis.effects:
+        others, sizes = shown.without(effect)
+        model = others.model(nominal, sizes)
+        judged = likelihood.judge(model)
+        for cell in discovery.before if judged is None else cells_of(likelihood, judged, model):
             if cell.key not in worst or cell.variance > worst[cell.key][0]:
                 worst[cell.key] = cell.variance, _violated(effect, nominal)
     return {key: equation for key, (_, equation) in worst.items()}

@@ -99,9 +99,8 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     recordings = [one.without_answers for one in task.measured]
     learned = task.learned(task.parameters, recordings) if task.learned else ()
     choice = baseline, task.chosen, leading(learned)
-    discovery = name_effects(
-        nominal, measured, workers, lambda done: progress(begin + (_NAMED - begin) * done), *choice
-    )
+    naming = _NAMED - begin
+    discovery = name_effects(nominal, measured, workers, lambda done: progress(begin + naming * done), *choice)
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
     accepted_term = task.accepted if task.accepted <= len(discovery.proposals) else 0
     shown = replace(discovery, accepted=accepted_term).shown
@@ -110,9 +109,8 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     where = disagreements(discovery, shown, likelihood, nominal)
     files, chosen = tuple(task.hashes), map(chosen_words, task.measured)
     several = Counter(point.file for point in points)
-    names = tuple(
-        files[point.file] if several[point.file] == 1 else f"{files[point.file]}, {point.name}" for point in points
-    )
+    pairs = [(files[point.file], point) for point in points]
+    names = tuple(file if several[point.file] == 1 else f"{file}, {point.name}" for file, point in pairs)
     amended = shown.model(nominal)
     # halves of 95 % intervals of masses, as shares, by what the proposal shown leaves
     halves = (one.part.mass_half for one in discovery.proposals if one.candidate is shown and one.part is not None)

@@ -120,15 +120,12 @@ def _errors(
     rate = measurement.recording.injection_rate
     runs = simulated(measurement if seed is None else noisier(measurement, seed), model)
     masses = np.array([mass(measurement, one, model.coefficients.density) for one in runs])
-    errors = {
-        LINE_PRESSURE: np.concatenate([pressure_gap(measurement, one) for one in runs]),
-        MASS: masses - true_masses,
-    }
+    pressures = [pressure_gap(measurement, one) for one in runs]
+    errors = {LINE_PRESSURE: np.concatenate(pressures), MASS: masses - true_masses}
     if rate is not None:
         inside = [in_mass_window(measurement, one.event, one.rate_samples) for one in runs]
-        errors[RATE] = np.concatenate(
-            [(one.shown_rate - rate[one.rate_samples])[part] for one, part in zip(runs, inside, strict=True)]
-        )
+        rates = [(one.shown_rate - rate[one.rate_samples])[part] for one, part in zip(runs, inside, strict=True)]
+        errors[RATE] = np.concatenate(rates)
     return errors
 
 

@@ -200,7 +200,7 @@ def _read_one(law: Law) -> Reading | None:
         case Call(Operation.POWER, (argument, Number(3.0))):
             return _over(argument, lambda over: _power_of(over, "as its cube"))
         case Call(Operation.SIN, (argument,)):
-            return _over(argument, _wave)
+            return _over(argument, _oscillation)
         case Call(Operation.SUBTRACT, (first, Lag(argument, milliseconds))) if first == argument:
             return _over(first, lambda over: _remembered(over, milliseconds))
     return None
@@ -246,7 +246,8 @@ def _same_both_ways(line: StraightLaw) -> Reading | None:
     return None if line.zero else Reading(abs(line.slope), words, line.subject.unit)
 
 
-def _wave(line: StraightLaw) -> Reading | None:
+def _oscillation(line: StraightLaw) -> Reading | None:
+    """The law sin(w t + p), w/(2 pi) in Hz; its amplitude stands before `and back`. None for one not over time."""
     if line.subject.of != {Variable.TIME: 1.0}:
         return None
     return Reading(1.0, f"and back, a wave of {line.slope / (2.0 * math.pi):.6g} Hz")

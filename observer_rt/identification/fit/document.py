@@ -196,9 +196,8 @@ def oddities(done: CalibrationResult) -> list[str]:
         value = parameter.of(done.injector)
         is_least = value < 1.01 * parameter.lowest and not parameter.linear  # the least of K_1 is a constant fuel
         if is_least or value > 0.99 * parameter.highest:
-            result.append(
-                f"{parameter.name} = {value / parameter.si:.4g} {parameter.unit} is at the end of the range tried"
-            )
+            size = f"{parameter.name} = {value / parameter.si:.4g} {parameter.unit}"
+            result.append(f"{size} is at the end of the range tried")
     return result
 
 

@@ -63,16 +63,14 @@ def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
         "line_pressure_MPa": [one.noise.line_pressure / MEGAPASCAL for one in recordings],
         "needle_lift_um": [one.noise.needle_lift / MICROMETRE for one in recordings],
     }
-    pressures = [
-        rail_pressure_before(event, one.recording) / MEGAPASCAL for one in recordings for event in one.events
-    ]
+    pressures = [rail_pressure_before(event, one.recording) for one in recordings for event in one.events]
     return Baseline(
         adequate=not done.inadequate,
         level=done.level_source.value,
         mass_share=rounded(done.mass_share),
         sample_rate_Hz=rounded(recordings[0].recording.sample_rate),
         injections=sum(len(fold.measurement.events) for fold in done.fitted.calibration.folds),
-        rail_pressure_MPa=_rounded_pair((min(pressures), max(pressures))),
+        rail_pressure_MPa=_rounded_pair((min(pressures) / MEGAPASCAL, max(pressures) / MEGAPASCAL)),
         variance=_largest([one.variance for one in left]),
         chi2=_largest([one.chi2 for one in left]),
         colour=_largest([one.colour for one in left]),

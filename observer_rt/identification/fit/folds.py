@@ -97,10 +97,8 @@ def standstill(measurement: Measurement) -> tuple[float, float]:
     """Means of line minus rail pressure, and of rail pressure, before the injections [Pa]."""
     recording = measurement.recording
     shut = [slice(event.start, event.openings[0].first) for event in measurement.events]
-    line, rail = (
-        float(np.mean([np.mean(pressure[each]) for each in shut]))
-        for pressure in (recording.line_pressure, recording.rail_pressure)
-    )
+    pressures = recording.line_pressure, recording.rail_pressure
+    line, rail = (float(np.mean([np.mean(pressure[part]) for part in shut])) for pressure in pressures)
     return line - rail, rail
 
 

@@ -92,10 +92,8 @@ class EffectSize(FreeParameter):
         """An injector with the effect at a value [SI]."""
         parameters = VOCABULARY[self.key].parameters
         values = [value, *(one.starts[0] for one in parameters[1:])]
-        sizes = {
-            one.name: EffectValue(value=size / one.si, unit=one.unit)
-            for one, size in zip(parameters, values, strict=True)
-        }
+        sized = zip(parameters, values, strict=True)
+        sizes = {one.name: EffectValue(value=size / one.si, unit=one.unit) for one, size in sized}
         others = [each for each in injector.effects if not self._is_made(each)]
         effect = EffectInForce(id=self.key, parameters=sizes, origin=_TRIED)
         return injector.model_copy(update={"effects": (*others, effect)})

@@ -20,7 +20,6 @@ from observer_rt.model.wave_line import RESOLVED, STABLE
 
 OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
 _DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
-GROUPS_OF_FOLD = 3  # of residuals: line pressure, rate, masses
 _MOST_KEPT = 24  # residuals cached of a fold: those of a linearisation
 GROUPS_OF_FOLD = 3  # of residuals: of the line pressure, of the rate, of the mass
 UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file

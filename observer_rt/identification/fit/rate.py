@@ -20,10 +20,10 @@ def rate_misfit(calibration: Calibration, judged: Sequence[JudgedModel]) -> floa
     """Root mean square of a measured rate minus the modelled one, beyond noise, over that of the rate; 0 without."""
     beyond, total = 0.0, 0.0
     for fold, model in zip(calibration.folds, judged, strict=True):
-        rate, z = fold.measurement.recording.injection_rate, model.rate_z[:-1]
-        if rate is not None:
-            beyond += fold.measurement.rate_noise**2 * max(float(z @ z) - z.size, 0.0)
-            total += float(np.sum(rate[Rows(fold.measurement).rate_samples] ** 2))
+        measurement, z = fold.measurement, model.z_of_rate
+        if measurement.recording.injection_rate is not None:
+            beyond += measurement.rate_noise**2 * max(float(z @ z) - z.size, 0.0)
+            total += float(np.sum(measurement.recording.injection_rate[Rows(measurement).rate_samples] ** 2))
     return math.sqrt(beyond / total) if total else 0.0
 
 
@@ -32,17 +32,18 @@ def rate_meter(measured: Sequence[Measurement], model: EffectiveModel) -> tuple[
 
     Its gain is free: the level is not the meter's.
     """
-    pairs = [
+    runs = [
         (one.interval, run.rate, one.recording.injection_rate[run.rate_samples])
         for one in measured
         if one.recording.injection_rate is not None
         for run in simulated(one, model)
     ]
-    rate = np.concatenate([each for _, _, each in pairs])
+    rate = np.concatenate([recorded for _, _, recorded in runs])
 
     def missed(lags: NDArray[np.float64]) -> NDArray[np.float64]:
-        shown = np.concatenate([shown_slowly(each, interval, *lags) for interval, each, _ in pairs])
-        return np.asarray(rate - shown * (shown @ rate) / (shown @ shown))
+        shown = np.concatenate([shown_slowly(modelled, interval, *lags) for interval, modelled, _ in runs])
+        gain = (shown @ rate) / (shown @ shown)
+        return np.asarray(rate - shown * gain)
 
     best = least_squares(missed, (1.5e-4, 3e-5), bounds=(1e-6, 2e-3), x_scale=1e-4, diff_step=1e-3)
     slow, quick = sorted(map(float, best.x), reverse=True)

@@ -89,9 +89,8 @@ def fitted(
     injector = structure.of(start, spare)
     needed = substeps_needed(injector, folds[0].measurement.recording.sample_rate)
     if needed > MAX_SUBSTEPS:
-        return FailedStructure(
-            structure, f"would need {needed} steps a sample, for its sac is small (at most {MAX_SUBSTEPS})"
-        )
+        reason = f"would need {needed} steps a sample, for its sac is small (at most {MAX_SUBSTEPS})"
+        return FailedStructure(structure, reason)
     try:
         calibration, minimum = _fit(injector, free, folds, iterations)
         for _ in range(MOST_FITS - 1):
@@ -104,9 +103,8 @@ def fitted(
         return FailedStructure(structure, error.problem)
     judged = None if minimum is None else calibration.judge_all(minimum.at.theta)
     if minimum is None or judged is None:
-        return FailedStructure(
-            structure, "has no finite solution on these recordings from the numbers it was started with"
-        )
+        reason = "has no finite solution on these recordings from the numbers it was started with"
+        return FailedStructure(structure, reason)
     unexplained = pooled(calibration.recordings, judged)
     return FittedStructure(structure, calibration, minimum, judged, unexplained, held_out(calibration, minimum.at))
 

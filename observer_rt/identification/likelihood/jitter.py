@@ -10,11 +10,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.identification.likelihood.windows import LateShots
+from observer_rt.identification.likelihood.windows import ShotDelays
 
 Vector = NDArray[np.float64]
 Bounds = NDArray[np.int64]
-Run = Callable[[LateShots], tuple[Vector, Vector]]
+Run = Callable[[ShotDelays], tuple[Vector, Vector]]
 """Innovations (n,) and injection rate (n,) of a model whose shots have these delays."""
 STEP = 5e-6  # s, of a delay, for a slope
 LEAST, WIDEST, ROUNDS = 12e-6, 60e-6, 2  # s, standard deviations of the jitter between which it is looked for
@@ -24,13 +24,13 @@ MOST = 5.0  # standard deviations, up to which a delay is followed
 class ShotJitter:
     """Delays of the shots in one recording.
 
-    late: delays [s] (k, 2) of the k shots of every event by the nominal model; sigma: their standard deviation [s];
-    by_shots: derivatives (n, columns) of the judged innovations by the delays of a shot of every event.
+    nominal_delays: of the k shots of every event by the nominal model [s] (k, 2); sigma: their standard deviation
+    [s]; by_shots: derivatives (n, columns) of the judged innovations by the delays of a shot of every event.
     """
 
     def __init__(self, commands: Sequence[Vector], counted: NDArray[np.bool_], bounds: Bounds) -> None:
         """commands: of every event (k, 2); counted: judged innovations; bounds (events + 1,): of events in these."""
-        self.late = [np.zeros_like(of_event) for of_event in commands]
+        self.nominal_delays = [np.zeros_like(of_event) for of_event in commands]
         self.sigma = LEAST
         self.by_shots = np.empty((0, 0))
         self._counted, self._bounds = counted, bounds
@@ -40,26 +40,26 @@ class ShotJitter:
 
         Their scatter is the jitter where it is larger than usual.
         """
-        here = run(self.late)[0]
-        self.by_shots = self._derivatives(run, here, self.late)
+        here = run(self.nominal_delays)[0]
+        self.by_shots = self._derivatives(run, here, self.nominal_delays)
         moved = self.by_shots * (WIDEST / innovation_sigma)
         z, on_time = here[self._counted] / innovation_sigma, np.zeros(moved.shape[1])
-        seen = WIDEST * np.array(likelier_delays(z, [on_time] * len(self.late), moved, self._bounds))
-        for delays, later in zip(self.late, seen - np.mean(seen, axis=0), strict=True):
+        seen = WIDEST * np.array(likelier_delays(z, [on_time] * len(self.nominal_delays), moved, self._bounds))
+        for delays, later in zip(self.nominal_delays, seen - np.mean(seen, axis=0), strict=True):
             delays += later[: delays.size].reshape(-1, 2)
-        squares = sum(float(np.sum(delays**2)) for delays in self.late)
+        squares = sum(float(np.sum(delays**2)) for delays in self.nominal_delays)
         self.sigma = max(LEAST, math.sqrt(squares / max(np.size(seen) - len(seen[0]), 1)))
 
     def likely(
         self, run: Run, innovation_sigma: float, normalised: Callable[[Vector], Vector]
     ) -> tuple[list[Vector], Vector]:
-        """Likeliest delays (columns,) of every event beyond `late`, in standard deviations, by a run of a model.
+        """Likeliest delays (columns,) of every event beyond the nominal ones, in standard deviations, by a run.
 
         normalised: makes judged innovations (n,) of those of the run. The second result says by what one standard
         deviation of each delay moves them (n, columns).
         """
-        delays = [np.zeros(self.by_shots.shape[1]) for _ in self.late]
-        shots: LateShots = self.late
+        delays = [np.zeros(self.by_shots.shape[1]) for _ in self.nominal_delays]
+        shots: ShotDelays = self.nominal_delays
         moved = self.by_shots * (self.sigma / innovation_sigma)
         for number in range(ROUNDS):
             here, _ = run(shots)
@@ -69,20 +69,21 @@ class ShotJitter:
             shots = self.shots(delays)
         return delays, moved
 
-    def shots(self, delays: Sequence[Vector]) -> LateShots:
+    def shots(self, delays: Sequence[Vector]) -> ShotDelays:
         """Delays [s] of all shots with further ones (columns,) of every event, in standard deviations."""
         moves = [self.sigma * np.clip(of_event, -MOST, MOST) for of_event in delays]
-        return [late + move[: late.size].reshape(-1, 2) for late, move in zip(self.late, moves, strict=True)]
+        pairs = zip(self.nominal_delays, moves, strict=True)
+        return [nominal + move[: nominal.size].reshape(-1, 2) for nominal, move in pairs]
 
-    def _derivatives(self, run: Run, here: Vector, shots: LateShots) -> Vector:
+    def _derivatives(self, run: Run, here: Vector, shots: ShotDelays) -> Vector:
         moved = [run(later)[0] - here for later in a_step_later(shots)]
         return np.asarray(np.column_stack(moved)[self._counted] / STEP)
 
 
-def a_step_later(shots: LateShots) -> list[LateShots]:
+def a_step_later(shots: ShotDelays) -> list[ShotDelays]:
     """The delays of shots, each time with one delay of every event longer by `STEP`: column after column."""
-    columns = range(max((late.size for late in shots), default=0))
-    return [[late + STEP * (column == np.arange(late.size).reshape(-1, 2)) for late in shots] for column in columns]
+    columns = range(max((delays.size for delays in shots), default=0))
+    return [[one + STEP * (column == np.arange(one.size).reshape(-1, 2)) for one in shots] for column in columns]
 
 
 def likelier_delays(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> list[Vector]:

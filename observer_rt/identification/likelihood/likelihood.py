@@ -38,7 +38,12 @@ class JudgedModel:
     volume_z: NDArray[np.float64]  # of its integral over every event
     rate_log_sigma: float  # rise of the logarithm of the rate's standard deviation by a lag of the lift
     masses: NDArray[np.float64]  # (events,) injected [kg], by the observer's estimate
-    late: float = 0.0  # mean square of the delays of shots, in standard deviations; 0: the lift was measured
+    delay_square: float = 0.0  # mean square of the delays of shots, in standard deviations; 0: the lift was measured
+
+    @property
+    def z_of_rate(self) -> NDArray[np.float64]:
+        """`rate_z` of the samples alone, without the gain's error at its end."""
+        return self.rate_z[:-1]
 
 
 class RecordingLikelihood:
@@ -59,13 +64,12 @@ class RecordingLikelihood:
         self._gains: dict[tuple[Any, float, float], GainSchedule] = {}
         self._nominal = nominal
         self._nominal_rail = rail_on_time(measurement, nominal.inputs)
-        self._nominal_key = _input_key(nominal)
         self._nominal_inputs = self._inputs(measurement, nominal)
         c = measurement.coefficients_of(nominal)
         self._batch = windows.batch_of(measurement, self._rows, self._nominal_inputs, 0, nominal.sensor.offset, c)
         self._begins, self._normalised_by = (nominal.sensor.offset, c), (c.chamber_pressure, c.pressure_scale)
         self._jitter = jitter.ShotJitter(self._batch.commands, self._rows.counted, self._rows.counted_bounds)
-        for _ in range(jitter.ROUNDS if self._jitter.late else 0):
+        for _ in range(jitter.ROUNDS if self._jitter.nominal_delays else 0):
             self._jitter.observe(self._run(nominal), self._schedule(nominal).innovation_sigma)
         every = windows.phases(measurement, self._batch)
         self.phases = every[self._rows.counted]
@@ -84,13 +88,12 @@ class RecordingLikelihood:
 
     def judge(self, model: EffectiveModel) -> JudgedModel | None:
         """Compare the recording with a model; None without a finite solution in the steps and delays there may be."""
-        stable = in_stable_cells(
-            self.measurement.as_recorded(model), self.measurement.interval, self._highest_pressure
-        )
+        recorded = self.measurement.as_recorded(model)
+        stable = in_stable_cells(recorded, self.measurement.interval, self._highest_pressure)
         if stable is None:
             return None
-        model, late = stable, self._samples_late(stable)
-        if abs(late) >= round(MARGIN / self.measurement.interval) or self._substeps_of(model) > MAX_SUBSTEPS:
+        model, samples_late = stable, self._samples_late(stable)
+        if abs(samples_late) >= round(MARGIN / self.measurement.interval) or self._substeps_of(model) > MAX_SUBSTEPS:
             return None
         log_sigma = math.log(self._schedule(model).innovation_sigma)
         run = self._run(model)
@@ -110,21 +113,22 @@ class RecordingLikelihood:
         shown = windows.as_by_meter(self.measurement, rate)
         rate_z, volume_z, rate_log_sigma = np.zeros(0), np.zeros(0), 0.0
         if self._rate is not None:
-            rate_z, rate_log_sigma = self._rate.residuals(shown[self._rows.rate_rows + late], model.inputs.lift_lag)
+            judged_rate = shown[self._rows.rate_rows + samples_late]
+            rate_z, rate_log_sigma = self._rate.residuals(judged_rate, model.inputs.lift_lag)
             volume_z = self._rate.volume_residuals(self._rows.volumes(shown))
         mean_square = float(np.mean(np.square(delays))) if delays else 0.0
         return JudgedModel(z, log_sigma, rate_z, volume_z, rate_log_sigma, masses, mean_square)
 
-    def late_shots(self, model: EffectiveModel) -> windows.LateShots:
+    def late_shots(self, model: EffectiveModel) -> windows.ShotDelays:
         """Likeliest delays [s] (k, 2) of the shots of every event, beyond those of a model's needle."""
         likely = self._jitter.shots(self._likely_delays(self._run(model), model)[0])
-        return likely if all(np.isfinite(delays).all() for delays in likely) else self._jitter.late
+        return likely if all(np.isfinite(delays).all() for delays in likely) else self._jitter.nominal_delays
 
     def _likely_delays(
         self, run: jitter.Run, model: EffectiveModel
     ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
         """As of `ShotJitter.likely`; no delays where the lift was measured."""
-        if not self._jitter.late:
+        if not self._jitter.nominal_delays:
             return [], np.empty((0, 0))
         sigma = self._schedule(model).innovation_sigma
         return self._jitter.likely(run, sigma, partial(self._normalised, model=model))
@@ -140,32 +144,34 @@ class RecordingLikelihood:
     @property
     def times(self) -> NDArray[np.float64]:
         """Times (n,) of the judged innovations [s], on the clock of laws."""
-        events, interval = self.measurement.events, self.measurement.interval
-        return np.concatenate(
-            [e.clock.time + interval * np.arange(e.counted - e.start, e.end - e.start) for e in events]
-        )
+        counted = [(e.clock.time, np.arange(e.counted - e.start, e.end - e.start)) for e in self.measurement.events]
+        return np.concatenate([start + self.measurement.interval * samples for start, samples in counted])
 
     def _run(self, model: EffectiveModel) -> jitter.Run:
-        return partial(
-            self._predicted, model, self._inputs_of(model), self._samples_late(model), self._substeps_of(model)
-        )
+        inputs, samples_late = self._inputs_of(model), self._samples_late(model)
+        return partial(self._predicted, model, inputs, samples_late, self._substeps_of(model))
 
     def _predicted(
-        self, model: EffectiveModel, inputs: TrueInputs, late: int, substeps: int, shots: windows.LateShots = ()
+        self,
+        model: EffectiveModel,
+        inputs: TrueInputs,
+        samples_late: int,
+        substeps: int,
+        shots: windows.ShotDelays = (),
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
-        c, offset = self.measurement.coefficients_of(model), model.sensor.offset
+        """Innovations and rate of all rows, the line pressure recorded `samples_late` whole samples late."""
+        measurement, c, offset = self.measurement, self.measurement.coefficients_of(model), model.sensor.offset
         is_nominal = inputs is self._nominal_inputs and (c.chamber_pressure, c.pressure_scale) == self._normalised_by
-        if late or not is_nominal:
-            batch = windows.batch_of(self.measurement, self._rows, inputs, late, offset, c)
+        if samples_late or not is_nominal:
+            batch = windows.batch_of(measurement, self._rows, inputs, samples_late, offset, c)
         elif (offset, c) == self._begins:  # of nearly all models: those that differ by a law
             batch = self._batch
         else:
-            batch = self._batch._replace(starts=windows.starts_of(self.measurement, offset, c))
-        setting = windows.setting_of(self.measurement, model, late, substeps, self._schedule(model).gains[-1])
-        delays = shots or self._jitter.late
-        innovation, rate = windows.followed(batch, setting, model.injector.needle_law, late=delays)
-        return innovation, windows.rate_as_recorded(self.measurement, rate)
+            batch = self._batch._replace(starts=windows.starts_of(measurement, offset, c))
+        setting = windows.setting_of(measurement, model, samples_late, substeps, self._schedule(model).gains[-1])
+        delays = shots or self._jitter.nominal_delays
+        innovation, rate = windows.followed(batch, setting, model.injector.needle_law, delays=delays)
+        return innovation, windows.rate_as_recorded(measurement, rate)
 
     def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
         """Normalised judged innovations (n,) of the nominal model with a lag [s] of the lift undone.
@@ -203,7 +209,7 @@ class RecordingLikelihood:
 
     def _inputs_of(self, model: EffectiveModel) -> TrueInputs:
         """True inputs under the model's terms; only the nominal ones are cached."""
-        if _input_key(model) == self._nominal_key:
+        if _input_key(model) == _input_key(self._nominal):
             return self._nominal_inputs
         return self._inputs(self.measurement, model)
 
@@ -218,11 +224,11 @@ class RecordingLikelihood:
         """Standard deviation of the modelled rate (m,) by the recorded lift's noise, by jitter and by the meter."""
         noise = self.measurement.noise.needle_lift
         shifted = nominal.with_changes("inputs", lift_shift=nominal.inputs.lift_shift + noise)
-        run, late = self._run(nominal), self._jitter.late
-        _, rate = run(late)
-        _, other = self._run(shifted)(late)
+        run, delays = self._run(nominal), self._jitter.nominal_delays
+        _, rate = run(delays)
+        _, other = self._run(shifted)(delays)
         moved = windows.as_by_meter(self.measurement, other - rate)
-        for shots in jitter.a_step_later(late):
+        for shots in jitter.a_step_later(delays):
             _, other = run(shots)
             steps = self._jitter.sigma / jitter.STEP
             moved = np.hypot(moved, steps * windows.as_by_meter(self.measurement, other - rate))
@@ -270,9 +276,8 @@ class JointLikelihood:
 
 def residuals_of(judged: Sequence[JudgedModel]) -> Residuals:
     """Residuals of line pressure, then rate, recording after recording."""
-    return Residuals.of(
-        [part for one in judged for part in ((one.z, one.log_sigma), (one.rate_z, one.rate_log_sigma))]
-    )
+    pairs = [((one.z, one.log_sigma), (one.rate_z, one.rate_log_sigma)) for one in judged]
+    return Residuals.of([group for pair in pairs for group in pair])
 
 
 def _input_key(model: EffectiveModel) -> tuple[InputTerms, Seat, NeedleLaw]:

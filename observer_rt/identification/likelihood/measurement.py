@@ -174,9 +174,8 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
     rate = recording.sample_rate
     rail, line = (noise_level(signal, shut, rate) for signal in (recording.rail_pressure, recording.line_pressure))
     if not np.isfinite(rail + line):
-        raise UserError(
-            _name(recording), "too little standstill to measure the noise", "record some ms more of shut needle"
-        )
+        problem = "too little standstill to measure the noise"
+        raise UserError(_name(recording), problem, "record some ms more of shut needle")
     # clipped at 0 it has half its noise there; open it is too short for its colour
     lift = float(np.fmax(white_noise(recording.needle_lift, is_open), lift_noise(recording)))
     levels = NoiseLevels(max(rail, PRESSURE_FLOOR), max(line, PRESSURE_FLOOR), lift)
@@ -202,12 +201,9 @@ def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 
     """Recordings in the rail sensor's units. gain: of the line-pressure sensor; level: of measured flows in them."""
     result = []
     for measurement in recordings:
-        recording, rate = measurement.recording, measurement.recording.injection_rate
-        changed = replace(
-            recording,
-            line_pressure=recording.line_pressure / (1.0 + gain),
-            injection_rate=None if rate is None else rate / level,
-        )
+        line, rate = measurement.recording.line_pressure / (1.0 + gain), measurement.recording.injection_rate
+        rate = None if rate is None else rate / level
+        changed = replace(measurement.recording, line_pressure=line, injection_rate=rate)
         result.append(replace(measurement, recording=changed))
     return tuple(result)
 
@@ -215,16 +211,11 @@ def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 
 def noisier(measurement: Measurement, seed: int) -> Measurement:
     """The recording with as much noise added as it has: the change of a result shows the uncertainty of it."""
     random, recording, noise = np.random.default_rng(seed), measurement.recording, measurement.noise
-    rail, lift, line = (
-        values + random.normal(0.0, sigma, values.size)
-        for values, sigma in (
-            (recording.rail_pressure, noise.rail_pressure),
-            (recording.needle_lift, noise.needle_lift),
-            (recording.line_pressure, noise.line_pressure),
-        )
-    )
-    louder = replace(recording, rail_pressure=rail, needle_lift=lift, line_pressure=line)
-    return replace(measurement, recording=louder)
+    louder: dict[str, Any] = {
+        name: getattr(recording, name) + random.normal(0.0, getattr(noise, name), recording.samples)
+        for name in ("rail_pressure", "needle_lift", "line_pressure")
+    }
+    return replace(measurement, recording=replace(recording, **louder))
 
 
 def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: float, **of: Any) -> Recording:

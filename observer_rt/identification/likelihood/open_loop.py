@@ -46,9 +46,8 @@ class Consequence:
 
 
 NO_CONSEQUENCE = Consequence(0.0, 0.0)
-_RUNS: WeakKeyDictionary[Measurement, list[tuple[EffectiveModel, tuple[SimulatedInjection, ...]]]] = (
-    WeakKeyDictionary()
-)
+_Runs = list[tuple[EffectiveModel, tuple[SimulatedInjection, ...]]]
+_RUNS: WeakKeyDictionary[Measurement, _Runs] = WeakKeyDictionary()
 
 
 def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[SimulatedInjection, ...]:
@@ -65,20 +64,18 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
     return run
 
 
-def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[SimulatedInjection, ...]:
+def _simulated(measurement: Measurement, effective: EffectiveModel) -> tuple[SimulatedInjection, ...]:
     interval = measurement.interval
     highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
-    stable = in_stable_cells(measurement.as_recorded(model), interval, highest_pressure)
-    if stable is None:
+    model = in_stable_cells(measurement.as_recorded(effective), interval, highest_pressure)
+    if model is None:
         raise ArithmeticError("no number of cells is stable for this line")
-    model = stable
     c, sensor = measurement.coefficients_of(model), model.sensor
     late = math.floor(sensor.delay / interval)
-    share = sensor.delay / interval - late
+    share, sample_rate = sensor.delay / interval - late, measurement.recording.sample_rate
     rows = windows.Rows(measurement)
     inputs = TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
     batch = windows.batch_of(measurement, rows, inputs, late, sensor.offset, c)
-    sample_rate = measurement.recording.sample_rate
     smoothing = smoothing_of(interval)
     gains = gain_schedule(c, measurement.noise, sample_rate, sensor.lag, share, rail_smoothing=smoothing).gains
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS

@@ -121,8 +121,6 @@ def openings_without_lag(
     for multiple, share in ((below, 1.0 + below - lag / GRID), (below + 1, lag / GRID - below)):
         near = multiple * GRID
         openings = find_openings(without_lag(lift, sample_rate, near), noise * noise_gain(near * sample_rate), ramp)
-        kept = [
-            one for one in openings if any(one.first <= each.last and each.first <= one.last for each in recorded)
-        ]
+        kept = [one for one in openings if any(one.first <= old.last and old.first <= one.last for old in recorded)]
         result.append((share, [opening_between(restored, one.first, one.last, ramp) for one in kept]))
     return result

@@ -76,9 +76,8 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
     recording = measurement.recording
     margin = round((MARGIN + SMOOTHED) / measurement.interval) + 1
     ordered = sorted(events, key=lambda event: event.start)
-    stretches = [
-        np.clip(np.arange(event.start - margin, event.end + margin), 0, recording.samples - 1) for event in ordered
-    ]
+    last = recording.samples - 1
+    stretches = [np.clip(np.arange(event.start - margin, event.end + margin), 0, last) for event in ordered]
     kept = np.concatenate(stretches)
     moved, commands, begin = [], [], 0
     for event, stretch in zip(ordered, stretches, strict=True):

@@ -38,7 +38,7 @@ def statistics_by_signal(recorded: RecordingLikelihood, judged: JudgedModel) -> 
     """Statistics of a model on one recording; the estimated gain error of a measured rate does not count."""
     pool = {Signal.LINE_PRESSURE: phase_statistics(judged.z, 1.0, recorded.phases, 0)}
     if judged.rate_z.size:
-        pool[Signal.INJECTION_RATE] = phase_statistics(judged.rate_z[:-1], 1.0, recorded.rate_phases, 0)
+        pool[Signal.INJECTION_RATE] = phase_statistics(judged.z_of_rate, 1.0, recorded.rate_phases, 0)
     return pool
 
 

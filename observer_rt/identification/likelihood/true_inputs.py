@@ -84,16 +84,8 @@ def _areas_of(
     if not openings:
         return area
     _, shuts = dead_band(measurement.noise.needle_lift)
-    fill_areas(
-        lift,
-        np.array([(o.first, o.last) for o in openings]),
-        np.array([(o.rising.lift, o.rising.slope, o.falling.lift, o.falling.slope) for o in openings]),
-        terms.lift_factor,
-        terms.lift_shift,
-        FOOT_ROUNDING / measurement.interval,
-        measurement.means,
-        shuts,
-        c.seat,
-        area,
-    )
+    edges = np.array([(o.first, o.last) for o in openings])
+    ramps = np.array([(o.rising.lift, o.rising.slope, o.falling.lift, o.falling.slope) for o in openings])
+    correction = terms.lift_factor, terms.lift_shift, FOOT_ROUNDING / measurement.interval
+    fill_areas(lift, edges, ramps, *correction, measurement.means, shuts, c.seat, area)
     return area

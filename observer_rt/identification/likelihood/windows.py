@@ -26,7 +26,8 @@ START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
 RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
 
-LateShots = Sequence[NDArray[np.float64]]
+ShotDelays = Sequence[NDArray[np.float64]]
+"""Delays [s] (k, 2) of the k shots of every event."""
 
 
 class Batch(NamedTuple):
@@ -45,16 +46,10 @@ class Batch(NamedTuple):
     def window(self, number: int) -> Window:
         """A window by its number."""
         part = slice(self.bounds[number], self.bounds[number + 1])
-        return Window(
-            self.inputs[part],
-            self.output[part],
-            self.resting[part],
-            self.starts[number],
-            self.openings[number],
-            self.knots[part],
-            clock=Clock(*self.clocks[number]),
-            commands=self.commands[number] if self.commands else NO_COMMANDS,
-        )
+        signals = self.inputs[part], self.output[part], self.resting[part]
+        start, clock = self.starts[number], Clock(*self.clocks[number])
+        commands = self.commands[number] if self.commands else NO_COMMANDS
+        return Window(*signals, start, self.openings[number], self.knots[part], clock=clock, commands=commands)
 
 
 def in_mass_window(measurement: Measurement, event: JudgedEvent, samples: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -101,9 +96,9 @@ class Rows:
 
 
 def batch_of(
-    measurement: Measurement, rows: Rows, inputs: TrueInputs, late: int, offset: float, c: Coefficients
+    measurement: Measurement, rows: Rows, inputs: TrueInputs, samples_late: int, offset: float, c: Coefficients
 ) -> Batch:
-    """The windows when the line pressure is recorded `late` samples late with an offset [Pa] added.
+    """The windows when the line pressure is recorded some samples late with an offset [Pa] added.
 
     Rows belong to samples of the line pressure, so that every candidate is judged on the same ones.
     """
@@ -111,7 +106,7 @@ def batch_of(
     openings = [o for event in measurement.events for o in event.openings]
     resting = shut_mask(recording, openings)
     resting &= inputs.area <= 0.0  # the sensor does not see the foot of a ramp
-    source = rows.samples - late
+    source = rows.samples - samples_late
     output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale
     return Batch(
         np.ascontiguousarray(np.stack((inputs.rail[source], inputs.area[source]), axis=1)),
@@ -119,10 +114,10 @@ def batch_of(
         resting[source],
         starts_of(measurement, offset, c),
         rows.bounds,
-        np.array([event.openings[0].first - event.start + late for event in measurement.events]),
+        np.array([event.openings[0].first - event.start + samples_late for event in measurement.events]),
         inputs.knots[source] if inputs.knots.size else inputs.knots,
         np.array([event.clock for event in measurement.events]),
-        tuple(commands[measurement.shots_in(event)] - event.start + late for event in measurement.events)
+        tuple(commands[measurement.shots_in(event)] - event.start + samples_late for event in measurement.events)
         if measurement.is_free and (commands := measurement.commands) is not None
         else (),
     )
@@ -141,28 +136,28 @@ def starts_of(measurement: Measurement, offset: float, c: Coefficients) -> NDArr
 
 
 def setting_of(
-    measurement: Measurement, model: EffectiveModel, late: int, substeps: int, gain: NDArray[np.float64]
+    measurement: Measurement, model: EffectiveModel, samples_late: int, substeps: int, gain: NDArray[np.float64]
 ) -> Setting:
-    """Setting of a model for the windows when the line pressure is recorded `late` whole samples late."""
+    """Setting of a model for the windows when the line pressure is recorded `samples_late` whole samples late."""
     c, sensor = measurement.coefficients_of(model), model.sensor
-    share, offset = sensor.delay / measurement.interval - late, sensor.offset / c.pressure_scale
+    share, offset = sensor.delay / measurement.interval - samples_late, sensor.offset / c.pressure_scale
     return Setting(measurement.interval, substeps, c, gain.copy(), share, sensor.lag, offset, model.program)
 
 
 def followed(
-    batch: Batch, setting: Setting, needle: NeedleLaw, until_opening: bool = False, late: LateShots = ()
+    batch: Batch, setting: Setting, needle: NeedleLaw, until_opening: bool = False, delays: ShotDelays = ()
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normalised innovations (n,) and injection rate [m3/s] (n,) of x~ over all windows of a recording.
 
     needle: answers the commands of the batch, if it has any; until_opening: gives those of x^ instead, which runs
-    open loop from the opening of its window on; late: delays [s] (k, 2) of the shots of every event.
+    open loop from the opening of its window on; delays: of the shots, those of jitter.
     """
     learned = nothing_learned(setting.coefficients)
     innovation, rate = np.empty((2, batch.output.size))
     for number, (first, end) in enumerate(pairwise(batch.bounds)):
         window, part = batch.window(number), slice(first, end)
         if batch.commands:
-            window = window.with_jitter(late[number] if late else np.zeros(0), setting.interval)
+            window = window.with_jitter(delays[number] if delays else np.zeros(0), setting.interval)
             window = window._replace(needle=needle).as_learned(learned, setting)
         corrected = window.opening if until_opening else end - first
         follow(window, setting, learned, corrected, innovation[part], rate[part], None, NO_SLOPES)

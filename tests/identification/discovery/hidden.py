@@ -8,12 +8,16 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.proposal import Proposal, Refusal
+from observer_rt.identification.likelihood.likelihood import JointLikelihood
 from observer_rt.model.effect import Component, Effect, SizedEffect
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.terms.term import Term
 from tests.identification.fit.healthy import simulations
 
 NOMINAL = load_injector()
+MODEL = effective_model(NOMINAL)
 POINTS = ((60e6, 1.9e-3), (140e6, 0.6e-3))
 
 
@@ -28,6 +32,15 @@ def recordings(
     """One recording an operating point (rail pressure [Pa], energizing [s]), two injections in each."""
     made = simulations(points, parameters, measured_rate, 2, seed, noise, effects, period=0.06)
     return [simulation.recording for simulation in made]
+
+
+def statistic_of(likelihood: JointLikelihood, *effects: SizedEffect, model: EffectiveModel = MODEL) -> float:
+    """-2 log L of a model with effects."""
+    for effect in effects:
+        model = effect.effect.apply(model, effect.values)
+    residuals = likelihood.residuals(model)
+    assert residuals is not None
+    return residuals.statistic
 
 
 def proposal_of(*effects: Effect, adequate: bool = True, unsound: Refusal | None = None) -> Proposal:

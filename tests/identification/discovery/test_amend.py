@@ -42,20 +42,13 @@ def test_every_line_of_the_file_is_kept(tmp_path: Path) -> None:
 
 
 def test_what_is_left_of_terms_accepted_in_part_is_stated_until_the_file_is_amended_again(tmp_path: Path) -> None:
-    path, shape = (
-        tmp_path / "injector.toml",
-        HealthyShape(opening=(0.1, 0.2, 0.3), opening_slope=(0.0,), closing=(0.0,), closing_slope=(0.0,)),
-    )
-    observer = HealthyRemainder(
-        variance=PhaseFigures(open=1.5), colour=PhaseFigures(open=2.0), overdispersion=1.2, shape=shape
-    )
+    shape = HealthyShape(opening=(0.1, 0.2, 0.3), opening_slope=(0.0,), closing=(0.0,), closing_slope=(0.0,))
+    variance, colour = PhaseFigures(open=1.5), PhaseFigures(open=2.0)
+    observer = HealthyRemainder(variance=variance, colour=colour, overdispersion=1.2, shape=shape)
     left = Remainder(
-        line_pressure_MPa=0.2,
-        mass_share=0.003,
-        sample_rate_Hz=1e5,
-        variance=PhaseFigures(open=1.4),
-        observer=observer,
+        line_pressure_MPa=0.2, mass_share=0.003, sample_rate_Hz=1e5, variance=variance, observer=observer
     )
+    path = tmp_path / "injector.toml"
     write_amended(path, InjectorFile.read(NOMINAL_INJECTOR), [WORN], remainder=left)
     assert load_injector(path).remainder == left
     write_amended(path, InjectorFile.read(path), [WORN])

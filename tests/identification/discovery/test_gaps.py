@@ -16,9 +16,7 @@ from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.effect import Equation
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.conftest import WEAR, Worn
-from tests.identification.discovery.hidden import NOMINAL, recordings
-
-MODEL = effective_model(NOMINAL)
+from tests.identification.discovery.hidden import MODEL, NOMINAL, recordings
 
 
 def test_the_amended_model_leaves_little_more_than_noise(worn: Worn) -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from observer_rt.engine.estimation.healthy_course import KNOTS
@@ -12,12 +13,11 @@ from observer_rt.identification.discovery.search.verdict import healthy_baseline
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.effects import sized
 from tests.baselines import WHITE, baseline
-from tests.identification.discovery.hidden import NOMINAL, recordings
+from tests.identification.discovery.conftest import WORN_POINTS as POINTS
+from tests.identification.discovery.hidden import MODEL, NOMINAL, recordings
 
-MODEL = effective_model(NOMINAL)
-POINTS = ((60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.9e-3))
 OWN = sized("orifice_area", v_H=0.02)
 """What the model lacks of the healthy injector."""
 
@@ -55,10 +55,7 @@ def test_what_is_new_is_named_by_its_difference() -> None:
 def test_a_size_is_no_surer_than_a_fitted_model_is_exact(healthy: Healthy) -> None:
     hidden = sized("bulk_modulus", r=0.1)
     (surely,), (named,) = _discover(hidden).effects, _discover(OWN, hidden, healthy=healthy).effects
-    widths = []
-    for size in (one.parameters["r"] for one in (surely, named)):
-        low, high = size.ci95
-        widths.append((high - low) / size.value)
+    widths = [np.ptp(size.ci95) / size.value for size in (surely.parameters["r"], named.parameters["r"])]
     assert widths[0] < 0.03 < widths[1] < 0.06
 
 
@@ -75,19 +72,12 @@ def test_the_smallest_size_that_could_be_seen_is_seen(healthy: Healthy) -> None:
 @pytest.mark.slow
 def test_more_injections_show_smaller_effects() -> None:
     few = _discover()
-    measured_recordings = measurements(
-        [first for seed in range(3, 7) for first in recordings(points=POINTS, seed=seed)]
-    )
-    many = name_effects(MODEL, measured_recordings, workers=2)
-    for first, second in zip(few.smallest_visible, many.smallest_visible, strict=True):
-        assert first.id == second.id
-        assert second.size <= first.size
-    by_noise = [
-        second.size / first.size
-        for first, second in zip(few.smallest_visible, many.smallest_visible, strict=True)
-        if first.id == "guide_leakage"
-    ]
-    assert by_noise == pytest.approx([0.5], rel=0.2)  # four times as many
+    made = [recording for seed in range(3, 7) for recording in recordings(points=POINTS, seed=seed)]
+    many = name_effects(MODEL, measurements(made), workers=2)
+    before, after = ({one.id: one.size for one in discovery.smallest_visible} for discovery in (few, many))
+    assert before.keys() == after.keys()
+    assert all(after[effect] <= size for effect, size in before.items())
+    assert after["guide_leakage"] / before["guide_leakage"] == pytest.approx(0.5, rel=0.2)  # four times as many
 
 
 @pytest.mark.slow
@@ -112,7 +102,6 @@ def test_gain_and_offset_of_the_sensor_at_the_fit_are_both_undone() -> None:
 
 
 def test_recordings_of_one_point_hold_nothing_out() -> None:
-    discovery = name_effects(
-        MODEL, measurements(recordings((sized("orifice_area", v_H=0.05),), points=POINTS[:1])), workers=2
-    )
+    measured = measurements(recordings((sized("orifice_area", v_H=0.05),), points=POINTS[:1]))
+    discovery = name_effects(MODEL, measured, workers=2)
     assert "orifice_area" in [one.id for one in discovery.effects]

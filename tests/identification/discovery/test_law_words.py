@@ -17,8 +17,6 @@ from observer_rt.model.terms.term import Term, TermEquation
 from tests.identification.discovery.hidden import proposal_of
 
 LARGEST_LIFT = 0.3e-3  # m
-
-
 GOLDEN = (Path(__file__).parent / "laws.txt").read_text("utf-8")
 CASES = re.findall(r"^(\w+); (.+); (\S+)\n  (.+)$", GOLDEN, re.MULTILINE)
 

@@ -8,11 +8,9 @@ import pytest
 from observer_rt.identification.discovery.standstill import StandstillFigure, standstill_checks
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
-from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.effects import sized
 from tests.identification.discovery.conftest import Worn
-from tests.identification.discovery.hidden import NOMINAL, recordings
-
-MODEL = effective_model(NOMINAL)
+from tests.identification.discovery.hidden import MODEL, recordings
 
 
 def _checks(results: tuple[Measurement, ...]) -> list[StandstillFigure]:

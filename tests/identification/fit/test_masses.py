@@ -1,5 +1,6 @@
 """Tables of measured masses: read back, or refused with file and line."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,12 +12,8 @@ from observer_rt.identification.fit.masses import read_masses
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import simulations
 
-FOUND = measurements(
-    [
-        one.recording.__class__(**{**vars(one.recording), "path": Path(f"/somewhere/h_{number}.csv")})
-        for number, one in enumerate(simulations([(60e6, 0.6e-3), (100e6, 0.6e-3)]))
-    ]
-)
+MADE = enumerate(simulations([(60e6, 0.6e-3), (100e6, 0.6e-3)]))
+FOUND = measurements([replace(one.recording, path=Path(f"/somewhere/h_{number}.csv")) for number, one in MADE])
 DENSITY = 750.0
 MASSES = st.floats(0.1, 500.0).map(lambda value: round(value, 4))
 SAME_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -20,8 +20,7 @@ def test_what_disagrees_is_said_and_no_cause_that_a_refit_did_not_show() -> None
     """A lift later than any sensor's shows in the phases after it: where, how much, its sign."""
     recordings = [each.recording for each in simulations(((60e6, 0.6e-3), (100e6, 1.9e-3)))]
     late = [replace(each, needle_lift=np.roll(each.needle_lift, 20)) for each in recordings]
-    measured_recordings = measurements(late)
-    done = calibrate(NOMINAL, measured_recordings, {}, lambda _: None, LUMPS[:1])
+    done = calibrate(NOMINAL, measurements(late), {}, lambda _: None, LUMPS[:1])
     words = verdict_words(done)
     assert re.search("and not enough|No single effect", words)
     figures = r"Most is left in (\w+) at (\d+) MPa: ([\d.]+) MPa one sample ahead \(noise alone ([\d.]+)\)"
@@ -60,8 +59,7 @@ def test_an_entry_far_from_the_truth_is_named() -> None:
     free = (STIFFNESS, LOSS, SEAT, NOZZLE, SAC)
     scaled = np.array([3.0, 9.0, 1 / 3, 1 / 3, 1 / 3]) * [one.of(NOMINAL) for one in free]
     file = with_values(NOMINAL.model_copy(update={"line": line}), free, scaled)
-    measured_recordings = measurements([one.recording for one in simulations()])
-    done = calibrate(file, measured_recordings, {}, lambda _: None, LUMPS[:1])
+    done = calibrate(file, measurements([one.recording for one in simulations()]), {}, lambda _: None, LUMPS[:1])
     assert verdict_words(done).startswith("adequate")
     assert "IMPLAUSIBLE: fluid.bulk_modulus_line" in verdict_words(done)
     assert any("check line.volume (K_L counts only as K_L/V_L), line.length" in line for line in oddities(done))

@@ -13,14 +13,13 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.likelihood.channel_noise import LAG_GRID, LiftNoise, true_rail_pressure
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
-from observer_rt.model.effects import effective_model, sized
-from tests.identification.discovery.hidden import NOMINAL, recordings
+from observer_rt.model.effects import sized
+from tests.identification.discovery.hidden import MODEL, recordings, statistic_of
 from tests.observed_plants import recording_of
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, Surroundings, record
 
 STARTS = (0.02, 0.05, 0.08)
-MODEL = effective_model(NOMINAL)
 AT_REST = measurements(recordings(points=((100e6, 1.0e-3),)))[0]
 LOUD = SimulatedNoise(line_pressure=2e4, needle_lift=1.5e-6)
 
@@ -77,12 +76,7 @@ def test_a_healthy_injector_s_rail_was_recorded_in_time(moving: tuple[Measuremen
     """-2 log L over the delay is lowest at 0, within its interval, whatever the share of a sample."""
     likelihood = joint_likelihood(moving, MODEL)
     delays = np.arange(-40.0, 40.1, 2.5)
-    statistic = []
-    for delay in delays:
-        effect = sized("rail_pressure_skew", d=1e-6 * delay)
-        residuals = likelihood.residuals(effect.effect.apply(MODEL, effect.values))
-        assert residuals is not None
-        statistic.append(residuals.statistic)
+    statistic = [statistic_of(likelihood, sized("rail_pressure_skew", d=1e-6 * delay)) for delay in delays]
     gained = statistic[delays.size // 2] - np.array(statistic)
     assert np.max(gained) < 9.0  # 3 standard deviations
     assert np.max(gained[np.abs(delays) > 20.0]) < -9.0  # and a false delay is refuted
@@ -91,15 +85,10 @@ def test_a_healthy_injector_s_rail_was_recorded_in_time(moving: tuple[Measuremen
 def test_a_lag_undone_by_a_lead_explains_nothing(moving: tuple[Measurement, ...]) -> None:
     """Together they only smooth the prediction: once the noise is separated, that gains nothing."""
     likelihood = joint_likelihood(moving, MODEL)
-    before = likelihood.residuals(MODEL)
-    assert before is not None
+    before = statistic_of(likelihood)
     for tau in (2e-6, 5e-6, 8e-6, 13e-6):
-        model = MODEL
-        for effect in (sized("line_pressure_sensor_lag", tau=tau), sized("channel_skew", d=-tau)):
-            model = effect.effect.apply(model, effect.values)
-        after = likelihood.residuals(model)
-        assert after is not None
-        assert before.statistic - after.statistic < 16.0
+        both = sized("line_pressure_sensor_lag", tau=tau), sized("channel_skew", d=-tau)
+        assert before - statistic_of(likelihood, *both) < 16.0
 
 
 def test_what_is_found_is_the_variance_beyond_that_without_a_lag() -> None:

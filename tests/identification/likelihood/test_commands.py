@@ -65,9 +65,7 @@ def fitter(hidden: HiddenCase, jitter: float = 8 * US) -> Fitter:
 
 def left(of: Fitter, candidate: Candidate) -> float:
     """Ratio of the worst phase to its limit."""
-    pool = of.pool(candidate)
-    assert pool is not None
-    return worst(pool).ratio
+    return worst(of.pool(candidate)).ratio
 
 
 @pytest.mark.parametrize(("later", "is_seen"), [(0.0, False), (30 * US, True)])

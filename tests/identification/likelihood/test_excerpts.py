@@ -49,38 +49,33 @@ def lengths(event: JudgedEvent) -> tuple[int, ...]:
 
 
 def test_a_recording_that_is_not_too_long_is_taken_whole() -> None:
-    measured_recordings, (expected,) = measured(HeldSignals(pair())), measurements([pair()])
-    assert measured_recordings.recording is pair()
-    assert measured_recordings.events == expected.events
-    assert (measured_recordings.noise, measured_recordings.rate_noise) == (expected.noise, expected.rate_noise)
-    assert coverage(measured_recordings) == coverage(expected)
+    kept, (expected,) = measured(HeldSignals(pair())), measurements([pair()])
+    assert kept.recording is pair()
+    assert kept.events == expected.events
+    assert (kept.noise, kept.rate_noise) == (expected.noise, expected.rate_noise)
+    assert coverage(kept) == coverage(expected)
 
 
 def test_every_injection_of_a_long_one_is_found_whole() -> None:
     times = 2 * BLOCK // PERIOD + 5
-    measured_recordings = measured(RepeatedRecording(pair(), times), most=MOST)
+    kept = measured(RepeatedRecording(pair(), times), most=MOST)
     (expected,) = measurements([RepeatedRecording(pair(), times).collected()])
-    assert measured_recordings.injections.complete == len(expected.events) == 2 * times
-    assert measured_recordings.injections.left_out == ()
-    assert measured_recordings.recording.samples <= MOST
-    assert len(measured_recordings.events) > MOST // PERIOD
-    assert set(windows(measured_recordings)) <= set(windows(expected))
-    assert {lengths(event) for event in measured_recordings.events} == {lengths(event) for event in expected.events}
-    assert measured_recordings.noise.line_pressure == pytest.approx(expected.noise.line_pressure, rel=0.02)
-    assert measured_recordings.noise.needle_lift == pytest.approx(expected.noise.needle_lift, rel=0.15)
-    assert (measured_recordings.rail_pressure, measured_recordings.duration) == pytest.approx(
-        (expected.rail_pressure, expected.duration), rel=1e-3
-    )
+    assert kept.injections.complete == len(expected.events) == 2 * times
+    assert kept.injections.left_out == ()
+    assert kept.recording.samples <= MOST
+    assert len(kept.events) > MOST // PERIOD
+    assert set(windows(kept)) <= set(windows(expected))
+    assert {lengths(event) for event in kept.events} == {lengths(event) for event in expected.events}
+    assert kept.noise.line_pressure == pytest.approx(expected.noise.line_pressure, rel=0.02)
+    assert kept.noise.needle_lift == pytest.approx(expected.noise.needle_lift, rel=0.15)
+    assert (kept.rail_pressure, kept.duration) == pytest.approx((expected.rail_pressure, expected.duration), rel=1e-3)
 
 
 def test_a_rare_operating_point_keeps_all_of_its_injections() -> None:
     rare = pair(60e6)
     often = RepeatedRecording(pair(), 20).collected()
-    measured_recordings = measured(HeldSignals(joined(often, rare, often, often)), most=MOST)
-    pressures = [
-        float(measured_recordings.recording.rail_pressure[event.openings[0].first - 100])
-        for event in measured_recordings.events
-    ]
+    kept = measured(HeldSignals(joined(often, rare, often, often)), most=MOST)
+    pressures = [float(kept.recording.rail_pressure[event.openings[0].first - 100]) for event in kept.events]
     assert sum(pressure < 80e6 for pressure in pressures) == 2
     assert len(pressures) > 10
 
@@ -89,9 +84,9 @@ def test_what_is_kept_is_spread_over_the_whole() -> None:
     """The lift tells when: every injection is a little higher than the one before."""
     long = RepeatedRecording(pair(), 40).collected()
     long = replace(long, needle_lift=long.needle_lift * np.linspace(1.0, 1.5, long.samples))
-    measured_recordings = measured(HeldSignals(long), most=MOST)
-    lift = measured_recordings.recording.needle_lift
-    heights = [float(np.max(lift[event.start : event.end])) for event in measured_recordings.events]
+    kept = measured(HeldSignals(long), most=MOST)
+    lift = kept.recording.needle_lift
+    heights = [float(np.max(lift[event.start : event.end])) for event in kept.events]
     steps = np.diff(heights) / (heights[-1] - heights[0]) * (len(heights) - 1)
     assert np.all((steps > 0.5) & (steps < 1.5))
     assert heights[-1] / heights[0] > 1.4
@@ -105,11 +100,11 @@ def test_what_is_missing_is_counted_and_left_out_as_of_the_whole() -> None:
         first = complete.events[number].openings[0].first
         rail[first + 20 : first + 29] = np.nan
     long = replace(long, rail_pressure=rail)
-    measured_recordings, (expected,) = measured(HeldSignals(long), most=MOST), measurements([long])
-    assert [event.lack for event in measured_recordings.injections.left_out] == [Lack.GAP] * 3
-    assert measured_recordings.injections.left_out == expected.injections.left_out
-    summary, chosen, left_out = coverage(measured_recordings).splitlines()
-    judged = len(measured_recordings.events)
+    kept, (expected,) = measured(HeldSignals(long), most=MOST), measurements([long])
+    assert [event.lack for event in kept.injections.left_out] == [Lack.GAP] * 3
+    assert kept.injections.left_out == expected.injections.left_out
+    summary, chosen, left_out = coverage(kept).splitlines()
+    judged = len(kept.events)
     assert summary.endswith(f"27 missing, {judged} of 120 injections judged")
     assert chosen.startswith(f"  {judged} of 117 complete injections chosen")
     assert [left_out] == coverage(expected).splitlines()[1:]

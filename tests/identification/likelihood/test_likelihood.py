@@ -23,21 +23,14 @@ from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.model.stability import in_stable_cells
 from observer_rt.model.wave_line import STABLE, with_cells
-from tests.identification.discovery.hidden import NOMINAL, recordings
+from tests.identification.discovery.hidden import MODEL, NOMINAL, recordings, statistic_of
 
-NOMINAL_MODEL = effective_model(NOMINAL)
-HEALTHY = joint_likelihood(measurements(recordings(measured_rate=True)), NOMINAL_MODEL)
+HEALTHY = joint_likelihood(measurements(recordings(measured_rate=True)), MODEL)
 RATES = (20e3, 50e3, 100e3, 200e3)
 
 
-def _statistic(likelihood: JointLikelihood, model: EffectiveModel = NOMINAL_MODEL) -> float:
-    residuals = likelihood.residuals(model)
-    assert residuals is not None
-    return residuals.statistic
-
-
 def test_innovations_and_rate_residuals_of_the_true_model_are_white() -> None:
-    judged = HEALTHY.judge(NOMINAL_MODEL)
+    judged = HEALTHY.judge(MODEL)
     assert judged is not None
     z = np.concatenate([one.z for one in judged])
     rate = np.concatenate([one.rate_z for one in judged])
@@ -48,7 +41,7 @@ def test_innovations_and_rate_residuals_of_the_true_model_are_white() -> None:
 
 def test_many_models_take_little_memory() -> None:
     """Of each a row of gains is kept, and a likelihood that nobody needs any more is gone at once."""
-    likelihood = RecordingLikelihood(measurements(recordings())[0], NOMINAL_MODEL)
+    likelihood = RecordingLikelihood(measurements(recordings())[0], MODEL)
     tracemalloc.start()
     for stiffness in np.linspace(0.9, 1.1, 50):
         likelihood.judge(effective_model(NOMINAL, (sized("bulk_modulus", r=float(stiffness) - 1.0),)))
@@ -77,33 +70,33 @@ def test_many_models_take_little_memory() -> None:
     ids=lambda effect: str(effect.effect.id),
 )
 def test_the_truth_explains_far_more_than_the_nominal_model(hidden: SizedEffect) -> None:
-    likelihood = joint_likelihood(measurements(recordings((hidden,))), NOMINAL_MODEL)
+    likelihood = joint_likelihood(measurements(recordings((hidden,))), MODEL)
     true = effective_model(NOMINAL, (hidden,))
     residuals = likelihood.residuals(true)
     assert residuals is not None
     assert np.mean(residuals.z**2) == pytest.approx(1.0, abs=0.06)
-    assert residuals.statistic < _statistic(likelihood) - 300.0
+    assert residuals.statistic < statistic_of(likelihood) - 300.0
 
 
 def test_a_gain_error_of_the_rate_is_no_effect_within_its_prior() -> None:
     healthy = recordings(measured_rate=True)
     scaled = [replace(one, injection_rate=1.01 * np.asarray(one.injection_rate)) for one in healthy]
-    likelihood = joint_likelihood(measurements(scaled), NOMINAL_MODEL)
+    likelihood = joint_likelihood(measurements(scaled), MODEL)
     most = len(scaled) * (0.01 / GAIN_ERROR + 2.0) ** 2  # of each gain, two sigma of its own beside
-    assert _statistic(likelihood) < _statistic(HEALTHY) + most
+    assert statistic_of(likelihood) < statistic_of(HEALTHY) + most
 
 
 def test_a_wrong_shape_of_the_rate_counts_in_full() -> None:
     healthy = recordings(measured_rate=True)
     moved = [replace(one, injection_rate=np.roll(np.asarray(one.injection_rate), 5)) for one in healthy]
-    likelihood = joint_likelihood(measurements(moved), NOMINAL_MODEL)
-    assert _statistic(likelihood) > _statistic(HEALTHY) + 10_000.0
+    likelihood = joint_likelihood(measurements(moved), MODEL)
+    assert statistic_of(likelihood) > statistic_of(HEALTHY) + 10_000.0
 
 
 def test_of_two_recordings_each_is_compared_with_the_shape_of_the_other() -> None:
     """By a shape that it had a part in, the one that is worn would look healthier."""
     pair = [recordings()[0], recordings((sized("orifice_area", v_H=0.05),))[0]]
-    remainder = healthy_remainder(joint_likelihood(measurements(pair), NOMINAL_MODEL), NOMINAL_MODEL, ())
+    remainder = healthy_remainder(joint_likelihood(measurements(pair), MODEL), MODEL, ())
     assert (remainder.colour.opening or 0.0) > 3.5
 
 
@@ -112,11 +105,8 @@ def test_a_skew_beyond_the_margin_has_no_solution() -> None:
 
 
 def test_the_statistic_is_smooth_across_whole_samples_of_skew() -> None:
-    likelihood = joint_likelihood(measurements(recordings((sized("channel_skew", d=10e-6),))), NOMINAL_MODEL)
-    values = [
-        _statistic(likelihood, effective_model(NOMINAL, (sized("channel_skew", d=d),)))
-        for d in np.linspace(9.96e-6, 10.04e-6, 9)
-    ]
+    likelihood = joint_likelihood(measurements(recordings((sized("channel_skew", d=10e-6),))), MODEL)
+    values = [statistic_of(likelihood, sized("channel_skew", d=d)) for d in np.linspace(9.96e-6, 10.04e-6, 9)]
     assert np.abs(np.diff(values, 2)).max() < 1.0
 
 
@@ -130,20 +120,20 @@ def test_what_is_stated_of_the_channels_is_known() -> None:
     )
     result = [replace(one, stated=channels) for one in measurements(recordings(channels))]
     by_effects = joint_likelihood([replace(one, stated=()) for one in result], effective_model(NOMINAL, channels))
-    stated, alike = joint_likelihood(result, NOMINAL_MODEL), effective_model(NOMINAL, channels)
-    assert _statistic(stated) == pytest.approx(_statistic(by_effects, alike), rel=1e-12)
-    assert _statistic(stated) < _statistic(by_effects, NOMINAL_MODEL) - 1e3
-    judged = stated.judge(NOMINAL_MODEL)
+    stated, alike = joint_likelihood(result, MODEL), effective_model(NOMINAL, channels)
+    assert statistic_of(stated) == pytest.approx(statistic_of(by_effects, model=alike), rel=1e-12)
+    assert statistic_of(stated) < statistic_of(by_effects) - 1e3
+    judged = stated.judge(MODEL)
     assert judged is not None
     assert np.mean(np.concatenate([one.z for one in judged]) ** 2) == pytest.approx(1.0, abs=0.1)
-    shown = [one.line_pressure for m in result for one in simulated(m, NOMINAL_MODEL)]
+    shown = [one.line_pressure for m in result for one in simulated(m, MODEL)]
     alone = [one.line_pressure for m in result for one in simulated(replace(m, stated=()), alike)]
     assert all(np.array_equal(a, b) for a, b in zip(shown, alone, strict=True))
 
 
 _WAVES = NOMINAL.line.model_copy(update={"model": "wave", "damping": 1.0, "end_volume": 1e-8})
 _ON_WAVES = with_cells(NOMINAL.model_copy(update={"line": _WAVES, "line_outflow": "seat"}))
-MODELS = {"lump": effective_model(NOMINAL), "wave": effective_model(_ON_WAVES)}
+MODELS = {"lump": MODEL, "wave": effective_model(_ON_WAVES)}
 
 
 @cache

@@ -16,12 +16,11 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import TRUE_INPUTS
 from observer_rt.model.effects import effective_model, sized
 from tests.engine.sample_stream import period_means
-from tests.identification.discovery.hidden import NOMINAL, recordings
+from tests.identification.discovery.hidden import MODEL, NOMINAL, recordings
 
 pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
 
 EVERY = 5  # samples of 100 kHz in a mean
-MODEL = effective_model(NOMINAL)
 C = MODEL.coefficients
 
 

@@ -82,14 +82,8 @@ def test_an_event_cut_off_at_either_end_is_left_out() -> None:
     first, second = (event.openings[0] for event in COMPLETE.events)
 
     def between(start: int, end: int) -> list[Lack]:
-        part = replace(
-            RECORDING,
-            time=RECORDING.time[: end - start],
-            rail_pressure=RECORDING.rail_pressure[start:end],
-            needle_lift=RECORDING.needle_lift[start:end],
-            line_pressure=RECORDING.line_pressure[start:end],
-        )
-        (measurement,) = measurements([part])
+        kept = {name: values[start:end] for name, values in RECORDING.signals.items()}
+        (measurement,) = measurements([RECORDING.with_arrays({"time": RECORDING.time[: end - start], **kept})])
         assert len(measurement.events) == 1
         return [event.lack for event in measurement.injections.left_out]
 
@@ -97,20 +91,12 @@ def test_an_event_cut_off_at_either_end_is_left_out() -> None:
     assert between(0, second.last + 100) == [Lack.AFTER]
 
 
-def test_a_recording_without_injection_is_refused() -> None:
-    with pytest.raises(UserError, match="no complete injection"):
-        measurements([replace(RECORDING, needle_lift=np.zeros(RECORDING.samples))])
-
-
-def test_a_slow_recording_is_refused() -> None:
-    slow = {name: getattr(RECORDING, name)[::20] for name in ("time", *RECORDING.signals)}
-    with pytest.raises(UserError, match="ringing"):
-        measurements([replace(RECORDING, **slow)])
-
-
-def test_no_recording_is_refused() -> None:
-    with pytest.raises(UserError, match="no recordings"):
-        measurements([])
+def test_no_recording_one_without_injection_and_a_slow_one_are_refused() -> None:
+    shut = replace(RECORDING, needle_lift=np.zeros(RECORDING.samples))
+    slow = replace(RECORDING, **{name: getattr(RECORDING, name)[::20] for name in ("time", *RECORDING.signals)})
+    for made, words in (([shut], "no complete injection"), ([slow], "ringing"), ([], "no recordings")):
+        with pytest.raises(UserError, match=words):
+            measurements(made)
 
 
 def test_every_second_operating_point_like_the_squares_of_a_chessboard() -> None:

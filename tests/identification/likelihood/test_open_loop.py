@@ -7,19 +7,21 @@ import pytest
 
 from observer_rt.engine.estimation.gain import NoiseLevels as Levels
 from observer_rt.files.signals.recording import shown_slowly
-from observer_rt.identification.likelihood.measurement import Measurement, measurements, noisier
-from observer_rt.identification.likelihood.open_loop import mass, measured_mass, simulated
+from observer_rt.identification.discovery.gaps import rms
+from observer_rt.identification.likelihood.measurement import measurements, noisier
+from observer_rt.identification.likelihood.open_loop import mass, measured_mass, pressure_gap, simulated
 from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
 NOISE = Levels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
 
 
-def _noise_free(*effects: SizedEffect) -> list[Measurement]:
-    """Noise-free recordings, weighed as if they had the usual noise."""
-    measured_recordings = measurements(recordings(effects, measured_rate=False, noise=None))
-    return [replace(one, noise=NOISE) for one in measured_recordings]
+def _missed(model: EffectiveModel, *hidden: SizedEffect) -> list[float]:
+    """Rms of the line pressure of every run [Pa], on noise-free recordings weighed as if they had the usual noise."""
+    measured = [replace(one, noise=NOISE) for one in measurements(recordings(hidden, noise=None))]
+    return [rms(pressure_gap(one, run)) for one in measured for run in simulated(one, model)]
 
 
 @pytest.mark.parametrize(
@@ -35,18 +37,11 @@ def _noise_free(*effects: SizedEffect) -> list[Measurement]:
     ],
 )
 def test_the_true_model_runs_along_the_measurement(hidden: tuple[SizedEffect, ...]) -> None:
-    model = effective_model(NOMINAL, hidden)
-    for measurement in _noise_free(*hidden):
-        for run in simulated(measurement, model):
-            missed = run.line_pressure - measurement.recording.line_pressure[run.samples]
-            assert np.sqrt(np.mean(missed**2)) < 0.05e6
+    assert max(_missed(effective_model(NOMINAL, hidden), *hidden)) < 0.05e6
 
 
 def test_the_nominal_model_misses_what_is_hidden() -> None:
-    for measurement in _noise_free(sized("orifice_area", v_H=0.2)):
-        for run in simulated(measurement, effective_model(NOMINAL)):
-            missed = run.line_pressure - measurement.recording.line_pressure[run.samples]
-            assert np.sqrt(np.mean(missed**2)) > 0.3e6
+    assert min(_missed(effective_model(NOMINAL), sized("orifice_area", v_H=0.2))) > 0.3e6
 
 
 @pytest.mark.parametrize("meter", [(), (0.3e-3,)])

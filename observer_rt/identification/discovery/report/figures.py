@@ -57,10 +57,8 @@ def _draw_overlay(axes: Sequence[Axes], overlay: Overlay, amended: str) -> None:
     if recording.injection_rate is not None:
         rate = recording.injection_rate[before.rate_samples[shown]] / MM3_PER_MS
         axes[3].plot(time, rate, color=MEASURED, lw=1.5, alpha=0.75)
-    for label, run, colour, style in (
-        ("model as given", before, GIVEN, "-"),
-        (amended, overlay.after, FOUND, (0, (5, 1.5))),
-    ):
+    models = ("model as given", before, GIVEN, "-"), (amended, overlay.after, FOUND, (0, (5, 1.5)))
+    for label, run, colour, style in models:
         if run is not None:
             pressure = run.line_pressure[shown] / MEGAPASCAL
             axes[1].plot(time, pressure, color=colour, lw=1.1, ls=style, label=label)

@@ -105,13 +105,9 @@ def _shown(cell: Cell, equation: Equation | None) -> ShownCell:
     return ShownCell(f"{ratio:.{digits}f}", red if significant else _CALM, ink, tip)
 
 
-_PAGES = Environment(  # in which a name that a template is not given is an error
-    loader=PackageLoader(__package__),
-    autoescape=True,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    undefined=StrictUndefined,
-)
+# a name that a template is not given is an error
+_PAGES = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
+_PAGES.loader = PackageLoader(__package__)
 for _names in (*map(vars, (units, proposal, text, figures)), globals()):
     _PAGES.globals |= _names
 _PAGES.globals |= {"version": __version__, "VOCABULARY": VOCABULARY, "isfinite": math.isfinite}

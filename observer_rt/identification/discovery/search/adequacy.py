@@ -99,24 +99,21 @@ class Adequacy:
 
     def ratio(self, candidate: Candidate) -> float:
         """Ratio of a candidate's worst phase to its limit, above 1 if it does not explain the recordings."""
-        pool = self._fits.pool(candidate)
-        return np.inf if pool is None else max(worst(pool, self._healthy).ratio, self._late(candidate))
+        return max(worst(self._fits.pool(candidate), self._healthy).ratio, self._lateness(candidate))
 
     def __call__(self, candidate: Candidate) -> bool:
         """Whether a candidate explains the recordings, up to the model's own error."""
-        pool = self._fits.pool(candidate)
-        if pool is None or self._late(candidate) > 1.0:
+        if self._lateness(candidate) > 1.0:
             return False
-        return self.ratio(candidate) <= 1.0 or bool(candidate.hypothesis.effects and self._is_remainder(pool))
+        return self.ratio(candidate) <= 1.0 or bool(candidate.ids and self._is_remainder(self._fits.pool(candidate)))
 
-    def _late(self, candidate: Candidate) -> float:
+    def _lateness(self, candidate: Candidate) -> float:
         """Mean square delay of shots over its limit, above 1 if it is no jitter; 0 with a measured lift."""
-        return max((judged.late for judged in self._fits.judged(candidate) or ()), default=0.0) / MOST_LATE
+        return max(judged.delay_square for judged in self._fits.judged(candidate)) / MOST_LATE
 
     def _is_remainder(self, pool: Pool) -> bool:
         """Whether the residuals of every phase fell so far that the rest may be the model's own error."""
         before = self._fits.pool(self._fits.nothing())
-        assert before is not None  # the search began with it
         for signal, statistics in pool.items():
             for phase in Phase:
                 healthy = VARIANCE_LIMIT[signal] * healthy_level(self._healthy, signal, phase)[0]

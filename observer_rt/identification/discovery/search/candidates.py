@@ -30,6 +30,10 @@ UNNAMED, FURTHER = 50.0, 50.0
 _DIGITS = 8  # of printed values: far below any interval, free of conversion noise
 
 
+CandidateKey = tuple[tuple[str, ...], tuple[float, ...]]
+"""Ids of effects and their sizes."""
+
+
 @dataclass(frozen=True)
 class Hypothesis:
     """Effects in force beyond the nominal model; parameters theta (p,) in SI, effect after effect."""
@@ -148,7 +152,7 @@ class Candidate:
         return self.statistic + numbers + odds + self.own_error
 
     @property
-    def key(self) -> tuple[tuple[str, ...], tuple[float, ...]]:
+    def key(self) -> CandidateKey:
         """Effects and sizes: of two candidates with the same all else is."""
         return self.ids, self.sizes
 
@@ -221,12 +225,10 @@ class Candidate:
         """The nominal model with these effects."""
         return self.hypothesis.model(nominal, self.theta)
 
-    def model_without(self, number: int, nominal: EffectiveModel) -> EffectiveModel:
-        """The nominal model with all but one of these effects, the others at their sizes."""
-        for index, (effect, sizes, _) in enumerate(self.parts):
-            if index != number:
-                nominal = Hypothesis((effect,)).model(nominal, sizes)
-        return nominal
+    def without(self, effect: Effect) -> tuple[Hypothesis, NDArray[np.float64]]:
+        """All but one of the effects, and their sizes."""
+        left = [(other, sizes) for other, sizes, _ in self.parts if other is not effect]
+        return Hypothesis(tuple(other for other, _ in left)), np.concatenate([np.zeros(0), *(one for _, one in left)])
 
 
 def equation_of(effect: Effect) -> str:

@@ -61,7 +61,7 @@ class Axis:
 
     @cached_property
     def forms(self) -> tuple["Form", ...]:
-        """Simple laws over the axis."""
+        """Simple laws over the axis: no bumps over a pressure, for recordings have few of these."""
         start, span = self.knots[0], self.knots[-1] - self.knots[0]
         places = tuple(FormNumber(start + 0.1 * tenth * span, start, self.knots[-1]) for tenth in range(11))
         widths = tuple(FormNumber(w * span, 0.2 * w * span, 4.0 * w * span) for w in (0.02, 0.08, 0.2, 0.35))
@@ -70,9 +70,7 @@ class Axis:
             Form("max(A - u, 0)", (places[1:-1],), Shape.KINK),
             Form("(1 + tanh((u - A)/W))/2", (places[1:-1], widths[:3]), Shape.STEP),
             Form("tanh((u - A)/W)", (places[:-1], widths[1:3]), Shape.STEP),
-            *(
-                [] if self is PRESSURE else [Form("exp(-((u - A)/W)^2)", (places, widths[1:]), Shape.BUMP)]
-            ),  # few are tried
+            *([] if self is PRESSURE else [Form("exp(-((u - A)/W)^2)", (places, widths[1:]), Shape.BUMP)]),
             *(Form(law) for law in ("1", "u", "u*abs(u)", "u^3", "sqrt(u)")),
             *(Form(law, (widths,), Shape.SATURATION) for law in ("u/(abs(u) + A)", "1 - exp(-abs(u)/A)")),
             *(self._even_and_odd(places, widths) if self.knots[0] < 0.0 else ()),

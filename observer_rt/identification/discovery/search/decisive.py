@@ -18,10 +18,8 @@ def decide_by(ids: Iterable[str], rate_measured: bool = False) -> tuple[Decisive
 
     rate_measured: the injection rate was measured already, and does not tell them apart.
     """
-    pairs = combinations(dict.fromkeys(ids), 2)
-    return _by_measurement(
-        (_measurement(VOCABULARY[one], VOCABULARY[other], rate_measured), (one, other)) for one, other in pairs
-    )
+    pairs = combinations((VOCABULARY[name] for name in dict.fromkeys(ids)), 2)
+    return _by_measurement((_measurement(*pair, rate_measured), (pair[0].id, pair[1].id)) for pair in pairs)
 
 
 def decide_between(proposals: Sequence[Proposal], rate_measured: bool = False) -> tuple[Decisive, ...]:

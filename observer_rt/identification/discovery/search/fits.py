@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from itertools import combinations, product
 from operator import attrgetter, itemgetter
 from types import MappingProxyType
@@ -12,8 +13,14 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis, equation_of, minimum_from
-from observer_rt.identification.discovery.search.scores import WHOLE, Scores, Signature, bounds_of, scored
+from observer_rt.identification.discovery.search.candidates import (
+    Candidate,
+    CandidateKey,
+    Hypothesis,
+    equation_of,
+    minimum_from,
+)
+from observer_rt.identification.discovery.search.scores import WHOLE, Scores, WeightedSlopes, bounds_of, scored
 from observer_rt.identification.likelihood import appearance
 from observer_rt.identification.likelihood.bounded_fit import (
     MAX_ITERATIONS,
@@ -37,7 +44,7 @@ ROUGH_SHARE = 0.5  # of what the best single explains: those that leave more of 
 ALWAYS_REFINED = 4  # leaders
 LAW_ITERATIONS, FREED_ITERATIONS = 6, 8  # of a fit of laws, and with the numbers within them free
 MOST_NAMED = 3  # numbers within a law that has a name: a table has more
-SAME = 0.998  # cosine of two signatures of one equation, from which on they stand for one
+SAME = 0.998  # cosine of two slopes of one equation, from which on they stand for one
 NEAR = 40.0  # of -2 log L beyond which a candidate takes nothing from the confidence in another
 
 KEPT_SAMPLES = 20_000_000  # judged ones that are kept, 160 MB of them, so that nothing is simulated twice
@@ -49,8 +56,6 @@ _TINY = 1e-30
 _UNKNOWN: list[JudgedModel] = []
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
-
-_Key = tuple[tuple[str, ...], tuple[float, ...]]
 
 
 class Fitter:
@@ -67,13 +72,15 @@ class Fitter:
         """on_fit: called with every new fit; appears: apparent effects of the healthy injector by id."""
         self.likelihood, self.nominal = likelihood, nominal
         self._workers, self._on_fit, self._appears = workers, on_fit, appears
-        self._fits: dict[tuple[str, ...], Candidate | None] = {}  # by ids, and ROUGH or FREED after them
+        # by ids, and ROUGH or FREED after them; not by the start, for residuals hardly bend over sizes: a hypothesis
+        # has one minimum, and the first search for it stands
+        self._fits: dict[tuple[str, ...], Candidate | None] = {}
         self.signatures: dict[str, appearance.Signature] = {}
-        self._sigmas: dict[_Key, NDArray[np.float64]] = {}
-        self._judged: dict[_Key, list[JudgedModel] | None] = {}
+        self._sigmas: dict[CandidateKey, NDArray[np.float64]] = {}
+        self._judged: dict[CandidateKey, list[JudgedModel] | None] = {}
         samples = sum(one.phases.size + one.rate_phases.size for one in likelihood.recordings)
         self._most_kept = max(LEAST_KEPT, KEPT_SAMPLES // samples)
-        self._pools: dict[_Key, Pool | None] = {}
+        self._pools: dict[CandidateKey, Pool] = {}
 
     def nothing(self) -> Candidate:
         """The nominal model."""
@@ -84,7 +91,6 @@ class Fitter:
     def measure(self, effects: Sequence[Effect]) -> None:
         """Fill `signatures` with those of the effects beside the nominal model."""
         judged = self.judged(self.nothing())
-        assert judged is not None  # the search began with it
 
         def judge(effect: Effect, sizes: tuple[float, ...]) -> list[JudgedModel] | None:
             return self._judged_at(Hypothesis((effect,)), np.array(sizes))
@@ -97,9 +103,11 @@ class Fitter:
         signature = self.signatures.get(effect.id)
         return (0.0, 0.0) if signature is None else appearance.reference(self._appears, signature)
 
-    def judged(self, candidate: Candidate) -> list[JudgedModel] | None:
-        """A candidate on every recording; None without a solution."""
-        return self._judged_at(candidate.hypothesis, candidate.theta)
+    def judged(self, candidate: Candidate) -> list[JudgedModel]:
+        """A candidate on every recording."""
+        judged = self._judged_at(candidate.hypothesis, candidate.theta)
+        assert judged is not None  # it was fitted
+        return judged
 
     def _judged_at(self, hypothesis: Hypothesis, theta: NDArray[np.float64]) -> list[JudgedModel] | None:
         key = hypothesis.ids, tuple(theta.tolist())
@@ -110,16 +118,15 @@ class Fitter:
             self._judged.pop(old, None)
         return judged
 
-    def pool(self, candidate: Candidate) -> Pool | None:
-        """Statistics of a candidate's residuals by signal and phase; None without a solution."""
+    def pool(self, candidate: Candidate) -> Pool:
+        """Statistics of a candidate's residuals by signal and phase."""
         if candidate.key not in self._pools:
-            judged = self.judged(candidate)
-            self._pools[candidate.key] = None if judged is None else pool_of(self.likelihood.recordings, judged)
+            self._pools[candidate.key] = pool_of(self.likelihood.recordings, self.judged(candidate))
         return self._pools[candidate.key]
 
-    def residuals(self, candidate: Candidate) -> Residuals | None:
-        """Residuals of a candidate; None without a solution."""
-        return self._problem(candidate.hypothesis)(candidate.theta)
+    def residuals(self, candidate: Candidate) -> Residuals:
+        """Residuals of a candidate."""
+        return residuals_of(self.judged(candidate))
 
     def _problem(self, hypothesis: Hypothesis) -> Problem:
         def residuals(theta: NDArray[np.float64]) -> Residuals | None:
@@ -131,14 +138,10 @@ class Fitter:
     def sigmas(self, candidate: Candidate) -> NDArray[np.float64]:
         """Standard deviations of a candidate's sizes by noise; inf for sizes without information."""
         if candidate.key not in self._sigmas:
-            residuals = self.residuals(candidate)
-            if residuals is None or not candidate.hypothesis.effects:
-                return np.full(len(candidate.sizes), np.inf)
-            information = linearise(
-                self._problem(candidate.hypothesis), candidate.theta, residuals, candidate.hypothesis.ranges()
-            ).information
+            hypothesis, residuals = candidate.hypothesis, self.residuals(candidate)
+            at = linearise(self._problem(hypothesis), candidate.theta, residuals, hypothesis.ranges())
             spread = np.sqrt(max(1.0, float(np.mean(residuals.z**2))))
-            self._sigmas[candidate.key] = sigmas_of(information) * spread
+            self._sigmas[candidate.key] = sigmas_of(at.information) * spread
         return self._sigmas[candidate.key]
 
     def map(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
@@ -153,12 +156,11 @@ class Fitter:
     def scores(self, about: Candidate, effects: Sequence[Effect]) -> Scores:
         """Scores of further effects beside a candidate, by small sizes, and by larger ones of effects with a name."""
         here = self.residuals(about)
-        assert here is not None  # it was fitted
         weights = here.roots
         left = np.asarray(weights * here.z, np.float32)
 
-        def signature(effect: Effect) -> Signature | None:
-            both, probed = about.hypothesis.with_effect(effect), list[tuple[float, Signature]]()
+        def slope_by(effect: Effect) -> WeightedSlopes | None:
+            both, probed = about.hypothesis.with_effect(effect), list[tuple[float, WeightedSlopes]]()
             for sizes in _probes(effect, both.ranges()[-1].step if effect.parameters else WHOLE):
                 moved = self._problem(both)(np.append(about.theta, sizes[: len(effect.parameters)]))
                 if moved is not None:
@@ -169,12 +171,10 @@ class Fitter:
                     break  # a needle is shut or open: its two directions differ
             return max(probed, key=itemgetter(0))[1] if probed else None
 
-        scored_effects = [
-            (number, one) for number, one in enumerate(self.map(signature, effects)) if one is not None and one.any()
-        ]
-        numbers = np.array([number for number, _ in scored_effects], np.int64)
-        slopes = np.array([one for _, one in scored_effects], np.float32).reshape(-1, here.z.size).T
-        return scored([effects[number] for number in numbers], numbers, slopes, here)
+        tried = enumerate(self.map(slope_by, effects))
+        by_number = {number: slope for number, slope in tried if slope is not None and slope.any()}
+        slopes = np.array([*by_number.values()], np.float32).reshape(-1, here.z.size).T
+        return scored([effects[number] for number in by_number], np.array([*by_number], np.int64), slopes, here)
 
     def laws(self, hypotheses: Sequence[tuple[Hypothesis, NDArray[np.float64]]]) -> list[Candidate]:
         """Fits of laws, perhaps beside effects of one size, each from its start; without those that fail."""
@@ -198,20 +198,15 @@ class Fitter:
         """
         effects, numbers = candidate.hypothesis.effects, candidate.hypothesis.numbers
         few = [len(effects) == 1 or number <= MOST_NAMED for number in numbers]
-        freed = Hypothesis(
-            tuple(form_freed(one) if is_free else one for one, is_free in zip(effects, few, strict=True))
-        )
+        freed = Hypothesis(tuple(form_freed(one) if free else one for one, free in zip(effects, few, strict=True)))
         if len(freed.parameters) == len(candidate.sizes):
             return None
         start = [
             np.append(sizes, [p.starts[0] for p in effect.parameters[sizes.size :]])
             for effect, (_, sizes, _) in zip(freed.effects, candidate.parts, strict=True)
         ]
-        fit_of_form = self._remembered(
-            freed,
-            (*candidate.ids, FREED),
-            lambda: fit(self._problem(freed), np.concatenate(start), freed.ranges(), FREED_ITERATIONS),
-        )
+        search = partial(fit, self._problem(freed), np.concatenate(start), freed.ranges(), FREED_ITERATIONS)
+        fit_of_form = self._remembered(freed, (*candidate.ids, FREED), search)
         if fit_of_form is None:
             return None
         settled = tuple(
@@ -253,14 +248,10 @@ class Fitter:
         rough = sorted(self._fitted_all(tasks, ROUGH_ITERATIONS), key=attrgetter("statistic"))
         if not rough:
             return []
-        reach = max(NEAR, ROUGH_SHARE * (about.statistic - rough[0].statistic))
-        leaders = [
-            one
-            for number, one in enumerate(rough)
-            if number < ALWAYS_REFINED or one.statistic <= rough[0].statistic + reach
-        ]
-        refined = self._fitted_all([(one.hypothesis, [one.theta]) for one in leaders], MAX_ITERATIONS)
-        return sorted([*refined, *rough[len(leaders) :]], key=attrgetter("price"))
+        limit = rough[0].statistic + max(NEAR, ROUGH_SHARE * (about.statistic - rough[0].statistic))
+        most = max(ALWAYS_REFINED, sum(one.statistic <= limit for one in rough))
+        refined = self._fitted_all([(one.hypothesis, [one.theta]) for one in rough[:most]], MAX_ITERATIONS)
+        return sorted([*refined, *rough[most:]], key=attrgetter("price"))
 
     def _fitted_all(
         self, tasks: Sequence[tuple[Hypothesis, Sequence[NDArray[np.float64]]]], max_iterations: int
@@ -270,12 +261,9 @@ class Fitter:
         def fitted(task: tuple[Hypothesis, Sequence[NDArray[np.float64]]]) -> Candidate | None:
             hypothesis, starts = task
             key = hypothesis.ids if max_iterations == MAX_ITERATIONS else (*hypothesis.ids, ROUGH)
-            further = len(hypothesis.effects) > 1
-            return self._remembered(
-                hypothesis,
-                key,
-                lambda: minimum_from(self._problem(hypothesis), hypothesis.ranges(), starts, max_iterations, further),
-            )
+            problem, further = self._problem(hypothesis), len(hypothesis.effects) > 1
+            search = partial(minimum_from, problem, hypothesis.ranges(), starts, max_iterations, further)
+            return self._remembered(hypothesis, key, search)
 
         return [one for one in self.map(fitted, tasks) if one is not None]
 
@@ -300,7 +288,7 @@ def best_of_each(candidates: Sequence[Candidate], by: Callable[[Candidate], floa
 
 
 def _has_twins(hypothesis: Hypothesis, minimum: Minimum) -> bool:
-    """Whether two effects of one equation are one: with signatures alike, or a size at its bound."""
+    """Whether two effects of one equation are one: with slopes alike, or a size at its bound."""
     effects, theta = hypothesis.effects, minimum.theta
     bounds = [(effect.parameters[0].lowest, effect.parameters[0].highest) for effect in effects]
     for first, second in combinations(range(len(effects)), 2):

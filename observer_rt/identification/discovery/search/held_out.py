@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.whitening import robust_cost
-from observer_rt.identification.discovery.search.candidates import Candidate, sizing
+from observer_rt.identification.discovery.search.candidates import Candidate, CandidateKey, sizing
 from observer_rt.identification.likelihood.bounded_fit import fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, RecordingLikelihood
 from observer_rt.identification.likelihood.open_loop import pressure_gap, simulated
@@ -19,12 +19,11 @@ class HeldOutPoints:
     """Candidates fitted to every second operating point and judged on the events of the others."""
 
     def __init__(self, likelihood: JointLikelihood, nominal: EffectiveModel) -> None:
-        first, second = every_second_point([recorded.measurement for recorded in likelihood.recordings])
-        self._fitted, self._judged = (
-            JointLikelihood([likelihood.recordings[i] for i in part]) for part in (first, second)
-        )
+        recordings = likelihood.recordings
+        halves = every_second_point([recorded.measurement for recorded in recordings])
+        self._fitted, self._judged = (JointLikelihood([recordings[i] for i in half]) for half in halves)
         self._nominal = nominal
-        self._cache: dict[tuple[tuple[str, ...], tuple[float, ...]], _Events | None] = {}
+        self._cache: dict[CandidateKey, _Events | None] = {}
 
     def statistic(self, candidate: Candidate) -> float:
         """-2 log L of all events held out; inf without a solution, nan if nothing is held out."""

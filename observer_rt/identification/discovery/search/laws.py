@@ -92,18 +92,18 @@ class Laws:
             self._first = self._first or self._fits.scores(self._nothing, self._effects)
             return self._first
         if about.ids not in self._scored:
-            effects, first = self._effects, self._first
-            if first is not None:
-                here = self._fits.residuals(about)
-                assert here is not None  # it was fitted
-                again = scored(first.effects, first.numbers, first.slopes, here)
-                promising = np.argsort(-again.validated)[: SHORTLIST + len(about.ids)]
-                effects = tuple(first.effects[row] for row in promising)
+            effects = self._effects if self._first is None else self._shortlist(about, self._first)
             self._scored = {about.ids: self._fits.scores(about, [one for one in effects if one.id not in about.ids])}
         return self._scored[about.ids]
 
+    def _shortlist(self, about: Candidate, first: Scores) -> tuple[Effect, ...]:
+        """Laws that promise most beside a candidate, by the slopes of the first pass."""
+        again = scored(first.effects, first.numbers, first.slopes, self._fits.residuals(about))
+        promising = np.argsort(-again.validated)[: SHORTLIST + len(about.ids)]
+        return tuple(first.effects[row] for row in promising)
+
     def fits_with(self, about: Candidate) -> list[Candidate]:
-        """Fits with a law more, or two of one equation, whose signatures explain most of the residuals."""
+        """Fits with a law more, or two of one equation, whose slopes explain most of the residuals."""
         scores = self._scores(about)
         fits = self._sharpened(self._added(about, scores, self._leaders(scores)))
         if fits and self._is_adequate(min(fits, key=attrgetter("price"))):
@@ -113,7 +113,7 @@ class Laws:
         return fits + (self._tailored(about, scores) if about.ids else self.made_alone)
 
     def _added(self, about: Candidate, scores: Scores, rows: Sequence[tuple[int, ...]]) -> list[Candidate]:
-        """Fits with the effects of these rows more, begun at the sizes by their signatures."""
+        """Fits with the effects of these rows more, begun at the sizes by their scores."""
         starts = []
         for some in rows:
             effects = (*about.hypothesis.effects, *(scores.effects[row] for row in some))
@@ -129,11 +129,8 @@ class Laws:
 
     def _tailored(self, about: Candidate, scores: Scores) -> list[Candidate]:
         """Fits with an effect made for the residuals: a law, else a product, else a table."""
-        promising = dict.fromkeys(equation_of(scores.effects[row]) for row in np.argsort(-scores.validated))
-        equations = [TermEquation(one) for one in promising if one in set(TermEquation)]
-        where = equations[:TAILORED_FURTHER] if about.ids else CURVES
         score = partial(self._fits.scores, about)
-        curves = free_curves([one for one in _EVERY if one[0] in where], score)
+        curves = free_curves(_promising_curves(scores) if about.ids else _EVERY, score)
         fits = self._fitted_beside(about, made_to_measure(curves, self._waves(about), score))
         is_pair_guessed = self._guess is not None and self._guess.is_surface
         if about.ids or (any(map(self._is_adequate, fits)) and not is_pair_guessed):
@@ -147,11 +144,9 @@ class Laws:
 
     def _waves(self, about: Candidate) -> list[tuple[Effect, Effect]]:
         """Waves whose frequencies stand out of a candidate's residuals."""
-        here, recordings = self._fits.residuals(about), self._fits.likelihood.recordings
-        assert here is not None  # it was fitted
-        by_group = np.split(here.z, np.cumsum(here.counts)[:-1])  # line pressure and rate in turn
-        times = [recorded.times for recorded in recordings]
-        frequencies = lines(by_group[::2], times, recordings[0].measurement.interval)
+        recordings = self._fits.likelihood.recordings
+        left, times = [judged.z for judged in self._fits.judged(about)], [recorded.times for recorded in recordings]
+        frequencies = lines(left, times, recordings[0].measurement.interval)
         return waves(frequencies, max(float(one[-1] - one[0]) for one in times))
 
     @cached_property
@@ -170,10 +165,12 @@ class Laws:
 
         Instead of a law, products that explain more by the odds against a law, too.
         """
-        law = best.hypothesis.effects[0].apply
-        is_law = isinstance(law, TermLaw)
-        pairs = [pair for pair in self._products_alone if pair.price < best.price - UNNAMED] if is_law else []
-        made = self._instead_of_law(law) if isinstance(law, TermLaw) else self._made_over(self._unlike(best))
+        law, pairs = best.hypothesis.effects[0].apply, list[Candidate]()
+        if isinstance(law, TermLaw):
+            pairs = [pair for pair in self._products_alone if pair.price < best.price - UNNAMED]
+            made = self._instead_of_law(law)
+        else:
+            made = self._made_over(self._unlike(best))
         half = 0.5 * (self._nothing.statistic - best.statistic)
         alone = [(Hypothesis((effect,)), np.zeros(1)) for effect in made]
         promising = [law for law in self._fits.laws(alone) if law.statistic < best.statistic + half]
@@ -229,6 +226,13 @@ class Laws:
         ]
         worth.sort(reverse=True)
         return [rows for gain, rows in worth[:REFITTED_PAIRS] if gain > limit]
+
+
+def _promising_curves(scores: Scores) -> list[tuple[TermEquation, Axis, str]]:
+    """Curves in the equations whose laws promise most."""
+    ranked = dict.fromkeys(equation_of(scores.effects[row]) for row in np.argsort(-scores.validated))
+    equations = [one for one in ranked if one in set(TermEquation)][:TAILORED_FURTHER]
+    return [curve for curve in _EVERY if curve[0] in equations]
 
 
 def is_guessed(effect: Effect, guess: Guess) -> bool:

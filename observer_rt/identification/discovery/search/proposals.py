@@ -57,9 +57,8 @@ def proposals_of(
         return ()
     nominal, adequate = fitter.nominal, Adequacy(fitter, healthy)
     measured = [recorded.measurement for recorded in fitter.likelihood.recordings]
-    pool, seen = fitter.pool(outcome.nominal), seen_in(measured, nominal)
-    assert pool is not None  # the search began with it
-    phase, before = worst(pool, healthy).phase, held_out.gap(outcome.nominal)
+    phase, seen = worst(fitter.pool(outcome.nominal), healthy).phase, seen_in(measured, nominal)
+    before = held_out.gap(outcome.nominal)
 
     def proposal(candidate: Candidate) -> Proposal:
         half = NORMAL_975 * INTERVAL_MARGIN * fitter.sigmas(candidate)

@@ -12,18 +12,19 @@ from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
 
 WHOLE = 1.0  # size of a switch
-Signature = NDArray[np.float32]
+WeightedSlopes = NDArray[np.float32]
+"""Change of residuals by a size, in proportion to it, times the roots of their weights."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Signatures of m effects in the n residuals of a model, and the gain of each effect alone."""
+    """Slopes of the n residuals of a model by the sizes of m effects, and the gain of each effect alone."""
 
     effects: tuple[Effect, ...]
     numbers: NDArray[np.int64]  # (m,) of the effects among those tried
     information_of: NDArray[np.float64]  # (parts, m, m) of every part of the data
     gradient_of: NDArray[np.float64]  # (parts, m) half the fall of -2 log L
-    slopes: Signature  # (n, m) the signatures
+    slopes: WeightedSlopes  # (n, m)
     left: float  # weighted sum of squares of the residuals
 
     @cached_property
@@ -55,12 +56,12 @@ class Scores:
         return np.clip(sizes, lowest, highest)
 
     def cosine(self, first: int, second: int) -> float:
-        """Cosine of the signatures in two rows."""
+        """Cosine of the slopes in two rows."""
         length = math.sqrt(self.information[first, first] * self.information[second, second])
         return abs(float(self.information[first, second])) / length
 
     def part(self, tried: range) -> "Scores":
-        """Scores of the effects with these numbers, counted from the first; one without a signature is missing."""
+        """Scores of the effects with these numbers, counted from the first; one without a slope is missing."""
         rows = np.flatnonzero((self.numbers >= tried.start) & (self.numbers < tried.stop))
         effects, numbers = tuple(self.effects[row] for row in rows), self.numbers[rows] - tried.start
         information, gradient = self.information_of[:, rows[:, None], rows], self.gradient_of[:, rows]
@@ -77,8 +78,8 @@ def bounds_of(effect: Effect) -> tuple[float, float]:
     return (effect.parameters[0].lowest, effect.parameters[0].highest) if effect.parameters else (0.0, WHOLE)
 
 
-def scored(effects: Sequence[Effect], numbers: NDArray[np.int64], slopes: Signature, here: Residuals) -> Scores:
-    """Scores of effects (m,) by their signatures (n, m) in the residuals. numbers: as of `Scores`."""
+def scored(effects: Sequence[Effect], numbers: NDArray[np.int64], slopes: WeightedSlopes, here: Residuals) -> Scores:
+    """Scores of effects (m,) by the slopes (n, m) of the residuals. numbers: as of `Scores`."""
     left = np.asarray(here.roots * here.z, np.float32)
     ends = np.cumsum(here.counts)
     parts = [slice(int(end - count), int(end)) for end, count in zip(ends, here.counts, strict=True) if count]

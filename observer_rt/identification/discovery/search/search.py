@@ -245,14 +245,12 @@ class Search:
         """Whether every size differs from what the effect appears to be on the healthy injector."""
         if not self._baseline.appears:
             return True
-        sigmas, position = self._fitter.sigmas(candidate), 0
-        for effect, values, _ in candidate.parts:
+        sigmas = candidate.hypothesis.split(self._fitter.sigmas(candidate))
+        for (effect, values, _), own in zip(candidate.parts, sigmas, strict=True):
             mean, sigma = self._fitter.reference(effect)
-            if values.size and abs(values[0] - mean) < math.sqrt(self._least_gain) * math.hypot(
-                float(sigmas[position]), sigma
-            ):
+            distance, doubt = np.abs(values[:1] - mean), np.hypot(own[:1], sigma)  # (0,) of a switch
+            if np.any(distance < math.sqrt(self._least_gain) * doubt):
                 return False
-            position += values.size
         return True
 
     def _threshold(self, candidate: Candidate) -> float:
@@ -282,9 +280,7 @@ class Search:
         for effect in best.hypothesis.effects:
             if len(best.ids) < 2:
                 break
-            left = [(one, sizes) for one, sizes, _ in best.parts if one is not effect]
-            others, start = (Hypothesis(tuple(one for one, _ in left)), np.concatenate([one for _, one in left]))
-            for smaller in self._fitter.laws([(others, start)]):
+            for smaller in self._fitter.laws([best.without(effect)]):
                 if smaller.statistic - best.statistic < self._needed(best, smaller, KEPT_SHARE):
                     best = smaller
         return best

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.identification.discovery.search.curves import (
     LIFT,
@@ -17,6 +16,7 @@ from observer_rt.identification.discovery.search.curves import (
     OVER_SEAT,
     SINCE,
     Axis,
+    Floats,
     Form,
     Score,
     Shape,
@@ -28,8 +28,6 @@ from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import term_effect
 from observer_rt.model.terms.form import LETTERS, FormNumber
 from observer_rt.model.terms.term import TermEquation
-
-Floats = NDArray[np.float64]
 
 MOST_PRODUCTS = 4  # made at once, each over other variables
 RAIL = Axis("(rail_pressure - 100)/50", (-0.9, -0.45, 0.0, 0.45, 0.9), {"rail_pressure"})

@@ -4,15 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.identification.discovery.search.candidates import PRICE
-from observer_rt.identification.discovery.search.curves import SINCE, Axis, FreeCurve, Score, free_curves
+from observer_rt.identification.discovery.search.curves import SINCE, Axis, Floats, FreeCurve, Score, free_curves
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import term_effect
 from observer_rt.model.terms.form import LETTERS, FormNumber
-
-Floats = NDArray[np.float64]
 
 MOST_TABLES = 2  # made at once
 LEAST_KNOTS, MOST_KNOTS = 5, 12
@@ -34,11 +31,9 @@ class Symmetry:
 
 NONE = Symmetry("table({u}, {pairs})", 0.0, -np.inf)
 EVEN = Symmetry("table(abs({u}), {pairs})", 1.0, 0.0)
+# Its knots stand twice in the law, which may not be longer.
 ODD = Symmetry(
-    "(table(max({u}, 0), 0, 0, {pairs}) - table(max(-({u}), 0), 0, 0, {pairs}))",
-    -1.0,
-    1e-9,
-    MOST_KNOTS // 2,  # each stands twice in the law, which may not be longer
+    "(table(max({u}, 0), 0, 0, {pairs}) - table(max(-({u}), 0), 0, 0, {pairs}))", -1.0, 1e-9, MOST_KNOTS // 2
 )
 
 

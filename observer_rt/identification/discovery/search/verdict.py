@@ -12,7 +12,7 @@ from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.search.adequacy import cells_of, worst
-from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
+from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.decisive import decide_between, decide_by
 from observer_rt.identification.discovery.search.fits import Fitter, best_of_each
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
@@ -38,6 +38,7 @@ from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import consequence
 from observer_rt.identification.likelihood.signals import Signal, pool_of
+from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 
 RANKED, MOST_PROPOSED = 10, 4  # candidates and laws listed
@@ -211,28 +212,25 @@ class _Verdict:
         """The winner's effects. explained: share of the disagreement that they explain together."""
         winner = self._outcome.winner
         full_model, parameters = winner.model(self._nominal), self._with_intervals(winner).parameters
-        gains = [self._gain(number) for number in range(len(winner.ids))]
+        gains = list(map(self._gain, winner.hypothesis.effects))
         result = []
-        for number, (effect, gain) in enumerate(zip(winner.hypothesis.effects, gains, strict=True)):
-            remaining = set(winner.ids) - {effect.id}
-            rivals = [name.ids for name in self._names[1:] if remaining <= set(name.ids)]
+        for effect, gain in zip(winner.hypothesis.effects, gains, strict=True):
+            remaining, sizes = winner.without(effect)
+            rivals = [name.ids for name in self._names[1:] if set(remaining.ids) <= set(name.ids)]
             instead = [one for ids in rivals for one in ids if one not in winner.ids]
             others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
-            moves = consequence(self._measured, winner.model_without(number, self._nominal), full_model)
+            moves = consequence(self._measured, remaining.model(self._nominal, sizes), full_model)
             share = explained * gain / sum(gains)
             result.append(FittedEffect(effect.id, parameters[effect.id], confidence, others, share, moves, gain))
         return tuple(result)
 
-    def _gain(self, number: int) -> float:
+    def _gain(self, effect: Effect) -> float:
         """Rise of -2 log L when one of the winner's effects is left out, the others refitted."""
-        winner = self._outcome.winner
-        left = [part for place, part in enumerate(winner.parts) if place != number]
-        others = Hypothesis(tuple(effect for effect, _, _ in left))
+        others, start = self._outcome.winner.without(effect)
         smaller = [one for one in self._outcome.fitted if set(one.ids) == set(others.ids)]
         if not smaller:  # the search fits only some pairs out of three effects
-            start = np.concatenate([sizes for _, sizes, _ in left])
             smaller = [*self._fitter.laws([(others, start)]), self._outcome.nominal]
-        return min(one.statistic for one in smaller) - winner.statistic
+        return min(one.statistic for one in smaller) - self._outcome.winner.statistic
 
     def _with_intervals(self, candidate: Candidate) -> Candidate:
         """A candidate with the intervals of its sizes.
@@ -243,11 +241,9 @@ class _Verdict:
         variances = (INTERVAL_MARGIN * self._fitter.sigmas(candidate)) ** 2
         if self._baseline.appears:
             variances += (MODEL_SHARE * candidate.theta) ** 2
-        position = 0
-        for effect, sizes, _ in candidate.parts:
-            if sizes.size:
-                variances[position] += self._fitter.reference(effect)[1] ** 2
-            position += sizes.size
+        hypothesis = candidate.hypothesis
+        for effect, own in zip(hypothesis.effects, hypothesis.split(variances), strict=True):
+            own[:1] += self._fitter.reference(effect)[1] ** 2  # of its first parameter, within `variances`
         return replace(candidate, half=tuple((NORMAL_975 * np.sqrt(variances)).tolist()))
 
     def _ranking(self) -> tuple[Candidate, ...]:
@@ -267,14 +263,11 @@ class _Verdict:
         )
 
     def _cells(self, candidate: Candidate) -> tuple[Cell, ...]:
-        judged = self._fitter.judged(candidate)
-        return () if judged is None else cells_of(self._likelihood, judged, candidate.model(self._nominal))
+        return cells_of(self._likelihood, self._fitter.judged(candidate), candidate.model(self._nominal))
 
     def _unexplained(self, best: Candidate) -> LargestMisfit | None:
         """Where the model as given fails most, and the equation and variables of the best explanation."""
-        pool = self._fitter.pool(self._outcome.nominal)
-        assert pool is not None  # the search began with it
-        worst_cell = worst(pool, self._baseline)
+        worst_cell = worst(self._fitter.pool(self._outcome.nominal), self._baseline)
         leading = self._proposals[0].candidate if self._proposals else best
         variables = {one.word for term in leading.terms for one in term.law.variables}
         equations = [effect.equation for effect in leading.hypothesis.effects]

@@ -13,16 +13,14 @@ from observer_rt.identification.discovery.search.proposals import LEAST_CLOSED, 
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import Consequence, consequence
 from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effects import effective_model
 from observer_rt.model.term_effect import term_effect
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
 from tests.identification.discovery.conftest import WORN_POINTS
-from tests.identification.discovery.hidden import NOMINAL, effect_of, recordings
+from tests.identification.discovery.hidden import MODEL, NOMINAL, effect_of, recordings
 
-MODEL = effective_model(NOMINAL)
 SEEN = seen_in(measurements(recordings()), MODEL)
 NOZZLE = term_effect(TermEquation.NOZZLE_FLOW, "open")
 GAP = 1.0e6  # Pa, held out before
@@ -73,17 +71,12 @@ def _proposal(left: float = 0.25 * GAP, mass: float = -LOST) -> Proposal:
 
 
 def test_what_closes_most_of_the_gap_may_enter_in_part(measured: tuple[Measurement, ...]) -> None:
+    """The interval is that of a nozzle that leaves as much."""
     (proposal,) = with_parts([_proposal()], measured, MODEL)
-
     assert proposal.part is not None
     assert proposal.part.refusal is None
     assert proposal.may_enter
     assert LEAST_CLOSED < proposal.part.closed < 1.0
-
-
-def test_the_interval_is_that_of_a_nozzle_that_leaves_as_much(measured: tuple[Measurement, ...]) -> None:
-    (proposal,) = with_parts([_proposal()], measured, MODEL)
-    assert proposal.part is not None
     wider = MODEL.with_term(Term(TermEquation.NOZZLE_FLOW, parse("0.05")))
     moved = consequence(measured, MODEL, wider)
     share = proposal.part.mass_half * moved.line_pressure / proposal.part.left

@@ -13,13 +13,12 @@ from observer_rt.identification.likelihood.likelihood import JudgedModel, joint_
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import VOCABULARY, effective_model
+from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
-from tests.identification.discovery.hidden import NOMINAL, effect_of, recordings
+from tests.identification.discovery.hidden import MODEL, NOMINAL, effect_of, recordings
 
-MODEL = effective_model(NOMINAL)
 POINTS = tuple((pressure, opened) for pressure in (60e6, 100e6, 140e6) for opened in (0.6e-3, 1.9e-3))
 
 

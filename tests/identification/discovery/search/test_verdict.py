@@ -16,9 +16,8 @@ from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.term_effect import term_effect
 from observer_rt.model.terms.term import TermEquation
-from tests.identification.discovery.hidden import NOMINAL, proposal_of, recordings
+from tests.identification.discovery.hidden import MODEL, NOMINAL, proposal_of, recordings
 
-MODEL = effective_model(NOMINAL)
 NEAR_TIES = {
     ("line_pressure_sensor_lag", "channel_skew"): "one signal",
     ("seat_area", "lift_offset"): "lift sensor",

@@ -41,16 +41,8 @@ class Truth:
     """Line pressure [Pa] as a slow sensor and late recording give it, without its offset."""
 
 
-class _Reached(NamedTuple):
-    """How far `run_injector` has come, as it takes and returns it."""
-
-    number: int  # of the stroke under way, or next
-    indicated: float  # line pressure that the sensor shows [p_0]
-    due: int  # first sample whose line pressure was not recorded yet
-
-
 class _Conditions(NamedTuple):
-    """What is integrated, in the order of `run_injector`; rows of `strokes` are `NeedleStroke`."""
+    """The problem that is integrated, in the order of `run_injector`; rows of `strokes` are `NeedleStroke`."""
 
     time: NDArray[np.float64]  # s
     rail: NDArray[np.float64]  # p_0
@@ -103,10 +95,11 @@ def run_plant(
     records = _Records(np.empty((time.size, 3)), *np.empty((3, time.size)))
     x, first_rail = np.zeros(c.states), float(conditions.rail[0])
     rest_state(x, first_rail, c)
-    reached = _Reached(0, first_rail, 0)
+    # the stroke under way or next, what the sensor shows, and the first sample it has not recorded yet
+    stroke, shown, due = 0, first_rail, 0
     for first in range(0, time.size, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, time.size)
-        reached = _Reached(*run_injector(x, *reached, first, last, *conditions, *records))
+        stroke, shown, due = run_injector(x, stroke, shown, due, first, last, *conditions, *records)
         if progress is not None:
             progress(last / time.size)
     return Truth(

@@ -22,7 +22,7 @@ from observer_rt.config.toml_file import place_in, read_toml, validated
 from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.foundation.files import file_hash
-from observer_rt.model.accuracy import EXACTLY_KNOWN
+from observer_rt.model.accuracy import EXACT_PARAMETERS
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
@@ -117,7 +117,7 @@ class Bench:
     @property
     def exact(self) -> "Bench":
         """The bench as one of a simulation: sensors and geometry of its one injector are known exactly."""
-        parameters = self.injector.parameters.model_copy(update={"accuracy": EXACTLY_KNOWN})
+        parameters = self.injector.parameters.model_copy(update={"accuracy": EXACT_PARAMETERS})
         signals = with_exact_sensors(self.injector.config.signals)
         return self.with_sections(signals=signals).with_parameters(parameters)
 

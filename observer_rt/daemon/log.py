@@ -7,12 +7,12 @@ import os
 import queue
 import threading
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from datetime import UTC, datetime
 from functools import partial
 from logging.handlers import WatchedFileHandler
 from pathlib import Path
-from typing import IO, Any, Self, TextIO
+from typing import IO, Any, TextIO
 
 from rich.console import Console
 
@@ -35,7 +35,7 @@ _PRIORITIES = {logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3}  # of sysl
 QUIET_TOPICS = frozenset({Topic.INJECTION, Topic.MEASURED, Topic.STATE})  # which the view shows
 
 
-class ServiceLog:
+class ServiceLog(AbstractContextManager["ServiceLog"]):
     """Log of the service while it runs; a context manager that writes what waits when it ends."""
 
     def __init__(
@@ -81,9 +81,6 @@ class ServiceLog:
     def lost(self) -> int:
         """Lines and records given up."""
         return sum(outlet.lost for outlet in self._outlets)
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         for outlet in self._outlets:

@@ -54,11 +54,11 @@ class _Findings:
     def look(self, faults: Mapping[str, str]) -> Iterator[Notice]:
         """Notices; faults: of this look, by their keys in `names`."""
         for key, name in self._names.items():
-            differs = (key in faults) != (key in self.reported)
-            self._since[key] = self._since.get(key, 0) + 1 if differs else 0
+            is_found, is_reported = key in faults, key in self.reported
+            self._since[key] = self._since.get(key, 0) + 1 if is_found != is_reported else 0
             if self._since[key] < self._looks:
                 continue
-            if key in faults:
+            if is_found:
                 self.reported[key] = f"{name} {faults[key]}"
                 yield Notice(Topic.VALUE, self.reported[key])
             else:

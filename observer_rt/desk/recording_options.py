@@ -7,17 +7,8 @@ from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.files import formats
-from observer_rt.foundation.options import (
-    Argument,
-    BenchFile,
-    Force,
-    FromChannel,
-    Injector,
-    Json,
-    Model,
-    Option,
-    State,
-)
+from observer_rt.foundation import options
+from observer_rt.foundation.options import Argument, Option
 
 SIGNALS = ", ".join(formats.suffixes_of(formats.SIGNALS))
 LOGS = ", ".join(formats.suffixes_of(formats.LOGS))
@@ -32,9 +23,9 @@ class EvaluateOptions:
     """Options of `evaluate`."""
 
     recordings: Recordings
-    bench: BenchFile = EXAMPLE_BENCH
-    model: Model = None
-    state: State = None
+    bench: options.BenchFile = EXAMPLE_BENCH
+    model: options.Model = None
+    state: options.State = None
     save_state: Annotated[Path | None, Option("File to which the learned state is written.")] = None
     no_learning: Annotated[bool, Option("Keep the model as it is at the start.")] = False
     chain: Annotated[bool, Option("Treat the recordings as one history: learning continues from file to file.")] = (
@@ -44,10 +35,10 @@ class EvaluateOptions:
         Path | None, Option("Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR")
     ] = None
     plot: Annotated[Path | None, Option("Figure (png, svg, pdf): curves of some injections, masses, wear.")] = None
-    from_channel: FromChannel = ()
-    injector: Injector = None
-    force: Force = False
-    json: Json = False
+    from_channel: options.FromChannel = ()
+    injector: options.Injector = None
+    force: options.Force = False
+    json: options.Json = False
 
     @property
     def has_folder(self) -> bool:

@@ -37,8 +37,8 @@ class Accuracy(Section):
         return self
 
 
-EXACTLY_KNOWN = Accuracy(**{name: 0.0 for name in Accuracy.model_fields if name != "mass_percent"})
-"""Of a simulation."""
+EXACT_PARAMETERS = Accuracy(**{name: 0.0 for name in Accuracy.model_fields if name != "mass_percent"})
+"""Accuracy of an injector file that is right, as that of a simulation."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class StatedAccuracy:
     parallel_flow: float = 0.0
     measured: float | None = None
     control_flow: float = 0.0
-    in_step: float = 0.0  # of an event: that of its control flow, which is in step with it, over what is injected
+    event_control_flow: float = 0.0  # of an event: as far as its control flow is unknown
 
     @classmethod
     def of(cls, line_percent: float, rail_percent: float, stated: Accuracy) -> "StatedAccuracy":
@@ -63,7 +63,7 @@ class StatedAccuracy:
 
     def of_event(self, controlled: float) -> "StatedAccuracy":
         """Accuracy of an event whose control flow is this share of the injected volume."""
-        return replace(self, in_step=self.control_flow * controlled)
+        return replace(self, event_control_flow=self.control_flow * controlled)
 
     @property
     def gain(self) -> float:
@@ -91,10 +91,10 @@ class StatedAccuracy:
 
     @property
     def mass(self) -> float:
-        """Of every mass: constant over injections but for the part of the control flow, `in_step`."""
+        """Of every mass: constant over injections but for the part of the event's control flow."""
         if self.measured is not None:
             return self.measured
-        return math.hypot(self.common, self.line, LEAK * self.parallel_flow, self.in_step)
+        return math.hypot(self.common, self.line, LEAK * self.parallel_flow, self.event_control_flow)
 
     @property
     def rate(self) -> float:
@@ -127,4 +127,4 @@ class StatedAccuracy:
 
 
 EXACT = StatedAccuracy()
-"""Of a simulation."""
+"""Accuracy of results where sensors and injector file are right."""

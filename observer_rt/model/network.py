@@ -14,15 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import (
-    CURVES,
-    FIRST_OF_SEAT,
-    MOST_NEURONS,
-    NOZZLE_NUMBERS,
-    PIECES,
-    REACH,
-    inputs_along,
-)
+from observer_rt.core.model import model
 
 OVERLAP = 0.7  # width of a neuron, in distances between their centres
 
@@ -42,8 +34,8 @@ class Group(NamedTuple):
     def basis(self, reach: float) -> NDArray[np.float64]:
         """Cubics (PIECES, 4, neurons) of the neurons over an input from 0 to its reach, in pieces from 0 to 1."""
         centres, distance = np.linspace(self.first, self.last, self.neurons, retstep=True)
-        scale, piece = 1.0 / (OVERLAP * distance), reach / PIECES
-        value = np.tanh(scale * (np.linspace(0.0, reach, PIECES + 1)[:, None] - centres))
+        scale, piece = 1.0 / (OVERLAP * distance), reach / model.PIECES
+        value = np.tanh(scale * (np.linspace(0.0, reach, model.PIECES + 1)[:, None] - centres))
         slope = piece * scale * (1.0 - value**2)
         rise = np.diff(value, axis=0)
         bends = 3.0 * rise - 2.0 * slope[:-1] - slope[1:], slope[:-1] + slope[1:] - 2.0 * rise
@@ -65,16 +57,16 @@ GROUPS = (  # in the order of the core's curves
     Group("seat_drop", 0.02, 5, 0.03, 0.9),
     _pair("seat_area_drop"),
 )
-_ALONG = np.array([inputs_along(curve) for curve in range(CURVES)])
+_ALONG = np.array([model.inputs_along(curve) for curve in range(model.CURVES)])
 IS_PAIR = _ALONG[:, 0] != _ALONG[:, 1]  # (CURVES,), of two inputs
-OF_NOZZLE = sum(group.neurons for group in GROUPS[:FIRST_OF_SEAT])
+OF_NOZZLE = sum(group.neurons for group in GROUPS[: model.FIRST_OF_SEAT])
 HIDDEN = sum(group.neurons for group in GROUPS)  # q
 NEURONS = np.array([group.neurons for group in GROUPS])
-BASIS = np.zeros((CURVES, PIECES, 4, MOST_NEURONS))
+BASIS = np.zeros((model.CURVES, model.PIECES, 4, model.MOST_NEURONS))
 for _curve, _group in enumerate(GROUPS):
-    BASIS[_curve, :, :, : _group.neurons] = _group.basis(1.0 if IS_PAIR[_curve] else REACH[_ALONG[_curve, 0]])
-_USED = np.arange(MOST_NEURONS) < NEURONS[:, None]
-_PER_PIECE = 0.5 * PIECES / np.array(REACH)
+    BASIS[_curve, :, :, : _group.neurons] = _group.basis(1.0 if IS_PAIR[_curve] else model.REACH[_ALONG[_curve, 0]])
+_USED = np.arange(model.MOST_NEURONS) < NEURONS[:, None]
+_PER_PIECE = 0.5 * model.PIECES / np.array(model.REACH)
 
 
 class Network(NamedTuple):
@@ -90,15 +82,15 @@ class Network(NamedTuple):
 
 def network_with(weights: NDArray[np.float64]) -> Network:
     """The network with these weights (HIDDEN,) of its neurons, group by group, and nothing beside."""
-    padded = np.zeros((CURVES, MOST_NEURONS, 1))
+    padded = np.zeros((model.CURVES, model.MOST_NEURONS, 1))
     padded[_USED, 0] = weights
-    curves = BASIS.reshape(CURVES, -1, MOST_NEURONS) @ padded
-    return Network(curves.reshape(CURVES, PIECES, 4), np.zeros(2), np.zeros(NOZZLE_NUMBERS))
+    curves = BASIS.reshape(model.CURVES, -1, model.MOST_NEURONS) @ padded
+    return Network(curves.reshape(model.CURVES, model.PIECES, 4), np.zeros(2), np.zeros(model.NOZZLE_NUMBERS))
 
 
 def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
     """No hidden neurons: flows changed by the constant factors 1 + v_H and 1 + v_S of (27)."""
-    return Network(np.zeros((0, PIECES, 4)), np.array([nozzle, seat]), np.zeros(NOZZLE_NUMBERS))
+    return Network(np.zeros((0, model.PIECES, 4)), np.array([nozzle, seat]), np.zeros(model.NOZZLE_NUMBERS))
 
 
 def activations(
@@ -106,8 +98,8 @@ def activations(
 ) -> NDArray[np.float64]:
     """Outputs (..., HIDDEN) of the neurons at states x (3, ...), inputs u = [p_R, A_S, time since the opening]."""
     inputs = np.stack(np.broadcast_arrays(x[2], u[1], u[2], u[0], x[0] - x[2]), axis=-1) * _PER_PIECE
-    places = np.minimum(np.maximum(inputs[..., _ALONG].sum(axis=-1), 0.0), PIECES)
-    pieces = np.minimum(places.astype(np.int64), PIECES - 1)
-    cubics, t = BASIS[np.arange(CURVES), pieces], (places - pieces)[..., None]
+    places = np.minimum(np.maximum(inputs[..., _ALONG].sum(axis=-1), 0.0), model.PIECES)
+    pieces = np.minimum(places.astype(np.int64), model.PIECES - 1)
+    cubics, t = BASIS[np.arange(model.CURVES), pieces], (places - pieces)[..., None]
     sigmas = cubics[..., 0, :] + t * (cubics[..., 1, :] + t * (cubics[..., 2, :] + t * cubics[..., 3, :]))
     return np.asarray(sigmas[..., _USED])

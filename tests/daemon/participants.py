@@ -30,7 +30,6 @@ from observer_rt.engine.service.nominal import References
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.player import play
-from observer_rt.foundation.errors import RunError
 from tests.benches import SAMPLE_RATE
 from tests.daemon.end_to_end import OUTPUTS, STATUS, Listener, ResultFrames, decoded, output_bus, write_bench
 from tests.device import Notes
@@ -51,7 +50,7 @@ def until(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
 class ScriptedLink(FakeLink):
     """Delivers given frames at once, then nothing, or fails on request; keeps sent frames."""
 
-    def __init__(self, frames: Iterable[TimedFrame] = (), failure: RunError | None = None) -> None:
+    def __init__(self, frames: Iterable[TimedFrame] = (), failure: Exception | None = None) -> None:
         super().__init__()
         self.empty = threading.Event()
         self._frames = deque(frames)
@@ -76,11 +75,11 @@ class ScriptedLink(FakeLink):
 class TroubledLink(ScriptedLink):
     """A scripted link that can be unplugged, and whose transmit queue can be full."""
 
-    def __init__(self, frames: Iterable[TimedFrame] = ()) -> None:
+    def __init__(self, frames: Iterable[TimedFrame] = (), has_room: bool = True) -> None:
         super().__init__(frames)
         self.plugged = threading.Event()
         self.plugged.set()
-        self.has_room = True
+        self.has_room = has_room
         self.why = "can5 is down\n  remedy: plug it in"
         self.reported_condition = BusCondition()
 

@@ -80,8 +80,7 @@ def test_it_can_be_stopped_while_it_waits(bench: Path, frames: list[TimedFrame])
 def test_a_full_transmit_queue_does_not_stop_the_observer(bench: Path) -> None:
     recording = worn_recording(8)
     frames = frames_of(bench, recording)
-    link = TroubledLink(frames)
-    link.has_room = False
+    link = TroubledLink(frames, has_room=False)
     daemon = HeardDaemon(bench, link)
     with serving(daemon):
         until(lambda: daemon.core.counters.frames == len(frames))

@@ -19,7 +19,7 @@ from observer_rt.foundation.errors import RunError
 from tests.benches import SAMPLE_RATE
 from tests.bus.extended_bench import write_extended_bench
 from tests.daemon.end_to_end import RATE, payloads
-from tests.daemon.participants import PumpRun, TroubledLink, until
+from tests.daemon.participants import PumpRun, ScriptedLink, TroubledLink, until
 from tests.device import core_of, frames_of, worn_recording
 
 BEGIN = 1_700_000_000_000_000_000  # ns
@@ -66,8 +66,7 @@ def test_stamps_are_kept_to_the_nanosecond(without_index: Path) -> None:
 
 def test_rates_that_found_no_room_are_handed_over_in_order(bench: Path) -> None:
     frames = device_frames(bench)
-    link = TroubledLink(frames)
-    link.has_room = False
+    link = TroubledLink(frames, has_room=False)
     with PumpRun(bench, link) as run:
         handed = [*run.serve_until_taken(len(frames)), *run.pump.finish()]
     assert payloads(handed, RATE) == published(bench)
@@ -93,8 +92,7 @@ def test_some_sent_then_none_lost(bench: Path) -> None:
 
 def test_rates_on_their_way_to_a_link_that_goes_down_are_counted(bench: Path) -> None:
     frames = device_frames(bench)
-    link = TroubledLink(frames)
-    link.has_room = False
+    link = TroubledLink(frames, has_room=False)
     with PumpRun(bench, link) as run:
         run.serve_until_taken(len(frames))
         link.plugged.clear()
@@ -126,14 +124,8 @@ def test_it_is_served_again_once_it_is_back(bench: Path) -> None:
 
 @pytest.mark.parametrize("failure", [RunError("broken"), ZeroDivisionError("in the driver"), LinkDownError("gone")])
 def test_what_ends_it_is_raised_behind_the_frames_that_came(bench: Path, failure: Exception) -> None:
-    class FailingLink(TroubledLink):
-        def receive(self, timeout_s: float) -> Frame | None:
-            if not self._frames:
-                raise failure
-            return super().receive(timeout_s)
-
     frames = device_frames(bench)[:FRAMES]
-    with PumpRun(bench, FailingLink(frames)) as run:
+    with PumpRun(bench, ScriptedLink(frames, failure)) as run:
         with pytest.raises((type(failure), BusDownError), match=str(failure)):
             until(lambda: bool(run.pump.serve(1e-3)))
         assert run.core.counters.frames == FRAMES
@@ -150,8 +142,7 @@ def test_it_ends_while_frames_wait(bench: Path) -> None:
 
 def test_other_results_come_behind_the_rates(bench: Path) -> None:
     frames = device_frames(bench)[:FRAMES]
-    link = TroubledLink(frames)
-    link.has_room = False
+    link = TroubledLink(frames, has_room=False)
     with PumpRun(bench, link) as run:
         run.serve_until_taken(FRAMES)
         until(lambda: run.core.counters.frames == FRAMES)

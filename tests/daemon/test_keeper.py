@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -118,11 +119,8 @@ def test_what_cannot_be_true_is_not_blamed_on_the_disk(learner: Kept) -> None:
 
 
 def test_a_disk_that_is_full_at_the_end_is_an_error(learner: Kept, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(_: int) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
     with pytest.raises(RunError, match="No space left"), learner.kept():
-        monkeypatch.setattr(os, "fsync", full)
+        monkeypatch.setattr(os, "fsync", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))
 
 
 def test_the_bench_file_names_what_is_kept(tmp_path: Path) -> None:

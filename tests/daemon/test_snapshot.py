@@ -64,9 +64,8 @@ def test_injections_have_what_the_daemon_computed(path: Path) -> None:
         assert curves["line_pressure_MPa"] == pytest.approx(recording.line_pressure[window] / MEGAPASCAL, abs=0.004)
         lift = recording.needle_lift[window] / MILLIMETRE
         assert curves["needle_lift_um"] * 1e-3 == pytest.approx(lift, abs=1e-5)
-        assert 1e-3 * np.trapezoid(rate, time_ms) * report.density == pytest.approx(
-            report.live_mass / MILLIGRAM, rel=1e-3
-        )
+        live = 1e-3 * np.trapezoid(rate, time_ms) * report.density
+        assert live == pytest.approx(report.live_mass / MILLIGRAM, rel=1e-3)
         corrected = 1e-3 * np.trapezoid(curves["corrected_rate_mm3_per_ms"], time_ms) * report.density
         assert injection.values["mass_mg"] == pytest.approx(report.mass / MILLIGRAM)
         assert injection.values["mass_mg"] == pytest.approx(corrected, rel=1e-3)
@@ -160,9 +159,8 @@ def test_before_the_interface_is_there(path: Path) -> None:
     snapshots.hear(Notice(Topic.LINK, "waiting for the interface: can5 is away\n  remedy: plug it in"))
     status = snapshots.snapshot().status
     assert (status.state, status.level) == ("STARTING", StatusLevel.WAITING)
-    assert [(each.what, each.remedy) for each in status.faults] == [
-        ("waiting for the interface: can5 is away", "plug it in")
-    ]
+    (fault,) = status.faults
+    assert (fault.what, fault.remedy) == ("waiting for the interface: can5 is away", "plug it in")
     assert "can5 is away" in "\n".join(drawn(View("title", snapshots.snapshot)))
 
 

@@ -5,9 +5,10 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import reduce
-from operator import getitem
+from operator import delitem, getitem, setitem
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -124,18 +125,11 @@ def test_a_damaged_file_is_restored_equal_or_set_aside(state: StateFile, data: s
 
 def put(*keys: str | int, value: Any) -> Change:
     """In the content."""
-
-    def change(document: dict[str, Any]) -> None:
-        reduce(getitem, keys[:-1], document["content"])[keys[-1]] = value
-
-    return change
+    return lambda document: setitem(reduce(getitem, keys[:-1], document["content"]), keys[-1], value)
 
 
 def remove(*keys: str | int) -> Change:
-    def change(document: dict[str, Any]) -> None:
-        del reduce(getitem, keys[:-1], document["content"])[keys[-1]]
-
-    return change
+    return lambda document: delitem(reduce(getitem, keys[:-1], document["content"]), keys[-1])
 
 
 LEARNED = ("state", "account", "learned")
@@ -143,10 +137,7 @@ MEAN = (*LEARNED, "belief", "mean")
 COVARIANCE = (*LEARNED, "belief", "covariance")
 NOT_RESTORED = {
     "older version": (lambda document: document.update(version=1), f"version 1, not {VERSION} (observer_rt "),
-    "newer version": (
-        lambda document: document.update(version=VERSION + 1),
-        f"is version {VERSION + 1}, not {VERSION}",
-    ),
+    "newer version": (lambda document: document.update(version=VERSION + 1), f"version {VERSION + 1}, not {VERSION}"),
     "another parameter": (put("columns", 0, value="lag"), "other parameters"),
     "a parameter too few": (put("columns", value=list(SCALARS.names[:-1])), "other parameters"),
     "model": (put("model_sha256", value="0" * 64), "another injector model"),
@@ -291,11 +282,7 @@ def test_paths_that_are_no_file(tmp_path: Path) -> None:
 def test_a_file_that_may_not_be_read(state: StateFile, monkeypatch: pytest.MonkeyPatch) -> None:
     """Simulated, because the superuser may read everything."""
     state.save()
-
-    def refuse(*_: object, **__: object) -> None:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr(Path, "open", Mock(side_effect=PermissionError(13, "Permission denied")))
     with pytest.raises(UserError, match="Permission denied"):
         state.load()
 

@@ -63,9 +63,8 @@ def test_every_frame_is_in_the_file_and_where_some_were_lost(tmp_path: Path, suf
     log = open_log(path)
     entries = [(entry.frame, log.lost_frames) for entry in log]
     assert [lost for _, lost in entries] == [0] * 150 + [3] * 70 + [12] * 80
-    assert [frame.stamp_ns for frame, _ in entries] == pytest.approx(
-        [START + n * 1000 for n in range(1, 301)], abs=999
-    )
+    stamps = [START + n * 1000 for n in range(1, 301)]
+    assert [frame.stamp_ns for frame, _ in entries] == pytest.approx(stamps, abs=999)
     assert [frame[4:] for frame, _ in entries] == [  # whether FD, its switch, its sender's state
         (n % 2 == 0, n % 6 == 0, n % 10 == 0) for n in range(1, 301)
     ]
@@ -79,9 +78,8 @@ def test_a_frame_may_be_older_than_the_first(tmp_path: Path, suffix: str) -> Non
     path, source = tmp_path / f"bus{suffix}", Source(5)
     source.step_ns = -200_000
     run(path, source)
-    assert sorted(entry.frame.stamp_ns for entry in open_log(path)) == pytest.approx(
-        [START + n * source.step_ns for n in range(5, 0, -1)], abs=999
-    )
+    stamps = [START + n * source.step_ns for n in range(5, 0, -1)]
+    assert sorted(entry.frame.stamp_ns for entry in open_log(path)) == pytest.approx(stamps, abs=999)
 
 
 def test_limits_end_it(tmp_path: Path) -> None:

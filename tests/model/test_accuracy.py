@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from observer_rt.config.bench import load_bench
 from observer_rt.engine.service.injector import calibration_of
-from observer_rt.model.accuracy import EXACT, EXACTLY_KNOWN, Accuracy, StatedAccuracy
+from observer_rt.model.accuracy import EXACT, EXACT_PARAMETERS, Accuracy, StatedAccuracy
 
 BENCH = StatedAccuracy(0.007, 0.007, 0.01, 0.005, 0.005, 0.0)
 
@@ -45,6 +45,6 @@ def test_a_measured_mass_takes_the_place_of_geometry_and_gains() -> None:
 
 def test_a_simulation_is_exact() -> None:
     exact = load_bench().exact.injector
-    assert (calibration_of(exact), exact.parameters.accuracy) == (EXACT, EXACTLY_KNOWN)
+    assert (calibration_of(exact), exact.parameters.accuracy) == (EXACT, EXACT_PARAMETERS)
     assert (EXACT.mass, EXACT.wear, EXACT.as_text(), EXACT.is_calibrated) == (0.0, 0.0, "", True)
     assert StatedAccuracy.of(0.7, 0.7, Accuracy()).wear > 0.02

@@ -147,8 +147,8 @@ class StatusValues(NamedTuple):
         says="Frames whose sample index had been received before; the first wins.",
         counts="frames that came twice; the first counts", remedy="a second sender of an input?")]
     old_frames: Annotated[int, OutputSignal("alignment.old", 16, 368, 10, 16,
-        says="Frames with a sample index before the last one processed, dropped.",
-        counts="frames that came too late", remedy="a bus or gateway lags by more than 4096 samples")]
+        says="Frames that came after later ones of their message, dropped; several in a row are a restart of it.",
+        counts="frames that came too late", remedy="a second sender of an input? a gateway that reorders?")]
     dropped_frames: Annotated[int, OutputSignal("daemon.dropped", 16, 416, 11, 16,
         says="Frames dropped by kernel or driver before the observer could read them.",
         counts="frames lost before they were read",

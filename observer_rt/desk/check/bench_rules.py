@@ -32,9 +32,7 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     return findings + masses + machine_findings(bench)
 
 
-def refuse_errors(
-    bench: Bench, state: Path | None = None, journal: Path | None = None, injector: str | None = None
-) -> None:
+def refuse_errors(bench: Bench, state: Path | None, journal: Path | None, injector: str | None) -> None:
     """Raise `UserError` for the first of all errors that `checkup` finds in a bench; others as `bench_findings`."""
     findings = bench_findings(bench, state, journal, injector)
     errors = [finding.error for finding in findings if finding.error is not None]

@@ -17,22 +17,14 @@ from observer_rt.config.signals import OPTIONAL_SIGNALS, Role
 from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.desk.check.findings import WITHOUT_LIFT, Finding, Statement, graded, ruled, warning
 from observer_rt.engine.service.noise import configured_noise
+from observer_rt.foundation import units
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import (
-    LENGTH_UNITS,
-    MEGAPASCAL,
-    MICROMETRE,
-    MICROSECOND,
-    MILLISECOND,
-    NANOSECONDS,
-    PRESSURE_UNITS,
-)
 
 if TYPE_CHECKING:
     from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowSignal
 
-COARSE = 1 * MILLISECOND  # s from frame to frame of a level, between which a whole pilot may come and go
-HIGHEST_PRESSURE = 200 * MEGAPASCAL
+COARSE = 1 * units.MILLISECOND  # s from frame to frame of a level, between which a whole pilot may come and go
+HIGHEST_PRESSURE = 200 * units.MEGAPASCAL
 PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take
 CYCLE_TOLERANCE = 0.5e6  # ns, what rounding to whole milliseconds may take
 _NUMBERED = {
@@ -76,7 +68,7 @@ def _energizing(energizing: "EnergizingLayout") -> Iterator[Statement]:
     kind = "energized while it is not 0" if energizing.is_level else "energizing time"
     yield (
         f"energizing: {layout.name} 0x{layout.frame_id:X}, {signals}, {kind}; an injection is missing "
-        f"{energizing.window / MILLISECOND:g} ms after its command"
+        f"{energizing.window / units.MILLISECOND:g} ms after its command"
     )
     cycle = energizing.cycle if energizing.is_level and len(names) == 1 else None
     prefix = f"{layout.name}: opening delays by"
@@ -88,7 +80,7 @@ def _energizing(energizing: "EnergizingLayout") -> Iterator[Statement]:
         yield warning(text, remedy, topic="time")
     if cycle is not None and cycle >= COARSE:
         text = (
-            f"{layout.name}: a level every {cycle / MILLISECOND:g} ms misses shorter energizing; "
+            f"{layout.name}: a level every {cycle / units.MILLISECOND:g} ms misses shorter energizing; "
             "send it faster, on change, or as a duration"
         )
         yield warning(text, topic="time")
@@ -120,13 +112,15 @@ def _mapping(injector: BenchInjector, bus: bus_map.BusMap, role: Role) -> Findin
     layout, message = bus.input_layouts[number], bus.inputs.messages[number]
     is_lift = role is Role.NEEDLE_LIFT
     needed = injector.parameters.seat.max_lift if is_lift else HIGHEST_PRESSURE
-    unit, factor = ("um", MICROMETRE) if is_lift else ("MPa", MEGAPASCAL)
+    unit, factor = ("um", units.MICROMETRE) if is_lift else ("MPa", units.MEGAPASCAL)
     limits = role_range(bus, role)
     resolution = role_resolution(bus, role, needed)
     noise: float = getattr(configured_noise(injector), role.value)
-    units = LENGTH_UNITS if is_lift else PRESSURE_UNITS
+    factors = units.LENGTH_UNITS if is_lift else units.PRESSURE_UNITS
     code = role_factor(bus, role)
-    coded = next((name for name, known in units.items() if known == code), f"units of {code:g} {next(iter(units))}")
+    coded = next(
+        (name for name, known in factors.items() if known == code), f"units of {code:g} {next(iter(factors))}"
+    )
     samples, frames = int(message["samples"]), int(message["kind_count"])
     division = "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
     if frames > 1:
@@ -146,15 +140,15 @@ def _sample_periods(
     injector: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]
 ) -> Iterator[Statement]:
     rate = injector.sample_rate
-    yield f"{rate:g} Hz, a sample every {NANOSECONDS / rate:.6g} ns"
+    yield f"{rate:g} Hz, a sample every {units.NANOSECONDS / rate:.6g} ns"
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
-        expected = NANOSECONDS * float(bus_map.message_timing(bus, number)["interval"])
+        expected = units.NANOSECONDS * float(bus_map.message_timing(bus, number)["interval"])
         refusing = injector if _is_of_the_user(layout, messages) else None
         yield from _periods(layout, int(message["samples"]), int(message["kind_count"]), expected, refusing)
     for sent in (bus.rate, bus.corrected):
         if sent is not None and _is_of_the_user(sent.layout, messages):
-            yield from _periods(sent.layout, sent.samples, 1, NANOSECONDS / rate)
+            yield from _periods(sent.layout, sent.samples, 1, units.NANOSECONDS / rate)
 
 
 def _is_of_the_user(layout: MessageLayout, messages: Sequence[KnownMessage]) -> bool:
@@ -173,7 +167,7 @@ def _periods(
     period = layout.sample_period_ns
     if period is not None and abs(period - expected) > PERIOD_TOLERANCE:
         problem = f"{layout.name} states a sample period of {period} ns in the bus database"
-        remedy = f"set sampling.rate_hz = {NANOSECONDS / period:g}, or its SamplePeriodNs to {expected:.0f}"
+        remedy = f"set sampling.rate_hz = {units.NANOSECONDS / period:g}, or its SamplePeriodNs to {expected:.0f}"
         if refusing is None:
             yield warning(problem, remedy)
         else:
@@ -181,7 +175,7 @@ def _periods(
             yield UserError(refusing.location("sampling.rate_hz"), stated, remedy)
     cycle = layout.cycle_time_ns
     if period is None and cycle is not None and abs(cycle * frames - samples * expected) > CYCLE_TOLERANCE:
-        meant = f"which means {NANOSECONDS * samples / (cycle * frames):g} Hz"
+        meant = f"which means {units.NANOSECONDS * samples / (cycle * frames):g} Hz"
         text = f"{layout.name} states a cycle time of {cycle / 1e6:g} ms in the bus database, {meant}"
         yield warning(text, "correct sampling.rate_hz or its GenMsgCycleTime")
     if layout.samples_per_frame not in (None, samples):
@@ -200,19 +194,19 @@ def time_findings(bus: bus_map.BusMap) -> Iterator[Statement]:
             yield warning(f"{name} has neither index nor counter: {seen}", "name its counter, if it has one")
     if any(timing["joining"] == Joining.CLOCK for timing in bus.inputs.timing):
         yield (
-            f"two time bases: not valid while more than {TOLERANCE / MICROSECOND:g} us between line pressure and "
-            f"lift are unknown ({TOLERANCE * LINE_SLOPE / MEGAPASCAL:.2g} MPa); the stamps must be the bus's "
-            "(hardware or kernel), an adapter that hands frames over in batches cannot tell"
+            f"two time bases: not valid while more than {TOLERANCE / units.MICROSECOND:g} us between line pressure "
+            f"and lift are unknown ({TOLERANCE * LINE_SLOPE / units.MEGAPASCAL:.2g} MPa); the stamps must be the "
+            "bus's (hardware or kernel), an adapter that hands frames over in batches cannot tell"
         )
 
 
 def _joined(timing: np.void) -> str:
     joining = Joining(int(timing["joining"]))
     if joining is Joining.RATIO:
-        return f", every {timing['steps']}th sample; held at most {timing['hold'] / MILLISECOND:g} ms"
+        return f", every {timing['steps']}th sample; held at most {timing['hold'] / units.MILLISECOND:g} ms"
     if joining is Joining.NEAREST:
-        return f", nearest sample of the same time base; stamps {timing['delay'] / MICROSECOND:.4g} us after it"
+        return f", nearest sample of the same time base; stamps {timing['delay'] / units.MICROSECOND:.4g} us after it"
     if joining is Joining.CLOCK:
-        held = f", held at most {timing['hold'] / MILLISECOND:g} ms" if timing["steps"] > 1 else ""
-        return f"; by its clock, stamps {timing['delay'] / MICROSECOND:.4g} us after the last sample{held}"
+        held = f", held at most {timing['hold'] / units.MILLISECOND:g} ms" if timing["steps"] > 1 else ""
+        return f"; by its clock, stamps {timing['delay'] / units.MICROSECOND:.4g} us after the last sample{held}"
     return ""

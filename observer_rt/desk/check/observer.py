@@ -20,6 +20,7 @@ from observer_rt.foundation.units import MICROMETRE, MICROSECOND, MILLISECOND, Z
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.model.surroundings import at_temperature
+from observer_rt.model.wave_line import WaveLine
 
 SHOWN_TEMPERATURES = 20.0, 40.0, 80.0  # degC
 SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
@@ -39,9 +40,9 @@ def observer_findings(injector: BenchInjector) -> list[Finding]:
     """All findings about the observer of an injector; fewer where its integration is not stable."""
     integration = _integration(injector)
     is_stable = integration[0].error is None
-    has_cells = injector.coefficients.line.fastest == 0.0
+    is_wave_line = isinstance(injector.coefficients.line, WaveLine)  # of unstable cells the error says enough
     fuel = _fuel(injector) if is_stable else []
-    limits = _limits(injector) if is_stable or not has_cells else []
+    limits = _limits(injector) if is_stable or not is_wave_line else []
     return [*integration, *fuel, *_fitted_model(injector), *_level(injector), *limits]
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 from json import dumps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.bench_file import refuse_shared_channels, values_by_bus
@@ -15,9 +15,6 @@ from observer_rt.desk.recording_options import RECORDED, Recording
 from observer_rt.foundation.console import progress_bar, results, say, stop_on_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.options import Argument, BenchFile, Decoder, Force, FromChannel, Injector, Json, Option
-
-if TYPE_CHECKING:
-    from observer_rt.files.recorder import RecordStatistics
 
 Channel = Annotated[
     tuple[str, ...],
@@ -99,11 +96,10 @@ def record(
             for name, link in zip(names, (bus.config for bus in buses), strict=True)
         }
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
-
-        def report(so_far: "RecordStatistics") -> None:
-            status.update(f"{so_far.frames} frames, {so_far.lost} lost")
-
-        statistics = record_links(links, out, stop, report, force, duration, frames)
+        limits = force, duration, frames
+        statistics = record_links(
+            links, out, stop, lambda so_far: status.update(f"{so_far.frames} frames, {so_far.lost} lost"), *limits
+        )
     print(dumps(statistics.as_json(), indent=2) if json else statistics.as_text())
 
 

@@ -36,17 +36,14 @@ def fit(
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.desk.evaluation.logged import without_truths
     from observer_rt.desk.identification_inputs import measured_files
-    from observer_rt.desk.library.fit import fitted_model
+    from observer_rt.desk.library.fit import fitted_model, weighed_masses
     from observer_rt.engine.service.injector import calibration_of
     from observer_rt.identification.fit.fitted_file import write_fitted
-    from observer_rt.identification.fit.folds import refuse_clipped, warnings
-    from observer_rt.identification.fit.masses import read_masses
+    from observer_rt.identification.fit.folds import warnings
     from observer_rt.identification.fit.report import draw_fit, print_fit
     from observer_rt.identification.likelihood import provenance
     from observer_rt.identification.likelihood.coverage import coverage
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
-    from observer_rt.identification.likelihood.reading import refuse_rates_missing
-    from observer_rt.model.effects import effective_model
 
     decoder = decoder_of(bench, injector, model)
     start, source = load_injector(model), InjectorFile.read(model)
@@ -58,10 +55,7 @@ def fit(
     paths = provenance.without_copies(without_truths(recordings, messages), messages)
     most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: a mass is the mean of all injections
     measured = measured_files(paths, start, decoder, from_channel, messages, most)
-    refuse_rates_missing([measurement.recording for measurement in measured])
-    refuse_clipped(measured)
-    density = effective_model(start).coefficients.density
-    weighed = {} if mass is None else read_masses(mass, measured, density)
+    weighed = weighed_masses(measured, mass, start)
     for line in (*map(coverage, measured), *(f"warning: {warning}" for warning in warnings(measured))):
         say(messages, line)
     with progress_bar(messages, "fitting", 1.0) as progress:

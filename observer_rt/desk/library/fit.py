@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,13 @@ from observer_rt.foundation.errors import require
 from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 from observer_rt.identification.fit.fitted_file import baseline_of, rounded
-from observer_rt.identification.fit.folds import sensor_gain, standstill, warnings
+from observer_rt.identification.fit.folds import refuse_clipped, sensor_gain, standstill, warnings
 from observer_rt.identification.fit.forms import PLAIN, STRUCTURES, Structure
-from observer_rt.identification.fit.masses import MeanMass
+from observer_rt.identification.fit.masses import MeanMass, read_masses
 from observer_rt.identification.likelihood.commands import commanded_lift, commands_of
 from observer_rt.identification.likelihood.likelihood import RecordingLikelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain
+from observer_rt.identification.likelihood.reading import refuse_rates_missing
 from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.effective import EffectiveModel
@@ -80,6 +82,18 @@ class FitResult:
 
     def _repr_html_(self) -> str:
         return f"<p>{self.verdict}</p>{self.parameters.to_html()}"
+
+
+def weighed_masses(
+    measured: Sequence[Measurement], masses: Path | None, injector: InjectorParameters
+) -> Mapping[int, MeanMass]:
+    """Measured masses by the number of the recording; masses: their file, None: none were measured.
+
+    Raises `UserError` for it, and for recordings that no model can be fitted to.
+    """
+    refuse_rates_missing([measurement.recording for measurement in measured])
+    refuse_clipped(measured)
+    return {} if masses is None else read_masses(masses, measured, effective_model(injector).coefficients.density)
 
 
 def fitted_model(

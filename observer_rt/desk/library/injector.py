@@ -18,7 +18,7 @@ from observer_rt.config.injector_file import InjectorFile
 from observer_rt.config.signals import effects_on_one_raster
 from observer_rt.desk.evaluation.healthy_events import learn_laws, observer_remainder
 from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run
-from observer_rt.desk.library.fit import FitResult, fitted_model
+from observer_rt.desk.library.fit import FitResult, fitted_model, weighed_masses
 from observer_rt.desk.library.notes import CallNotes, naming_parameters, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
 from observer_rt.desk.library.results import EvaluationResult
@@ -36,12 +36,10 @@ from observer_rt.identification.discovery.law_words import law_text
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.fit.fitted_file import write_fitted
-from observer_rt.identification.fit.folds import refuse_clipped
-from observer_rt.identification.fit.masses import read_masses
 from observer_rt.identification.likelihood.coverage import coverage
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.reading import measured_recordings, refuse_rates_missing
+from observer_rt.identification.likelihood.reading import measured_recordings
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import InjectorParameters
 
@@ -139,10 +137,7 @@ class Injector:
             # Whole: a mass is the mean of all injections.
             most = MOST_SAMPLES if masses is None else sys.maxsize
             measured = self._measured(sources, notes, most)
-            refuse_rates_missing([measurement.recording for measurement in measured])
-            refuse_clipped(measured)
-            density = self.bench.injector.coefficients.density
-            weighed = {} if masses is None else read_masses(path_of("masses", masses), measured, density)
+            weighed = weighed_masses(measured, None if masses is None else path_of("masses", masses), self.parameters)
             with progress_bar(screen, "fitting", 1.0) as progress:
                 sensors = calibration_of(self.bench.injector)
                 fitted = fitted_model(self.parameters, measured, weighed, digests(sources), progress, sensors)

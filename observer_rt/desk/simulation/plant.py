@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.core.model.model import Model, Terms, Weights, rest_state
 from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.core.plant.plant import run_injector
-from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effective import EffectiveModel, SensorTerms
 from observer_rt.model.network import constant_network
 from observer_rt.model.stability import fastest_rate
 from observer_rt.model.wave_line import WaveLine, cells_for
@@ -40,6 +41,29 @@ class Truth:
     """Line pressure [Pa] as a slow sensor and late recording give it, without its offset."""
 
 
+class _Conditions(NamedTuple):
+    """The problem that is integrated, in the order of `run_injector`; rows of `strokes` are `NeedleStroke`."""
+
+    time: NDArray[np.float64]  # s
+    rail: NDArray[np.float64]  # p_0
+    strokes: NDArray[np.float64]
+    steps: int  # from sample to sample
+    bounce: float  # m
+    model: Model
+    network: Weights
+    sensor: SensorTerms
+    terms: Terms
+
+
+class _Records(NamedTuple):
+    """Samples that `run_injector` fills, in its order."""
+
+    states: NDArray[np.float64]  # (n, 3), normalised
+    lift: NDArray[np.float64]  # m
+    rate: NDArray[np.float64]  # m3/s
+    line_pressure: NDArray[np.float64]  # p_0, as recorded
+
+
 def run_plant(
     model: EffectiveModel,
     strokes: Sequence[NeedleStroke],
@@ -56,32 +80,37 @@ def run_plant(
     """
     longest_step, model = _longest_step(model)
     c = model.coefficients
-    parts = Model(c), Weights(constant_network()), model.sensor, Terms(model.program)
     period = float(time[-1] - time[0]) / (time.size - 1)
-    steps = math.ceil(period / longest_step)
-    time, rail = np.ascontiguousarray(time), (rail_pressure - c.chamber_pressure) / c.pressure_scale
-    table = np.array(strokes, dtype=np.float64).reshape(len(strokes), len(NeedleStroke._fields))
-    states, lift, rate, recorded = np.empty((time.size, 3)), *np.empty((3, time.size))
-    x = np.zeros(c.states)
-    rest_state(x, float(rail[0]), c)
-    number, indicated, due = 0, float(rail[0]), 0
+    conditions = _Conditions(
+        np.ascontiguousarray(time),
+        (rail_pressure - c.chamber_pressure) / c.pressure_scale,
+        np.array(strokes, dtype=np.float64).reshape(len(strokes), len(NeedleStroke._fields)),
+        math.ceil(period / longest_step),
+        bounce,
+        Model(c),
+        Weights(constant_network()),
+        model.sensor,
+        Terms(model.program),
+    )
+    records = _Records(np.empty((time.size, 3)), *np.empty((3, time.size)))
+    x, first_rail = np.zeros(c.states), float(conditions.rail[0])
+    rest_state(x, first_rail, c)
+    # the stroke under way or next, what the sensor shows, and the first sample it has not recorded yet
+    stroke, shown, due = 0, first_rail, 0
     for first in range(0, time.size, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, time.size)
-        state, grid = (x, number, indicated, due), (time, rail, table, steps)
-        number, indicated, due = run_injector(
-            *state, first, last, *grid, bounce, *parts, states, lift, rate, recorded
-        )
+        stroke, shown, due = run_injector(x, stroke, shown, due, first, last, *conditions, *records)
         if progress is not None:
             progress(last / time.size)
     return Truth(
-        time=time,
-        injection_rate=rate,
-        needle_lift=lift,
+        time=conditions.time,
+        injection_rate=records.rate,
+        needle_lift=records.lift,
         rail_pressure=rail_pressure,
-        line_pressure=states[:, 0] * c.pressure_scale + c.chamber_pressure,
-        sac_pressure=states[:, 2] * c.pressure_scale + c.chamber_pressure,
-        line_flow=states[:, 1] * c.flow_scale,
-        recorded_line_pressure=recorded * c.pressure_scale + c.chamber_pressure,
+        line_pressure=records.states[:, 0] * c.pressure_scale + c.chamber_pressure,
+        sac_pressure=records.states[:, 2] * c.pressure_scale + c.chamber_pressure,
+        line_flow=records.states[:, 1] * c.flow_scale,
+        recorded_line_pressure=records.line_pressure * c.pressure_scale + c.chamber_pressure,
     )
 
 

@@ -3,9 +3,10 @@
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager
 from itertools import islice
 from pathlib import Path
-from typing import ClassVar, NamedTuple, NoReturn, Self
+from typing import ClassVar, NamedTuple, NoReturn
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, STANDARD_MASK
 from observer_rt.bus.links.link import Frame
@@ -143,7 +144,7 @@ class LogReader(ABC):
             yield entry._replace(frame=frame._replace(stamp_ns=stamp)) if shift else entry
 
 
-class LogWriter(ABC):
+class LogWriter(AbstractContextManager["LogWriter"]):
     """A log being written, maybe while frames come in; a context manager that completes it.
 
     What was flushed can be read whatever happens afterwards. Raises `OSError` when writing fails.
@@ -170,9 +171,6 @@ class LogWriter(ABC):
     @abstractmethod
     def close(self) -> None:
         """Complete the file."""
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

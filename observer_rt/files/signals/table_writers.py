@@ -1,12 +1,12 @@
 """Tables and recordings written part by part, as CSV, MDF4 or Parquet by suffix, in our own layouts."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, redirect_stdout
+from contextlib import AbstractContextManager, ExitStack, contextmanager, redirect_stdout
 from datetime import UTC, datetime
 from io import StringIO
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class WrittenColumn(NamedTuple):
     factor: float = 1.0
 
 
-class TableWriter(ABC):
+class TableWriter(AbstractContextManager["TableWriter"]):
     """A table being written: a context manager that completes the file. The first column is the time [s]."""
 
     def __init__(self, path: Path, columns: Sequence[WrittenColumn]) -> None:
@@ -48,9 +48,6 @@ class TableWriter(ABC):
     def close(self) -> None:
         """Complete the file."""
         self._stack.close()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, failure: type[BaseException] | None, *_: object) -> None:
         if failure is None:

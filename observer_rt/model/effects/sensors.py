@@ -18,6 +18,10 @@ from observer_rt.model.effect import (
 )
 from observer_rt.model.effective import EffectiveModel
 
+_LIKE_ANOTHER_SEAT = (
+    Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.ALIKE, LIFT_GAUGE_OR_RATE),
+    Relation(("orifice_area",), Likeness.NEAR, LIFT_GAUGE_OR_RATE),
+)
 CHANNEL_SKEW = Effect(
     id="channel_skew",
     component=Component.LINE_SENSOR,
@@ -66,11 +70,7 @@ LIFT_GAIN = Effect(
     apply=_lift_gain,
     sentence="The recorded lift is too small (or too large) by a factor: true = measured (1 + g).",
     signature="Like a wider (or narrower) seat: shows while the seat throttles, at small lift.",
-    relations=(
-        Relation(("lift_offset",), Likeness.ALIKE, LIFT_GAUGE),
-        Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.ALIKE, LIFT_GAUGE_OR_RATE),
-        Relation(("orifice_area",), Likeness.NEAR, LIFT_GAUGE_OR_RATE),
-    ),
+    relations=(Relation(("lift_offset",), Likeness.ALIKE, LIFT_GAUGE), *_LIKE_ANOTHER_SEAT),
 )
 
 LIFT_OFFSET = Effect(
@@ -86,10 +86,7 @@ LIFT_OFFSET = Effect(
         "Opening and closing are off by x_0 of lift: for x_0 > 0 flow begins before the recorded lift "
         "does and ends after it."
     ),
-    relations=(
-        Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.ALIKE, LIFT_GAUGE_OR_RATE),
-        Relation(("orifice_area",), Likeness.NEAR, LIFT_GAUGE_OR_RATE),
-    ),
+    relations=_LIKE_ANOTHER_SEAT,
 )
 
 NEEDLE_LIFT_SENSOR_LAG = Effect(

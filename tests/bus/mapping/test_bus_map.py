@@ -191,11 +191,8 @@ def test_results_under_other_identifiers(tmp_path: Path) -> None:
         text = text.replace(f"# {key}_id =", f"{key}_id = {identifier} #")
     (tmp_path / "bench.toml").write_text(text)
     bus, usual = map_bus(load_bench(tmp_path / "bench.toml")), map_bus(load_bench())
-    assert [(layout.frame_id, layout.is_extended) for layout in bus.sent] == [
-        (0x300, False),
-        (0x18FF0001, True),
-        (0x7FF, False),
-    ]
+    identifiers = [(layout.frame_id, layout.is_extended) for layout in bus.sent]
+    assert identifiers == [(0x300, False), (0x18FF0001, True), (0x7FF, False)]
     for moved, layout in zip(bus.sent, usual.sent, strict=True):
         assert (moved.name, moved.length, moved.e2e_data_id) == (layout.name, layout.length, layout.e2e_data_id)
 

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -100,10 +101,8 @@ def test_a_machine_that_may_keep_up_or_not(changes: dict[str, Any], remedy: str 
 
 
 def test_a_kernel_without_can_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
-        raise OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
-
-    monkeypatch.setattr(socket, "socket", refuse)
+    unsupported = OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
+    monkeypatch.setattr(socket, "socket", Mock(side_effect=unsupported))
     (finding,) = machine.socketcan_findings()
     assert finding.level is Level.WARNING
     assert "no SocketCAN" in finding.text

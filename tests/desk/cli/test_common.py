@@ -8,6 +8,7 @@ import sys
 import threading
 from functools import cache
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -161,11 +162,9 @@ def test_help_names_no_types_and_has_an_example(command: str) -> None:
 
 
 def test_no_more_threads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
-    def refuse(_: threading.Thread) -> None:
-        raise RuntimeError("can't start new thread")  # in Python's words, as under `ulimit -v`
-
+    refusal = RuntimeError("can't start new thread")  # in Python's words, as under `ulimit -v`
     monkeypatch.setattr(sys, "argv", ["observer-rt", "run", "--bench", str(bench_file(tmp_path, "limits"))])
-    monkeypatch.setattr(threading.Thread, "start", refuse)
+    monkeypatch.setattr(threading.Thread, "start", Mock(side_effect=refusal))
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 1

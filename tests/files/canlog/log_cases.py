@@ -110,7 +110,6 @@ def as_read(frames: list[LogFrame], suffix: str) -> list[LogFrame]:
 def moved(entries: Iterable[LogFrame], other: Iterable[LogFrame]) -> int:
     """Largest distance [ns] of the stamps of two logs that are the same but for these."""
     entries, other = list(entries), list(other)
-    assert [(e.frame._replace(stamp_ns=0), *e[1:]) for e in entries] == [
-        (e.frame._replace(stamp_ns=0), *e[1:]) for e in other
-    ]
+    first, second = ([(e.frame._replace(stamp_ns=0), *e[1:]) for e in log] for log in (entries, other))
+    assert first == second
     return max((abs(a.frame.stamp_ns - b.frame.stamp_ns) for a, b in zip(entries, other, strict=True)), default=0)

@@ -153,9 +153,8 @@ def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
     )
     assert len(list(result)) == 1
     assert (result.error_frames, result.remote_frames, result.other_entries) == (3, 2, 4)
-    assert result.notes() == [
-        f"{result.path}: left out: 3 error frames, 2 remote frames, 4 entries that are no frames"
-    ]
+    (note,) = result.notes()
+    assert note == f"{result.path}: left out: 3 error frames, 2 remote frames, 4 entries that are no frames"
 
 
 @pytest.mark.parametrize(

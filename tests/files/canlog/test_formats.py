@@ -56,9 +56,8 @@ def test_what_python_can_writes_is_read(tmp_path: Path, suffix: str) -> None:
         for frame in frames:
             logger(message_of(frame))
     entries = list(open_log(path))
-    assert [(*f.frame[:2], *f.frame[3:], f.is_sent) for f in entries] == [
-        (*f.frame[:2], *f.frame[3:], f.is_sent) for f in frames
-    ]
+    fields, expected = ([(*f.frame[:2], *f.frame[3:], f.is_sent) for f in log] for log in (entries, frames))
+    assert fields == expected
     theirs, ours = (
         [(each.frame.stamp_ns - log[0].frame.stamp_ns) / 1e9 for each in log] for log in (entries, frames)
     )

@@ -215,9 +215,8 @@ def test_identifiers_of_more_than_11_bits_are_extended_where_nothing_says_so(tmp
     frames = mixture(".mf4", 20)
     fields = [Field("ID", 32), *(field for field in ALL_STORED if field.name not in ("ID", "IDE"))]
     write_logger_file(path, frames, fields, MIDNIGHT)
-    assert [(f.frame.frame_id, f.frame.is_extended) for f in open_log(path)] == [
-        (f.frame.frame_id, f.frame.frame_id > 0x7FF) for f in frames
-    ]
+    expected = [(f.frame.frame_id, f.frame.frame_id > 0x7FF) for f in frames]
+    assert [(f.frame.frame_id, f.frame.is_extended) for f in open_log(path)] == expected
 
 
 def test_a_start_in_local_time_is_read_by_the_zone_of_this_computer() -> None:

@@ -186,9 +186,8 @@ def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(tmp_path: P
     stream = open_recording(path, user_bench.injector)
     ended = text[:-cut].count("\n") + 40 - text.count("\n")
     np.testing.assert_array_equal(stream.collected().line_pressure, complete.line_pressure[:ended])
-    assert [note.endswith("is left out: it may be cut short") for note in stream.notes] == [True] * (
-        not text[:-cut].endswith("\n")
-    )
+    is_cut = not text[:-cut].endswith("\n")
+    assert [note.endswith("is left out: it may be cut short") for note in stream.notes] == [True] * is_cut
 
 
 @pytest.mark.parametrize(("separator", "decimal"), [(";", ","), (" ", ".")])

@@ -44,11 +44,8 @@ def test_written_header_and_cells(tmp_path: Path) -> None:
     path = tmp_path / "recording.csv"
     nan = np.array([np.nan, 1e8])
     write_recording(path, Recording(np.array([0.0, 0.25]), nan, np.array([1e-8, 3e-4]), nan, np.array([0.0, 1e-8])))
-    assert path.read_text().splitlines() == [
-        HEADER + ",injection_rate_mm3_per_ms",
-        "0,,1e-05,,0",
-        "0.25,100,0.3,100,0.01",
-    ]
+    lines = [HEADER + ",injection_rate_mm3_per_ms", "0,,1e-05,,0", "0.25,100,0.3,100,0.01"]
+    assert path.read_text().splitlines() == lines
 
 
 @pytest.mark.parametrize("cell", ["", " ", "nan", "NaN"])

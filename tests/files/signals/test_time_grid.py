@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from observer_rt.files.signals.recording import Recording, TimeGrid, UnevenTime
@@ -58,22 +58,14 @@ def test_unrounded_stamps_give_their_rate(rate: float, start: float, samples: in
     assert rate_of(time) == pytest.approx(rate, rel=20 * resolution / (time[-1] - time[0]) + 1e-14)
 
 
-@given(row=st.integers(1, 98), lost=st.integers(1, 1000), at_once=st.sampled_from((5, 100)))
-def test_a_gap_is_found_where_it_is(row: int, lost: int, at_once: int) -> None:
+@given(row=st.integers(1, 98), jump=st.integers(1, 1000) | st.floats(-1e6, -2.0), at_once=st.sampled_from((5, 100)))
+@example(row=99, jump=-2.0, at_once=100)
+def test_a_gap_or_a_step_back_is_found_where_it_is(row: int, jump: float, at_once: int) -> None:
     time = np.arange(100) / 1e5
-    time[row:] += lost / 1e5
+    time[row:] += jump / 1e5
     result = uneven(time, at_once)
     assert result.row == row
-    assert "gap" in result.problem
-
-
-@given(row=st.integers(1, 99), back=st.floats(2e-5, 10.0))
-def test_a_step_back_is_found_where_it_is(row: int, back: float) -> None:
-    time = np.arange(100) / 1e5
-    time[row:] -= back
-    result = uneven(time)
-    assert result.row == row
-    assert "steps back" in result.problem
+    assert ("gap" if jump > 0.0 else "steps back") in result.problem
 
 
 def test_a_repeated_stamp_is_found() -> None:

@@ -49,8 +49,7 @@ class _HealthyEvent:
 
     def cost(self, shape: HealthyShape | None = None) -> EventCost:
         """Cost of the event, the shape taken out."""
-        burn_in = round(BURN_IN / self.setting.interval)
-        return EventCost(self.window, self.setting, self.sigma, burn_in, shape=shape)
+        return EventCost(self.window, self.setting, self.sigma, round(BURN_IN / self.setting.interval), shape=shape)
 
 
 class _Listener(Learner):

@@ -5,6 +5,7 @@ after the needle leaves its seat, one after it is back on it, both changing with
 an injector is compared with the healthy one instead of with the model.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,9 +22,9 @@ KNOTS = 1e-6 * np.concatenate(
     [np.arange(-40.0, 400.0, 20.0), np.arange(400.0, 1200.0, 40.0), np.arange(1200.0, 4001.0, 100.0)]
 )
 """Times [s] after an opening, or a closing, between which the course is straight; 0 before and after."""
-# Of the rail pressure, with which the courses change linearly.
-CENTRE, SPAN = 100 * MEGAPASCAL, 40 * MEGAPASCAL
+CENTRE, SPAN = 100 * MEGAPASCAL, 40 * MEGAPASCAL  # of the rail pressure, with which the courses change linearly
 STEP = 2.5e-6  # s, either way, by which an edge is moved for a slope
+_at = partial(np.interp, xp=KNOTS, left=0.0, right=0.0)  # times, fp: course
 
 
 class EventStretch(NamedTuple):
@@ -49,7 +50,7 @@ def expected(shape: HealthyShape, stretch: EventStretch) -> NDArray[np.float64]:
     total = np.zeros(stretch.samples)
     for edges in stretch.openings:
         for course, edge in zip(_courses(shape, stretch), edges, strict=True):
-            total += _course_at(course, stretch.times(edge))
+            total += _at(stretch.times(edge), fp=course)
     return total
 
 
@@ -58,7 +59,7 @@ def expected_in(shape: HealthyShape, window: Window, c: Coefficients, interval: 
     return expected(shape, stretch_of(window, c, interval))[: window.output.size] / c.pressure_scale
 
 
-class Commanded(NamedTuple):
+class NeedleCourse(NamedTuple):
     """Mean innovation over a window whose needle answers commands, and how it changes with the needle."""
 
     expected: NDArray[np.float64]  # (n,) [p_0]
@@ -66,23 +67,22 @@ class Commanded(NamedTuple):
     by_shots: NDArray[np.float64]  # (n, 2 shots) by both delays of each [LAG_UNIT]
 
 
-def commanded(shape: HealthyShape, window: Window, learned: LearnedModel, setting: Setting) -> Commanded:
+def needle_course(shape: HealthyShape, window: Window, learned: LearnedModel, setting: Setting) -> NeedleCourse:
     """Mean innovation of a needle that answers the commands of a window as was learned of it."""
     n, interval, scale = window.output.size, setting.interval, setting.coefficients.pressure_scale
     stretch = EventStretch(n, interval, _rail_pressure(window, setting.coefficients), ())
     courses, total = _courses(shape, stretch) / scale, np.zeros(n)
     by_numbers, by_shots = np.zeros((n, NEEDLE_LAW.columns.size)), np.zeros((n, window.shot_columns))
-    for shot, stroke in enumerate(window.answers(learned, setting)):
+    for shot, stroke in enumerate(window.strokes(learned, setting)):
         if stroke is None:
             continue
         for course, (edge, moves) in zip(courses, _edges_by_needle(stroke), strict=True):
             times = stretch.times(edge / interval)
-            total += _course_at(course, times)
-            later = (_course_at(course, times - STEP) - _course_at(course, times + STEP)) / (2.0 * STEP)
-            by_edge = later[:, None] * moves
-            by_numbers[:, : len(moves)] += by_edge
-            by_shots[:, 2 * shot : 2 * shot + 2] += by_edge[:, ::2]
-    return Commanded(total, by_numbers * NEEDLE_LAW.sizes, by_shots * LAG_UNIT)
+            total += _at(times, fp=course)
+            later = np.asarray(_at(times - STEP, fp=course) - _at(times + STEP, fp=course)) / (2.0 * STEP)
+            by_numbers[:, : len(moves)] += later[:, None] * moves
+            by_shots[:, 2 * shot : 2 * shot + 2] += later[:, None] * moves[::2]
+    return NeedleCourse(total, by_numbers * NEEDLE_LAW.sizes, by_shots * LAG_UNIT)
 
 
 def stretch_of(window: Window, c: Coefficients, interval: float) -> EventStretch:
@@ -114,10 +114,6 @@ def _courses(shape: HealthyShape, stretch: EventStretch) -> NDArray[np.float64]:
     """Courses [Pa] (2, knots) after an opening and after a closing, at the pressure of a stretch."""
     at_centre, slope = (shape.opening, shape.closing), (shape.opening_slope, shape.closing_slope)
     return MEGAPASCAL * (np.array(at_centre) + stretch.pressure * np.array(slope))
-
-
-def _course_at(course: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.interp(times, KNOTS, course, left=0.0, right=0.0)
 
 
 def _edges_by_needle(stroke: NeedleStroke) -> tuple[tuple[float, NDArray[np.float64]], ...]:

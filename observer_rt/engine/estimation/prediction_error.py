@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.learning.whitening import NO_HIGH_PASS, robust_cost, weigh, whiten
 from observer_rt.core.model.needle import NEEDLE_JITTER, NEEDLE_NUMBERS
-from observer_rt.engine.estimation.healthy_course import commanded, expected_in
+from observer_rt.engine.estimation.healthy_course import expected_in, needle_course
 from observer_rt.engine.estimation.predictor import (
     NO_RATE,
     NO_SLOPES,
@@ -254,8 +254,7 @@ class EventCost:
         slopes = np.empty((self.unfiltered.size, columns.size + self.jitter.size))
         innovations_with_sensitivity(window, self._setting, theta, self.unfiltered, slopes, columns)
         if self._shape is not None and window.needle is not None:
-            learned = learned_of(theta, self._setting.coefficients)
-            course = commanded(self._shape, window, learned, self._setting)
+            course = needle_course(self._shape, window, learned_of(theta, self._setting.coefficients), self._setting)
             self._expected = course.expected
             slopes[:, np.flatnonzero(np.isin(columns, NEEDLE_LAW.columns))] -= course.by_numbers
             slopes[:, columns.size :] -= course.by_shots

@@ -70,12 +70,8 @@ class Window(NamedTuple):
             shots=shots,
         )
 
-    def strokes(self, learned: LearnedModel, setting: "Setting") -> tuple[NeedleStroke, ...]:
-        """Strokes of a needle that answers commands as it was learned, in time order [s] from the first sample on."""
-        return tuple(stroke for stroke in self.answers(learned, setting) if stroke is not None)
-
-    def answers(self, learned: LearnedModel, setting: "Setting") -> Iterator[NeedleStroke | None]:
-        """To each command the stroke; None: the needle does not lift."""
+    def strokes(self, learned: LearnedModel, setting: "Setting") -> Iterator[NeedleStroke | None]:
+        """Of each command [s], from the first sample on, by the needle as it was learned; None: it does not lift."""
         if self.needle is None:
             return
         spans = zip(*(setting.interval * self.commands).T, self._pressures(setting.coefficients), strict=True)

@@ -359,9 +359,6 @@ _PLACED = (
 )
 
 
-NOTHING = np.zeros(NEEDLE_NUMBERS)
-
-
 class LearnedModel(NamedTuple):
     """theta taken apart: phi's network, the coefficients with the line's terms, sensor offset [p_0] and numbers."""
 
@@ -370,7 +367,7 @@ class LearnedModel(NamedTuple):
     offset: float
     sensor: NDArray[np.float64]  # (SENSOR_NUMBERS,): lag [s], gain over the rail sensor's
     lift_delay: float = 0.0  # s, by which the lift is recorded late; x^ and x~ of the running engine do without
-    needle: NDArray[np.float64] = NOTHING  # (NEEDLE_NUMBERS,), where its lift is not recorded
+    needle: NDArray[np.float64] = np.zeros(NEEDLE_NUMBERS)  # (NEEDLE_NUMBERS,), where its lift is not recorded
 
 
 def nothing_learned(c: Coefficients) -> LearnedModel:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from observer_rt.engine.estimation.healthy_course import expected_in
 from observer_rt.engine.estimation.phases import PhaseStatistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta, sensor_lag
@@ -51,8 +52,8 @@ class Examiner:
         """
         if window is None:
             return Examination((adequacy.Objection(Reason.NOT_JUDGED),), self.statistics, self._passed)
-        expected = self._healthy.expected(window, constants.coefficients, constants.interval)
-        if expected is not None:
+        if self._healthy.shape is not None:
+            expected = expected_in(self._healthy.shape, window, constants.coefficients, constants.interval)
             innovations = innovations._replace(values=innovations.values - expected)
         if self.colour is not None:
             innovations = adequacy.Innovations(

@@ -35,7 +35,6 @@ ROUNDING = 1e-9  # by which a step of nothing may seem to raise the cost [chi2 /
 AGREEMENT = 0.05  # of expected and actual cost [chi2 / 2]: within it a linearisation is not repeated
 LOSSES = (Parameter.CONTROL_FLOW, Parameter.LANDING_BOUNCE)  # as far as the file has any
 LATE_OR_BOUNCE = Alike(Parameter.SENSOR_LAG, Parameter.LANDING_BOUNCE, MOVED_IN_TIME / LAG_UNIT)
-
 _LAG = int(Parameter.SENSOR_LAG)
 
 Table = NDArray[np.float64]
@@ -54,17 +53,8 @@ class Limits:
     gate: Gate = SCALARS.gate
     least_lag: float = 0.0
 
-    @property
-    def without_lag(self) -> Gate:
-        """The gate, through which no lag of the line sensor goes."""
-        return self._with_lag_from(float(self.highest[_LAG]))
-
-    @property
-    def carried(self) -> Gate:
-        """The gate of what goes on to the next event."""
-        return self._with_lag_from(self.least_lag) if self.least_lag else self.gate
-
-    def _with_lag_from(self, least: float) -> Gate:
+    def gate_of_lag(self, least: float) -> Gate:
+        """The gate, through which a lag of the line sensor goes from this one on."""
         return replace(self.gate, lowest={**self.gate.lowest, _LAG: least})
 
     def refuse_far(self, mean: NDArray[np.float64]) -> None:
@@ -122,7 +112,7 @@ class EventFitter:
         """
         fit = self._fit(start, prior, iterations, self.limits.gate)
         if _LAG in fit.active and fit.linearisation.theta[_LAG] < self.limits.least_lag:
-            return self._fit(start, prior, iterations, self.limits.without_lag)
+            return self._fit(start, prior, iterations, self.limits.gate_of_lag(float(self.limits.highest[_LAG])))
         return fit
 
     def _fit(self, start: Linearisation, prior: Belief, iterations: int, gate: Gate) -> EventFit:

@@ -7,12 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.healthy_course import KNOTS, EventStretch, expected_in
+from observer_rt.engine.estimation.healthy_course import KNOTS, EventStretch
 from observer_rt.engine.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
-from observer_rt.engine.estimation.predictor import Window
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.baseline import Appearance, Baseline, HealthyRemainder, HealthyShape, PhaseFigures, Remainder
-from observer_rt.model.effective import Coefficients
 
 SPREAD = 0.6  # standard deviation of a knot before anything was measured, in sigma of an innovation
 _DIGITS = 5  # of MPa: 10 Pa
@@ -101,10 +99,6 @@ class Healthy:
     def relative(self, statistics: PhaseStatistics) -> PhaseStatistics:
         """Statistics of an event relative to those of the healthy injector."""
         return statistics.relative_to(self.variance, self.colour)
-
-    def expected(self, window: Window, c: Coefficients, interval: float) -> NDArray[np.float64] | None:
-        """Mean innovation (n,) [p_0] over a window of samples of an interval [s]; None: 0."""
-        return None if self.shape is None else expected_in(self.shape, window, c, interval)
 
 
 NOT_FITTED = Healthy()

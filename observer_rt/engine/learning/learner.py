@@ -39,11 +39,9 @@ class Learner:
     def __init__(self, constants: Constants, knowledge: Knowledge, healthy: Healthy = NOT_FITTED) -> None:
         """constants: at the start; healthy: what the model leaves unexplained of a healthy injector."""
         gains_for = lru_cache(maxsize=SCHEDULES)(gain_schedule)
-        c = constants.coefficients
+        c, interval, calibration = constants.coefficients, constants.interval, constants.calibration
         limits = theta_limits(c, constants.needle, healthy.shape is not None)
-        self._reader = EventReader(
-            constants.interval, c.pressure_scale, limits, healthy, constants.calibration, gains_for
-        )
+        self._reader = EventReader(interval, c.pressure_scale, limits, healthy, calibration, gains_for)
         self._constants = constants
         self.schedule = self._reader.gains(knowledge.in_force, knowledge.state.noise, constants)
         """Gains at the start."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_injector
-from observer_rt.engine.estimation.healthy_course import KNOTS, EventStretch, commanded, expected, expected_in
+from observer_rt.engine.estimation.healthy_course import KNOTS, EventStretch, expected, expected_in, needle_course
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, PARAMETERS, Parameter, learned_of
@@ -59,13 +59,13 @@ def test_a_needle_by_commands_has_the_course_of_its_lift(case: Case) -> None:
     window, learned = commanded_window(case, "stop"), learned_of(moved_needle(), case.c)
     lifted = window.as_learned(learned, case.setting)._replace(needle=None)
     by_lift = expected_in(SHAPE, lifted, case.c, case.setting.interval)
-    by_needle = commanded(SHAPE, window, learned, case.setting).expected
+    by_needle = needle_course(SHAPE, window, learned, case.setting).expected
     assert np.abs(by_needle).max() > 5e-4
     assert np.linalg.norm(by_needle - by_lift) < 0.1 * np.linalg.norm(by_needle)
 
 
 def test_a_needle_that_does_not_lift_has_none(case: Case) -> None:
-    course = commanded(SHAPE, commanded_window(case, "none"), learned_of(moved_needle(), case.c), case.setting)
+    course = needle_course(SHAPE, commanded_window(case, "none"), learned_of(moved_needle(), case.c), case.setting)
     assert not any(part.any() for part in course)
 
 
@@ -77,13 +77,13 @@ def test_slopes_are_the_derivatives_by_needle_and_shots(case: Case, shots: str) 
     def course(needle: Array) -> Array:
         moved = theta.copy()
         moved[NEEDLE] = needle
-        return commanded(SHAPE, window, learned_of(moved, case.c), case.setting).expected
+        return needle_course(SHAPE, window, learned_of(moved, case.c), case.setting).expected
 
     def late(delays: Array) -> Array:
         shifted = window.with_jitter(delays * NEEDLE_LAW.sizes[0], case.setting.interval)
-        return commanded(SHAPE, shifted, learned_of(theta, case.c), case.setting).expected
+        return needle_course(SHAPE, shifted, learned_of(theta, case.c), case.setting).expected
 
-    here = commanded(SHAPE, window, learned_of(theta, case.c), case.setting)
+    here = needle_course(SHAPE, window, learned_of(theta, case.c), case.setting)
     assert_columns_agree(here.by_numbers, differences(course, theta[NEEDLE], step), 0.2)
     assert_columns_agree(here.by_shots, differences(late, np.zeros(window.shot_columns), step), 0.2)
 

@@ -82,7 +82,8 @@ class Believing:
         information = cost.information / temper
         belief = held.prior.updated(information, cost.vector / temper)
         likely, active = shrink(belief), before.active if fit is None else fit.active
-        theta, active = best_subset(likely.mean, likely.covariance, limits.carried, active, carried=True)
+        gate = limits.gate_of_lag(limits.least_lag)
+        theta, active = best_subset(likely.mean, likely.covariance, gate, active, carried=True)
         noise = self._noise(explanation)
         considered = held.considered(belief, information)
         limits.refuse_far(considered.mean)

@@ -185,7 +185,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         systematic=systematic,
         unknown=shares.remainder,
         moved=shares.moved,
-        strokes=window.strokes(learned_of(theta, setting.coefficients), setting),
+        strokes=tuple(filter(None, window.strokes(learned_of(theta, setting.coefficients), setting))),
         calibration=reader.calibration.of_event(mass.controlled),
     )
     return Outcome(

@@ -12,7 +12,7 @@ from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
 from observer_rt.engine.stream.state import Observer, Reason
 
-# s and the time by which the pilot valve is ahead of the lift, after which its flow is known.
+# s, after which the flow of a pilot valve is known, beside the time by which it is ahead of the lift.
 KNOWN_AFTER = 0.25e-3
 # s, after which a command, which may come later than its samples, is known at the latest.
 COMMAND_AFTER = 1e-3
@@ -28,7 +28,7 @@ def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule)
 
 
 def has_room(observer: Observer, number: int) -> bool:
-    """Whether a verdict may be posted on the `number`-th closed event (0, 1, ..): those before it have been taken."""
+    """Whether a verdict may be posted on the `number`-th closed event (0, 1, ..): its slot is free."""
     return number < int(observer.memory[0]["judgement"]["events_taken"]) + SLOTS
 
 
@@ -86,7 +86,7 @@ def _at_rest(observer: Observer, number: int) -> float:
     """Mean square of the innovations at rest, of half as many samples before an event's end as are remembered."""
     end = int(observer.events[number % PENDING_EVENTS]["end_position"]) + 1
     rows = observer.ring[np.arange(max(end - RING // 2, 0), end) % RING]
-    at_rest = rows["innovation"][rows["resting"]]
+    at_rest = rows["innovation"][rows["resting"] & (rows["innovation"] != 0.0)]  # 0 where nothing was measured
     return float(np.mean(at_rest**2)) if at_rest.size else np.nan
 
 

@@ -91,7 +91,7 @@ class StatedAccuracy:
 
     @property
     def mass(self) -> float:
-        """Of every mass: constant over injections but for the part of the event's control flow."""
+        """Of every mass, as stated where masses were measured: constant but for an event's control flow."""
         if self.measured is not None:
             return self.measured
         return math.hypot(self.common, self.line, LEAK * self.parallel_flow, self.event_control_flow)

@@ -66,7 +66,7 @@ def map_bench(bench: Bench) -> BenchMap:
 
 
 def in_common(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]:
-    """Results, and what distinguishes them, that several injectors share although they must not, with their names."""
+    """Messages, numbers and files that several injectors share although they must not, with the names of these."""
     owners: dict[str, list[str]] = {}
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         for layout in bus.sent:

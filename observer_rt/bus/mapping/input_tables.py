@@ -1,7 +1,7 @@
 """Input frames as compiled code sees them: tables of messages, of sample groups, of optional inputs and of signals.
 
-A frame carries all samples of a role, or those under one value of a multiplexer: a group. Optional inputs have
-neither a time grid nor an index.
+A frame carries all samples of a role, or those under one value of a multiplexer: a group. Optional inputs are
+on no time grid.
 """
 
 from collections.abc import Sequence

@@ -4,7 +4,7 @@
 
 
 cpdef enum:
-    PATIENCE = SLOTS // 2  # samples that wait for a message before it counts as stale
+    PATIENCE = SLOTS // 2  # samples that wait for a message, but one that holds, before it counts as stale
 
 
 # What no sensor of an injector can mean [Pa, m, Pa]: a value beyond it, or none at all, is missing.

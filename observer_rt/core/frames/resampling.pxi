@@ -17,7 +17,7 @@ cdef double SLIP = 0.1  # samples by which a lift may drift off the sample it be
 cdef void follow(Alignment* alignment, int64_t message, double position, const double* values) noexcept nogil:
     """Take one sample of a follower: where it lies on the grid, and its values (MAX_INPUTS,) [SI].
 
-    A sample without a value, or not after the last one, is left out.
+    A sample without a value, not after the last one, or far ahead of the grid, is left out.
     """
     cdef bint missed
     memory = alignment.memory

@@ -8,12 +8,12 @@ cdef enum:
 cdef double NIS_MEMORY = 16.0  # samples the running mean square remembers; its own standard deviation for white noise is .25
 cdef double LARGEST = 20.0  # variances a single square counts for: three spikes are no contradiction
 cdef double LIMIT = 5.0  # of the mean square; no injector of `tools/bench accuracy` that is valid shows more than 3
-cdef double CALM_NIS = 2.5  # of the mean square: noise, four standard deviations at most
+cdef double CALM_NIS = 2.5  # of the mean square: white noise, six of its standard deviations at most
 cdef double FALL = 3e6  # Pa by which an injection lets the line pressure fall at least
 
 
 cdef inline void watch(Observer* observer, double innovation, int64_t doubt) noexcept nogil:
-    """Take in an innovation of x~ [p_0]; what contradicts the model stays so until an event after it has passed.
+    """Take in an innovation of x~ [p_0]; what contradicts the model stays so until a later event passes, or standstill is calm.
 
     doubt: `Doubt` of its sample; a sample with a doubt contradicts nothing. Squares are watched, because in a line
     that swings innovations of both signs would make up for each other.

@@ -1,4 +1,4 @@
-# Estimates at standstill: noise levels, the offset between line and rail pressure, the lift sensor.
+# Estimates at standstill: noise levels, and the offset between line and rail pressure.
 
 cpdef enum:
     ENOUGH_SAMPLES = 256  # of standstill, before measured noise may replace the stated
@@ -8,7 +8,7 @@ cpdef enum:
     _TRUSTED = 200  # squares, from which on their mean tells a spike
     _REPEATED = 16  # samples
 
-cdef double CONTRADICTED = 5.0  # standard deviations of a measured level's logarithm, from which on it replaces the stated
+cdef double CONTRADICTED = 5.0  # standard deviations of a measured level's logarithm, from which on it is another
 cdef double _SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
 cdef double DIFFERENCE_GAIN = 70.0  # sum of squares of 1 4 6 4 1
 cdef double _NEXT = -56.0  # sum of products of neighbours in 1 -4 6 -4 1

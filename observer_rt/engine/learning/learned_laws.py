@@ -93,7 +93,7 @@ def learned_laws(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedLaw, ...
     if not learned.learned_at:
         return ()
     axes, last = _axes(learned.learned_at, c), learned.learned_at[-1]
-    held = {_DROP: FULL * last.rail_pressure, _AREA: last.area, _TIME: 0.5 * math.exp(last.open_time)}
+    held = {_DROP: FULL * last.rail_pressure, _AREA: last.area, _TIME: 0.5 * math.exp(last.log_open_time)}
     held[_RAIL] = last.rail_pressure
     covariance, probabilities, laws = learned.gated.covariance, law_probabilities(learned.belief), []
     for curve in np.argsort(IS_PAIR, kind="stable").tolist():

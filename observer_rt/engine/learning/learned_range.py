@@ -17,22 +17,21 @@ from observer_rt.engine.learning.interval import Resimulation
 
 _NOZZLE = int(Parameter.NOZZLE_BIAS)
 MOST_POINTS = 16  # remembered; the oldest is forgotten
-# Distances over which what is wrong with a model changes: of rail pressure [p_0], of the logarithm of the time the
-# needle is open, and of the widest seat area.
-REACH = (0.4, 0.7, 0.4)
+REACH = (0.4, 0.7, 0.4)  # of each number of an `EventPoint`, over which what is wrong with a model changes
 EVENT_SHARE = 0.3  # variance, of what one event tells of its own point, over that between distant points
 UNSEEN = 2e-3  # of a rate: standard deviation of what a learned model still gets wrong at a point far from all seen
-# Standard deviation of a flow, as a share, up to which it is known well enough: away from the event, where it may be
-# larger than at the event by this factor in any case; and at the event.
-FLOW_KNOWN, FURTHER, FLOW_LEARNED = 0.012, 1.3, 0.03
+FLOW_KNOWN = 0.012  # standard deviation of a flow, as a share, up to which it is known well enough ..
+FURTHER = 1.3  # .. or up to so many times that at the event
+FLOW_LEARNED = 0.03  # the same at the event, beyond which nothing is known
 _RAILS = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)  # p_0, middles of the bins of the rail pressure
 FULL = 0.95  # p_S over p_L of a sac that is full
 _LONG = 0.8  # the same, mean of a long injection
 NEAR = 0.5 * REACH[0]  # p_0 of rail pressure, within which an event shows the flow
 FULL_LIFT = 0.9  # of the widest seat area, below which a needle falls
 LONGER = 30e-6  # s, by which events of one operating point differ
-HOLDS = 0.015  # of a mass, within which what was learned holds at a new point
-FAILS, FADING = 0.05, 0.95  # share of new points at which it may fail; weight of those before one
+FAILS = 0.05  # share of new operating points at which what was learned may fail
+HOLDS = 0.015  # of a mass, within which it holds
+FADING = 0.95  # weight of those before one
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
 
 
@@ -40,7 +39,7 @@ class EventPoint(NamedTuple):
     """Operating point of an event."""
 
     rail_pressure: float  # at the opening [p_0]
-    open_time: float  # logarithm of the time [s] the needle is up, until it falls, in the longest opening
+    log_open_time: float  # ln of the time [s] the needle is up, until it falls, in the longest opening
     area: float  # widest
 
 
@@ -78,9 +77,9 @@ def remembered(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[Eve
 def is_new(point: EventPoint, learned_at: Sequence[EventPoint]) -> bool:
     """Whether no event showed the flow at the rail pressure of a point for as long as its needle is up."""
     longest = (
-        math.exp(each.open_time) for each in learned_at if abs(point.rail_pressure - each.rail_pressure) <= NEAR
+        math.exp(each.log_open_time) for each in learned_at if abs(point.rail_pressure - each.rail_pressure) <= NEAR
     )
-    return math.exp(point.open_time) > max(longest, default=0.0) + LONGER
+    return math.exp(point.log_open_time) > max(longest, default=0.0) + LONGER
 
 
 @dataclass(frozen=True)
@@ -124,11 +123,11 @@ def known_flow(
 
     Of what the last of them injected it is known how it changes with theta. The fuller the sac, the more of that is
     the nozzle's doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is
-    another. And it is known where an event showed rail pressure and time together, for what phi cannot hold, as a
-    product of both, shows nowhere else; or anywhere, where what was learned has held at new points.
+    another: a bin of the rail pressure is known where the error by it is small enough, for as long as events near it
+    showed (phi cannot hold a product of pressure and time), or for ever where what was learned held at new points.
     """
     point = learned_at[-1]
-    pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.open_time)
+    pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.log_open_time)
     states = np.array([pressures, np.zeros_like(pressures), FULL * pressures])
     change, slopes = nozzle_change(theta, states, (pressures, point.area), middle)
     # the last row is at the event's rail pressure
@@ -136,12 +135,13 @@ def known_flow(
     injected, full = float(event.run.rate.sum()), by_nozzle[-1]
     if not (injected > 0.0 and full[_NOZZLE] > 0.0):
         return NOWHERE
-    here = np.ones(event.run.rate.size) @ event.run.slopes / injected
+    here = np.ones(event.run.rate.size) @ event.run.slopes / injected  # of the logarithm of what was injected
     filled = min(max(here[_NOZZLE] / full[_NOZZLE], 0.0), FULL)
 
-    def sigma(fullness: float, change: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
+    def sigma(fullness: float, by_rail: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
+        """Of a flow, as a share; between here and a full sac slopes are straight. by_rail: full ones, less `full`."""
         share = (fullness - filled) / (1.0 - filled)
-        slopes = here + share * (full - here) + fullness * change
+        slopes = here + share * (full - here) + fullness * by_rail
         return np.asarray(np.sqrt(np.maximum(((slopes @ covariance) * slopes).sum(axis=-1), 0.0)))
 
     def enough(fullness: float) -> float:
@@ -151,7 +151,7 @@ def known_flow(
         return NOWHERE
     fullness = max(filled, _LONG) if sigma(1.0) <= enough(filled) else filled
     is_near = np.array([np.abs(_RAILS - each.rail_pressure) <= NEAR for each in learned_at])
-    shown = np.exp([each.open_time for each in learned_at]) + LONGER
+    shown = np.exp([each.log_open_time for each in learned_at]) + LONGER
     until = np.where(is_near, shown[:, None], 0.0).max(axis=0)
     own_bin = min(int(point.rail_pressure / RAIL_BIN), RAIL_BINS - 1)
     until[own_bin] = max(until[own_bin], shown[-1])

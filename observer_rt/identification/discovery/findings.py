@@ -213,7 +213,7 @@ def _figures(cell: Cell) -> dict[str, float | None]:
 
 
 def gap_entry(gaps: ModelGaps, _: object) -> GapEntry:
-    """Rms of model minus measurement by signal: `before` as given, `after` amended, `noise_floor`; with units."""
+    """Rms of model less measurement by signal, with units: `before`, `after`, `noise_floor`, of masses `measured`."""
     result: GapEntry = {"line_pressure": None, "injection_rate": None}
     for name, gap in gaps.by_name.items():
         unit = _key(gap.unit)

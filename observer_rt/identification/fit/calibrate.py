@@ -132,7 +132,7 @@ class CalibrationResult:
         """Standard deviation of a mass, as a share, that learning will not remove.
 
         Its causes are the change by a recording left out, other structures that explain the recordings as well,
-        edges of the lift between slow instants, and a lift that was not measured. `level_share` has the level's own.
+        edges of the lift between slow instants, a lift not measured, and a floor. `level_share` has the level's own.
         """
         held_out = self.fitted.held_out
         left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))

@@ -92,7 +92,7 @@ def test_a_flow_known_well_is_known_where_an_event_was_open_for_as_long() -> Non
     expected = np.zeros(RAIL_BINS)
     for point in points:
         is_near = np.abs(middles - point.rail_pressure) <= NEAR
-        expected[is_near] = np.maximum(expected[is_near], math.exp(point.open_time) + LONGER)
+        expected[is_near] = np.maximum(expected[is_near], math.exp(point.log_open_time) + LONGER)
     assert np.array(result.until) == pytest.approx(expected)
     assert 1.35 - NEAR - RAIL_BIN < result.rail_from < 1.35 < result.rail_to < 1.35 + NEAR + RAIL_BIN
 
@@ -119,7 +119,7 @@ def test_a_new_point_at_which_it_failed_is_remembered_for_longer_than_one_at_whi
 
 @given(points, st.lists(points, max_size=16))
 def test_a_point_is_new_where_no_event_near_it_was_as_long(point: EventPoint, learned_at: list[EventPoint]) -> None:
-    longer = [each for each in learned_at if each.open_time >= point.open_time]
+    longer = [each for each in learned_at if each.log_open_time >= point.log_open_time]
     is_shown = any(abs(each.rail_pressure - point.rail_pressure) <= NEAR for each in longer)
     assert not (is_shown and is_new(point, learned_at))
     assert not is_new(point, [*learned_at, point])

@@ -47,9 +47,9 @@ class EventStretch(NamedTuple):
 
 def expected(shape: HealthyShape, stretch: EventStretch) -> NDArray[np.float64]:
     """Mean innovation [Pa] (n,) of a healthy injector over a stretch."""
-    total = np.zeros(stretch.samples)
+    courses, total = _courses(shape, stretch), np.zeros(stretch.samples)
     for edges in stretch.openings:
-        for course, edge in zip(_courses(shape, stretch), edges, strict=True):
+        for course, edge in zip(courses, edges, strict=True):
             total += _at(stretch.times(edge), fp=course)
     return total
 

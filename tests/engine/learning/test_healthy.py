@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.engine.estimation.healthy_course import expected
+from observer_rt.engine.estimation.healthy_course import KNOTS, expected
 from observer_rt.engine.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
 from observer_rt.engine.learning.adequacy import Objection, inadequate_phase, objections
 from observer_rt.engine.learning.healthy import NOT_FITTED, ShapeFit, healthy_of, together, with_remainder
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.model.baseline import Remainder
+from observer_rt.model.baseline import HealthyShape, Remainder
 from tests.baselines import WHITE, baseline
-from tests.engine.estimation.test_healthy_course import SHAPE, stretch
+from tests.engine.estimation.test_healthy_course import stretch
 
 COUNT = 4000.0  # samples of a phase
 COLOUR = 3.0  # mean square of blocks in the opening, which the fitted model leaves
@@ -24,6 +24,12 @@ FITTED = {
 }
 
 SIGMA = 0.15 * MEGAPASCAL
+TRUE = HealthyShape(
+    opening=tuple((0.1 * np.sin(KNOTS / 60e-6) * np.exp(-KNOTS / 0.5e-3)).tolist()),
+    opening_slope=tuple((0.05 * np.exp(-(((KNOTS - 0.2e-3) / 60e-6) ** 2))).tolist()),
+    closing=tuple((-0.1 * np.exp(-np.abs(KNOTS) / 0.3e-3)).tolist()),
+    closing_slope=(0.0,) * KNOTS.size,
+)
 
 
 def statistics(opening: float, standstill: float = 1.0) -> PhaseStatistics:
@@ -118,7 +124,7 @@ def test_the_shape_is_found_in_noise() -> None:
         [
             (
                 stretch_of_event,
-                expected(SHAPE, stretch_of_event) / SIGMA + 0.1 * random.normal(size=stretch_of_event.samples),
+                expected(TRUE, stretch_of_event) / SIGMA + 0.1 * random.normal(size=stretch_of_event.samples),
             )
             for stretch_of_event in events
         ]
@@ -126,13 +132,13 @@ def test_the_shape_is_found_in_noise() -> None:
     ]
     result = ShapeFit(seen, SIGMA).shape()
     for stretch_of_event in (stretch(80, 120.3, 220.7), stretch(120, 99.9, 260.2)):
-        true = expected(SHAPE, stretch_of_event)
+        true = expected(TRUE, stretch_of_event)
         assert np.mean((expected(result, stretch_of_event) - true) ** 2) < 0.1 * np.mean(true**2)
 
 
 def test_what_was_left_out_is_not_seen() -> None:
     silent = [[(one, np.zeros(one.samples)) for one in events] for events in RECORDINGS[:2]]
-    loud = [(one, expected(SHAPE, one) / SIGMA) for one in RECORDINGS[2]]
+    loud = [(one, expected(TRUE, one) / SIGMA) for one in RECORDINGS[2]]
     fit = ShapeFit([*silent, loud], SIGMA)
     assert not any(fit.shape(left_out=2).opening)
     assert any(fit.shape().opening)
@@ -140,6 +146,6 @@ def test_what_was_left_out_is_not_seen() -> None:
 
 def test_shapes_add_up() -> None:
     recording_stretch = RECORDINGS[0][0]
-    assert expected(together(SHAPE, SHAPE), recording_stretch) == pytest.approx(
-        2.0 * expected(SHAPE, recording_stretch), abs=20.0
+    assert expected(together(TRUE, TRUE), recording_stretch) == pytest.approx(
+        2.0 * expected(TRUE, recording_stretch), abs=20.0
     )

@@ -17,7 +17,7 @@ from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.line import LumpLine
 from observer_rt.model.parameters import LineOutflow
-from observer_rt.model.right_hand_side import tangent_of
+from observer_rt.model.tangent import tangent_of
 from tests.model.conftest import State, filled
 from tests.plants.arrays import Array
 

@@ -11,8 +11,8 @@ from observer_rt.core.model.model import advance_state, steps_in
 from observer_rt.engine.estimation.scalars import PARAMETERS, by_theta, learned_of
 from observer_rt.model.effective import Coefficients, averaged, coefficients
 from observer_rt.model.network import constant_network
-from observer_rt.model.right_hand_side import tangent_of
 from observer_rt.model.stability import substeps_needed
+from observer_rt.model.tangent import tangent_of
 from observer_rt.model.wave_line import WaveLine
 from tests.differences import differences
 from tests.intervals import Interval

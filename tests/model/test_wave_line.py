@@ -14,8 +14,8 @@ from observer_rt.model.effective import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.model.right_hand_side import tangent_of
 from observer_rt.model.stability import substeps_needed
+from observer_rt.model.tangent import tangent_of
 from observer_rt.model.wave_line import pressure_at
 from tests.intervals import Interval
 from tests.model.conftest import at_rest, filled, with_line

@@ -14,8 +14,9 @@ from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import length_code, length_of
-from observer_rt.bus.database import codec
+from observer_rt.bus.database import multiplexing
 from observer_rt.bus.database.catalogue import BusMessage
+from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import OptionalRole, Role
@@ -34,7 +35,7 @@ class SampleGroup:
 
     offset: int
     count: int
-    conditions: codec.Conditions
+    conditions: multiplexing.Conditions
 
 
 def sample_groups(message: Message, samples: Sequence[str]) -> tuple[SampleGroup, ...]:
@@ -43,11 +44,11 @@ def sample_groups(message: Message, samples: Sequence[str]) -> tuple[SampleGroup
     Raises `UserError` if the list returns to an earlier group, or if one frame may carry two of its groups.
     """
     groups: list[SampleGroup] = []
-    for conditions, names in groupby(samples, lambda name: codec.conditions_of(message, name)):
+    for conditions, names in groupby(samples, lambda name: multiplexing.conditions_of(message, name)):
         offset = groups[-1].offset + groups[-1].count if groups else 0
         groups.append(SampleGroup(offset, len(list(names)), conditions))
     for first, second in combinations(groups, 2):
-        if not codec.are_exclusive(first.conditions, second.conditions):
+        if not multiplexing.are_exclusive(first.conditions, second.conditions):
             raise UserError(
                 f"message {message.name}",
                 f"one frame can carry {samples[first.offset]} and {samples[second.offset]}, between which others "
@@ -60,7 +61,7 @@ def sample_groups(message: Message, samples: Sequence[str]) -> tuple[SampleGroup
 def require_carried(message: Message, index: str, groups: Sequence[SampleGroup]) -> None:
     """Raise `UserError` unless every frame with these samples also carries the signal `index`."""
     for group in groups:
-        if not codec.conditions_of(message, index) <= group.conditions:
+        if not multiplexing.conditions_of(message, index) <= group.conditions:
             problem = f"sends {index} only with other samples than the {group.count} from number {group.offset} on"
             remedy = "name an index that is in every frame with these samples"
             raise UserError(f"message {message.name}", problem, remedy)
@@ -84,8 +85,8 @@ class OptionalInput:
 
     names: tuple[str, ...]
     table: NDArray[np.void]
-    """`codec.SIGNAL`: the index of the first sample, where there is one, then its signals."""
-    selection: codec.Selection
+    """`SIGNAL`: the index of the first sample, where there is one, then its signals."""
+    selection: multiplexing.Selection
     """Selector values of a multiplexed frame that carries it."""
     row: NDArray[np.void]
     """`OPTIONAL_INPUT`, without its places in the tables."""
@@ -101,7 +102,7 @@ class Inputs(NamedTuple):
     groups: NDArray[np.void]  # INPUT_GROUP, of all messages one after another
     optional: NDArray[np.void]  # OPTIONAL_INPUT, of all messages one after another
     signals: NDArray[np.void]  # SIGNAL, of all groups one after another, then of the optional inputs
-    selection: codec.Selection
+    selection: multiplexing.Selection
     kinds: NDArray[np.void]  # INPUT_KIND
 
     timing: NDArray[np.void]  # TIMING, of every stream
@@ -130,8 +131,8 @@ class InputTables:
             raise UserError(f"message {message.name}", problem)
         row["stream"] = len(self.streams)
         row["offset"], row["samples"] = group.offset, group.count
-        table = codec.signal_table(message, names, counter)
-        self._add_signals(row, table, codec.compile_conditions(message, group.conditions))
+        table = signal_table(message, names, counter)
+        self._add_signals(row, table, multiplexing.compile_conditions(message, group.conditions))
         self._groups.append(row)
 
     def add_message(self, row: NDArray[np.void], message: Message, groups: Sequence[SampleGroup]) -> None:
@@ -139,10 +140,10 @@ class InputTables:
         row["first_group"], row["group_count"] = len(self._groups) - len(groups), len(groups)
         row["first_kind"] = len(self._kinds)
         in_order = sorted(groups, key=lambda group: group.offset)
-        for kind in codec.frame_kinds(group.conditions for group in in_order):
+        for kind in multiplexing.frame_kinds(group.conditions for group in in_order):
             frame = np.zeros((), core.INPUT_KIND)
-            frame["end"] = max(g.offset + g.count for g in groups if codec.meets(kind, g.conditions))
-            frame["blank"][: message.length] = codec.blank_frame(message, kind)
+            frame["end"] = max(g.offset + g.count for g in groups if multiplexing.meets(kind, g.conditions))
+            frame["blank"][: message.length] = multiplexing.blank_frame(message, kind)
             self._kinds.append(frame)
         row["kind_count"] = len(self._kinds) - row["first_kind"]
         self._messages.append(row)
@@ -160,7 +161,9 @@ class InputTables:
             self._add_signals(optional, entry.table, entry.selection)
             self._optional.append(optional)
 
-    def _add_signals(self, row: NDArray[np.void], signals: NDArray[np.void], selection: codec.Selection) -> None:
+    def _add_signals(
+        self, row: NDArray[np.void], signals: NDArray[np.void], selection: multiplexing.Selection
+    ) -> None:
         """Add the signals of a row, and the conditions that a frame with them meets."""
         row["first_signal"], row["signal_count"] = _rows(self._signals), len(signals)
         row["first_condition"], row["condition_count"] = _rows(self._conditions), len(selection.conditions)
@@ -178,7 +181,7 @@ class InputTables:
             np.array(self._groups, core.INPUT_GROUP),
             np.array(self._optional, core.OPTIONAL_INPUT),
             np.concatenate(self._signals),
-            codec.Selection(np.concatenate(self._selectors), np.concatenate(self._conditions)),
+            multiplexing.Selection(np.concatenate(self._selectors), np.concatenate(self._conditions)),
             np.array(self._kinds, core.INPUT_KIND),
             timing,
         )

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.database import lookup
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, locating
-from observer_rt.bus.database.codec import compile_conditions, conditions_of, signal_table
+from observer_rt.bus.database.codec import signal_table
+from observer_rt.bus.database.multiplexing import compile_conditions, conditions_of
 from observer_rt.bus.mapping import input_tables
 from observer_rt.bus.mapping.output_messages import protected_layout
 from observer_rt.bus.mapping.timing import index_signal, time_on_bus

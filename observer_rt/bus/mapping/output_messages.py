@@ -8,7 +8,8 @@ from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, FD_LENGTHS, length_code, length_of
-from observer_rt.bus.database import codec
+from observer_rt.bus.database import multiplexing
+from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.lookup import PROFILES, MessageLayout, signal_names
 from observer_rt.bus.mapping.output_signals import signals_of
 from observer_rt.core.frames.frames import Header, shortest_protected
@@ -46,7 +47,7 @@ class OutputPage(NamedTuple):
     table: NDArray[np.void]
     blank: NDArray[np.uint8]
     places: NDArray[np.int64]
-    selection: codec.Selection
+    selection: multiplexing.Selection
 
 
 class OutputMessage(NamedTuple):
@@ -70,17 +71,16 @@ def output_message(message: Message, signals: Sequence[str], bus: int = 0) -> Ou
     Raises `UserError`: its protection is not supported, or a signal cannot be encoded.
     """
     present = {signal.name for signal in message.signals}
-    conditions = {name: codec.conditions_of(message, name) for name in signals if name in present}
-    kinds = codec.frame_kinds(conditions.values())
+    conditions = {name: multiplexing.conditions_of(message, name) for name in signals if name in present}
+    kinds = multiplexing.frame_kinds(conditions.values())
     pages = []
     for kind in kinds:
-        names = tuple(name for name, needed in conditions.items() if codec.meets(kind, needed))
-        held = frozenset(codec.Condition(selector, frozenset({value})) for selector, value in kind.items())
+        names = tuple(name for name, needed in conditions.items() if multiplexing.meets(kind, needed))
+        held = frozenset(multiplexing.Condition(selector, frozenset({value})) for selector, value in kind.items())
         places = np.array([signals.index(name) for name in names], np.int64)
-        selection = codec.compile_conditions(message, held)
-        pages.append(
-            OutputPage(names, codec.signal_table(message, names), codec.blank_frame(message, kind), places, selection)
-        )
+        selection = multiplexing.compile_conditions(message, held)
+        blank = multiplexing.blank_frame(message, kind)
+        pages.append(OutputPage(names, signal_table(message, names), blank, places, selection))
     return OutputMessage(protected_layout(message, bus), tuple(pages))
 
 

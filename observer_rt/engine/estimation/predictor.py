@@ -15,7 +15,7 @@ from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import EVERY, SENSOR_LAW, LearnedModel, Parameter, by_theta, learned_of
 from observer_rt.model.effective import LAG_UNIT, NO_CLOCK, NO_PROGRAM, Clock, Coefficients
 from observer_rt.model.hydraulics import CONTROL_REFERENCE
-from observer_rt.model.right_hand_side import ByTheta, Tangent, tangent_of
+from observer_rt.model.tangent import ByTheta, Tangent, tangent_of
 
 NO_RATE = np.empty(0)
 NO_COMMANDS = NO_KNOTS = np.empty((0, 2))

@@ -29,7 +29,7 @@ from observer_rt.model.network import (
     constant_network,
     network_with,
 )
-from observer_rt.model.right_hand_side import ByTheta
+from observer_rt.model.tangent import ByTheta
 
 Theta = NDArray[np.float64]
 """A parameter vector, as wide as its table: (m,)."""

@@ -1,5 +1,6 @@
 """Tables and recordings written part by part, as CSV, MDF4 or Parquet by suffix, in our own layouts."""
 
+import re
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, redirect_stdout
@@ -16,6 +17,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 
 WRITE_FORMAT = "%.12g"
 ROWS_PER_WRITE = 100_000
+_NAN = re.compile(r"(?<![^,\n])nan(?=[,\n])")  # a whole cell
 _ROW_GROUP = 1 << 17  # rows of Parquet, of which a reader holds all of a column, packed
 
 
@@ -73,7 +75,7 @@ class CsvWriter(TableWriter):
                 for column, values in zip(self._columns, arrays, strict=True)
             ]
             text = "\n".join(map(self._format.__mod__, zip(*cells, strict=True))) + "\n"
-            self._file.write(text.replace("nan", ""))
+            self._file.write(_NAN.sub("", text))
 
 
 class Mdf4Writer(TableWriter):
@@ -96,7 +98,10 @@ class Mdf4Writer(TableWriter):
         from asammdf import Signal
 
         time, *values = arrays
-        stored = [np.asarray(array, np.uint8) if array.dtype.kind in "bi" else array for array in values]
+        stored = [
+            np.asarray(array, np.uint8) if column.words or array.dtype == bool else array
+            for column, array in zip(self._columns[1:], values, strict=True)
+        ]
         if self._is_begun:
             self._file.extend(0, [(time, None), *((array, None) for array in stored)])
             return

@@ -8,7 +8,8 @@ from cantools.database.can import Message, Signal
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.bus.database.codec import compile_conditions, conditions_of, signal_table
+from observer_rt.bus.database.codec import signal_table
+from observer_rt.bus.database.multiplexing import compile_conditions, conditions_of
 from observer_rt.core.frames.frames import carries, decode_signals, encode_signals
 from tests.bus.database.random_databases import (
     Field,

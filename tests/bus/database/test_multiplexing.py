@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.database.codec import Condition, conditions_of
 from observer_rt.bus.database.dbc_file import load_database
+from observer_rt.bus.database.multiplexing import Condition, conditions_of
 from observer_rt.foundation.errors import UserError
 
 

@@ -47,7 +47,7 @@ cdef class Terms:
 
 
 cdef class Carried:
-    """A `model.right_hand_side.Tangent`, lent."""
+    """A `model.tangent.Tangent`, lent."""
 
     def __init__(self, tangent) -> None:
         cdef double[:, ::1] by = tangent.by, moved = tangent.moved

@@ -62,6 +62,6 @@ cdef inline void count_falls(Observer* observer, Sample* row, bint is_new) noexc
     if row.index - memory.needle.shut_index < SWINGS_FOR * observer.constants.timing.event_gap:
         return
     drop = row.line_pressure - row.rail_pressure
-    monitor.lowest_line = drop if is_new else min(monitor.lowest_line, drop)
-    if not monitor.contradicted and -monitor.lowest_line * observer.constants.pressure_scale > FALL:
+    monitor.lowest_drop = drop if is_new else min(monitor.lowest_drop, drop)
+    if not monitor.contradicted and -monitor.lowest_drop * observer.constants.pressure_scale > FALL:
         monitor.falls += 1

@@ -9,7 +9,7 @@ cpdef enum:
     _REPEATED = 16  # samples
 
 cdef double CONTRADICTED = 5.0  # standard deviations of a measured level's logarithm, from which on it is another
-cdef double _SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
+cdef double SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
 cdef double DIFFERENCE_GAIN = 70.0  # sum of squares of 1 4 6 4 1
 cdef double _NEXT = -56.0  # sum of products of neighbours in 1 -4 6 -4 1
 cdef double _NEXT_BUT_ONE = 28.0  # and of those beyond them
@@ -28,7 +28,7 @@ cdef void gather(Observer* observer, int64_t position) noexcept nogil:
         rest.at_highest = 0
         rest.highest_line = max(rest.highest_line, row.line_pressure)
         return
-    if _is_clipped(observer, position):
+    if _note_clipping(observer, position):
         rest.run = 0
         return
     rest.run += 1
@@ -54,8 +54,8 @@ cdef void gather(Observer* observer, int64_t position) noexcept nogil:
             _halve(observer)
 
 
-cdef bint _is_clipped(Observer* observer, int64_t position) noexcept nogil:
-    """Whether the line pressure stays at its highest value, the end of its range, while the rail pressure moves."""
+cdef bint _note_clipping(Observer* observer, int64_t position) noexcept nogil:
+    """Count samples at the line pressure's highest value while the rail pressure moves, and say whether it is clipped."""
     cdef bint moves
     rest, row = &observer.memory.rest, &observer.ring[position & MASK]
     moves = row.rail_pressure != observer.ring[(position - 1) & MASK].rail_pressure
@@ -87,7 +87,7 @@ cdef void forget_other_noise(Observer* observer) noexcept nogil:
     if min(before.count, since) >= ENOUGH_SAMPLES:
         rail = differences.rail_squares - before.rail_squares
         line = differences.line_squares - before.line_squares
-        within = exp(CONTRADICTED * sqrt(4.0 * _SPREAD * (1.0 / before.count + 1.0 / since)))
+        within = exp(CONTRADICTED * sqrt(4.0 * SPREAD * (1.0 / before.count + 1.0 / since)))
         share = <double> since / before.count
         if _differ(rail, share * before.rail_squares, within) or _differ(line, share * before.line_squares, within):
             differences.count, differences.rail_squares, differences.line_squares = since, rail, line

@@ -260,7 +260,7 @@ cdef struct InnovationMonitor:
     unsigned char alarm_at_standstill  # by a channel, for the injector did nothing
     int64_t calm  # samples since it was
     int64_t contradicted_in  # number of the first event that can tell otherwise
-    double lowest_line  # line less rail pressure meanwhile
+    double lowest_drop  # line less rail pressure meanwhile
     int64_t falls  # of the line pressure, in a row, as by an injection though no needle opened (events.pxi)
 
 # step.pxi: whether x~ has settled

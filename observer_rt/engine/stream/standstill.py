@@ -11,16 +11,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.stream.stream import DIFFERENCE_GAIN, ENOUGH_SAMPLES, LIFT_MEMORY
+from observer_rt.core.stream.stream import CONTRADICTED, DIFFERENCE_GAIN, ENOUGH_SAMPLES, LIFT_MEMORY, SPREAD
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.stream.state import Observer
 
 ENOUGH_OPENINGS = 5
 TOLERATED = 0.03  # share of the lift at the stop
-# Standard deviations of a measured level's logarithm, from which on it replaces the stated.
-CONTRADICTED = 5.0
-_SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
 FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 HELD_FOR = 2  # events in a row with one rail pressure
 
@@ -123,7 +120,7 @@ def standstill_of(record: np.void, pressure_scale: float, stated: NDArray[np.flo
 
 def _level(measured: float, stated: float, squares: int) -> float:
     """The stated level of a noise, unless the one measured from so many squares contradicts it."""
-    within = math.exp(CONTRADICTED * math.sqrt(_SPREAD / squares))
+    within = math.exp(CONTRADICTED * math.sqrt(SPREAD / squares))
     return stated if stated / within <= measured <= stated * within else measured
 
 

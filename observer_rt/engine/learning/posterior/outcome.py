@@ -128,11 +128,17 @@ def verdict_of(
 
 
 def _moved_in_time(explained: ExplainedEvent) -> float:
-    """Probability that the needle, by commands, moves at other times than the belief has it: a late line sensor's."""
-    rival, delays = explained.account.rival, [Parameter.OPENING_DELAY, Parameter.CLOSING_DELAY]
+    """Probability that the needle, by commands, moves at other times than the belief has it: a late line sensor's.
+
+    A small lag is as likely none.
+    """
+    learned, rival = explained.account.learned, explained.account.rival
+    if 0.0 < learned.theta[Parameter.SENSOR_LAG] * LAG_UNIT < c.LEAST_LAG and explained.window.needle is not None:
+        return 1.0
     if rival is None:
         return 0.0
-    apart = np.abs(rival.learned.theta - explained.account.learned.theta)[delays].max() * LAG_UNIT
+    delays = [Parameter.OPENING_DELAY, Parameter.CLOSING_DELAY]
+    apart = np.abs(rival.learned.theta - learned.theta)[delays].max() * LAG_UNIT
     return 1.0 / (1.0 + math.exp(-rival.log_odds)) if apart > c.MOVED_IN_TIME else 0.0
 
 

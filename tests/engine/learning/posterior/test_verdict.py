@@ -41,13 +41,30 @@ NONE: Any = None
 def test_known_masses_are_valid(shares: Shares, odds: float, later: float, reasons: list[Reason]) -> None:
     """A mass known to three percent, with no rival whose needle opens later [s]."""
     theta = later / LAG_UNIT * np.eye(WIDE.size)[Parameter.OPENING_DELAY]
-    account = Account(NEW, rival=Account(replace(NEW, theta=theta), log_odds=math.log(odds)))
-    mass = EventMass(NONE, NONE, NEW.theta, 1e-8, np.eye(WIDE.size)[Parameter.NOZZLE_BIAS], 0.0, 1)
-    explanation = Explanation(NEW, BEFORE, 0.0, NONE, NONE, NONE, NONE, NONE, NEW.theta, None, None, 1.0)
-    explained = ExplainedEvent(NONE, NONE, NONE, NONE, [(explanation, NEW)], explanation, account)
+    rival = Account(replace(NEW, theta=theta), log_odds=math.log(odds))
+    assert _objections(NEW, shares, rival) == reasons
+
+
+@pytest.mark.parametrize(("lag", "by_commands"), [(20e-6, True), (20e-6, False), (40e-6, True), (0.0, True)])
+def test_a_small_lag_beside_a_needle_by_commands_is_as_likely_none(lag: float, by_commands: bool) -> None:
+    learned = replace(NEW, theta=lag / LAG_UNIT * np.eye(WIDE.size)[Parameter.SENSOR_LAG])
+    doubted = [Reason.TIME_BASE] if by_commands and lag == 20e-6 else []
+    assert _objections(learned, Shares(0.0005, 0.001, 0.0), by_commands=by_commands) == doubted
+
+
+def _objections(
+    learned: LearnedInjector, shares: Shares, rival: Account | None = None, by_commands: bool = True
+) -> list[Reason]:
+    """Objections to the mass of an event that is as before; nothing is held against the next one."""
+    mass = EventMass(NONE, NONE, learned.theta, 1e-8, np.eye(WIDE.size)[Parameter.NOZZLE_BIAS], 0.0, 1)
+    reading: Any = SimpleNamespace(window=SimpleNamespace(needle=object() if by_commands else None))
+    explanation = Explanation(learned, BEFORE, 0.0, reading, NONE, NONE, NONE, NONE, learned.theta, None, None, 1.0)
+    explained = ExplainedEvent(
+        NONE, NONE, NONE, NONE, [(explanation, learned)], explanation, Account(learned, rival=rival)
+    )
     verdict = verdict_of(explained, mass, shares, (), WIDE)
-    assert [objection.reason for objection in verdict.own] == reasons
     assert not verdict.forward
+    return [objection.reason for objection in verdict.own]
 
 
 def test_a_bad_event_ages_what_was_learned_and_teaches_nothing_else() -> None:

@@ -1,4 +1,4 @@
-"""Steady and starting gain of the identification system, from noise levels and sample rate."""
+"""Kalman gains of the identification system x~, from its start to the steady state, by noise levels."""
 
 import math
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.effective import Coefficients
 
 START_DURATION = 2e-3  # s, after which the gain is steady
-SHAPING = 3  # first-order lags that stand for the smoothing of the rail pressure
-SHAPE = 0.35  # time constant of each, in widths of the kernel: half the noise is left at the same frequency
+SHAPING = 3  # first-order lags that represent the smoothing of the rail pressure
+SHAPE = 0.35  # time constant of each, in widths of the kernel: both halve the noise at the same frequency
 START_FLOW_SIGMA = 1e-5  # m3/s (10 mm3/ms), of Q_L when x~ starts anew in a ringing line
 
 
@@ -27,7 +27,7 @@ class NoiseLevels:
 
     @property
     def implausible(self) -> tuple[str, ...]:
-        """Signals so noisy that a sensor is broken, or no opening of the needle would show; or without noise."""
+        """Names of signals without noise, or so noisy that a sensor is broken, or no opening of the needle shows."""
         return tuple(name for name, level in vars(self).items() if not 0.0 < level <= getattr(LARGEST_NOISE, name))
 
 

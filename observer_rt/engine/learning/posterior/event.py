@@ -24,7 +24,7 @@ from observer_rt.engine.learning.fitting import EventFit, EventFitter
 from observer_rt.engine.learning.hypotheses import NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
-from observer_rt.engine.learning.learned_range import EventPoint, operating_point, remembered
+from observer_rt.engine.learning.learned_range import EventPoint, operating_point, with_point
 from observer_rt.engine.learning.posterior.explaining import LATE_SENSOR, STARTED, Explanation, Weighing
 from observer_rt.engine.learning.posterior.reader import (
     ClosedEvent,
@@ -96,7 +96,7 @@ class Believing:
             is_prior=False,
             colour=noise.colour,
             at_rest=noise.at_rest,
-            learned_at=remembered(() if explanation.kind in UNLIKE_BEFORE else before.learned_at, self.point),
+            learned_at=with_point(() if explanation.kind in UNLIKE_BEFORE else before.learned_at, self.point),
         )
 
     def _noise(self, explanation: Explanation) -> Noise:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.belief import Belief, HeldBelief, held_at, nothing_held
+from observer_rt.engine.estimation.belief import Belief, HeldBelief, held_at
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.engine.estimation.phases import PhaseStatistics, phase_statistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
@@ -72,7 +72,7 @@ class RestingPressure:
         """The belief with the gain as rest says; as it is where sensors have none."""
         own = float(belief.covariance[_GAIN, _GAIN])
         if own <= 2.0 * EXACTLY**2:
-            return nothing_held(belief)
+            return HeldBelief(belief)
         value, variance = self._gain(belief)
         return held_at(belief, _GAIN, value, min(variance, own))
 
@@ -283,7 +283,7 @@ class EventReading:
     def at_fault(self, theta: Theta, fit: EventFit | None) -> float:
         """Cost [nats] of the innovations at theta (m,) if the event is at fault, and of the offset at rest."""
         temper = self.cost.temper
-        return at_fault(self._statistics(theta, fit), temper) + self.cost.of_offset(theta) / temper
+        return at_fault(self._statistics(theta, fit), temper) + self.cost.offset_cost(theta) / temper
 
     def _statistics(self, theta: Theta, fit: EventFit | None, limit: float = math.inf) -> PhaseStatistics:
         innovations, cost = self.innovations_at(theta, fit), self.cost

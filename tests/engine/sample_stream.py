@@ -176,9 +176,8 @@ class Stream:
             window = event_window(self.observer, number) if self.learning else None
             outcome = None
             if window is not None:
-                outcome = self.learner.learn(
-                    window, event_standstill(self.observer, number), self.observer.theta.copy()
-                )
+                carried = self.observer.theta.copy()
+                outcome = self.learner.learn(window, event_standstill(self.observer, number), carried)
             self.outcomes.append(outcome)
             judge(self.observer, () if outcome is None else outcome.forward, outcome)
         self._keep()

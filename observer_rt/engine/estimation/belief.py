@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.matrices import inverse_of
 
 _EXACTLY = 1e-14  # variance of a held parameter
-Vector = Matrix = NDArray[np.float64]
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,10 +85,8 @@ def indicators_of(
             variance += max((_difference_at(theta, covariance, x, u, rail) for rail in rails), default=0.0)
         return Estimate(value, math.sqrt(variance))
 
-    unseen = NEEDLE_LAW.columns if has_lift else [Parameter.LIFT_DELAY]
-    return {
-        shown.effect: estimate(shown.effect, column) for column, shown in SCALARS.shown() if column not in unknown
-    }
+    idle = NEEDLE_LAW.columns if has_lift else [Parameter.LIFT_DELAY]
+    return {shown.effect: estimate(shown.effect, column) for column, shown in SCALARS.shown() if column not in idle}
 
 
 def _difference_at(theta: Theta, covariance: Matrix, x: Vector, u: Vector, rail: float) -> float:
@@ -105,7 +103,7 @@ def nozzle_change(
 ) -> tuple[Vector, Matrix]:
     """Relative change (...) of the nozzle flow at states x (3, ...) and inputs u (2, ...); slopes (..., m).
 
-    (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d, v_H of (27). since: s that it is open.
+    (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d, v_H of (27). since: needle open for so many s.
     """
     sigmas, area = activations(x, (u[0], u[1], since))[..., :OF_NOZZLE], u[1]
     factor = 1.0 + theta[_NOZZLE] + sigmas @ theta[WEIGHTS[:OF_NOZZLE]]

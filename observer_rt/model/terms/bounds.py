@@ -28,7 +28,6 @@ RUNG = 0.1  # share of a change that a resonance is taken to add, for no input j
 _STEP, _ROUNDED = 1e-6, 1e-6  # of a variable, for slopes; rounding error of these
 _POINTS = 20_000  # half of them corners, edges and centres
 
-
 _RANGES = dict.fromkeys((Variable.RAIL_PRESSURE, Variable.LINE_PRESSURE), (0.0, 250.0))
 _RANGES |= dict.fromkeys((Variable.LINE_FLOW, Variable.SEAT_FLOW, Variable.NOZZLE_FLOW), (-100.0, 150.0))
 _RANGES |= {

@@ -202,7 +202,7 @@ def pulse_ends(interval: float) -> NDArray[np.int64]:
 class CoilCurrent:
     """The pulse that is taken out, and the sums over events by which its end is found, empty before the first.
 
-    A pulse of height 1 changes the innovations by its response, of which the part counts that theta cannot imitate.
+    A pulse of height 1 changes the innovations by its response; only the part that theta cannot imitate counts.
     """
 
     products: Vector = field(default_factory=lambda: np.zeros(0))  # (ends,) of response and innovations

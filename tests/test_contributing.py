@@ -82,7 +82,7 @@ from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.indicators import indicators_of
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.observer import in_force, make_observer
+from observer_rt.engine.observer import make_observer
 from observer_rt.engine.stream.standstill import Standstill
 from tests.engine.learning.strokes import CONSTANTS, SCALE, stroke_of
 from tests.engine.sample_stream import NOISE, judge
@@ -96,12 +96,12 @@ for inertance in (-0.15, 0.0, 0.15):
     other = c._replace(line=c.line._replace(a3=c.line.a3 * (1.0 + inertance)))
     for seed in range(3):
         event = stroke_of(other, samples=900, seed=seed)
-        outcome = learner.learn(event, Standstill(0, 0.0, None), in_force(observer))
+        outcome = learner.learn(event, Standstill(0, 0.0, None), observer.theta.copy())
         judge(observer, outcome.forward, outcome)
     shown = indicators_of(outcome.estimate, outcome.covariance, [0.9, 1.0, 0.8], [0.95, 0.9])["line_inertance"]
     line = observer.memory[0]["in_force"]["line"]
     found.append({
-        "learned": in_force(observer)[Parameter.INERTANCE],
+        "learned": observer.theta[Parameter.INERTANCE],
         "carried": line[c.line._fields.index("a3")] / c.line.a3 - 1.0,
         "shown": shown.value,
         "sigma": shown.sigma,

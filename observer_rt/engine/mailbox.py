@@ -19,7 +19,7 @@ COMMAND_AFTER = 1e-3
 
 
 def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:
-    """Carry the knowledge at the start."""
+    """Let the stream carry the knowledge at the start, through slot 0."""
     _write(observer, 0, knowledge, schedule, EVERYWHERE)
     observer.stream.carry_on(0)
     observer.memory["innovation_noise"]["sigma"] = schedule.innovation_sigma
@@ -56,6 +56,7 @@ def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured:
 
 
 def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
+    """Write an outcome into a slot."""
     verdict = observer.verdicts[slot]
     _write(observer, slot, outcome.knowledge, outcome.schedule, outcome.known_flow)
     verdict["is_adopted"] = outcome.adoption is Adoption.ADOPTED
@@ -71,7 +72,12 @@ def _post(
     is_coloured: bool,
     outcome: Outcome | None,
 ) -> None:
-    loud = np.nan  # mean square at rest that makes as much of the watch as the loudest stretch does, if one is louder
+    """Post the objections to the `number`-th closed event as a finding of a kind.
+
+    With it goes the mean square at rest by which innovations are watched from then on, nan: as before. Of an event
+    with a stretch louder than rest it is so high that the watch does not object to such a stretch.
+    """
+    loud = np.nan
     if outcome is not None and outcome.loudest > 1.0:
         loud = outcome.schedule.innovation_sigma**2 * (1.0 + (outcome.loudest - 1.0) / SLOW_PEAK)
     finding = observer.verdicts[number % SLOTS][kind]
@@ -93,7 +99,7 @@ def _at_rest(observer: Observer, number: int) -> float:
 def _write(
     observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSchedule, known_flow: KnownFlow
 ) -> None:
-    """Writes what the stream is to carry into a slot."""
+    """Write what the stream is to carry into a slot, normalised as the stream counts."""
     constants = observer.constants
     learned = learned_of(knowledge.in_force, constants.coefficients)
     verdict = observer.verdicts[slot]

@@ -1,4 +1,4 @@
-"""Makes an observer, and hands over its events with their samples, copied out of the ring."""
+"""The observer as Python handles it: made, given constants and commands, and read: events and samples of its ring."""
 
 import math
 from collections.abc import Sequence
@@ -27,13 +27,12 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
 
-GOOD = 1 * MILLISECOND
-BOUNCE = 0.3 * MILLISECOND
-STAYS = 10 * MILLISECOND
-WINDOW_LEAD = 0.15 * MILLISECOND
-WINDOW_TAIL = 0.5 * MILLISECOND
-LEARNING_LEAD = 1 * MILLISECOND
-BRIDGE = 0.5 * MILLISECOND
+GOOD = 1 * MILLISECOND  # of a shut needle, after which x~ is good again
+BOUNCE = 0.3 * MILLISECOND  # of a shut needle, after which its lift is its zero
+STAYS = 10 * MILLISECOND  # after which a low lift that the line pressure does not show is no open needle's
+WINDOW_LEAD, WINDOW_TAIL = 0.15 * MILLISECOND, 0.5 * MILLISECOND  # of an injection's window round its opening
+LEARNING_LEAD = 1 * MILLISECOND  # of an event's window before its first opening
+BRIDGE = 0.5 * MILLISECOND  # longest gap of a channel that is bridged
 SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are short for a line
 INDICES = 1 << 32  # after which a sample index begins again
 QUICKEST = 2.0  # times the speeds of the injector file, of which rail pressure and wear make up to 1.4
@@ -43,9 +42,9 @@ QUICKEST = 2.0  # times the speeds of the injector file, of which rail pressure 
 class Durations:
     """Timing [s] that the user may set."""
 
-    event_gap: float = 10 * MILLISECOND
-    learning_delay: float = 20 * MILLISECOND
-    bridge: float = BRIDGE
+    event_gap: float = 10 * MILLISECOND  # within which openings are one event
+    learning_delay: float = 20 * MILLISECOND  # from an event's closing until what it taught is in force
+    bridge: float = BRIDGE  # longest gap of a channel that is bridged; 0: none, nor is a spike replaced
 
 
 def constants_for(
@@ -108,26 +107,8 @@ def constants_for(
 def make_observer(
     constants: state.Constants, knowledge: Knowledge, learner: Learner, healthy: Healthy = NOT_FITTED
 ) -> state.Observer:
-    """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
-    pair, gains = (core.RING, constants.coefficients.states), learner.schedule.gains.shape
-    parameters, verdicts = knowledge.in_force.size, 2 * core.SLOTS
-    lent = (
-        np.zeros(1, core.MEMORY),
-        np.zeros(core.RECORDED_RING, core.RECORDED),
-        np.zeros(core.RING, core.SAMPLE),
-        np.zeros(pair),
-        np.zeros(pair),
-        np.zeros(gains),
-        np.zeros(core.PENDING_EVENTS, core.EVENT),
-        np.zeros(core.INJECTIONS, core.INJECTION),
-        np.zeros(3, core.CHANNEL),
-        np.zeros(parameters),
-        np.zeros(verdicts, core.VERDICT),
-        np.zeros((verdicts, *gains)),
-        np.zeros((verdicts, parameters)),
-    )
-    stream = core.Stream(*lent)
-    observer = state.Observer(constants, *lent, stream, _bound_stepper(stream, constants))
+    """An observer that has seen no sample and carries `knowledge`; healthy: what its model leaves unexplained."""
+    observer = _empty_observer(constants, knowledge.in_force.size, learner.schedule.gains.shape)
     memory = observer.memory[0]
     prior, judgement, resting = memory["prior"], memory["judgement"], memory["resting_lift"]
     scale, noise, lift = constants.coefficients.pressure_scale, knowledge.state.noise, knowledge.lift
@@ -147,19 +128,41 @@ def make_observer(
     return observer
 
 
+def _empty_observer(constants: state.Constants, parameters: int, gains: tuple[int, ...]) -> state.Observer:
+    """An observer whose memory is all 0, for so many parameters and a gain schedule of this shape."""
+    pair, verdicts = (core.RING, constants.coefficients.states), 2 * core.SLOTS
+    memory = (
+        np.zeros(1, core.MEMORY),
+        np.zeros(core.RECORDED_RING, core.RECORDED),
+        np.zeros(core.RING, core.SAMPLE),
+        np.zeros(pair),
+        np.zeros(pair),
+        np.zeros(gains),
+        np.zeros(core.PENDING_EVENTS, core.EVENT),
+        np.zeros(core.INJECTIONS, core.INJECTION),
+        np.zeros(3, core.CHANNEL),
+        np.zeros(parameters),
+        np.zeros(verdicts, core.VERDICT),
+        np.zeros((verdicts, *gains)),
+        np.zeros((verdicts, parameters)),
+    )
+    stream = core.Stream(*memory)
+    return state.Observer(constants, *memory, stream, _bound_stepper(stream, constants))
+
+
 def with_constants(observer: state.Observer, constants: state.Constants) -> state.Observer:
     """Observer that goes on with other constants."""
     c, before = constants.coefficients, observer.constants.coefficients
     if c.chamber_pressure != before.chamber_pressure:
-        _count_from(observer, (c.chamber_pressure - before.chamber_pressure) / c.pressure_scale)
+        _raise_origin(observer, (c.chamber_pressure - before.chamber_pressure) / c.pressure_scale)
     stepper = _bound_stepper(observer.stream, constants, observer.stepper)
     return observer._replace(constants=constants, stepper=stepper)
 
 
-def _count_from(observer: state.Observer, rise: float) -> None:
-    """Have all pressures that are remembered count from a pressure in the chamber that is higher by `rise` [p_0].
+def _raise_origin(observer: state.Observer, rise: float) -> None:
+    """Let all remembered pressures count from a chamber pressure that is higher by `rise` [p_0].
 
-    That of a sac at rest is the chamber's before and after.
+    The pressure of a sac at rest stays that of the chamber.
     """
     memory, line = observer.memory[0], np.zeros(observer.x_hat.shape[1])
     rest_state(line, rise, observer.constants.coefficients)
@@ -189,9 +192,9 @@ def samples_between(earlier: Any, later: Any) -> Any:
 
 
 def energize(observer: state.Observer, number: int, start: int, length: float = math.inf) -> None:
-    """Tell the pilot valve of the `number`-th command (0, 1, ..), which may be known already but for its end.
+    """Store the `number`-th command (0, 1, ..) for the pilot valve; again, once its end is known.
 
-    start: index of the first sample of it; length [samples]: infinite as long as it is not known.
+    start: index of its first sample; length [samples]: infinite as long as it is not known.
     """
     commands = observer.memory[0]["commands"]
     commands["starts"][number % core.COMMANDS], commands["lengths"][number % core.COMMANDS] = start, length
@@ -209,7 +212,7 @@ def commands_at(observer: state.Observer, start: int, end: int) -> NDArray[np.fl
 
 
 def event_window(observer: state.Observer, number: int) -> Window | None:
-    """Learning window of the `number`-th closed event (0, 1, ..), copied; None when it cannot be learned."""
+    """Learning window of the `number`-th closed event (0, 1, ..), copied; None if nothing can be learned from it."""
     event = observer.events[number % core.PENDING_EVENTS]
     if not event["learnable"]:
         return None
@@ -263,9 +266,9 @@ def _window_of(observer: state.Observer, event: np.void) -> tuple[int, int]:
 
 
 def event_standstill(observer: state.Observer, number: int) -> Standstill:
-    """Standstill as known when the `number`-th closed event (0, 1, ..) ended.
+    """Standstill as it was known when the `number`-th closed event (0, 1, ..) ended.
 
-    Not the knowledge at the time of the question: that depends on how many samples a frame carries.
+    The knowledge at the time of the call depends on how many samples a frame carries.
     """
     event = observer.events[number % core.PENDING_EVENTS]
     stated = observer.memory[0]["prior"]["stated_noise"]
@@ -291,8 +294,3 @@ def was_shut(observer: state.Observer, begin: float, end: float) -> bool:
         return False
     broken = rows["broken"][first + 1 : last + 1]
     return bool(np.isin(broken, (core.Break.NONE, core.Break.JUMP)).all())
-
-
-def in_force(observer: state.Observer) -> NDArray[np.float64]:
-    """The parameter vector theta (m,) the observer carries."""
-    return observer.theta.copy()

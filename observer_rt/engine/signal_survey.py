@@ -1,4 +1,4 @@
-"""Surveys signals while a file is read, and refuses those that are no injector's, most often of another unit."""
+"""Survey of signals while a file is read, and refusal of those that are no injector's, most often of another unit."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ SWAPPED = (  # problem and remedy
 )
 PRESSURES = (5 * MEGAPASCAL, 400 * MEGAPASCAL)  # Pa, highest of a common-rail system that injects
 LARGEST_LIFT = 2 * MILLIMETRE
-NEAR_ZERO = 0.1  # of the highest value, where a needle is shut and no pressure rests
+NEAR_ZERO = 0.1  # of the highest value: the lift of a shut needle is below it, a pressure at rest above
 OPEN = 20 * MICROMETRE  # lift of an injection, above any noise
-SMALLEST_LIFT = 5 * MICROMETRE
-SHAPE = 20.0  # highest value beside the mean step from sample to sample, beyond which it is no noise
+SMALLEST_LIFT = 5 * MICROMETRE  # highest lift, below which its unit is in doubt
+SHAPE = 20.0  # highest value over the mean step from sample to sample, beyond which a signal is no noise
 SAME = 0.2  # relative, within which a ratio of pressures is a ratio of units
-FURTHER = 0.03  # of the mean, by which a rail pressure does not go beyond the line's at both ends
-RESTS_OPEN = 0.7  # share of the highest lift, above which a needle is open most of the time
-# What the values are to be multiplied by, if they are in a unit although MPa was stated.
+FURTHER = 0.03  # of the mean, by which no rail pressure goes beyond the line's at both ends
+RESTS_OPEN = 0.7  # mean lift over the highest, beyond which a lift is inverted: no needle is open most of the time
+# Factors on the values that are in a unit although MPa was stated.
 _PRESSURE_FACTORS = (
     (1e-6, "Pa"),
     (1e-3, "kPa"),
@@ -52,7 +52,7 @@ class SignalSurvey:
     count: int = 0
     missing: int = 0
     gaps: int = 0
-    """Runs of these."""
+    """Runs of missing samples."""
     change: float = 0.0
     """Sum of the changes from sample to sample, without their signs."""
 
@@ -72,7 +72,7 @@ class SignalSurvey:
 
     @property
     def mean(self) -> float:
-        """NaN of nothing."""
+        """Mean of the values; NaN without any."""
         return self.total / self.count if self.count else math.nan
 
     @property
@@ -82,12 +82,12 @@ class SignalSurvey:
 
     @property
     def swing(self) -> float:
-        """Between the lowest and the highest; 0 of nothing."""
+        """Difference of the highest and the lowest value; 0 without any."""
         return max(0.0, self.highest - self.lowest)
 
 
 class Openings:
-    """Count of a lift's rises: at least as often as the observer finds the needle opening.
+    """Count of a lift's rises, not less than the openings that the observer finds.
 
     Its dead band follows the noise, with a hysteresis of a factor of two, and is 2 um at least: so an opening rises
     through one of the levels, wherever the dead band is.
@@ -101,7 +101,12 @@ class Openings:
 
     def take(self, lift: NDArray[np.float64]) -> None:
         """Go on with further samples (n,) [m]; those that are NaN are passed over."""
-        self._last = _count_rises(np.ascontiguousarray(lift), self._last, self._LEVELS, self._counts)
+        values = lift[~np.isnan(lift)]
+        before = np.append(self._last, values[:-1])[: values.size]
+        rises = np.flatnonzero((values > before) & (values > self._LEVELS[0]))
+        low, high = before[rises, None], values[rises, None]
+        self._counts += np.count_nonzero((low <= self._LEVELS) & (high > self._LEVELS), axis=0)
+        self._last = float(values[-1]) if values.size else self._last
 
     @property
     def most(self) -> int:
@@ -116,7 +121,7 @@ class Survey:
     signals: dict[str, SignalSurvey] = field(default_factory=dict)
     openings: Openings = field(default_factory=Openings)
     swapped_in_part: bool = False
-    """Whether rail and line pressure are `swapped` in samples that came together."""
+    """Whether rail and line pressure are `swapped` within samples that were taken together."""
 
     def take_together(self, signals: Mapping[str, NDArray[np.float64]]) -> None:
         """Go on with further samples (n,) of several signals, taken at the same times."""
@@ -131,18 +136,6 @@ class Survey:
         self.signals.setdefault(name, SignalSurvey()).take(values)
         if name == "needle_lift":
             self.openings.take(values)
-
-
-def _count_rises(
-    lift: NDArray[np.float64], last: float, levels: NDArray[np.float64], counts: NDArray[np.int64]
-) -> float:
-    """Add to `counts` how often a lift rises through each of the rising levels; its last value, before it `last`."""
-    values = lift[~np.isnan(lift)]
-    before = np.append(last, values[:-1])
-    rises = np.flatnonzero((values > before) & (values > levels[0]))
-    low, high = before[rises, None], values[rises, None]
-    counts += np.count_nonzero((low <= levels) & (levels < high), axis=0)
-    return float(values[-1]) if values.size else last
 
 
 @dataclass(frozen=True)
@@ -166,7 +159,7 @@ def refuse_implausible(path: Path | None, survey: Survey, columns: dict[str, str
 
 
 def implausible(survey: Survey) -> Iterator[Implausible]:
-    """Impossible values in a recording's ranges."""
+    """Signals of a recording whose ranges are impossible; none where one of the three has no value."""
     rail, line, lift = (survey.signals.get(name) for name in ("rail_pressure", "line_pressure", "needle_lift"))
     if rail is None or line is None or lift is None or not (rail.count and line.count and lift.count):
         return
@@ -180,7 +173,7 @@ def implausible(survey: Survey) -> Iterator[Implausible]:
 
 
 def unshut(survey: Survey, zero: float = OPEN) -> Iterator[Implausible]:
-    """A lift that moves, and stays above `zero` [m]: a doubt, because a sensor may be so far off."""
+    """A lift that moves, and stays above `zero` [m]: a doubt, for the sensor may be off by so much."""
     lift = survey.signals.get("needle_lift")
     if lift is not None and lift.swing > OPEN and lift.lowest > zero:
         yield Implausible(
@@ -191,7 +184,7 @@ def unshut(survey: Survey, zero: float = OPEN) -> Iterator[Implausible]:
 
 
 def _exchanged(name: str, pressure: SignalSurvey, lift: SignalSurvey) -> Iterator[Implausible]:
-    """A pressure that rests at nothing and opens, where the lift never does."""
+    """A pressure that rests near zero and rises as a lift does, beside a lift that is never near zero."""
     opens = pressure.lowest < NEAR_ZERO * pressure.highest and pressure.mean < pressure.highest / 2.0
     if opens and lift.lowest > 2.0 * NEAR_ZERO * lift.highest > 0.0:
         yield Implausible(
@@ -233,7 +226,7 @@ def _pressure(name: str, pressure: SignalSurvey, opens: bool) -> Iterator[Implau
 
 
 def _beside_each_other(rail: SignalSurvey, line: SignalSurvey) -> Iterator[Implausible]:
-    """The two pressures, which rest at the same: a ratio of units means that one is in another."""
+    """Pressures whose means, which should be about equal, have a ratio of units."""
     if rail.mean <= 0.0 or line.mean <= 0.0:
         return
     ratio = line.mean / rail.mean

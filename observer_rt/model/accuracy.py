@@ -1,4 +1,4 @@
-"""Accuracies of sensors, geometry and fuel, and what they make of results that no pressure can tell.
+"""Accuracies of sensors, geometry and fuel, and of the level of all flows, which no pressure shows.
 
 Flows grow with the rail sensor's gain, with the square of the line's bore over its length, and with what leaves the
 line beside the nozzle; the same innovations fit other levels as well. Of the two pressure sensors only the gain of
@@ -21,7 +21,7 @@ _GEOMETRY = ("line_diameter_percent", "line_length_percent", "parallel_flow_perc
 
 
 class Accuracy(Section):
-    """How well an injector file is known; what it leaves out is as a workshop knows its parts."""
+    """Accuracy of an injector file, one sigma each; the defaults are those of a workshop that knows its parts."""
 
     line_diameter_percent: Percent = 1.0
     line_length_percent: Percent = 0.5
@@ -43,7 +43,7 @@ EXACT_PARAMETERS = Accuracy(**{name: 0.0 for name in Accuracy.model_fields if na
 
 @dataclass(frozen=True)
 class StatedAccuracy:
-    """Shares, one sigma: of the pressure sensors' gains, and what the injector file states."""
+    """Accuracies of the pressure sensors' gains, and of what the injector file states: shares, one sigma."""
 
     line_sensor: float = 0.0
     rail_sensor: float = 0.0
@@ -51,7 +51,7 @@ class StatedAccuracy:
     line_length: float = 0.0
     fuel_density: float = 0.0
     parallel_flow: float = 0.0
-    measured: float | None = None
+    measured: float | None = None  # of the level, by measured masses; None: none was
     control_flow: float = 0.0
     event_control_flow: float = 0.0  # of an event: as far as its control flow is unknown
 
@@ -67,7 +67,7 @@ class StatedAccuracy:
 
     @property
     def gain(self) -> float:
-        """Of the line sensor's gain over the rail's, which is learned."""
+        """Share by which the line sensor's gain over the rail's is known; it is learned."""
         return math.hypot(self.line_sensor, self.rail_sensor)
 
     @property
@@ -80,33 +80,33 @@ class StatedAccuracy:
         return 1.0 + self.rail_share * gain
 
     @property
-    def common(self) -> float:
-        """Of the gain that both sensors share, which nothing shows."""
+    def common_gain(self) -> float:
+        """Share by which the gain that both sensors have in common is known; no signal shows it."""
         return self.line_sensor * self.rail_sensor / self.gain if self.gain else 0.0
 
     @property
     def line(self) -> float:
-        """Of a flow by the line's inertance."""
+        """Share by which a flow is known as far as it follows from the line's inertance."""
         return math.hypot(2.0 * self.line_diameter, self.line_length)
 
     @property
     def mass(self) -> float:
-        """Of every mass, as stated where masses were measured: constant but for an event's control flow."""
+        """Share by which every mass is known, as stated where masses were measured; constant but for control flow."""
         if self.measured is not None:
             return self.measured
-        return math.hypot(self.common, self.line, LEAK * self.parallel_flow, self.event_control_flow)
+        return math.hypot(self.common_gain, self.line, LEAK * self.parallel_flow, self.event_control_flow)
 
     @property
     def rate(self) -> float:
-        """Of rate and volume."""
+        """Share by which rate and volume are known."""
         return math.hypot(self.mass, self.fuel_density)
 
     @property
     def wear(self) -> float:
-        """Of the flows of nozzle and seat against those of a new part."""
+        """Share by which flows of nozzle and seat over those of a new part are known."""
         if self.measured is not None:
             return self.measured
-        by_fuel = WEAR_BY_GAIN * self.common, WEAR_BY_DENSITY * self.fuel_density
+        by_fuel = WEAR_BY_GAIN * self.common_gain, WEAR_BY_DENSITY * self.fuel_density
         return math.hypot(*by_fuel, self.line, self.parallel_flow)
 
     @property

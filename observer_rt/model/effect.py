@@ -65,7 +65,7 @@ class Component(StrEnum):
 
 
 class Likeness(StrEnum):
-    """Difficulty of telling two effects apart by rail pressure, lift and line pressure."""
+    """How hard two effects are to tell apart by rail pressure, lift and line pressure."""
 
     SAME = "same"  # nothing in these signals distinguishes them
     ALIKE = "alike"  # the two of them found together are one, indistinguishable
@@ -74,7 +74,7 @@ class Likeness(StrEnum):
 
 @dataclass(frozen=True)
 class Relation:
-    """Other effects for which an effect may be taken; it is enough that one of two effects states it."""
+    """Other effects for which an effect may be taken; of two such effects one states the relation."""
 
     others: tuple[str, ...]  # ids
     likeness: Likeness
@@ -104,10 +104,7 @@ def parameter(
     unit: str = "-",
     si: float = 1.0,
 ) -> EffectParameter:
-    """A parameter that is off at 0, its numbers in the printed unit; one of that unit is `si` in SI.
-
-    name, lowest, highest, dead_zone, starts: as of `EffectParameter`.
-    """
+    """A parameter that is off at 0, its numbers in the printed unit, `si` the size of that unit in SI."""
     bounds, first = (lowest * si, highest * si), tuple(start * si for start in starts)
     return EffectParameter(name, unit, si, 0.0, *bounds, dead_zone * si, first)
 
@@ -163,9 +160,10 @@ def added(terms: str, name: str) -> ModelChange:
     return partial(_added, terms, name)
 
 
-# functions of the module, so that results which hold effects can be pickled
+# Functions of the module, for closures could not be pickled, nor results which hold effects.
 def _scaled(section: str, names: tuple[str, ...], model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    return model.with_section(section, **dict.fromkeys(names, 1.0 + values[0]))
+    before = getattr(model.injector, section)
+    return model.with_section(section, **{name: getattr(before, name) * (1.0 + values[0]) for name in names})
 
 
 def _added(terms: str, name: str, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:

@@ -1,4 +1,4 @@
-"""The effective model: parameters with the effects in force; its coefficients of (25), its sensor, its clock."""
+"""The effective model of an injector: parameters with the effects in force, and the coefficients of (25) by them."""
 
 import math
 from dataclasses import dataclass, replace
@@ -18,9 +18,9 @@ from observer_rt.model.terms.term import Term
 from observer_rt.model.terms.variable import Variable
 from observer_rt.model.wave_line import WaveLine
 
-LAG_UNIT = 1e-4  # s, in which the lag is counted, so that all parameters are of order one
-LIFT_UNIT = 1e-5  # m, in which a bounce is
-NO_PROGRAM = np.empty((0, 2))
+LAG_UNIT = 1e-4  # s, in which theta counts lags and delays, so that all parameters are of order one
+LIFT_UNIT = 1e-5  # m, in which theta counts a bounce
+NO_PROGRAM = np.empty((0, 2))  # of a model without terms
 LINES: dict[str, Any] = {"lump": LumpLine, **dict.fromkeys(WAVE_LINES, WaveLine)}
 """Models of the line by their names, `LINE_MODELS` of the injector file."""
 
@@ -28,7 +28,7 @@ LINES: dict[str, Any] = {"lump": LumpLine, **dict.fromkeys(WAVE_LINES, WaveLine)
 class Coefficients(NamedTuple):
     """Coefficients of the compiled right-hand side; rates in 1/s for states normalised by (24)."""
 
-    line: Any  # such as a `LumpLine`
+    line: Any  # of a class of `LINES`
     seat: Seat
     nozzle: Nozzle
     sac: Sac
@@ -69,7 +69,7 @@ def coefficients(parameters: InjectorParameters, departures: Departures = NO_DEP
 
 
 def averaged(c: Coefficients) -> Coefficients:
-    """Coefficients for samples that are means over the sample period that ends at their time."""
+    """Coefficients for samples that are means over the sample period before them."""
     return c._replace(line=c.line.with_mean())
 
 
@@ -113,11 +113,10 @@ class EffectiveModel:
         """The model with a term more."""
         return replace(self, terms=(*self.terms, term))
 
-    def with_section(self, section: str, **factors: float) -> "EffectiveModel":
-        """The model with parameters of a section of the injector file multiplied by factors."""
-        before = getattr(self.injector, section)
-        after = before.model_copy(update={k: getattr(before, k) * factor for k, factor in factors.items()})
-        return replace(self, injector=self.injector.model_copy(update={section: after}))
+    def with_section(self, section: str, **values: float) -> "EffectiveModel":
+        """The model with other values in a section of the injector file, which are not validated."""
+        changed = getattr(self.injector, section).model_copy(update=values)
+        return replace(self, injector=self.injector.model_copy(update={section: changed}))
 
     def with_changes(self, part: str, **changes: float) -> "EffectiveModel":
         """The model with other values in a part of it: `departures`, `inputs` or `sensor`."""
@@ -133,7 +132,7 @@ def sensor_of(terms: SensorTerms, pressure_scale: float, interval: float) -> Sen
 
 
 class Clock(NamedTuple):
-    """Counts for laws: time [s] and openings of the needle up to a sample."""
+    """Time [s] and number of openings of the needle up to a sample, for laws that go by them."""
 
     time: float = 0.0
     injections: float = 0.0

@@ -1,4 +1,4 @@
-"""Fuel under pressure: how its bulk modulus and its density follow.
+"""Fuel under pressure: its bulk modulus and its density.
 
     K(p, T) = K_0 + s (T - T_0) + K_1 p        rho(p) = rho_0 (1 + K_1 p/K_0)^(1/K_1), for d rho/dp = rho/K
 
@@ -25,22 +25,22 @@ HIGHEST_PRESSURE = 240e6  # Pa, of the closed end of a line at 200 MPa when a ne
 
 
 class Compressibility(NamedTuple):
-    """How a fuel yields to pressure [Pa]."""
+    """Law by which a fuel yields to pressure [Pa]."""
 
     modulus: float  # K_0, Pa
     by_pressure: float  # K_1, -
 
     def stiffness(self, pressure: float) -> float:
-        """K(p), Pa."""
+        """Bulk modulus K(p) [Pa]."""
         return self.modulus + self.by_pressure * pressure
 
     def density(self, pressure: float) -> float:
-        """rho(p)/rho_0."""
+        """Density over that without pressure, rho(p)/rho_0."""
         k_1 = self.by_pressure
         return (1.0 + k_1 * pressure / self.modulus) ** (1.0 / k_1) if k_1 > 0.0 else 1.0
 
     def filling(self, pressure: float) -> float:
-        """M(p), Pa."""
+        """Stiffness M(p) [Pa] of a volume that is filled with fuel counted at rho_0."""
         return self.stiffness(pressure) / self.density(pressure)
 
     def jet(self, behind: float, before: float) -> float:
@@ -50,7 +50,7 @@ class Compressibility(NamedTuple):
 
 
 def parabola(law: Callable[[float], float], origin: float, scale: float) -> tuple[float, float, float]:
-    """Value, slope and bend of a law of pressure as value (1 + slope d + bend d2), d from an origin [Pa].
+    """Value, slope and bend of a law of pressure as value (1 + slope d + bend d^2), d from an origin [Pa].
 
     Exact there and at two more pressures; scale: p_0 [Pa], the unit of d.
     """

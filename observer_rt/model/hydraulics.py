@@ -21,12 +21,12 @@ TRANSITION_PRESSURE = 0.5e6  # Pa, below which the orifice laws turn linear
 
 
 class Valve(model.Valve):
-    """When the valve is open, and how its flow changes."""
+    """Pilot valve: the times at which it is open, and how its flow changes."""
 
     __slots__ = ()
 
     def by_commands(self) -> "Valve":
-        """The valve of an injector whose commands are known."""
+        """The valve where the injector's commands are known: it opens and shuts `COMMAND_DELAY` after their edges."""
         return Valve(-COMMAND_DELAY, -COMMAND_DELAY, self.hold, exponent=0.0, commanded=1.0)
 
 
@@ -49,7 +49,7 @@ def control_flow_at_scale(parameters: InjectorParameters) -> float:
 
 
 def jet_velocity(parameters: InjectorParameters) -> float:
-    """Velocity of a jet at p_0 into the chamber, times the fuel's density there over rho_0 [m/s]."""
+    """Velocity [m/s] of a jet at p_0 into the chamber, as flow counted at rho_0 over its area."""
     denser = parameters.fluid.in_sac.density(parameters.chamber.pressure)
     return math.sqrt(2 * parameters.scaling.pressure / parameters.fluid.density_nozzle * denser)
 

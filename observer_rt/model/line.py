@@ -1,4 +1,4 @@
-"""The closed end that all models of the feed line share, and the line as one lump, (19)-(20); laws are in core.model.
+"""The feed line as one lump, (19)-(20), and the closed end that all models of the line share; laws are in core.model.
 
 The whole state is x = [p_L at the closed end, Q_L into it, p_S, the line's further states], normalised by (24).
 `line.model` of the injector file chooses a model by name, see `LINES` of `effective.py`. Every model has the members
@@ -18,7 +18,7 @@ from observer_rt.model.parameters import Departures, InjectorParameters
 
 
 def stiffened(line: Any, r: float) -> Any:
-    """A line whose bulk modulus is 1 + r times what it was."""
+    """A line whose bulk modulus is 1 + r times that of `line`."""
     return line._replace(**{name: getattr(line, name) * (1.0 + r) for name in line.of_stiffness})
 
 
@@ -42,7 +42,7 @@ def at_closed_end(
         "chamber_pressure": chamber / scale.pressure,
         "control_flow": stiffness * control_flow_at_scale(parameters),
         "displaced": stiffness * (parameters.line.displacement or 0.0),
-        "outflow": 0.0,  # this and the next are of terms alone
+        "outflow": 0.0,  # terms alone set this and the next
         "loss": 0.0,
     }
 
@@ -54,12 +54,12 @@ class LumpLine(model.LumpLine):
     """
 
     __slots__ = ()
-    kind = model.LUMP  # by which the core steps it: a number of `core/model/interval.pxi`
+    kind = model.LUMP  # number by which `core/model/interval.pxi` chooses the steps
     further = 0  # states beyond p_L and Q_L
     of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak", "control_flow", "displaced")  # in proportion to K_L
     of_inertance = ("a3", "a4")  # in inverse proportion to the inertance
     averaged = False  # its last state is the integral of p_L [s], see `begin_mean`
-    resolved = 0.0  # s over which means of p_L are a pipe's, shorter waves are not; 0: it has none
+    resolved = 0.0  # s, below which waves are not those of a pipe; 0: there are no waves
 
     @classmethod
     def of(
@@ -84,12 +84,12 @@ class LumpLine(model.LumpLine):
 
     @property
     def fastest(self) -> float:
-        """Angular frequency [rad/s] that RK4 must follow; 0 of a line with steps of its own."""
+        """Angular frequency [rad/s] that RK4 must resolve; 0 for a line with steps of its own."""
         return self.mode
 
     @property
     def impedance(self) -> float:
-        """p_L that goes with an x_2 of 1 in that motion."""
+        """Amplitude of p_L over that of x_2 in the motion of `mode`."""
         return math.sqrt(self.a1 / self.a3)
 
     @property
@@ -100,7 +100,7 @@ class LumpLine(model.LumpLine):
         return result
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """Variances of the further states of a line that rings; flow: that of x_2."""
+        """Variances (further,) of the further states of a line that rings; flow: variance of x_2."""
         return np.zeros(self.further)
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -120,7 +120,7 @@ class LumpLine(model.LumpLine):
         return of_sac
 
     def strain(self, interval: float) -> float:
-        """Number that must stay below 1 for the line's own steps in an interval [s] to be stable."""
+        """Number that must stay below 1 for the line's own steps in an interval [s] to be stable; 0 without such."""
         return 0.0
 
     def stepping(self, interval: float) -> str:
@@ -140,7 +140,7 @@ class MeanLumpLine(LumpLine):
     averaged = True
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Exact without friction, of an integral that begins anew."""
+        """As of `LumpLine`, with an integral that begins anew as the last state."""
         of_line, rail = super().transition(interval)
         angle, impedance = self.mode * interval, self.impedance
         matrix = np.zeros((3, 3))

@@ -70,10 +70,7 @@ _PER_PIECE = 0.5 * model.PIECES / np.array(model.REACH)
 
 
 class Network(NamedTuple):
-    """The network of (7).
-
-    `nozzle` bends the gate G(x, u) of the nozzle flow near p_S = p_C as no bounded network of x can.
-    """
+    """The network of (7), and a rise of p_C: it changes the nozzle flow near p_S = p_C as no bounded network can."""
 
     curves: NDArray[np.float64]  # (CURVES, PIECES, 4); (0, PIECES, 4) without hidden layer
     bias: NDArray[np.float64]  # b (2,)
@@ -81,7 +78,7 @@ class Network(NamedTuple):
 
 
 def network_with(weights: NDArray[np.float64]) -> Network:
-    """The network with these weights (HIDDEN,) of its neurons, group by group, and nothing beside."""
+    """The network with these weights (HIDDEN,) of its neurons, group by group; bias and rise of p_C are 0."""
     padded = np.zeros((model.CURVES, model.MOST_NEURONS, 1))
     padded[_USED, 0] = weights
     curves = BASIS.reshape(model.CURVES, -1, model.MOST_NEURONS) @ padded
@@ -89,7 +86,7 @@ def network_with(weights: NDArray[np.float64]) -> Network:
 
 
 def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
-    """No hidden neurons: flows changed by the constant factors 1 + v_H and 1 + v_S of (27)."""
+    """A network without hidden neurons: flows change by the constant factors 1 + v_H and 1 + v_S of (27)."""
     return Network(np.zeros((0, model.PIECES, 4)), np.array([nozzle, seat]), np.zeros(model.NOZZLE_NUMBERS))
 
 

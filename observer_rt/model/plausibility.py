@@ -1,4 +1,4 @@
-"""Plausible ranges of an injector's numbers, and the entries to check if a fitted number lies beyond.
+"""Plausible ranges of an injector's numbers, and the entries to check if a fitted number lies beyond its range.
 
 The ranges of geometry are generous, from small car injectors to those of large ships: a value beyond them is most
 often in other units than SI. Numbers that a fit determines have physical ranges, because a fit hides wrong geometry
@@ -43,7 +43,7 @@ _MADE_UP_FOR = {
 
 @dataclass(frozen=True)
 class ImplausibleNumber:
-    """A parameter that no injector has: its name, a sentence, and entries that explain it in a fitted file."""
+    """A parameter with a value that no injector has: its name, a sentence, and entries that explain it in a fit."""
 
     name: str
     words: str

@@ -1,7 +1,6 @@
-"""Stability limits of a line: steps a sample interval, cells a sound speed allows."""
+"""Stability of the integration: steps of the sac in a sample interval, and cells of a line that its steps allow."""
 
 import math
-from dataclasses import replace
 
 from observer_rt.core.model.model import steps_in
 from observer_rt.foundation.errors import UserError
@@ -22,7 +21,7 @@ MAX_SUBSTEPS = 64  # beyond this a sample costs more than it is worth: the sampl
 def refuse_unstable_cells(
     file: str, injector: InjectorParameters, coefficients: Coefficients, interval: float
 ) -> None:
-    """Raise `UserError` where steps of a sample interval [s] are too long for the cells.
+    """Raise `UserError` where the line's steps in a sample interval [s] are too long for its cells.
 
     file: name of the injector file; coefficients: of the injector, with its effects.
     """
@@ -50,8 +49,7 @@ def in_stable_cells(model: EffectiveModel, interval: float, highest_pressure: fl
         if cells <= FEWEST_CELLS:
             return None
         fewer = max(FEWEST_CELLS, min(cells - 1, int(cells * (STABLE / strain) ** 0.5)))
-        line = model.injector.line.model_copy(update={"cells": fewer})
-        model = replace(model, injector=model.injector.model_copy(update={"line": line}))
+        model = model.with_section("line", cells=fewer)
     return model
 
 

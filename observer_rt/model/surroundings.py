@@ -1,4 +1,4 @@
-"""Fuel and chamber as they are, which change the parameters of an injector's file: optional inputs of a bench.
+"""Surroundings of an injector, optional inputs of a bench, which change its parameters: fuel temperature, chamber.
 
 Densities and bulk moduli fall linearly with the temperature, as measured for diesel fuels and calibration oils within
 a few tens of kelvin:
@@ -29,13 +29,13 @@ class Surroundings(NamedTuple):
 
 
 def filed(injector: InjectorParameters, names: Iterable[str]) -> Surroundings:
-    """Of the quantities with these names those at which an injector's parameters hold."""
+    """Surroundings at which an injector's parameters hold, those with these names; the others None."""
     values = {"fuel_temperature": injector.fluid.reference_temperature, "chamber_pressure": injector.chamber.pressure}
     return Surroundings(**{name: values[name] for name in names})
 
 
 def in_surroundings(injector: InjectorParameters, surroundings: Surroundings) -> InjectorParameters:
-    """The injector in surroundings, which become those of its file. Raises `UserError` as `at_temperature`."""
+    """The injector with the parameters that it has in surroundings. Raises `UserError` as `at_temperature`."""
     if surroundings.fuel_temperature is not None:
         injector = at_temperature(injector, surroundings.fuel_temperature)
     if surroundings.chamber_pressure is not None:

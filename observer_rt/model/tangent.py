@@ -10,7 +10,7 @@ from observer_rt.model.effective import Coefficients
 
 
 class ByTheta(NamedTuple):
-    """Action of a parameter vector theta: the columns of the network's parameters, the slopes of the line's."""
+    """Action of a parameter vector theta on the model: its columns by what they act on, and slopes of the line."""
 
     nozzle_bias: int
     nozzle_weight: int
@@ -23,8 +23,8 @@ class ByTheta(NamedTuple):
     valve_sizes: NDArray[np.float64]  # of theta = 1
     needle: NDArray[np.int64]  # (NEEDLE_NUMBERS,)
     needle_sizes: NDArray[np.float64]
-    shots: int  # commands of an event, whose delays are two columns each from the first on
-    first_shot: int
+    shots: int  # commands of an event, with two columns of delays each
+    first_shot: int  # the first of these columns
     sensor: NDArray[np.int64]  # (SENSOR_NUMBERS,)
     offset: int  # of the line-pressure sensor
     line_columns: NDArray[np.int64]  # (k,) of theta, those of a column one after another
@@ -46,13 +46,13 @@ class Tangent(NamedTuple):
     by_number: NDArray[np.float64]  # (4, n, m), of x' by the numbers of line and valve, x held
     by_flow: NDArray[np.float64]  # (4, n, 2), of x' by q_H, q_S
     of_flows: NDArray[np.float64]  # (4, 2, m), of q_H, q_S by the numbers of phi, x held
-    parts: NDArray[np.uint8]  # (m / COLUMNS,): what the numbers of so many columns act by
+    parts: NDArray[np.uint8]  # (m / COLUMNS,) bits BY_... of what the numbers of COLUMNS columns act on
     by_coefficient: NDArray[np.float64]  # (n, k), of x' by the k coefficients of the line
     theta: ByTheta
 
 
 def tangent_of(c: Coefficients, theta: ByTheta, columns: int, is_commanded: bool = False) -> Tangent:
-    """A tangent of 0 with at least so many columns; is_commanded: whether the seat area follows from commands."""
+    """A tangent of 0 with at least so many columns; is_commanded: the seat area follows from commands."""
     n, m = c.states, -(-columns // COLUMNS) * COLUMNS
     of_nozzle, of_seat = theta.neurons[:FIRST_OF_SEAT].sum(), theta.neurons[FIRST_OF_SEAT:].sum()
     nozzle = (theta.nozzle_bias, *theta.nozzle, *range(theta.nozzle_weight, theta.nozzle_weight + of_nozzle))

@@ -13,7 +13,7 @@ from observer_rt.model.terms.form import LETTERS, FormNumber, law_of
 from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.term import Term, TermEquation
 
-DEAD_ZONE = 0.002  # of the bound: a smaller term does not matter
+DEAD_ZONE = 0.002  # of the upper bound: a smaller term does not matter
 
 COMPONENTS = {
     TermEquation.LINE_FLOW: Component.LINE_FLOW,
@@ -44,7 +44,7 @@ LAWS_OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
 
 @dataclass(frozen=True)
 class TermLaw:
-    """What an effect that is a term does to a model. law: that of `form` with `numbers` in it, times `c`."""
+    """Change of a model by an effect that is a term. law: that of `form` with `numbers` in it, times `c`."""
 
     equation: TermEquation
     law: Law

@@ -1,4 +1,4 @@
-"""The feed line as a pipe in which pressure travels: staggered cells of volume, and faces with inertia between them.
+"""The feed line as a pipe in which pressure travels: cells that store fuel, and faces between them with its inertia.
 
 Pressures p_1 .. p_n at i L/n, p_n at the closed end, the rail's p_0 in front; flows q_1 .. q_n at the faces before
 them, half a step earlier than the pressures. Stepped by `model.leapfrog`: with the right n, the errors of space and
@@ -26,9 +26,9 @@ from observer_rt.model.fuel import HIGHEST_PRESSURE, USUAL_PRESSURE
 from observer_rt.model.line import at_closed_end
 from observer_rt.model.parameters import FEWEST_CELLS, MOST_CELLS, WAVE_LINES, Departures, InjectorParameters
 
-RESOLVED = 50e-6  # s over which means are those of a pipe: cells carry shorter waves otherwise
+RESOLVED = 50e-6  # s, below which cells carry waves otherwise than a pipe; means over it are a pipe's
 MOST_OF_A_STEP = 8  # implicit steps of the sac in one of the line's
-STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
+STABLE = 0.98  # largest `strain`, crossed^2 + 2 damping step, of which 1 is the limit
 HALF_WAY = 0.5  # of the length, where two parts meet whose file does not state it
 DAMPING = 0.5  # m2/s, of a line whose file does not state it
 FASTER = 3.3e-3  # s^1/2, integral of the weights that the sum lacks below .01 ms, as a part of the inertance
@@ -103,12 +103,12 @@ class WaveLine(model.WaveLine):
 
     @property
     def crossing(self) -> float:
-        """Rate [1/s] at which sound crosses cells."""
-        return math.sqrt(self.a3 * self.b)  # of either part
+        """Rate [1/s] at which sound crosses cells, the same in both parts."""
+        return math.sqrt(self.a3 * self.b)
 
     @property
     def mode(self) -> float:
-        """A quarter wave along the pipe."""
+        """Angular frequency [rad/s] of a quarter wave along the pipe."""
         return 0.5 * math.pi * self.crossing / self.cells
 
     @property
@@ -118,7 +118,7 @@ class WaveLine(model.WaveLine):
 
     @property
     def impedance(self) -> float:
-        """p_L of a wave over x_2 of it."""
+        """p_L over x_2 of a wave that travels in the injector's part."""
         return math.sqrt(self.b_near / self.a3_near)
 
     @property
@@ -128,13 +128,13 @@ class WaveLine(model.WaveLine):
         return result
 
     def substeps(self, of_sac: int, interval: float) -> int:
-        """Implicit ones: a few in each step of the line while they resolve the sac, one where it is too fast."""
+        """Implicit steps in a sample interval: a few in each step of the line if they resolve the sac, else one."""
         steps = model.steps_in(interval)
         substeps = math.ceil(of_sac / steps)
         return steps * (substeps if substeps <= MOST_OF_A_STEP else 1)
 
     def strain(self, interval: float) -> float:
-        """As of `LumpLine`; where pressure stiffens the fuel, at the highest one."""
+        """As of `LumpLine`; of fuel that stiffens with pressure, at `HIGHEST_PRESSURE`."""
         step = interval / model.steps_in(interval)
         above = (HIGHEST_PRESSURE / USUAL_PRESSURE - 1.0) * (self.stiffness_pressure + self.chamber_pressure)
         stiffer = above * (self.stiffness_slope + self.stiffness_bend * above) if self.stiffness_bend else 0.0
@@ -159,7 +159,7 @@ class WaveLine(model.WaveLine):
         return moved[:-1, :-1], moved[:-1, -1]
 
     def one_step(self, step: float) -> NDArray[np.float64]:
-        """The line at rest over one step [s], a matrix of its states with the rail pressure as the last."""
+        """Matrix of the line at rest over one step [s], by its states and, last, the rail pressure."""
         n = int(self.cells)
         size = 2 * n + 1 + model.MEMORIES
         places = [*range(2), *range(3, size + 1)]  # of x without p_S, in rows of the matrix
@@ -193,7 +193,7 @@ class WaveLine(model.WaveLine):
         return np.asarray(pressures @ flows, np.float64)
 
     def _drag(self, flows: NDArray[np.float64], faces: list[int], first: int, step: float) -> None:
-        """Add the friction at the wall to the matrix of a step [s]; faces: rows of the flows; first: row of w_1."""
+        """Add the friction at the wall to the matrix `flows` of a step [s]; faces: rows of q_i, first: row of w_1."""
         change = np.mean(flows[faces], axis=0)
         change[faces] -= 1.0 / len(faces)
         pull, by_change = np.zeros_like(change), 0.0
@@ -220,14 +220,14 @@ class MeanWaveLine(WaveLine):
 
     @property
     def further(self) -> int:
-        """Number of states besides p_n and q_n, with the integral."""
+        """As of `WaveLine`, and the integral."""
         return super().further + 1
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
         return np.append(super().further_variance(flow), 0.0)
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Transition by the steps themselves, without friction, of an integral that begins anew."""
+        """As of `WaveLine`, with an integral that begins anew as the last state."""
         steps = model.steps_in(interval)
         step = interval / steps
         one_step = self.one_step(step)
@@ -251,16 +251,15 @@ def _parts(parameters: InjectorParameters) -> tuple[float, float]:
 
 
 def _of_parts(ratio: float, far: float) -> tuple[float, float]:
-    """Slopes of flow and pressure in the rail part over those of a uniform line of equal inertance and volume."""
+    """Slopes of flow and pressure in the rail part, over those of a uniform line of equal inertance and volume."""
     return far + (1.0 - far) * ratio, far + (1.0 - far) / ratio
 
 
 def cells_for(parameters: InjectorParameters, step: float) -> int:
-    """Cells for a step [s] in which errors cancel best.
+    """Number of cells with which errors of space and time cancel best at a step [s], stable at the highest pressure.
 
-    Cells make short waves slower, by 1 - c^2 of what they would without steps, c the share of a cell that sound
-    crosses in one; damping, taken at the start of a step, makes them faster, by 6 nu step/h^2 of the same. They are
-    stable at the highest pressure.
+    Cells make short waves slower, and steps make up for c^2 of that, c the share of a cell that sound crosses in
+    one; damping, taken at the start of a step, makes up for 6 nu step/h^2 of it, h the length of a cell.
     """
     fluid, line = parameters.fluid, parameters.line
     filling, highest = (fluid.in_line.filling(pressure) for pressure in (USUAL_PRESSURE, HIGHEST_PRESSURE))

@@ -12,7 +12,7 @@ from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.account import Account, Overdispersion
-from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilPulse, EdgeSearch, Energizing
+from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilDisturbance, CoilPulse, EdgeSearch
 from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail
 from observer_rt.engine.learning.disturbances.time_jitter import TimeJitter
 from observer_rt.engine.learning.hypotheses import Mode, Velocity
@@ -68,7 +68,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         jitter=TimeJitter(np.arange(5.0), 0.04),
         overdispersion=Overdispersion(12.0, 11.0),
         held_rail=HeldRail(0.95, 1),
-        energizing=Energizing(
+        energizing=CoilDisturbance(
             EdgeSearch(np.ones(4), np.ones(4), np.ones((2, 4))),
             CoilCurrent(np.ones(3), np.ones(3), CoilPulse(0.002, 30, 20), np.eye(PARAMETERS)),
         ),

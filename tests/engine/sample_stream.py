@@ -23,7 +23,6 @@ from observer_rt.engine.observer import (
     constants_for,
     event_standstill,
     event_window,
-    in_force,
     make_observer,
     samples_at,
 )
@@ -177,7 +176,8 @@ class Stream:
             window = event_window(self.observer, number) if self.learning else None
             outcome = None
             if window is not None:
-                outcome = self.learner.learn(window, event_standstill(self.observer, number), in_force(self.observer))
+                carried = self.observer.theta.copy()
+                outcome = self.learner.learn(window, event_standstill(self.observer, number), carried)
             self.outcomes.append(outcome)
             judge(self.observer, () if outcome is None else outcome.forward, outcome)
         self._keep()

@@ -22,7 +22,7 @@ def test_the_gain_that_sensors_share_is_what_their_difference_leaves() -> None:
     """Of both gains by their difference: variances of a Gaussian conditioned on it."""
     line, rail = 0.004, 0.009
     stated = StatedAccuracy(line, rail)
-    assert stated.common**2 == pytest.approx(rail**2 - rail**4 / (line**2 + rail**2))
+    assert stated.common_gain**2 == pytest.approx(rail**2 - rail**4 / (line**2 + rail**2))
     assert stated.level(0.01) == pytest.approx(1.0 + 0.01 * rail**2 / (line**2 + rail**2))
     assert StatedAccuracy(line, 0.0).level(0.01) == 1.0
 

@@ -1,12 +1,13 @@
 """The Gaussian belief about the parameters, carried from event to event, where one may be held.
 
-A parameter is held at a value found elsewhere, and considered: Schmidt's filter (Application of state-space methods
-to navigation problems, 1966): an event teaches nothing of it, and all else is as uncertain by it as it depends on it.
+A parameter is held at a value found elsewhere, and considered by Schmidt's filter (Application of state-space methods
+to navigation problems, 1966): an event teaches nothing of it, and its uncertainty adds to that of all that depends
+on it.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.matrices import inverse_of
 
-_EXACTLY = 1e-14  # variance of what is held
-_NOWHERE = np.empty(0)
+_EXACTLY = 1e-14  # variance of a held parameter
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,26 +30,26 @@ class Belief:
     sqrt(2) nearer to parameters that stand still than `covariance` says.
     """
 
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    error_covariance: NDArray[np.float64]
+    mean: Vector
+    covariance: Matrix
+    error_covariance: Matrix
 
     @property
-    def parts(self) -> dict[str, NDArray[np.float64]]:
-        """Arrays of the belief by name, without what was worked out of it meanwhile."""
+    def parts(self) -> dict[str, Matrix]:
+        """The arrays that define the belief, by name."""
         return {"mean": self.mean, "covariance": self.covariance, "error_covariance": self.error_covariance}
 
     @property
-    def sigma(self) -> NDArray[np.float64]:
+    def sigma(self) -> Vector:
         """Standard deviations (m,), drift included."""
         return np.array(np.sqrt(np.diag(self.covariance)), np.float64)
 
-    def drifted(self, drift: NDArray[np.float64]) -> "Belief":
+    def drifted(self, drift: Vector) -> "Belief":
         """The belief one event later, when each parameter may have moved by `drift` (m,) (one sigma)."""
         return Belief(self.mean, _moved(self.covariance, drift), self.error_covariance)
 
-    def widened(self, change: NDArray[np.float64]) -> "Belief":
-        """The belief when each parameter did move, by about `change` (m,) (one sigma)."""
+    def widened(self, change: Vector) -> "Belief":
+        """The belief after each parameter has moved, by `change` (m,) (one sigma)."""
         return Belief(self.mean, _moved(self.covariance, change), _moved(self.error_covariance, change))
 
     def narrowed(self, columns: Sequence[int], share: float) -> "Belief":
@@ -57,27 +59,27 @@ class Belief:
         both = np.outer(factor, factor)
         return Belief(self.mean, both * self.covariance, both * self.error_covariance)
 
-    def distance(self, theta: NDArray[np.float64]) -> float:
+    def distance(self, theta: Vector) -> float:
         """Square of the distance of theta (m,) from the mean, in standard deviations."""
         away = theta - self.mean
         return float(away @ self.information @ away)
 
     @property
-    def information(self) -> NDArray[np.float64]:
+    def information(self) -> Matrix:
         """Inverse covariance (m, m). Raises numpy.linalg.LinAlgError when not positive definite."""
         return self.inverse[0]
 
     @cached_property
-    def inverse(self) -> tuple[NDArray[np.float64], float]:
-        """`inverse_of` the covariance."""
+    def inverse(self) -> tuple[Matrix, float]:
+        """Inverse (m, m) of the covariance, and half the logarithm of its determinant, as of `inverse_of`."""
         return inverse_of(self.covariance)
 
-    def updated(self, information: NDArray[np.float64], vector: NDArray[np.float64]) -> "Belief":
+    def updated(self, information: Matrix, vector: Vector) -> "Belief":
         """The belief after measurements with Gauss-Newton `information` (m, m) and vector (m,) = information @ theta.
 
-        theta: where the measurements' cost is least. The error after it is P (P0^-1 e0 + noise), where the noise has
-        covariance `information`. Raises numpy.linalg.LinAlgError when the sum of both informations is singular, not
-        positive definite or holds NaN.
+        theta: where the measurements' cost is least. The error afterwards is P (P0^-1 e0 + noise), and the noise
+        has the covariance `information`. Raises numpy.linalg.LinAlgError when the sum of both informations is
+        singular, not positive definite or holds NaN.
         """
         covariance, _ = inverse_of(self.information + information)
         gain = covariance @ information
@@ -87,55 +89,54 @@ class Belief:
         return Belief(mean, covariance, symmetric(error))
 
 
-def prior_belief(mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> Belief:
+def prior_belief(mean: Vector, covariance: Matrix) -> Belief:
     """Belief before any event: mean (m,), covariance (m, m)."""
     return Belief(mean, covariance, covariance)
 
 
-def _moved(covariance: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[np.float64]:
+def _moved(covariance: Matrix, change: Vector) -> Matrix:
+    """A covariance (m, m) with the variances `change`^2 (m,) added."""
     result = covariance.copy()
     result.ravel()[:: len(result) + 1] += change**2
     return result
 
 
-def symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A covariance (m, m) without what rounding made unequal."""
+def symmetric(matrix: Matrix) -> Matrix:
+    """A covariance (m, m) with the same numbers on both sides of its diagonal, which rounding made unequal."""
     return np.asarray(0.5 * (matrix + matrix.T), np.float64)
 
 
-def conditioned(rows: NDArray[np.float64], row: int, column: int) -> NDArray[np.float64]:
-    """Rows (k, m) of a covariance once the parameter of a column is known exactly, whose own is among them."""
+def conditioned(rows: Matrix, row: int, column: int) -> Matrix:
+    """Rows (k, m) of a covariance once the parameter of a column is known exactly; row: number of its own row."""
     return np.asarray(rows - np.outer(rows[:, column], rows[row]) / rows[row, column])
 
 
 @dataclass(frozen=True, eq=False)
 class HeldBelief:
-    """A belief before an event, given the value of a column."""
+    """A belief before an event with one parameter held at a value."""
 
     prior: Belief
-    column: int | None  # None: nothing is held
-    by: NDArray[np.float64]  # (m,) change of theta with the held value; (0,): none is held
+    column: int | None = None  # None: nothing is held
+    by: Vector = field(default_factory=lambda: np.empty(0))  # (m,) change of theta with the held value
     variance: float = 0.0  # of the held value
-    log: float = 0.0  # nats by which the value is less likely than the belief alone makes the event
+    log: float = 0.0  # nats that holding it adds to the evidence of the event
 
-    def considered(self, after: Belief, information: NDArray[np.float64]) -> Belief:
-        """The belief after an event, by its `information` (m, m), where `after` is what it makes of the prior."""
+    def considered(self, after: Belief, information: Matrix) -> Belief:
+        """The belief after an event that includes how uncertain the held value is.
+
+        after: the prior updated by the event; information (m, m): of the event.
+        """
         if self.column is None:
             return after
-        toward = self.prior.information @ _but(self.by, self.column) - information[:, self.column]
-        moves = after.covariance @ _but(toward, self.column)
+        toward = self.prior.information @ _zeroed(self.by, self.column) - information[:, self.column]
+        moves = after.covariance @ _zeroed(toward, self.column)
         moves[self.column] = 1.0
         more = self.variance * np.outer(moves, moves)
         return Belief(after.mean, symmetric(after.covariance + more), symmetric(after.error_covariance + more))
 
 
-def nothing_held(belief: Belief) -> HeldBelief:
-    """A belief that is learned with as it is."""
-    return HeldBelief(belief, None, _NOWHERE)
-
-
 def held_at(belief: Belief, column: int, value: float, variance: float) -> HeldBelief:
-    """A belief with a column at a value, known with a variance that includes what the belief knows of it."""
+    """A belief with a column held at a value, whose variance includes what the belief says of it."""
     own = float(belief.covariance[column, column])
     by = belief.covariance[:, column] / own
     away = value - float(belief.mean[column])
@@ -149,8 +150,8 @@ def held_at(belief: Belief, column: int, value: float, variance: float) -> HeldB
     return HeldBelief(Belief(belief.mean + by * away, *parts), column, by, variance, log)
 
 
-def _but(values: NDArray[np.float64], column: int) -> NDArray[np.float64]:
-    """Values (m,), 0 in a column."""
+def _zeroed(values: Vector, column: int) -> Vector:
+    """Values (m,) with 0 in a column."""
     result = values.copy()
     result[column] = 0.0
     return result

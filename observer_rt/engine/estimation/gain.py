@@ -1,19 +1,19 @@
-"""Steady and starting gain of the identification system, from noise levels and sample rate."""
+"""Kalman gains of the identification system x~, from its start to the steady state, by noise levels."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.gain import solve_riccati
 from observer_rt.core.model.laws import lagged_slopes, recorded_mean
+from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.effective import Coefficients
 
 START_DURATION = 2e-3  # s, after which the gain is steady
-SHAPING = 3  # first-order lags that stand for the smoothing of the rail pressure
-SHAPE = 0.35  # time constant of each, in widths of the kernel: half the noise is left at the same frequency
+SHAPING = 3  # first-order lags that represent the smoothing of the rail pressure
+SHAPE = 0.35  # time constant of each, in widths of the kernel: both halve the noise at the same frequency
 START_FLOW_SIGMA = 1e-5  # m3/s (10 mm3/ms), of Q_L when x~ starts anew in a ringing line
 
 
@@ -27,7 +27,7 @@ class NoiseLevels:
 
     @property
     def implausible(self) -> tuple[str, ...]:
-        """Signals so noisy that a sensor is broken, or no opening of the needle would show; or without noise."""
+        """Names of signals without noise, or so noisy that a sensor is broken, or no opening of the needle shows."""
         return tuple(name for name, level in vars(self).items() if not 0.0 < level <= getattr(LARGEST_NOISE, name))
 
 
@@ -41,7 +41,7 @@ class GainSchedule:
     Row k is used k samples after the start, the last row from then on.
     """
 
-    gains: NDArray[np.float64]  # (n, states) on p_L, Q_L, indicated pressure, further states of the line
+    gains: Matrix  # (n, states) on p_L, Q_L, indicated pressure, further states of the line
     innovation_sigma: float  # steady standard deviation of e~ [p_0]
 
 
@@ -95,12 +95,8 @@ def gain_schedule(
 
 
 def _coloured(
-    transition: NDArray[np.float64],
-    rail_effect: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    variance: float,
-    kept: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    transition: Matrix, rail_effect: Matrix, covariance: Matrix, variance: float, kept: float
+) -> tuple[Matrix, Matrix, Matrix]:
     """Transition, process noise and start covariance with the states of the noise's shaping filter at the end.
 
     Equal first-order lags, one behind the other, `kept` of each from sample to sample; the last drives the line.
@@ -124,9 +120,7 @@ def _coloured(
     return moved, process, grown
 
 
-def _measurement(
-    c: Coefficients, size: int, interval: float, lag: float, late: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _measurement(c: Coefficients, size: int, interval: float, lag: float, late: float) -> tuple[Vector, Vector]:
     """Rows (size,) that make the measurement of the states at a sample, and of those one sample before.
 
     The last state is the indicated pressure; of an averaged line, the one before it the integral of p_L.

@@ -1,4 +1,4 @@
-"""Gates of a belief: scalars pay for being in the estimate."""
+"""Gates of a belief: a gated scalar is in the estimate only where it explains enough."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,19 +6,18 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.gating import search_subsets
 from observer_rt.core.learning.matrices import inverse_of
-from observer_rt.engine.estimation.belief import Belief, conditioned
+from observer_rt.engine.estimation.belief import Belief, Matrix, Vector, conditioned
 
-ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
-STAY = 6.25  # and (2.5 sigma) that keeps it active
-ALIKE = 60.0  # that activates one which looks like another that is active
+ENTER = 16.0  # gain of chi2 (4 sigma) from which on a scalar is active
+STAY = 6.25  # the same (2.5 sigma) of one that is active already
+ALIKE = 60.0  # the same of one that looks like another that is active
 
 
 class Alike(NamedTuple):
-    """Two columns, and how large the first is at least that looks like the other."""
+    """Two columns that one event may not tell apart, and the least value of the first that is carried on."""
 
     first: int
     other: int
@@ -29,8 +28,7 @@ class Alike(NamedTuple):
 class Gate:
     """Lowest values that the gated parameters may take, by column; held: columns that no event tells of.
 
-    alike: two that one event may not tell apart. While the first is active it stays at no price, and the other enters
-    at a high one, so that the next events are explained by either; it is carried on to them if it is large.
+    alike: while its first column is active, that stays at no price, and the other enters at a high one.
     """
 
     lowest: Mapping[int, float]
@@ -44,16 +42,12 @@ class Gate:
 
 
 def best_subset(
-    mean: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    gate: Gate,
-    active: frozenset[int],
-    carried: bool = False,
-) -> tuple[NDArray[np.float64], frozenset[int]]:
+    mean: Vector, covariance: Matrix, gate: Gate, active: frozenset[int], carried: bool = False
+) -> tuple[Vector, frozenset[int]]:
     """Parameters (m,) and active columns that maximise the likelihood less the price of the active scalars.
 
-    mean (m,) and covariance (m, m) are those of the joint belief; columns left out are 0. carried: they are for the
-    next event, no step of a fit. All subsets of the gated columns are tried.
+    mean (m,) and covariance (m, m) are those of the joint belief; columns left out are 0. carried: the result is
+    carried on to the next event, and is no step of a fit. All subsets of the gated columns are tried.
     Raises numpy.linalg.LinAlgError when singular.
     """
     columns, theta = np.array(gate.columns), np.empty_like(mean)
@@ -76,26 +70,26 @@ def best_subset(
 
 @dataclass(frozen=True, eq=False)
 class GatedBelief:
-    """A belief as the estimate has it in which the scalars that do not pay are 0; active: those that do."""
+    """A belief in which the gated scalars are 0 but for the `active` ones."""
 
     belief: Belief
     gate: Gate
     active: frozenset[int]
 
     @cached_property
-    def covariance(self) -> NDArray[np.float64]:
-        """Error covariance (m, m) of the free and active parameters as `best_subset` estimates them.
+    def covariance(self) -> Matrix:
+        """Error covariance (m, m) of the free and active parameters as `best_subset` estimates them; 0 of the others.
 
-        Where the belief's error covariance is its covariance, the result is the inverse of that part of the
-        information. Raises numpy.linalg.LinAlgError when singular.
+        If the belief's error covariance is its covariance, it is the inverse of their part of the information.
+        Raises numpy.linalg.LinAlgError when singular.
         """
         return self._by_joint @ self.belief.error_covariance @ self._by_joint.T
 
     @cached_property
-    def _by_joint(self) -> NDArray[np.float64]:
-        """Map (m, m) from the joint mean to the estimate: parameters left out are known to be 0.
+    def _by_joint(self) -> Matrix:
+        """Map (m, m) from the joint mean to the estimate: the scalars left out are known to be 0.
 
-        A held scalar keeps its value and conditions all others: leaving a scalar out tells nothing of it.
+        The others are conditioned on that and on the held scalars, which keep their values.
         """
         covariance, result = self.belief.covariance, np.eye(self.belief.mean.size)
         out = [column for column in self.gate.columns if column not in self.active]

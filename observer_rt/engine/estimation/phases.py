@@ -13,14 +13,14 @@ from observer_rt.core.learning import phases as core
 
 EDGE = 0.3e-3  # s after the needle leaves its seat, and before it is back on it
 AFTERGLOW = 0.05e-3  # s after it is shut that still count as closing
-BLOCKS = (8, 20)  # samples in a block; the means of blocks show what single samples hide
+BLOCKS = (8, 20)  # samples in a block; means of blocks show a colour that single samples hide
 _BLOCKS = np.array(BLOCKS)
-_FEWEST = 1e-300  # of samples or blocks, where there are any
+_FEWEST = 1e-300  # of samples or blocks, so that none is divided by 0
 Sums = TypeVar("Sums", float, NDArray[np.float64])
 
 
 class Phase(IntEnum):
-    """Phase of an event in which a sample lies."""
+    """Phase of an event to which a sample belongs."""
 
     STANDSTILL = core.STANDSTILL
     OPENING = core.OPENING
@@ -30,7 +30,7 @@ class Phase(IntEnum):
 
     @property
     def label(self) -> str:
-        """Its name in the documents of a fit."""
+        """Name of the phase in the documents of a fit."""
         return self.name.lower()
 
 
@@ -76,7 +76,7 @@ class PhaseStatistics:
         )
 
     def relative_to(self, variance: NDArray[np.float64], colour: NDArray[np.float64]) -> "PhaseStatistics":
-        """Statistics relative to ones that come to `variance` (PHASES,) and `colour` (PHASES, len(BLOCKS))."""
+        """Statistics with squares divided by `variance` (PHASES,) and `colour` (PHASES, len(BLOCKS))."""
         return PhaseStatistics(self.squares / variance, self.samples, self.block_squares / colour, self.blocks)
 
     @cached_property
@@ -87,7 +87,7 @@ class PhaseStatistics:
 
     @cached_property
     def deviates(self) -> NDArray[np.float64]:
-        """`deviate` of each, 0 without any."""
+        """`deviate` (PHASES, 1 + len(BLOCKS)) of the same sums; 0 without any."""
         sums, counts = self._sums
         return np.where(counts > 0.0, deviate(sums, np.maximum(counts, _FEWEST)), 0.0)
 
@@ -135,7 +135,7 @@ def phase_statistics(
 ) -> PhaseStatistics:
     """Statistics of innovations (n,) with standard deviation `sigma`, from sample `first` on.
 
-    left_out: samples that are passed over; limit: on the size of an innovation, in units of sigma.
+    left_out (n,): samples that do not count, None: all count; limit: size in sigma to which innovations are clipped.
     """
     result = no_statistics()
     if left_out is None:
@@ -162,7 +162,7 @@ def _capped(sums: NDArray[np.float64], deviate: float, count: NDArray[np.float64
 
 
 def deviate(total: Sums, count: Sums) -> Sums:
-    """Normal deviate as improbable as a sum `total` of `count` squares, some, of standard normal numbers.
+    """Normal deviate as improbable as `total`, the sum of `count` > 0 squares of standard normal numbers.
 
     By the cube root of Wilson and Hilferty (1931), Proc. Natl. Acad. Sci. 17, 684.
     """

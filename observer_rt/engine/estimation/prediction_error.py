@@ -1,6 +1,6 @@
-"""The cost of prediction-error learning: innovations of one event whitened, and robustly weighted.
+"""The cost of prediction-error learning: innovations of one event, whitened and robustly weighted.
 
-What makes coloured innovations white: a high pass that takes the slow part away, an autoregressive filter.
+A high pass, which takes their slow part away, and an autoregressive filter make coloured innovations white.
 """
 
 import math
@@ -27,26 +27,26 @@ from observer_rt.engine.estimation.shot_delays import JITTER_SIZE, ShotDelays
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.baseline import HealthyShape
 
-ANSWERS = 4  # runs of an event at most, until its shots are as late as explains most
-MOST_JITTER, NEAR_JITTER = 3.0, 0.3  # standard deviations: of a move between two runs, and of one that slopes tell
+MOST_RUNS = 4  # of an event, until its shots are as late as explains most
+MOST_JITTER, NEAR_JITTER = 3.0, 0.3  # standard deviations: largest move between two runs, and largest linear one
 NONE_MASKED = np.empty(0, np.bool_)
 OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
-INFORMED = 1e-2  # of the belief's information: a direction of which an event says less does not count
+INFORMED = 1e-2  # share of the belief's information, below which an event says nothing in a direction
 _OFFSET, _GAIN = int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN)
 
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
-    """(1 - z)/(1 - theta z) (1 + a_1 z + .. + a_p z^p), z the delay of one sample."""
+    """The filter (1 - z)/(1 - theta z) (1 + a_1 z + .. + a_p z^p), z the delay of one sample."""
 
     forgetting: float | None  # theta; None: no high pass
     taps: NDArray[np.float64]  # a (p,)
 
     def of(self, values: NDArray[np.float64], masked: NDArray[np.bool_] = NONE_MASKED) -> NDArray[np.float64]:
-        """Innovations (n,) or their slopes (n, m), whitened: linear, and alike for both.
+        """Innovations (n,) or their slopes (n, m), whitened; the filter is linear, and the same for both.
 
-        The first value does not count, as that of innovations does not, and becomes 0. masked: (n,) where there is
-        no value, or (0,): one as it is expected there is taken, and 0 comes out until all taps lie on values again.
+        The first value becomes 0, as that of innovations is. masked: (n,) where there is no value, or (0,): the value
+        that is expected there is taken, and 0 comes out until all taps lie on values again.
         """
         columns = values.reshape(values.shape[0], -1)
         result = np.empty_like(columns)
@@ -80,21 +80,20 @@ class Linearisation:
         return self.value + float(self.gradient @ step) + 0.5 * float(step @ self.information @ step)
 
     def moved(self, theta: NDArray[np.float64], value: float) -> "Linearisation":
-        """Quadratic approximation expanded round another theta (m,), where the cost was found to be `value`."""
+        """Quadratic approximation expanded round another theta (m,), where the cost is `value`."""
         gradient = self.gradient + self.information @ (theta - self.theta)
         return Linearisation(theta, value, gradient, self.information)
 
     def tempered(self, factor: float) -> "Linearisation":
         """Linearisation of the cost divided by a factor."""
-        value, gradient, information = self.value / factor, self.gradient / factor, self.information / factor
-        return Linearisation(self.theta, value, gradient, information)
+        return Linearisation(self.theta, self.value / factor, self.gradient / factor, self.information / factor)
 
     def score(self, covariance: NDArray[np.float64]) -> float:
         """Score test of a belief with this covariance (m, m) and its mean here: chi2 over its degrees of freedom.
 
-        Its mean is 1 when the belief is right. Only directions that the event informs count as degrees of freedom:
-        parameters that it cannot separate, or does not touch, add none, and make nothing singular. The sensor's
-        gain, which is held, is left out.
+        The expected value is 1 when the belief is right. Only directions that the event informs count as degrees of
+        freedom: parameters that it cannot separate, or does not touch, add none. The sensor's gain, which is held,
+        is left out.
         """
         tested = np.arange(covariance.shape[0]) != _GAIN
         before, _ = inverse_of(covariance[tested][:, tested])
@@ -108,10 +107,10 @@ class Linearisation:
 class EventCost:
     """J(theta) = robust sum of (e~/sigma)^2 / 2 over one event.
 
-    Innovations of the first `burn_in` samples do not count: x~ started from another theta. Coloured ones and their
-    slopes go through a filter first; what a high pass in it hides, the sensor's offset, is then what it was at rest.
-    Noisier ones count as white ones do that are smaller. On a line of cells means over `Line.resolved` count, as they
-    do in a fit: what cells make of shorter waves would be made up for by the nozzle.
+    Innovations of the first `burn_in` samples do not count: x~ started with another theta. Coloured ones and their
+    slopes are whitened first; a high pass hides the sensor's offset, so the offset at rest is counted beside them.
+    Innovations of noisier samples are divided by their level. On a line of cells means over its `resolved` count, as
+    in a fit: else the nozzle would make up for what cells do to shorter waves.
     """
 
     def __init__(
@@ -126,11 +125,11 @@ class EventCost:
         temper: float = 1.0,
         shape: HealthyShape | None = None,
     ) -> None:
-        """sigma: standard deviation of white innovations, in units of p_0; whitening: None if they are white.
+        """sigma: standard deviation of white innovations [p_0]; whitening: of coloured ones, None if they are white.
 
-        offset: line over rail pressure at rest [p_0] on the mean, None where there was none; levels: (n,) by what
-        samples are noisier than sigma, None: all are as noisy; temper: J is divided by it;
-        shape: mean innovation of the healthy injector, which is taken out, None: 0.
+        offset: mean of line over rail pressure at rest [p_0], None if no rest was seen; levels: (n,) factors by which
+        samples are noisier than sigma, None: 1; temper: divisor of J; shape: mean innovation of the healthy injector,
+        which is taken out, None: 0.
         """
         self._window = window
         self._setting = setting
@@ -150,17 +149,17 @@ class EventCost:
             self._expected = expected_in(shape, window, setting.coefficients, setting.interval)
         self._together: int = max(1, round(setting.coefficients.line.resolved / setting.interval))
         self.slopes = self.unfiltered_slopes = NO_SLOPES
-        """(n, m) of the innovations, and with the colour of the noise, where J was last linearised."""
+        """Slopes (n, m) of the innovations, whitened and as they are, where J was last linearised."""
         self.unfiltered = self.innovations = NO_RATE
         self.columns = EVERY
-        """Of theta, that slopes are by; those by others are 0."""
+        """Columns of theta by which slopes are computed; the others are 0."""
         self.jitter = np.zeros(window.shot_columns)
         """Delays of the shots beyond those of theta, (2 shots,) in standard deviations, that explain most."""
         self.delays: ShotDelays | None = None
-        """They, where J was last linearised, of a needle that answers commands."""
+        """Delays of the shots where J was last linearised; None where the lift is recorded, or J is not finite."""
 
     def without_laws(self) -> "EventCost":
-        """The cost with no law of nozzle and seat to be learned, and shots that are not late."""
+        """A copy of the cost in which slopes by the network's weights are 0, and no shot is late."""
         lawless = copy(self)
         lawless.columns, lawless.jitter = LAWLESS, np.zeros_like(self.jitter)
         return lawless
@@ -170,15 +169,15 @@ class EventCost:
         """Number of squares that J sums."""
         return (self._window.output.size - self.burn_in) // self._together
 
-    def of_offset(self, theta: NDArray[np.float64]) -> float:
-        """Part of J, before it is divided, by the line over the rail pressure at rest."""
-        return 0.5 * self._offset_weight * self._beside_rest(theta) ** 2
+    def offset_cost(self, theta: NDArray[np.float64]) -> float:
+        """Part of J, before it is divided by `temper`, of line over rail pressure at rest by theta (m,)."""
+        return 0.5 * self._offset_weight * self._offset_error(theta) ** 2
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
         self.unfiltered = np.empty(self._window.output.size)
         if self.jitter.size:
-            self._answer(theta)
+            self._settle_shots(theta)
         else:
             learned = learned_of(theta, self._setting.coefficients)
             innovations(self._window, self._setting, learned, self.unfiltered)
@@ -197,25 +196,25 @@ class EventCost:
         value = self._cost(theta)
         by_offset = np.zeros(theta.size)
         by_offset[_OFFSET], by_offset[_GAIN] = 1.0, self._rail_pressure
-        gradient += self._offset_weight * self._beside_rest(theta) * by_offset
+        gradient += self._offset_weight * self._offset_error(theta) * by_offset
         information += self._offset_weight * np.outer(by_offset, by_offset)
         return Linearisation(theta, value, gradient / self.temper, information / self.temper)
 
     def whitened(self, values: NDArray[np.float64], masked: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
-        """Innovations (n,), or slopes of them (n, m), as they count in J; masked: None, as in the event."""
+        """Innovations (n,), or slopes of them (n, m), as they count in J; masked: (n,), None: as in the event."""
         if self._whitening is not None:
             values = self._whitening.of(values, self._window.masked if masked is None else masked)
         if self._levels is None:
             return values
         return values / (self._levels if values.ndim == 1 else self._levels[:, None])
 
-    def _beside_rest(self, theta: NDArray[np.float64]) -> float:
-        """Line over rail pressure [p_0] at rest by theta (m,), over what it was."""
+    def _offset_error(self, theta: NDArray[np.float64]) -> float:
+        """Line over rail pressure at rest by theta (m,), less the measured one [p_0]."""
         return float(theta[_OFFSET] + theta[_GAIN] * self._rail_pressure) - self._offset
 
     def _cost(self, theta: NDArray[np.float64]) -> float:
         cost = robust_cost(self.innovations, self.burn_in, self.sigma, self._together)
-        cost += self.of_offset(theta) + 0.5 * float(self.jitter @ self.jitter)
+        cost += self.offset_cost(theta) + 0.5 * float(self.jitter @ self.jitter)
         return cost / self.temper if math.isfinite(cost) else math.inf
 
     def _whiten(self) -> None:
@@ -224,13 +223,13 @@ class EventCost:
         self.innovations = self.whitened(self.unfiltered)
 
     def _follow(self, theta: NDArray[np.float64]) -> None:
-        """Follow the event with theta (m,) and slopes by it, its shots as late as explains most."""
+        """Run the event with theta (m,) and its slopes, the shots as late as explains most."""
         self.unfiltered, self.delays = np.empty(self._window.output.size), None
         slopes, is_near = self._slopes(theta, self.columns), True
         if self.jitter.size:
             self.delays, is_near = self._move_shots(slopes[:, self.columns.size :])
         if not is_near:
-            self._answer(theta)
+            self._settle_shots(theta)
             slopes = self._slopes(theta, self.columns)
             self.delays, _ = self._move_shots(slopes[:, self.columns.size :])
         self.unfiltered_slopes = np.zeros((self.unfiltered.size, theta.size))
@@ -241,15 +240,15 @@ class EventCost:
             self.slopes = self.slopes + self.delays.slopes @ by_theta
             self.delays = self.delays._replace(theta=theta, likeliest=self.jitter, by_theta=by_theta)
 
-    def _answer(self, theta: NDArray[np.float64]) -> None:
-        """Follow the event with theta (m,), its shots as late as explains most."""
-        for _ in range(ANSWERS):
+    def _settle_shots(self, theta: NDArray[np.float64]) -> None:
+        """Run the event with theta (m,) until its shots are as late as explains most, at most `MOST_RUNS` times."""
+        for _ in range(MOST_RUNS):
             slopes = self._slopes(theta, NEEDLE_LAW.columns)
             if self._move_shots(slopes[:, NEEDLE_NUMBERS:])[1]:
                 return
 
     def _slopes(self, theta: NDArray[np.float64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Follow the event with theta (m,), its shots as late as they are; slopes by columns (k,) and delays."""
+        """Run the event with theta (m,) and the delays as they are; slopes by columns (k,) of theta and by delays."""
         window = self._window.with_jitter(self.jitter * NEEDLE_JITTER, self._setting.interval)
         slopes = np.empty((self.unfiltered.size, columns.size + self.jitter.size))
         innovations_with_sensitivity(window, self._setting, theta, self.unfiltered, slopes, columns)
@@ -264,8 +263,8 @@ class EventCost:
     def _move_shots(self, by_shots: NDArray[np.float64]) -> tuple[ShotDelays | None, bool]:
         """One Gauss-Newton step of the shots' delays, by slopes (n, k) of the innovations.
 
-        Returns them, None where an innovation is not finite, and whether the step was small enough to be linear:
-        then the innovations go along.
+        Returns the delays, None where an innovation is not finite, and whether the step was small enough to be
+        linear: then the innovations have been moved along.
         """
         if not np.isfinite(self.innovations).all():
             return None, True

@@ -1,4 +1,4 @@
-"""Predictors over an event: the identification system x~ with its innovations, and the observer x^ open loop."""
+"""Predictors over the window of an event: x~ with its innovations and their slopes, and x^ in open loop."""
 
 import math
 from collections.abc import Iterator
@@ -21,9 +21,9 @@ NO_RATE = np.empty(0)
 NO_COMMANDS = NO_KNOTS = np.empty((0, 2))
 NO_SLOPES = np.empty((0, 0))
 NO_NEEDLE, NO_SHOTS = np.empty((0, NEEDLE_NUMBERS)), np.empty(0, np.int64)
-DELAY_STEP = 2.5e-6  # s, either way, by which the lift is moved for a slope
+DELAY_STEP = 2.5e-6  # s, forward and back, by which the lift is moved for a slope
 SETTLE = 3e-3  # s of a shut needle, after which the sac is certainly at rest
-DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
+DRAINING = 0.2e-3  # s of a shut needle, after which the sac is certainly drained
 
 
 class Window(NamedTuple):
@@ -43,12 +43,12 @@ class Window(NamedTuple):
     shots: NDArray[np.int64] = NO_SHOTS  # (n,) numbers of the commands; (0,): none
 
     def until(self, end: int) -> "Window":
-        """Cuts the window to its first `end` samples; the inputs go on, for a pilot valve is ahead of the lift."""
+        """The first `end` samples of the window; its inputs go on, for a pilot valve is ahead of the lift."""
         sampled = ("output", "resting", "masked")
         return self._replace(**{name: getattr(self, name)[:end] for name in sampled})
 
     def as_learned(self, learned: LearnedModel, setting: "Setting") -> "Window":
-        """The window with the needle as it was learned: by commands, or by its recorded lift, which may be late."""
+        """The window with the needle as learned: its answer to commands, or its recorded lift, which may be late."""
         if self.needle is None:
             return self.with_lift_earlier(learned.lift_delay / setting.interval)
         c, inputs, interval = setting.coefficients, self.inputs.copy(), setting.interval
@@ -71,7 +71,7 @@ class Window(NamedTuple):
         )
 
     def strokes(self, learned: LearnedModel, setting: "Setting") -> Iterator[NeedleStroke | None]:
-        """Of each command [s], from the first sample on, by the needle as it was learned; None: it does not lift."""
+        """Stroke of the needle as learned at each command, in s from the first sample on; None: it does not lift."""
         if self.needle is None:
             return
         spans = zip(*(setting.interval * self.commands).T, self._pressures(setting.coefficients), strict=True)
@@ -80,21 +80,21 @@ class Window(NamedTuple):
             yield None if answer is None else NeedleStroke(**answer)
 
     def _pressures(self, c: Coefficients) -> NDArray[np.float64]:
-        """Of the rail at each command (k,), over 100 MPa."""
+        """Rail pressures (k,) at the commands, in units of 100 MPa."""
         begun = np.clip(self.commands[:, 0], 0, len(self.inputs) - 1).astype(np.int64)
         return np.asarray((self.inputs[begun, 0] * c.pressure_scale + c.chamber_pressure) / CONTROL_REFERENCE)
 
     @property
     def shot_columns(self) -> int:
-        """Columns by the delays of every shot, of a needle that answers commands."""
+        """Number of columns of slopes by delays of shots: two for each command that a needle answers, else 0."""
         return 0 if self.needle is None else 2 * len(self.commands)
 
     def with_jitter(self, jitter: NDArray[np.float64], interval: float) -> "Window":
-        """The window whose shots answer so much later (2 shots,) [s], by both delays of each."""
+        """The window with shots that open and close later by `jitter` (2 shots,) [s]: two delays of each."""
         return self if not jitter.size else self._replace(commands=self.commands + jitter.reshape(-1, 2) / interval)
 
     def with_lift_earlier(self, samples: float) -> "Window":
-        """The window with its lift so many samples earlier, on straight lines between samples and knots."""
+        """The window with its lift earlier by so many samples, interpolated linearly between samples and knots."""
         if samples == 0.0:
             return self
         inputs, knots = move_lift(self.inputs, self.knots, samples)
@@ -108,7 +108,7 @@ class Window(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """Constants while parameters are sought."""
+    """Constants of a predictor while parameters are fitted."""
 
     interval: float  # of the samples [s]
     substeps: int  # of an interval
@@ -118,22 +118,22 @@ class Setting(NamedTuple):
     lag: float = 0.0  # [s] of the sensor in force, to which a learned one is added
     offset: float = 0.0  # [p_0] likewise
     program: NDArray[np.float64] = NO_PROGRAM  # terms in force
-    rail_share: float = 0.0  # part of the sensors' gain that is expected to be the rail sensor's, negative
+    rail_share: float = 0.0  # as of `StatedAccuracy`
 
 
 class Gradient(NamedTuple):
-    """Carrier of the filtered gradient d e~/d theta; all but the state's tangent as wide as that is."""
+    """Memory of the filtered gradient d e~/d theta; all arrays have as many columns as the state's tangent."""
 
     tangent: Tangent
     offset: int  # column of theta that is the offset of the line-pressure sensor
-    sensor: NDArray[np.float64]  # (SENSOR_NUMBERS, m), of the numbers of its law
-    before: NDArray[np.float64]  # of p_L one sample before
-    indicated: NDArray[np.float64]
-    error: NDArray[np.float64]  # of the innovation
+    sensor: NDArray[np.float64]  # (SENSOR_NUMBERS, m) of the numbers of the sensor's law
+    before: NDArray[np.float64]  # (m,) of p_L one sample before
+    indicated: NDArray[np.float64]  # (m,) of the indicated pressure
+    error: NDArray[np.float64]  # (m,) of the innovation
 
 
 def gradient_of(acting: ByTheta, c: Coefficients, columns: int, is_commanded: bool = False) -> Gradient:
-    """A gradient of 0, at least so many columns wide, for a theta that acts so on the model `c`.
+    """A gradient of 0 with at least so many columns, for a theta whose action on the model `c` is `acting`.
 
     is_commanded: the needle answers commands.
     """
@@ -160,9 +160,9 @@ def innovations_with_sensitivity(
 ) -> None:
     """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, k): the filtered gradient.
 
-    columns (k,): of theta, those of a needle that answers commands among them. The derivative by the delay of the
-    lift is a difference: the lift has corners between the samples. Behind those of theta slopes has the window's
-    `shot_columns`.
+    columns (k,): of theta; those of the needle are among them where it answers commands. The derivative by the delay
+    of the lift is a difference quotient, for the lift has corners between samples. The last columns of `slopes` are
+    the window's `shot_columns`.
     """
     c, extra = setting.coefficients, window.shot_columns
     learned, acting = learned_of(theta, c), by_theta(theta, c, columns, extra // 2)
@@ -178,17 +178,14 @@ def innovations_with_sensitivity(
 
 
 class OpenLoop(NamedTuple):
-    """x^ over a window of n samples: it follows x~ up to the opening, and runs open loop from there.
-
-    All are 0 where nothing flows.
-    """
+    """x^ over a window of n samples: it is x~ up to the opening, and open loop from there; all 0 without flow."""
 
     rate: NDArray[np.float64]  # (n,) Q_H^ [m3/s]
     slopes: NDArray[np.float64]  # (n, m) of the rate by theta
     gradient: NDArray[np.float64]  # (n, states + 1) of the rate by x and A_S [m3/s]
     transition: NDArray[np.float64]  # (k, states, states) of x by x one sample before, until the sac is drained
-    relaxation: NDArray[np.float64]  # (n,) rate [1/s] at which p_S goes where the needle leads it
-    by_area: NDArray[np.float64]  # (n,) dp_S/dA_S there, normalised by (24)
+    relaxation: NDArray[np.float64]  # (n,) rate [1/s] at which p_S approaches its steady value
+    by_area: NDArray[np.float64]  # (n,) slope of that value by A_S, normalised by (24)
     fullness: NDArray[np.float64]  # (n,) p_S over p_L
 
 
@@ -223,20 +220,20 @@ def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> O
 
 
 def level_of(theta: NDArray[np.float64], setting: Setting) -> float:
-    """Factor on flows with theta (m,), which are reckoned in the rail sensor's units."""
+    """Factor on flows with theta (m,), which are computed in the rail sensor's units."""
     return 1.0 + setting.rail_share * float(theta[Parameter.LINE_PRESSURE_GAIN])
 
 
 @dataclass(frozen=True)
 class InputVariance:
-    """Variances by input noise alone, both (n,): of the rate [m6/s2], of the volume since the last opening [m6]."""
+    """Variances (n,) by input noise alone: of the rate [m6/s2], and of the volume since the last opening [m6]."""
 
     rate: NDArray[np.float64]
     volume: NDArray[np.float64]
 
 
 def input_variance(window: Window, run: OpenLoop, setting: Setting, noise: NoiseLevels) -> InputVariance:
-    """Variance by noise of lift and rail pressure, and of x~ at the opening, through `run` over the window."""
+    """Variances by noise of lift and rail pressure, and of x~ at the opening, through `run` over the window."""
     n = window.output.shape[0]
     result = InputVariance(np.zeros(n), np.zeros(n))
     c = setting.coefficients

@@ -1,4 +1,4 @@
-"""Table of theta, a row for every kind of parameter: columns, prior, law on the model, how it is shown."""
+"""Table of theta, a row for each kind of parameter: its columns, prior, law on the model, and how it is shown."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -37,13 +37,13 @@ Theta = NDArray[np.float64]
 NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset"
 """Indicators that have a place of their own in tables and frames."""
 
-EXACTLY = 1e-6  # standard deviation of a gain that is none
-GAIN_DRIFT = 1e-3  # from event to event, of the gain's prior
-WEIGHT_DRIFT = 0.002  # of their prior: drift of the network's weights
+EXACTLY = 1e-6  # standard deviation of the gain of sensors that are stated to be exact
+GAIN_DRIFT = 1e-3  # drift of the gain from event to event, over its prior
+WEIGHT_DRIFT = 0.002  # drift of the network's weights from event to event, over their prior
 _TINY = 1e-100  # step of a complex derivative, which loses nothing by being small
 
-_several = lru_cache(maxsize=8, typed=True)
-"""An event is gone over several times, most find the same line; lines of two kinds may have equal coefficients."""
+_cached = lru_cache(maxsize=8, typed=True)
+"""Cache, for an event is run several times, mostly with the same line; typed, for lines of two kinds may be equal."""
 
 
 class Parameter(IntEnum):
@@ -96,16 +96,16 @@ class ScalarUnit(Enum):
     LENGTH = "m"  # .. in `LIFT_UNIT`
 
     def unit(self, pressure_scale: float) -> float:
-        """Size of theta = 1; pressure_scale p_0 [Pa]."""
+        """SI size of theta = 1; pressure_scale p_0 [Pa]."""
         units = (ScalarUnit.PRESSURE, pressure_scale), (ScalarUnit.TIME, LAG_UNIT), (ScalarUnit.LENGTH, LIFT_UNIT)
         return dict(units).get(self, 1.0)
 
 
 @dataclass(frozen=True)
 class ShownIndicator:
-    """Indicator that shows a parameter."""
+    """Indicator by which a parameter is reported."""
 
-    effect: str  # that it stands for, and its name among indicators
+    effect: str  # id of the effect that it stands for, its name among indicators
     si: Callable[[Coefficients], float] = lambda _: 1.0  # size of theta = 1 in SI
     key: str = ""  # in JSON, unless that is the effect
     label: str = ""  # on the screen, beside the rate
@@ -133,12 +133,12 @@ class Scalar:
     columns: int = 1
     shown: ShownIndicator | None = None
     change: Callable[[Any, Any], Any] | None = None  # law: the line with it; None: neither line's nor guide's
-    turn: int = 1  # laws of a lower one act first, those of the same in the order of the rows
+    turn: int = 1  # laws act by rising turn, those of one turn in the order of the rows
     element: Element | None = None  # its law has the columns as its numbers, in the order of the rows
 
 
 class Numbers(NamedTuple):
-    """Columns of theta that are the numbers of an element's law, and the sizes of theta = 1, of pressures in p_0."""
+    """Columns of theta that are the numbers of an element's law, and SI sizes of theta = 1, of pressures in p_0."""
 
     columns: NDArray[np.int64]
     sizes: NDArray[np.float64]
@@ -171,7 +171,7 @@ class Scalars:
 
     @cached_property
     def laws(self) -> tuple[tuple[int, Callable[[Any, Any], Any]], ...]:
-        """Columns and laws of line and guide, in the order in which they change the line."""
+        """Columns and laws of line and guide, in the order in which they act."""
         rows = sorted(self.rows, key=attrgetter("turn"))
         return tuple((row.column, row.change) for row in rows if row.change is not None)
 
@@ -189,7 +189,7 @@ class Scalars:
         return self._vector(attrgetter("drift"), pressure_scale)
 
     def longest_step(self, pressure_scale: float) -> NDArray[np.float64]:
-        """Longest step (m,) of one iteration."""
+        """Longest steps of one iteration."""
         return self._vector(attrgetter("longest_step"), pressure_scale)
 
     def bounds(self, pressure_scale: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -199,7 +199,7 @@ class Scalars:
 
     @cached_property
     def gate(self) -> Gate:
-        """The columns that must pay for being active."""
+        """Gate of the columns that must explain enough to be active."""
         lowest = {
             row.column + i: row.gated_from
             for row in sorted(self.rows, key=attrgetter("column"))
@@ -213,7 +213,7 @@ class Scalars:
         return ((row.column, row.shown) for row in self.rows if row.shown is not None)
 
     def numbers(self, element: Element) -> Numbers:
-        """Numbers of an element's law, as many as the core has of it."""
+        """Numbers of an element's law, in the order in which the core has them."""
         numbers = [(row.column + i, row) for row in self.rows if row.element is element for i in range(row.columns)]
         columns, rows = zip(*numbers, strict=True)
         return Numbers(np.array(columns), np.array([row.counted.unit(1.0) for row in rows]))
@@ -233,8 +233,8 @@ def _control_flow(c: Coefficients) -> float:
     return c.flow_scale * math.sqrt(CONTROL_REFERENCE / c.pressure_scale)
 
 
-def _later(effect: str, label: str) -> ShownIndicator:
-    """A delay."""
+def _delay(effect: str, label: str) -> ShownIndicator:
+    """Indicator of a delay, in s in JSON and in us on the screen."""
     return ShownIndicator(effect, lambda _: LAG_UNIT, label=label, unit=("s", 1.0), screen_unit=("us", MICROSECOND))
 
 
@@ -273,7 +273,7 @@ SCALARS = Scalars((
                                                  label="line pressure sensor offset", unit=("MPa", MEGAPASCAL))),
     Scalar("lag", Parameter.SENSOR_LAG, prior=35e-6, drift=0.1e-6, longest_step=25e-6, bounds=(0.0, 0.5e-3),
            counted=ScalarUnit.TIME, gated_from=0.0, element=Element.SENSOR,
-           shown=_later("line_pressure_sensor_lag", "line pressure sensor lag")),
+           shown=_delay("line_pressure_sensor_lag", "line pressure sensor lag")),
     # Prior and drift are those of sensors without any, a bench's take their place.
     Scalar("gain", Parameter.LINE_PRESSURE_GAIN, prior=EXACTLY, drift=GAIN_DRIFT * EXACTLY, longest_step=0.02,
            bounds=(-0.1, 0.1), held=True, element=Element.SENSOR),
@@ -303,16 +303,16 @@ SCALARS = Scalars((
            change=lambda line, a: line._replace(displaced=line.displaced + line.a1 * a)),
     # It does not drift: an event that shows another one moves it, and no other.
     Scalar("lift_delay", Parameter.LIFT_DELAY, prior=1e-10, drift=0.0, longest_step=30e-6, bounds=(-0.2e-3, 0.2e-3),
-           counted=ScalarUnit.TIME, shown=_later("needle_lift_sensor_lag", "needle lift late by")),
+           counted=ScalarUnit.TIME, shown=_delay("needle_lift_sensor_lag", "needle lift late by")),
     # Of the needle of a bench without its lift; they jitter from shot to shot.
     Scalar("opening_delay", Parameter.OPENING_DELAY, prior=70e-6, drift=1e-6, longest_step=40e-6,
            bounds=(-0.3e-3, 0.4e-3), counted=ScalarUnit.TIME, element=Element.NEEDLE,
-           shown=_later("needle_opens_later", "needle opens later by")),
+           shown=_delay("needle_opens_later", "needle opens later by")),
     Scalar("opening_speed", Parameter.OPENING_SPEED, prior=0.17, drift=2e-3, longest_step=0.2, bounds=(-1.0, 1.0),
            element=Element.NEEDLE, shown=ShownIndicator("needle_opens_faster", label="needle opens faster, ln v")),
     Scalar("closing_delay", Parameter.CLOSING_DELAY, prior=110e-6, drift=1e-6, longest_step=40e-6,
            bounds=(-0.3e-3, 0.5e-3), counted=ScalarUnit.TIME, element=Element.NEEDLE,
-           shown=_later("needle_closes_later", "needle closes later by")),
+           shown=_delay("needle_closes_later", "needle closes later by")),
     Scalar("closing_speed", Parameter.CLOSING_SPEED, prior=0.17, drift=2e-3, longest_step=0.2, bounds=(-1.0, 1.0),
            element=Element.NEEDLE, shown=ShownIndicator("needle_closes_faster", label="needle closes faster, ln v")),
     Scalar("landing_bounce", Parameter.LANDING_BOUNCE, prior=15e-6, drift=0.2e-6, longest_step=20e-6,
@@ -334,7 +334,7 @@ EVERY = np.arange(PARAMETERS)
 
 
 def with_gain(vector: NDArray[np.float64], gain: float) -> NDArray[np.float64]:
-    """A vector (m,) with the gain of the line-pressure sensor of a bench, where it has one."""
+    """The vector (m,) itself, its entry for the line-pressure sensor's gain raised in place to `gain` at least."""
     vector[Parameter.LINE_PRESSURE_GAIN] = max(vector[Parameter.LINE_PRESSURE_GAIN], gain)
     return vector
 
@@ -345,38 +345,28 @@ WEIGHTS = np.delete(
 )
 """Columns of the network's weights, in the order of its neurons."""
 LAWLESS = np.setdiff1d(EVERY, WEIGHTS)
-"""All others."""
-_PLACED = (
-    "nozzle_bias",
-    "nozzle_weight",
-    "seat_bias",
-    "seat_weight",
-    "nozzle",
-    "valve",
-    "needle",
-    "sensor",
-    "offset",
-)
+"""Columns of all other parameters, without laws of nozzle and seat."""
+_PLACED = "nozzle_bias", "nozzle_weight", "seat_bias", "seat_weight", "nozzle", "valve", "needle", "sensor", "offset"
 
 
 class LearnedModel(NamedTuple):
-    """theta taken apart: phi's network, the coefficients with the line's terms, sensor offset [p_0] and numbers."""
+    """Meaning of theta: phi's network, the changed coefficients, the sensor's offset [p_0] and law, the needle."""
 
     network: Network
     coefficients: Coefficients
     offset: float
     sensor: NDArray[np.float64]  # (SENSOR_NUMBERS,): lag [s], gain over the rail sensor's
-    lift_delay: float = 0.0  # s, by which the lift is recorded late; x^ and x~ of the running engine do without
-    needle: NDArray[np.float64] = np.zeros(NEEDLE_NUMBERS)  # (NEEDLE_NUMBERS,), where its lift is not recorded
+    lift_delay: float = 0.0  # s, by which the lift is recorded late; the stream does not undo it
+    needle: NDArray[np.float64] = np.zeros(NEEDLE_NUMBERS)  # (NEEDLE_NUMBERS,) of its law, if no lift is recorded
 
 
 def nothing_learned(c: Coefficients) -> LearnedModel:
-    """Meaning of theta = 0: the model in force as it is."""
+    """Meaning of theta = 0: the model in force, unchanged."""
     return LearnedModel(constant_network(), c, 0.0, np.zeros(SENSOR_NUMBERS))
 
 
 def learned_of(theta: NDArray[np.float64], c: Coefficients) -> LearnedModel:
-    """Meaning of a parameter vector (m,) by its table on a model without it; nobody changes its arrays."""
+    """Meaning of a parameter vector (m,) on a model without it; cached: no caller may write into its arrays."""
     return _meaning(theta.tobytes(), c.line, c)
 
 
@@ -396,10 +386,9 @@ def network_of(theta: NDArray[np.float64]) -> Network:
 def by_theta(
     theta: NDArray[np.float64], c: Coefficients, columns: NDArray[np.int64] = EVERY, shots: int = 0
 ) -> ByTheta:
-    """Action of theta (m,) on a model without it: where the network's parameters stand, the line's slopes.
+    """Action of theta (m,) on a model without it: columns of the parameters, and slopes of the line by complex steps.
 
-    The slopes are those of the laws themselves, by complex steps. columns: those of theta that are wanted, which come
-    first; shots: of an event, whose delays follow them.
+    columns (k,): of theta, by which a tangent is wanted: its first ones; shots: of an event, whose delays come next.
     """
     acting, elsewhere = _by_values(c.line, SCALARS.of_line(theta)), columns.size + 2 * shots
     column, wanted = np.full(PARAMETERS, elsewhere), np.isin(acting.line_columns, columns)
@@ -416,7 +405,7 @@ def by_theta(
     )
 
 
-@_several
+@_cached
 def _meaning(content: bytes, line: Any, c: Coefficients) -> LearnedModel:
     theta = np.frombuffer(content)
     valve = Valve(*(np.array(c.valve) + np.append(VALVE_LAW.of(theta), 0.0)).tolist())
@@ -431,8 +420,9 @@ def _meaning(content: bytes, line: Any, c: Coefficients) -> LearnedModel:
     )
 
 
-@_several
+@_cached
 def _by_values(line: Any, values: tuple[float, ...]) -> ByTheta:
+    """Action of all columns of theta on a line, by its entries in the order of `SCALARS.laws`."""
     entries: list[tuple[int, int, float]] = []
     for row, (column, _) in enumerate(SCALARS.laws):
         stepped = (*values[:row], complex(values[row], _TINY), *values[row + 1 :])
@@ -442,30 +432,31 @@ def _by_values(line: Any, values: tuple[float, ...]) -> ByTheta:
                 entries.append((column, number, slope))
     columns, numbers, slopes = zip(*entries, strict=True)
     return ByTheta(
-        _NOZZLE,
-        int(Parameter.NOZZLE_WEIGHT),
-        _SEAT,
-        int(Parameter.SEAT_WEIGHT),
-        NEURONS,
-        BASIS,
-        NOZZLE_LAW.columns,
-        VALVE_LAW.columns,
-        VALVE_LAW.sizes,
-        NEEDLE_LAW.columns,
-        NEEDLE_LAW.sizes,
-        0,
-        PARAMETERS,
-        SENSOR_LAW.columns,
-        int(Parameter.LINE_PRESSURE_OFFSET),
-        np.array(columns, np.int64),
-        np.array(numbers, np.int64),
-        np.array(slopes, np.float64),
-        PARAMETERS,
+        nozzle_bias=_NOZZLE,
+        nozzle_weight=int(Parameter.NOZZLE_WEIGHT),
+        seat_bias=_SEAT,
+        seat_weight=int(Parameter.SEAT_WEIGHT),
+        neurons=NEURONS,
+        basis=BASIS,
+        nozzle=NOZZLE_LAW.columns,
+        valve=VALVE_LAW.columns,
+        valve_sizes=VALVE_LAW.sizes,
+        needle=NEEDLE_LAW.columns,
+        needle_sizes=NEEDLE_LAW.sizes,
+        shots=0,
+        first_shot=PARAMETERS,
+        sensor=SENSOR_LAW.columns,
+        offset=int(Parameter.LINE_PRESSURE_OFFSET),
+        line_columns=np.array(columns, np.int64),
+        line_coefficients=np.array(numbers, np.int64),
+        line_slopes=np.array(slopes, np.float64),
+        elsewhere=PARAMETERS,
     )
 
 
-@_several
+@_cached
 def _changed(line: Any, values: tuple[Any, ...]) -> Any:
+    """The line after all laws, with values in the order of `SCALARS.laws`."""
     for (_, change), value in zip(SCALARS.laws, values, strict=True):
         line = change(line, value)
     return line

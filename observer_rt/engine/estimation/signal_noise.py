@@ -1,4 +1,4 @@
-"""Noise of the signals at rest beside white noise: hum, or a colour.
+"""Slow noise of signals at rest beside their white noise: hum, or a colour.
 
 scipy.signal is imported where it is called: no other import takes as long, and the daemon's start needs none of it.
 """
@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-LEAST_SHARE = 0.08  # of the white variance, below which nothing is spoken of
-ONE_TONE = 0.6  # of what is not white: so much of it at one frequency is hum
+LEAST_SHARE = 0.08  # of the white variance, below which slow noise is not reported
+ONE_TONE = 0.6  # share of the slow noise at one frequency, from which on it is hum
 SLOWEST, SLOW = 5.0, 800.0  # Hz, between which a tone is sought over all stretches together
-BLOCKS_A_PERIOD = 4  # of the fastest of these tones
-MOST_BLOCKS = 8_000
-DECAYING = 2.0  # mean squares, early over late at rest
-FEWEST = 512  # samples, without which nothing is reported
+BLOCKS_A_PERIOD = 4  # blocks in a period of the fastest of these tones
+MOST_BLOCKS = 8_000  # in which a tone is sought
+DECAYING = 2.0  # ratio of the squares early at rest to those late, beyond which they are an echo
+FEWEST = 512  # samples, below which nothing is reported
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class SlowNoise:
 def slow_noise(
     values: NDArray[np.float64], index: NDArray[np.int64], sample_rate: float, white: float
 ) -> SlowNoise | None:
-    """Finds the slow noise of samples (n,) at rest with their sample index; None: white noise or too few of them.
+    """Slow noise of samples (n,) at rest with their sample index; None: they are white, or too few.
 
     white: standard deviation of the white part; sample_rate [Hz].
     """
@@ -56,7 +56,7 @@ def slow_noise(
 
 
 def _decays(values: NDArray[np.float64], stretches: list[NDArray[np.int64]]) -> bool:
-    """Whether it is less in the second halves of the stretches: then it is an echo of what was before them."""
+    """Whether values are smaller in the second halves of the stretches: an echo of the motion before these."""
     first = sum(float(np.sum(values[s[: s.size // 2]] ** 2)) for s in stretches)
     second = sum(float(np.sum(values[s[-(s.size // 2) :]] ** 2)) for s in stretches if s.size > 1)
     return first > DECAYING * second
@@ -65,7 +65,7 @@ def _decays(values: NDArray[np.float64], stretches: list[NDArray[np.int64]]) -> 
 def _slow_tone(
     values: NDArray[np.float64], index: NDArray[np.int64], stretches: list[NDArray[np.int64]], sample_rate: float
 ) -> tuple[float, float]:
-    """Frequency [Hz] and mean square of the strongest slow tone, over all stretches at once."""
+    """Frequency [Hz] and mean square of the strongest slow tone, over all stretches at once; 0 without a block."""
     from scipy.signal import lombscargle
 
     length = max(1, round(sample_rate / (BLOCKS_A_PERIOD * SLOW)))

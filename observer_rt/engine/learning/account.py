@@ -1,4 +1,4 @@
-"""The account of change as it goes from event to event: what may be so, and by how much events scatter beyond it.
+"""The account of change, from event to event: the modes the injector may be in, and the scatter of events beyond.
 
 A quasi-likelihood: what an event says of the parameters counts for less by the factor by which such events were seen
 to differ (McCullagh, Nelder, Generalized Linear Models, 2nd ed., section 4.5).
@@ -16,7 +16,6 @@ from observer_rt.engine.learning.hypotheses import Mode, Velocity
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.foundation.records import NOT_KEPT
 
-Vector = NDArray[np.float64]
 USUAL_SCORE = 1.2  # of events that scatter by noise alone; their mean is 1
 REMEMBERED = 0.95  # weight of the scores before an event
 PRIOR_EVENTS = 10.0  # for which the factor of the fit counts at first
@@ -27,13 +26,13 @@ _ROUNDS = 10  # in which the factor settles
 
 @dataclass(frozen=True, eq=False)
 class Account:
-    """The belief, and the probabilities of the modes in which it goes on."""
+    """The belief about injector and noise, and the probabilities of the modes in which the injector may be."""
 
     learned: LearnedInjector
     modes: Mapping[Mode, float] = field(default_factory=lambda: {Mode.STEADY: 1.0})
     velocity: Velocity | None = None  # of wear that moves on
     rival: "Account | None" = field(default=None, metadata=NOT_KEPT)  # explains all events by other elements
-    log_odds: float = field(default=0.0, metadata=NOT_KEPT)  # of a rival, against the account it is beside
+    log_odds: float = field(default=0.0, metadata=NOT_KEPT)  # of a rival, against the account that has it
 
 
 def _within(factor: float) -> float:
@@ -41,7 +40,7 @@ def _within(factor: float) -> float:
 
 
 def _ratio(score: float) -> float:
-    """Ratio of a score to the usual one."""
+    """Ratio of a score to the usual one, LARGEST_RATIO at most."""
     return min(score / USUAL_SCORE, LARGEST_RATIO)
 
 
@@ -54,11 +53,11 @@ class Overdispersion:
 
     @property
     def factor(self) -> float:
-        """On the variance; an event's log likelihood is divided by it."""
+        """Factor by which an event's log likelihood is divided."""
         return _within(self.sum / self.weight)
 
     def after(self, score: float) -> "Overdispersion":
-        """Adds the score of an event against what was believed, tempered by the factor."""
+        """The next value, after an event whose score by the belief before it was tempered by this factor."""
         return Overdispersion(REMEMBERED * self.sum + _ratio(score) * self.factor, REMEMBERED * self.weight + 1.0)
 
 
@@ -68,7 +67,7 @@ def of_healthy(factor: float) -> Overdispersion:
 
 
 class TemperedEvent(NamedTuple):
-    """The cost of an event round what was believed before it, and how sure that was, (m, m)."""
+    """The cost of an event round the belief before it, and the covariance (m, m) of that belief."""
 
     cost: Linearisation
     covariance: NDArray[np.float64]

@@ -1,8 +1,8 @@
-"""Table of what an event may be, and the velocity of wear that moves on. A new kind of change is a row.
+"""Hypotheses: the table of kinds of events, a row for each kind of change, and the velocity of wear that moves on.
 
-The velocity is followed beside theta, from beliefs before and after events, by an augmented Kalman filter: theta
-moves by the velocity, which changes little; no further run of the model is needed. A random walk without it lags half
-a percent behind a drift.
+An augmented Kalman filter follows the velocity beside theta, from the beliefs before and after events: theta moves by
+it, and it changes little. No further run of the model is needed. A random walk without it lags half a percent behind
+a drift.
 """
 
 import math
@@ -11,15 +11,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.belief import Belief, symmetric
+from observer_rt.engine.estimation.belief import Belief, Matrix, symmetric
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, VALVE_LAW, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effective import LAG_UNIT
 
-Matrix = NDArray[np.float64]
 P = Parameter
 FLOWS = (int(P.NOZZLE_BIAS), int(P.SEAT_BIAS))  # columns of theta that may move on
 _BACK_PRESSURE = range(P.BACK_PRESSURE, P.BACK_PRESSURE + 2)
@@ -29,13 +27,13 @@ _ALIKE = np.array([*WEAR, *SENSOR])
 LINE = tuple(column for column, _ in SCALARS.laws)
 VALVE = tuple(VALVE_LAW.columns.tolist())
 STATED = (*LINE, *VALVE, int(P.SENSOR_LAG))
-"""Columns of what the files of injector and bench state, until an event says otherwise."""
+"""Columns that are 0 as long as injector and bench are as their files state."""
 NEEDLE = tuple(NEEDLE_LAW.columns.tolist())
 
 
 @dataclass(frozen=True, eq=False)
 class Velocity:
-    """Change an event of the two biases: mean (2,), its covariance with theta (m, 2), and its own (2, 2)."""
+    """Change of the two biases in an event: mean (2,), covariance with theta (m, 2), its own (2, 2)."""
 
     mean: Matrix
     across: Matrix
@@ -43,14 +41,14 @@ class Velocity:
 
 
 @dataclass(frozen=True, eq=False)
-class Moving:
-    """Belief about theta one event later, and about its velocity then."""
+class Drift:
+    """Belief about theta one event later, when its wear has moved on, and about its velocity then."""
 
     belief: Belief
     velocity: Velocity
 
     def after(self, learned: Belief) -> Velocity:
-        """The velocity, when `learned` is believed of theta after the event."""
+        """The velocity after the event, from which `learned` was learned about theta."""
         before, velocity = self.belief, self.velocity
         gain = velocity.across.T @ before.information
         taught = before.covariance - learned.covariance
@@ -61,18 +59,17 @@ class Moving:
         )
 
 
-def moving(belief: Belief, drift: Matrix, velocity: Velocity | None, goes_on: float = 1.0) -> Moving:
-    """Moves a belief on by one event; drift: usual standard deviations (m,); velocity: None, where it begins.
+def drift_of(belief: Belief, usual: Matrix, velocity: Velocity | None, goes_on: float = 1.0) -> Drift:
+    """Drift of a belief by one event; usual: standard deviations (m,) of usual drift; velocity: None if it begins.
 
-    goes_on: probability that it is that velocity, and that it does not begin with this event.
+    goes_on: probability that wear moves on with that velocity, and did not begin to move with this event.
     """
     flows = list(FLOWS)
-    usual = drift[flows]
-    begun = np.diag((c.SPEED * usual) ** 2)
+    begun = np.diag((c.SPEED * usual[flows]) ** 2)
     if velocity is None:
-        velocity = Velocity(np.zeros(2), np.zeros((drift.size, 2)), begun)
+        velocity = Velocity(np.zeros(2), np.zeros((usual.size, 2)), begun)
     else:  # the moments of the mixture of both
-        spread = np.diag((c.TURNS * usual) ** 2) + (1.0 - goes_on) * np.outer(velocity.mean, velocity.mean)
+        spread = np.diag((c.TURNS * usual[flows]) ** 2) + (1.0 - goes_on) * np.outer(velocity.mean, velocity.mean)
         turned = goes_on * (velocity.covariance + spread) + (1.0 - goes_on) * begun
         velocity = Velocity(goes_on * velocity.mean, goes_on * velocity.across, turned)
     mean, across, moved = belief.mean.copy(), velocity.across.copy(), np.zeros_like(belief.covariance)
@@ -82,7 +79,7 @@ def moving(belief: Belief, drift: Matrix, velocity: Velocity | None, goes_on: fl
     moved[:, flows] += across
     across[flows] += 0.5 * velocity.covariance
     belief = Belief(mean, belief.covariance + moved, belief.error_covariance + moved)
-    return Moving(belief, Velocity(velocity.mean, across, velocity.covariance))
+    return Drift(belief, Velocity(velocity.mean, across, velocity.covariance))
 
 
 class Mode(StrEnum):
@@ -110,11 +107,11 @@ STAYS = {
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """What an event may be."""
+    """A kind of event, with its prior probability and the change of theta that it brings."""
 
     name: str  # in reports
-    mode: Mode  # after it
-    rate: float  # probability of an event
+    mode: Mode  # after such an event
+    rate: float  # prior probability that an event is of the kind
     columns: Sequence[int] = ()  # of theta that it moves
     of_prior: float = 0.0  # one sigma of the move, as a share of the prior
     drifts: float = 0.0  # one sigma, in usual drifts
@@ -177,7 +174,7 @@ def transitions(mode: Mode, is_prior: bool, has_lift: bool) -> Iterator[tuple[Ki
 
 
 def is_alike(first: Belief, second: Belief) -> bool:
-    """Whether two beliefs say the same of injector and sensor, as surely."""
+    """Whether two beliefs say the same of injector and sensor, with about the same certainty."""
     ratios = [first.covariance[column, column] / second.covariance[column, column] for column in FLOWS]
     if not all(1.0 / c.ALIKE_VARIANCE < ratio < c.ALIKE_VARIANCE for ratio in ratios):
         return False

@@ -1,4 +1,4 @@
-"""What the observer has learned: the state of learning, the parameters in force, the result of an event.
+"""Knowledge of the observer: the state of learning, the parameters in force, and the outcome of an event.
 
 Each tracker is a frozen class in a module of its own, with a method `after` that returns its next value, and is one
 field here; the state file keeps it by the names of its fields. Nothing writes into the arrays.
@@ -17,13 +17,13 @@ from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.account import Account, Overdispersion, of_healthy
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.disturbances.coil_current import Energizing
+from observer_rt.engine.learning.disturbances.coil_current import CoilDisturbance
 from observer_rt.engine.learning.disturbances.colour import SlowRail
 from observer_rt.engine.learning.disturbances.time_jitter import TimeJitter
 from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_injector import LearnedInjector
-from observer_rt.engine.learning.learned_range import EVERYWHERE, Elsewhere, KnownFlow
+from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow, Transfer
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift, Standstill
 from observer_rt.engine.stream.state import Constants, Reason
 from observer_rt.foundation.records import NOT_KEPT, Count
@@ -31,19 +31,19 @@ from observer_rt.foundation.records import NOT_KEPT, Count
 
 @dataclass(frozen=True, eq=False)
 class LearningState:
-    """All that goes from one event to the next."""
+    """State of learning, which goes from one event to the next."""
 
     account: Account
     noise: NoiseLevels
     events: Count = 0  # learned from
     interval: float = 0.0  # of the samples [s]; 0 before the first event
-    changes: float = 0.0  # of the flow, older ones counting less
-    elsewhere: Elsewhere = field(default_factory=Elsewhere)
+    changes: float = 0.0  # number of changes of the flow, older ones counting less
+    elsewhere: Transfer = field(default_factory=Transfer)
     slow_rail: SlowRail = field(default_factory=SlowRail)
     jitter: TimeJitter = field(default_factory=TimeJitter)
     overdispersion: Overdispersion = field(default_factory=Overdispersion)
     held_rail: HeldRail = field(default_factory=HeldRail)
-    energizing: Energizing = field(default_factory=Energizing)
+    energizing: CoilDisturbance = field(default_factory=CoilDisturbance)
     standstill: Standstill | None = field(default=None, metadata=NOT_KEPT)  # at the end of the last event
 
     @property
@@ -56,10 +56,9 @@ class LearningState:
         return replace(self, account=replace(self.account, learned=change(self.learned)))
 
     def begun(self, interval: float, overdispersion: float) -> "LearningState":
-        """State to begin a run with, whose samples have this interval [s].
+        """State at the start of a run with samples of an interval [s]; overdispersion: of the healthy injector.
 
-        With another interval the trackers begin anew, because they count in samples. overdispersion: of the healthy
-        injector.
+        With another interval than before the trackers begin anew, for they count in samples.
         """
         if math.isclose(self.interval, interval, rel_tol=SAME_RATE):
             return replace(self, standstill=None)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.belief import Belief, held_at
 from observer_rt.engine.estimation.gating import GatedBelief
@@ -15,8 +14,6 @@ from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise
 from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.learned_range import EventPoint
 from observer_rt.engine.learning.scales import shrink
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Operating points at which a model was learned: error away from them, and flows known well enough."""
+"""The range in which a model was learned: operating points of events, errors away from them, flows known by them."""
 
 import math
 from collections.abc import Sequence
@@ -19,19 +19,19 @@ _NOZZLE = int(Parameter.NOZZLE_BIAS)
 MOST_POINTS = 16  # remembered; the oldest is forgotten
 REACH = (0.4, 0.7, 0.4)  # of each number of an `EventPoint`, over which what is wrong with a model changes
 EVENT_SHARE = 0.3  # variance, of what one event tells of its own point, over that between distant points
-UNSEEN = 2e-3  # of a rate: standard deviation of what a learned model still gets wrong at a point far from all seen
-FLOW_KNOWN = 0.012  # standard deviation of a flow, as a share, up to which it is known well enough ..
-FURTHER = 1.3  # .. or up to so many times that at the event
-FLOW_LEARNED = 0.03  # the same at the event, beyond which nothing is known
+UNSEEN = 2e-3  # share of a rate: standard deviation of a learned model's error at a point far from all events
+FLOW_KNOWN = 0.012  # standard deviation of a flow, as a share, up to which it is known well enough,
+FURTHER = 1.3  # or else up to this factor on its standard deviation at the event
+FLOW_LEARNED = 0.03  # standard deviation of the flow at the event, as a share, beyond which no flow is known
 _RAILS = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)  # p_0, middles of the bins of the rail pressure
 FULL = 0.95  # p_S over p_L of a sac that is full
-_LONG = 0.8  # the same, mean of a long injection
+_LONG = 0.8  # mean of p_S over p_L in a long injection
 NEAR = 0.5 * REACH[0]  # p_0 of rail pressure, within which an event shows the flow
 FULL_LIFT = 0.9  # of the widest seat area, below which a needle falls
 LONGER = 30e-6  # s, by which events of one operating point differ
 FAILS = 0.05  # share of new operating points at which what was learned may fail
 HOLDS = 0.015  # of a mass, within which it holds
-FADING = 0.95  # weight of those before one
+FADING = 0.95  # weight of the new points before a new point
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
 
 
@@ -69,13 +69,13 @@ def extrapolation_sigma(point: EventPoint, learned_at: Sequence[EventPoint]) -> 
     return math.sqrt(max(1.0 - float(explained), 0.0))
 
 
-def remembered(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[EventPoint, ...]:
-    """The points with one more, the newest last."""
+def with_point(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[EventPoint, ...]:
+    """The points with another, the newest last, MOST_POINTS at most."""
     return (*learned_at, point)[-MOST_POINTS:]
 
 
 def is_new(point: EventPoint, learned_at: Sequence[EventPoint]) -> bool:
-    """Whether no event showed the flow at the rail pressure of a point for as long as its needle is up."""
+    """Whether the needle is up longer at a point than in all events near its rail pressure."""
     longest = (
         math.exp(each.log_open_time) for each in learned_at if abs(point.rail_pressure - each.rail_pressure) <= NEAR
     )
@@ -83,25 +83,24 @@ def is_new(point: EventPoint, learned_at: Sequence[EventPoint]) -> bool:
 
 
 @dataclass(frozen=True)
-class Elsewhere:
-    """Events at new operating points at which what was learned held, and at which it did not; older count less."""
+class Transfer:
+    """Numbers of events at new operating points at which what was learned held, and failed; older ones count less."""
 
     held: float = 0.0
     failed: float = 0.0
 
-    def after(self, holds: bool) -> "Elsewhere":
-        """Adds an event."""
-        held, failed = FADING * self.held, FADING * self.failed
-        return Elsewhere(held + 1.0, failed) if holds else Elsewhere(held, failed + 1.0)
+    def after(self, holds: bool) -> "Transfer":
+        """The next value, after an event at a new operating point."""
+        return Transfer(FADING * self.held + holds, FADING * self.failed + (not holds))
 
     @property
     def is_trusted(self) -> bool:
-        """Whether few of the next ones are expected to fail, by a Beta prior of one in four that counts as one."""
+        """Whether few of the next ones are expected to fail; the Beta prior is one event, a quarter of it failed."""
         return (self.failed + 0.25) / (self.held + self.failed + 1.0) <= FAILS
 
 
 class KnownFlow(NamedTuple):
-    """Range in which the flow is known well enough."""
+    """Rail pressures and durations at which the flow is known well enough."""
 
     rail_from: float  # rail pressure [p_0], around the event's
     rail_to: float
@@ -117,14 +116,14 @@ def known_flow(
     theta: NDArray[np.float64],
     covariance: NDArray[np.float64],
     learned_at: Sequence[EventPoint],
-    elsewhere: Elsewhere,
+    transfer: Transfer,
 ) -> KnownFlow:
-    """Range of the flow known by the state carried after events, theta (m,) with the error covariance (m, m).
+    """Range of the flow that is known with theta (m,), whose error has the covariance (m, m).
 
-    Of what the last of them injected it is known how it changes with theta. The fuller the sac, the more of that is
-    the nozzle's doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is
-    another: a bin of the rail pressure is known where the error by it is small enough, for as long as events near it
-    showed (phi cannot hold a product of pressure and time), or for ever where what was learned held at new points.
+    `event`, the last one, shows how its injected volume changes with theta. The fuller the sac, the larger is the
+    nozzle's share of that: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. N_H depends on the rail pressure:
+    a bin of that is known if the error of the flow there is small enough, for as long as events near it lasted (phi
+    cannot hold a product of pressure and time), or without end if what was learned held at new points.
     """
     point = learned_at[-1]
     pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.log_open_time)
@@ -139,7 +138,10 @@ def known_flow(
     filled = min(max(here[_NOZZLE] / full[_NOZZLE], 0.0), FULL)
 
     def sigma(fullness: float, by_rail: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
-        """Of a flow, as a share; between here and a full sac slopes are straight. by_rail: full ones, less `full`."""
+        """Standard deviation of a flow, as a share, its slopes interpolated between the event's and a full sac's.
+
+        by_rail: slopes of a full sac at other rail pressures less those at the event's.
+        """
         share = (fullness - filled) / (1.0 - filled)
         slopes = here + share * (full - here) + fullness * by_rail
         return np.asarray(np.sqrt(np.maximum(((slopes @ covariance) * slopes).sum(axis=-1), 0.0)))
@@ -155,7 +157,7 @@ def known_flow(
     until = np.where(is_near, shown[:, None], 0.0).max(axis=0)
     own_bin = min(int(point.rail_pressure / RAIL_BIN), RAIL_BINS - 1)
     until[own_bin] = max(until[own_bin], shown[-1])
-    if elsewhere.is_trusted:
+    if transfer.is_trusted:
         until[:] = math.inf
     is_known = sigma(fullness, by_nozzle[:-1] - full) <= enough(fullness)
     is_known[own_bin] = True

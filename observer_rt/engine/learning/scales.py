@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.evidence import weigh_scales
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.model import FIRST_OF_SEAT
-from observer_rt.engine.estimation.belief import Belief, symmetric
+from observer_rt.engine.estimation.belief import Belief, Matrix, Vector, symmetric
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS
 from observer_rt.engine.learning import constants as c
 from observer_rt.model.network import HIDDEN, IS_PAIR, NEURONS
 
-Vector = NDArray[np.float64]
-Matrix = Vector
 # Of the prior: no law at all, small ones, any; 1 itself would be measured with infinite noise.
 NONE, SMALL, WHOLE = 1e-3, 0.1, math.sqrt(0.999)
 _PRIOR = SCALARS.prior(1.0)[WEIGHTS]

@@ -57,7 +57,7 @@ class EventEvidence:
     first_index: int  # device index of the first sample
     sample_rate: float  # Hz
     opening_pressure: float  # rail pressure at the opening [Pa]
-    open_time: float  # from the first opening to the last closing [s]
+    open_time: float  # for which the needle is open, all injections together [s]
     belief: dict[str, Any]  # JSON: model, verdict, masses and indicators of its injections
     signals: NDArray[np.float64]  # (3, n) rail pressure [Pa], needle lift [m], line pressure [Pa]; nan: did not count
 

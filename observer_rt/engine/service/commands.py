@@ -85,7 +85,7 @@ class CommandReader:
         return samples_between(earlier, later) if self.by_index else (later - earlier) / self._units
 
     def _lose(self) -> None:
-        """Commands may have come unseen."""
+        """Forget level and command under way, for commands may have come unseen."""
         self._level = None
         self.under_way = None
 

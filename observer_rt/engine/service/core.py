@@ -101,7 +101,6 @@ class Core:
         if bus.tells_commands if commanded is None else commanded:
             constants = constants.by_commands()
         levels = noise.configured_noise(bench_injector)
-        opens, _ = dead_band(levels.needle_lift)
         start = knowledge or no_knowledge(levels, constants.coefficients.pressure_scale)
         learner = learner_of(bench_injector, constants, start)
         self._bus = bus

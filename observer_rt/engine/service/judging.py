@@ -82,7 +82,7 @@ class Judging:
     ) -> None:
         """executor: runs one job at a time, in order; start: the knowledge before the first event.
 
-        healthy: of the healthy injector; on_failure: hears of learning that failed otherwise than it may.
+        healthy: innovations of the healthy injector; on_failure: called with an error that learning raised.
         """
         self.knowledge = start
         """All that was learned and judged so far."""

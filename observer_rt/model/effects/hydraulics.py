@@ -1,4 +1,4 @@
-"""Effects in fuel, line and leak, in nozzle, seat and chamber: what stores, brakes and lets through the fuel."""
+"""Effects in the hydraulics: of fuel, line, leak and pilot valve, of seat, nozzle and chamber."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,7 +25,7 @@ from observer_rt.model.parameters import NO_DEPARTURES, LineOutflow
 def _bulk_modulus(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
     share, fluid = values[0], model.injector.fluid
     of_modulus = fluid.in_line.stiffness(USUAL_PRESSURE) / fluid.bulk_modulus_line
-    stiffer = model.with_section("fluid", bulk_modulus_line=1.0 + share * of_modulus)
+    stiffer = model.with_section("fluid", bulk_modulus_line=fluid.bulk_modulus_line * (1.0 + share * of_modulus))
     slope = model.departures.stiffness_slope + share * fluid.bulk_modulus_by_pressure
     return stiffer.with_changes("departures", stiffness_slope=slope)
 
@@ -87,7 +87,7 @@ LINE_FRICTION = Effect(
     component=Component.LINE_FLOW,
     parameters=(parameter("k", -0.95, 10.0, 0.005, (0.0, 2.0)),),
     apply=scaled("line", "loss_factor"),
-    sentence=("The feed line loses more pressure to its flow (deposits, a clogged filter), or less: xi (1 + k)."),
+    sentence="The feed line loses more pressure to its flow (deposits, a clogged filter), or less: xi (1 + k).",
     signature=(
         "The line pressure sags more as the flow through the line grows, and its ringing after the "
         "injection dies sooner."
@@ -100,7 +100,7 @@ GUIDE_LEAKAGE = Effect(
     parameters=(parameter("c", 0.0, 5e-13, 5e-16, unit="m3/(s Pa)"),),
     apply=added("departures", "leakage"),
     sentence="Fuel leaks past the needle guide, open or shut: c (p_L - p_C) drains the line.",
-    signature=("The line pressure stands a little below the rail pressure all the time and its ringing dies sooner."),
+    signature="The line pressure stands a little below the rail pressure all the time and its ringing dies sooner.",
     wear=True,
 )
 
@@ -143,12 +143,13 @@ SEAT_AREA = Effect(
 
 
 def _control_flow(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    line, (flow, earlier, sooner) = model.injector.line, values
-    if flow != 0.0:
-        valve = valve_of(model.injector)
-        changed = {"control_start": valve.start + earlier, "control_end": valve.end + sooner}
-        line = line.model_copy(update={"control_flow": (line.control_flow or 0.0) + flow, **changed})
-    return replace(model, injector=model.injector.model_copy(update={"line": line}))
+    flow, start, end = values
+    if flow == 0.0:
+        return model
+    valve, flow = valve_of(model.injector), (model.injector.line.control_flow or 0.0) + flow
+    return model.with_section(
+        "line", control_flow=flow, control_start=valve.start + start, control_end=valve.end + end
+    )
 
 
 CONTROL_FLOW = Effect(
@@ -170,8 +171,7 @@ CONTROL_FLOW = Effect(
 
 
 def _seat_outflow(model: EffectiveModel, _: Sequence[float]) -> EffectiveModel:
-    injector = model.injector.model_copy(update={"line_outflow": LineOutflow.SEAT})
-    return replace(model, injector=injector)
+    return replace(model, injector=model.injector.model_copy(update={"line_outflow": LineOutflow.SEAT}))
 
 
 SEAT_OUTFLOW = Effect(
@@ -190,7 +190,7 @@ def _lift_dependent_seat_coefficient(model: EffectiveModel, values: Sequence[flo
     loss, lift = values
     before = model.departures
     if before.seat_loss != 0.0:
-        lift = before.seat_loss_lift  # one scale of lift: what is added changes the loss in force
+        lift = before.seat_loss_lift  # the law has one scale of lift: that of the loss in force stays
     return model.with_changes("departures", seat_loss=before.seat_loss + loss, seat_loss_lift=lift)
 
 
@@ -202,7 +202,7 @@ LIFT_DEPENDENT_SEAT_COEFFICIENT = Effect(
         replace(parameter("x_c", 10.0, 200.0, 0.0, (30.0, 90.0), "um", MICROMETRE), off=NO_DEPARTURES.seat_loss_lift),
     ),
     apply=_lift_dependent_seat_coefficient,
-    sentence=("The seat passes less (or more) at small lift than at full lift: alpha_S (1 - a exp(-x_N/x_c))."),
+    sentence="The seat passes less (or more) at small lift than at full lift: alpha_S (1 - a exp(-x_N/x_c)).",
     signature="Shows in the first and last moments of an opening; ballistic injections lose most.",
 )
 

@@ -1,7 +1,6 @@
 """Effects in how the needle answers its commands: they show where its lift is not recorded."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 
 from observer_rt.foundation.units import MICROMETRE, MICROSECOND
@@ -9,21 +8,19 @@ from observer_rt.model.effect import LIFT_RECORDED, Component, Effect, Likeness,
 from observer_rt.model.effective import EffectiveModel
 
 
-def _more(name: str, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    needle = model.injector.needle
-    needle = needle.model_copy(update={name: getattr(needle, name) + values[0]})
-    return replace(model, injector=model.injector.model_copy(update={"needle": needle}))
+def _increase(name: str, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+    return model.with_section("needle", **{name: getattr(model.injector.needle, name) + values[0]})
 
 
-def _bouncing(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    return _more("bounce_length", _more("landing_bounce", model, values), values[1:])
+def _bounce(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+    return _increase("bounce_length", _increase("landing_bounce", model, values), values[1:])
 
 
 BESIDE = dict.fromkeys(("seat_area", "opening_speed"), ("opening_delay",)) | {
     "closing_delay": ("closing_speed",),
     "opening_delay": ("closing_delay",),
 }
-"""What moves with an effect of needle or seat where it stands for another."""
+"""Effects that are fitted beside an effect of needle or seat, where it is to explain what is another one."""
 _DELAY = (parameter("d", -300.0, 400.0, 8.0, (-80.0, 0.0, 80.0), "us", MICROSECOND),)
 _SPEED = (parameter("r", -0.6, 1.5, 0.02),)
 
@@ -31,7 +28,7 @@ OPENING_DELAY = Effect(
     id="opening_delay",
     component=Component.NEEDLE,
     parameters=_DELAY,
-    apply=partial(_more, "opening_delay"),
+    apply=partial(_increase, "opening_delay"),
     sentence="The needle leaves its seat later (or earlier) after the start of energizing than the file says, by d.",
     signature="The line pressure begins to fall later, and the injection is shorter, by the same time always.",
     relations=(
@@ -54,7 +51,7 @@ CLOSING_DELAY = Effect(
     id="closing_delay",
     component=Component.NEEDLE,
     parameters=_DELAY,
-    apply=partial(_more, "closing_delay"),
+    apply=partial(_increase, "closing_delay"),
     sentence="The needle begins to fall later (or earlier) after the end of energizing than the file says, by d.",
     signature="The injection ends later by the same time always, and is larger by as much.",
     relations=(Relation(("orifice_area", "seat_area"), Likeness.ALIKE, LIFT_RECORDED),),
@@ -80,7 +77,7 @@ NEEDLE_BOUNCE = Effect(
         parameter("b", 0.0, 80.0, 4.0, (0.0, 20.0), "um", MICROMETRE),
         parameter("l", -60.0, 80.0, 0.0, unit="us", si=MICROSECOND),
     ),
-    apply=_bouncing,
+    apply=_bounce,
     sentence="The needle lifts once more, by b, when it has landed on its seat, for l longer than the file says.",
     signature="A little more is injected just after the needle has closed; the line pressure falls once more.",
     relations=(Relation(("closing_delay", "closing_speed"), Likeness.NEAR, LIFT_RECORDED),),

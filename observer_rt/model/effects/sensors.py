@@ -114,7 +114,7 @@ RAIL_PRESSURE_SENSOR_GAIN = Effect(
     parameters=(parameter("g", -0.1, 0.1, 2e-4),),
     apply=_rail_pressure_sensor_gain,
     sentence="The rail pressure is recorded too high (or too low) by a factor: measured = true (1 + g).",
-    signature=("With the needle shut the line pressure differs from the recorded rail pressure by a share of it."),
+    signature="With the needle shut the line pressure differs from the recorded rail pressure by a share of it.",
     relations=(
         Relation(("rail_pressure_sensor_offset", "line_pressure_sensor_offset"), Likeness.NEAR, PRESSURE_GAUGE),
     ),

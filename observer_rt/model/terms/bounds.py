@@ -1,4 +1,4 @@
-"""Refusal of terms that would make the model unstable, or a flow run backwards, anywhere in an injector's range.
+"""Bounds of terms: refusal of those that would make the model unstable, or a flow run backwards, in an injector.
 
 At run time a term is held within its equation's bounds; a term that is far beyond them somewhere, or undefined, is
 refused. Feedback of a term on itself is limited. With the line of the nominal injector each limit lets an undamped
@@ -17,17 +17,16 @@ from observer_rt.model.terms.variable import Variable
 
 FAR = 5.0  # times the equation's bounds
 LEAST_LOSS_SLOPE = -0.005  # of the pressure lost by line_flow, the line's own included, MPa/(mm3/ms)
-FLOWING_SLOPE = -2.4e-4  # by which the former falls further with each mm3/ms, for an injection is short
+FLOWING_SLOPE = -2.4e-4  # change of LEAST_LOSS_SLOPE with each mm3/ms of line_flow, for an injection is short
 LEAST_OUTFLOW_SLOPE = -0.1  # of the outflow by line_pressure, mm3/ms/MPa
-LARGEST_REST = 0.01  # mm, by which a needle seen to be shut may be held open
+LARGEST_REST = 0.01  # mm, by which a term may hold open a needle whose measured lift is 0
 _FEEDBACK = {
     TermEquation.LINE_FLOW: (Variable.LINE_FLOW, LEAST_LOSS_SLOPE),
     TermEquation.LINE_PRESSURE: (Variable.LINE_PRESSURE, LEAST_OUTFLOW_SLOPE),
 }
-RUNG = 0.1  # share of a change that a resonance may add, for no input jumps
-_STEP, _ROUNDED = 1e-6, 1e-6  # of a variable, for slopes; rounding of these
+RUNG = 0.1  # share of a change that a resonance is taken to add, for no input jumps
+_STEP, _ROUNDED = 1e-6, 1e-6  # of a variable, for slopes; rounding error of these
 _POINTS = 20_000  # half of them corners, edges and centres
-
 
 _RANGES = dict.fromkeys((Variable.RAIL_PRESSURE, Variable.LINE_PRESSURE), (0.0, 250.0))
 _RANGES |= dict.fromkeys((Variable.LINE_FLOW, Variable.SEAT_FLOW, Variable.NOZZLE_FLOW), (-100.0, 150.0))

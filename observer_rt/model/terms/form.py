@@ -8,7 +8,7 @@ from typing import NamedTuple
 from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.parser import parse
 
-EXACT_DIGITS = 3  # of a number within a law, beside its range
+EXACT_DIGITS = 3  # of a number within a law, relative to its range
 LETTERS = "AWFBCDEGIJKL"
 """Letters of the first number of a form, the second and so on, as `A` and `W` in `tanh((u - A)/W)`: first a position,
 a width or frequency, and a phase. H, M and P are not among them, for units have them."""

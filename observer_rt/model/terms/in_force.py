@@ -70,7 +70,7 @@ class TermInForce(Section):
 
     @property
     def words(self) -> str:
-        """Such as `line_flow: c*line_flow, c = -0.14 MPa`."""
+        """Equation, law and coefficient in one line, such as `line_flow: c*line_flow, c = -0.14 MPa`."""
         if self.coefficient is None:
             return f"{self.equation}: {self.law}"
         unit = "" if self.coefficient.unit == str(PURE) else f" {self.coefficient.unit}"
@@ -98,18 +98,19 @@ class TermInForce(Section):
         if self.coefficient is None:
             example = f'coefficient = {{ value = 1.0, unit = "{needed or PURE}" }}'
             raise UserError("coefficient", "is missing, but the law has c", f"add {example}")
-        return Term(self.equation, law, *self._sized(self.coefficient, needed))
+        return Term(self.equation, law, *self._in_unit(self.coefficient, needed))
 
     @property
     def range_seen(self) -> SeenRange:
-        """Ranges by variable. Raises `UserError` for an entry of `seen` that is no range."""
+        """Ranges of `seen` by variable. Raises `UserError` for an entry that is no range of a variable."""
         for name, (low, high) in self.seen.items():
             if name not in VARIABLES or not low < high:
                 meant = did_you_mean(name, VARIABLES) if name not in VARIABLES else ""
                 raise UserError(f"seen.{name}", "is no range of a variable", f"{meant}give [lowest, highest]")
         return {VARIABLES[name]: ends for name, ends in self.seen.items()}
 
-    def _sized(self, stated: TermCoefficient, needed: object) -> tuple[float, tuple[float, float] | None]:
+    def _in_unit(self, stated: TermCoefficient, needed: Unit | None) -> tuple[float, tuple[float, float] | None]:
+        """Value and interval of a coefficient in the units of laws. Raises `UserError` for a unit but `needed`."""
         factor_and_unit = unit_named(stated.unit)
         if factor_and_unit is None:
             remedy = f"{did_you_mean(stated.unit, UNIT_NAMES)}units: {', '.join(UNIT_NAMES)}"
@@ -126,13 +127,13 @@ def coefficient_unit(equation: TermEquation, law: Law) -> Unit | None:
 
     Raises `UserError` for a law whose units do not fit each other or the equation.
     """
-    check = _Check()
+    check = _UnitCheck()
     check.alike(check.unit_of(law), equation.unit, f"'{law}'", f"what {equation} adds")
     return check.coefficient
 
 
-class _Check:
-    """Units of the parts of a law, None for an open one; coefficient: unit of `c`, None until it is known."""
+class _UnitCheck:
+    """Check of the units in a law, None for an open one; coefficient: unit of `c`, None until it is known."""
 
     def __init__(self) -> None:
         self.coefficient: Unit | None = None
@@ -167,7 +168,7 @@ class _Check:
             return left or right
         if left.c != right.c and self.coefficient is None:
             remaining = right._replace(c=0.0).times(left._replace(c=0.0), -1.0)
-            self.coefficient = remaining.to(1.0 / (left.c - right.c))
+            self.coefficient = remaining.raised(1.0 / (left.c - right.c))
         left, right = self._resolved(left), self._resolved(right)
         if left != right:
             problem = f"{first} is in {left}, {second} is in {right}"
@@ -195,5 +196,5 @@ class _Check:
         if operation in (Operation.SQRT, Operation.POWER):
             exponent = arguments[1] if operation is Operation.POWER else Number(0.5)
             assert isinstance(exponent, Number)
-            return None if first is None else first.to(exponent.value)
+            return None if first is None else first.raised(exponent.value)
         return self.alike(first, PURE, f"in '{law}', '{arguments[0]}'", f"what {operation.name.lower()}() takes")

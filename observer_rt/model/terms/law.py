@@ -21,7 +21,7 @@ Memory = Callable[["Lag | Resonance", Values], Values]
 
 LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
 
-# how tightly text binds: a part that binds less than its surroundings stands in parentheses
+# How tightly text binds: a part that binds less than its surroundings stands in parentheses.
 _COMPARISON, _ADDITION, _FACTOR, _MINUS, _RAISED, _WHOLE = range(6)
 
 
@@ -68,15 +68,15 @@ class Law:
         """Whether the law depends on earlier values of its variables."""
         return any(isinstance(part, Lag | Resonance) for part in self.all_parts)
 
-    def replaced(self, what: "Mapping[Variable, Law]") -> "Law":
+    def replaced(self, laws: "Mapping[Variable, Law]") -> "Law":
         """The law with other laws in the places of variables."""
         match self:
             case Quantity(variable):
-                return what.get(variable, self)
+                return laws.get(variable, self)
             case Call(operation, arguments):
-                return Call(operation, tuple(one.replaced(what) for one in arguments))
+                return Call(operation, tuple(one.replaced(laws) for one in arguments))
             case Lag(argument) | Resonance(argument) | LawTable(argument):
-                return replace(self, argument=argument.replaced(what))
+                return replace(self, argument=argument.replaced(laws))
         return self
 
     def held(self, seen: Mapping[Variable, tuple[float, float]]) -> "Law":
@@ -104,8 +104,8 @@ class Law:
     def at(self, values: Mapping[str, Any], c: float = 1.0, memory: Memory | None = None) -> Values:
         """Values (n,) of the law at those of its variables, by name, each (n,) or a number.
 
-        memory: makes values of a lag or a resonance of those of its argument. Raises ValueError for a law that
-        remembers, without `memory`.
+        memory: gives the values of a lag or a resonance by those of its argument. Raises ValueError without it for a
+        law that remembers.
         """
         with np.errstate(all="ignore"):
             return np.asarray(self._at(values, c, memory), dtype=np.float64)
@@ -174,7 +174,7 @@ class Lag(Law):
 
 @dataclass(frozen=True)
 class Resonance(Law):
-    """What a resonance of this frequency and damping, below 1, adds to its argument; settled at the first value."""
+    """Resonance of this frequency and damping, below 1, as it adds to its argument; settled at the first value."""
 
     argument: Law
     kilohertz: float
@@ -191,7 +191,7 @@ class LawTable(Law):
 
     @property
     def spelled(self) -> Law:
-        """Table as a sum of lines that begin and end."""
+        """The same law by operations: a sum of straight lines, each between two points."""
         law: Law = Number(self.values[0].reckoned)
         knots = [(point.reckoned, value.reckoned) for point, value in zip(self.points, self.values, strict=True)]
         for (start, low), (end, high) in pairwise(knots):
@@ -254,7 +254,7 @@ def _printed(law: Law) -> tuple[str, int]:
         case LawTable(argument, points, values):
             knots = ", ".join(f"{point}, {value}" for point, value in zip(points, values, strict=True))
             return f"{TABLE}({argument}, {knots})", _WHOLE
-        case Call(Operation.NEGATE, (Number() as number,)):  # without parentheses a negative number would be read
+        case Call(Operation.NEGATE, (Number() as number,)):  # without parentheses it is parsed as a negative number
             return f"-({number})", _MINUS
         case Call(Operation.NEGATE, (argument,)):
             return f"-{_within(argument, _MINUS)}", _MINUS

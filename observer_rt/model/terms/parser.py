@@ -1,4 +1,4 @@
-"""The language of laws, from text to tree: few of Python's expressions, ^ for powers, and units as in `100[MPa]`."""
+"""Parser of laws, from text to tree: some of Python's expressions, ^ for powers, and units as in `100[MPa]`."""
 
 import ast
 import re
@@ -13,7 +13,7 @@ from observer_rt.model.terms.variable import UNIT_NAMES, VARIABLES, unit_named
 LONGEST = 300  # characters
 DEEPEST = 30  # parentheses within parentheses
 COEFFICIENT = "c"
-LARGEST = 1e300
+LARGEST = 1e300  # size of a number
 _FOREIGN = re.compile(r"[^\w\s.+\-*/^(),<>\[\]]")
 _OPERATIONS: dict[type[ast.AST], Operation] = {
     ast.Add: Operation.ADD,
@@ -54,7 +54,7 @@ def _text(node: ast.expr) -> str:
 
 
 def _law(node: ast.expr) -> law.Law:
-    """The law of an expression. Raises `UserError` for any other."""
+    """The law of an expression. Raises `UserError` for an expression that is no law."""
     if (number := _literal(node)) is not None:
         return number
     match node:
@@ -82,7 +82,7 @@ def _law(node: ast.expr) -> law.Law:
 
 
 def _literal(node: ast.expr) -> law.Number | None:
-    """A number with its unit and its sign, where the node is one."""
+    """The number of a node, with its unit and its sign; None for any other node."""
     match node:
         case ast.UnaryOp(ast.USub(), (ast.Constant() | ast.Subscript()) as number) if (
             number.col_offset == node.col_offset + 1  # else it stands in parentheses
@@ -102,9 +102,9 @@ def _literal(node: ast.expr) -> law.Number | None:
     return None
 
 
-def _number(node: ast.expr, what: str) -> law.Number:
+def _number(node: ast.expr, meaning: str) -> law.Number:
     if (number := _literal(node)) is None:
-        raise _refused(node, f"is not {what}", "give a number")
+        raise _refused(node, f"is not {meaning}", "give a number")
     return number
 
 
@@ -132,10 +132,10 @@ def _call(node: ast.expr, name: str, arguments: Sequence[ast.expr]) -> law.Law:
     return law.LawTable(first, points, values)
 
 
-def _positive(node: ast.expr, what: str, unit: str) -> float:
-    """A number above 0, in a unit."""
-    number = _number(node, what)
+def _positive(node: ast.expr, meaning: str, unit: str) -> float:
+    """The number above 0 that a node states, in a unit. Raises `UserError` for any other node."""
+    number = _number(node, meaning)
     named, wanted = unit_named(number.unit or unit), unit_named(unit)
     if not number.value > 0.0 or named is None or wanted is None or named[1] != wanted[1]:
-        raise _refused(node, f"is not {what}", f"give it in {unit}, above 0")
+        raise _refused(node, f"is not {meaning}", f"give it in {unit}, above 0")
     return number.value * named[0] / wanted[0]

@@ -10,7 +10,7 @@ from observer_rt.model.terms.variable import FLOW, LIFT, PRESSURE, PURE, Unit
 
 
 class TermEquation(StrEnum):
-    """Equation that a term corrects; unit and meaning of its law, bounds between which the core holds it."""
+    """Equation that a term corrects, with unit and meaning of its law, and bounds within which the core holds it."""
 
     LINE_FLOW = "line_flow", PRESSURE, "pressure lost along the line"
     LINE_PRESSURE = "line_pressure", FLOW, "outflow from the line's closed end"

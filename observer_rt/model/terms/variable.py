@@ -1,4 +1,4 @@
-"""Variables of laws, and the units that laws are reckoned in."""
+"""Variables of laws, and the units in which laws are computed."""
 
 import re
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ _FACTOR = re.compile(r"([*/]?)(-|1|[A-Za-z]+[23]?)(?:\^(-?\d+(?:\.\d+)?))?")
 
 
 class Unit(NamedTuple):
-    """Powers of the units laws are reckoned in, and of the unit of the coefficient `c`.
+    """Powers of the units in which laws are computed, and of the unit of the coefficient `c`.
 
     Seconds are not milliseconds: nothing is converted, so that s and ms cannot be added.
     """
@@ -24,9 +24,9 @@ class Unit(NamedTuple):
 
     def times(self, other: "Unit", power: float = 1.0) -> "Unit":
         """The unit of a product with the other, raised to a power first."""
-        return Unit(*(round(mine + power * its, 6) for mine, its in zip(self, other, strict=True)))
+        return Unit(*(round(own + power * further, 6) for own, further in zip(self, other, strict=True)))
 
-    def to(self, power: float) -> "Unit":
+    def raised(self, power: float) -> "Unit":
         """The unit raised to a power."""
         return PURE.times(self, power)
 
@@ -45,7 +45,7 @@ def _power(name: str, power: float) -> str:
 
 
 PURE = Unit()
-_KNOWN = {  # factor and unit by the name that users write
+_UNITS = {  # factor and unit by the name that users write
     "-": (1.0, PURE),
     "1": (1.0, PURE),
     "mm": (1.0, Unit(mm=1.0)),
@@ -60,7 +60,7 @@ _KNOWN = {  # factor and unit by the name that users write
     "kHz": (1.0, Unit(ms=-1.0)),
     "Hz": (1.0, Unit(s=-1.0)),
 }
-UNIT_NAMES = tuple(_KNOWN)
+UNIT_NAMES = tuple(_UNITS)
 
 
 def unit_named(text: str) -> tuple[float, Unit] | None:
@@ -68,10 +68,10 @@ def unit_named(text: str) -> tuple[float, Unit] | None:
     scale, unit, position, text = 1.0, PURE, 0, text.replace(" ", "")
     while position < len(text):
         match = _FACTOR.match(text, position)
-        if match is None or match[2] not in _KNOWN or (position == 0) == bool(match[1]):
+        if match is None or match[2] not in _UNITS or (position == 0) == bool(match[1]):
             return None
         power = float(match[3] or 1.0) * (-1.0 if match[1] == "/" else 1.0)
-        size, base = _KNOWN[match[2]]
+        size, base = _UNITS[match[2]]
         scale, unit, position = scale * size**power, unit.times(base, power), match.end()
     return (scale, unit) if position else None
 

@@ -16,13 +16,13 @@ from observer_rt.engine.learning.learned_range import (
     NEAR,
     NOWHERE,
     REACH,
-    Elsewhere,
     EventPoint,
     KnownFlow,
+    Transfer,
     extrapolation_sigma,
     is_new,
     known_flow,
-    remembered,
+    with_point,
 )
 
 points = st.builds(EventPoint, st.floats(0.1, 2.0), st.floats(-9.0, -5.0), st.floats(0.0, 1.0))
@@ -54,19 +54,19 @@ def test_old_points_are_forgotten() -> None:
     far, near = EventPoint(0.4, -8.0, 0.2), EventPoint(1.6, -6.0, 1.0)
     learned_at: tuple[EventPoint, ...] = (far,)
     for _ in range(20):
-        learned_at = remembered(learned_at, near)
+        learned_at = with_point(learned_at, near)
     assert extrapolation_sigma(far, learned_at) > 0.99
 
 
 POINT = EventPoint(1.0, -7.0, 0.5)
-UNTRIED, TRIED = Elsewhere(), Elsewhere(held=10.0)
+UNTRIED, TRIED = Transfer(), Transfer(held=10.0)
 
 
 def flow_known_by(
     sigmas: dict[int, float],
     rate: float = 50e-6,
     learned_at: tuple[EventPoint, ...] = (POINT,),
-    elsewhere: Elsewhere = UNTRIED,
+    transfer: Transfer = UNTRIED,
 ) -> KnownFlow:
     """After an event of a constant rate [m3/s], with independent errors of theta."""
     filled = 0.9  # p_S / p_L
@@ -79,7 +79,7 @@ def flow_known_by(
     for column, sigma in sigmas.items():
         covariance[column, column] = sigma**2
     event = Resimulation(run, InputVariance(nothing, nothing), covariance, 1e-5)
-    return known_flow(event, np.zeros(PARAMETERS), covariance, learned_at, elsewhere)
+    return known_flow(event, np.zeros(PARAMETERS), covariance, learned_at, transfer)
 
 
 WEIGHTS = range(Parameter.NOZZLE_WEIGHT, Parameter.BACK_PRESSURE)
@@ -100,13 +100,13 @@ def test_a_flow_known_well_is_known_where_an_event_was_open_for_as_long() -> Non
 def test_where_what_was_learned_has_held_at_new_points_it_is_known_at_others() -> None:
     sigmas: dict[int, float] = {Parameter.NOZZLE_BIAS: 0.005, Parameter.SEAT_BIAS: 0.005}
     assert flow_known_by(sigmas).rail_to < math.inf
-    assert set(flow_known_by(sigmas, elsewhere=TRIED).until) == {math.inf}
-    of_pressure = flow_known_by(sigmas | dict.fromkeys(WEIGHTS, 0.3), elsewhere=TRIED)
+    assert set(flow_known_by(sigmas, transfer=TRIED).until) == {math.inf}
+    of_pressure = flow_known_by(sigmas | dict.fromkeys(WEIGHTS, 0.3), transfer=TRIED)
     assert of_pressure.rail_to < math.inf
 
 
 def test_a_new_point_at_which_it_failed_is_remembered_for_longer_than_one_at_which_it_held() -> None:
-    tried = Elsewhere()
+    tried = Transfer()
     trusted = []
     for holds in (*(True,) * 5, False, *(True,) * 60):
         tried = tried.after(holds)

@@ -14,7 +14,7 @@ from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearningState, no_knowledge
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.observer import Durations, constants_for, in_force, make_observer
+from observer_rt.engine.observer import Durations, constants_for, make_observer
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.foundation.records import plain, restored
 from tests.engine.estimation.conftest import changes_of_flows
@@ -61,11 +61,11 @@ def test_adopted_phi_takes_force() -> None:
     learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
     knowledge = knowledge_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
     observer = make_observer(CONSTANTS, knowledge, learner)
-    outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
+    outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, observer.theta.copy())
     assert outcome.adoption is Adoption.ADOPTED
     assert wear_of(outcome.estimate) == pytest.approx(0.3, abs=0.02)
     judge(observer, outcome.forward, outcome)
-    np.testing.assert_array_equal(in_force(observer), outcome.estimate)
+    np.testing.assert_array_equal(observer.theta, outcome.estimate)
     np.testing.assert_array_equal(outcome.knowledge.in_force, outcome.estimate)
     assert int(observer.memory[0]["judgement"]["phi_version"]) == 4
 

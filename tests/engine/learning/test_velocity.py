@@ -5,7 +5,7 @@ import numpy as np
 from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.constants import SPEED, TURNS
-from observer_rt.engine.learning.hypotheses import moving
+from observer_rt.engine.learning.hypotheses import drift_of
 
 WIDTH = SCALARS.width
 FLOWS = [int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)]
@@ -25,7 +25,7 @@ def test_it_is_that_of_the_filter_of_both() -> None:
     information[FLOWS, FLOWS] = SIGMA**-2
     for number in range(8):
         flows = 0.003 * number + random.normal(0.0, SIGMA, 2)
-        moved = moving(belief, DRIFT, velocity)
+        moved = drift_of(belief, DRIFT, velocity)
         vector[FLOWS] = flows / SIGMA**2
         belief = moved.belief.updated(information, vector)
         velocity = moved.after(belief)

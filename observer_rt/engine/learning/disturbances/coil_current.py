@@ -1,4 +1,4 @@
-"""Disturbance of the line pressure by the coil's current: sought as a step before openings, taken out once known.
+"""Disturbance of the line pressure by the coil's current: looked for as a step before openings, removed once known.
 
 The current adds a pulse to the measured line pressure, which would be taken for wear. It begins with a step at the
 same time before every opening: the needle is shut then and nothing moves, so no parameter of the model can imitate
@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.fitting import EventFit
@@ -27,48 +28,48 @@ SHORTEST_DELAY = 0.12e-3
 BEFORE_OPENING = 0.06e-3
 EDGE_CLIP = 3.0  # standard deviations for which an innovation counts at most: one event alone is an outlier
 SEEN_FOR = 0.25e-3  # s, until x~ has taken a step for its own
-FEWEST = 2  # samples of it: at a low sample rate no edge is seen
-STANDS_OUT = 4.5  # standard deviations
-OF_ONE_EVENT = 4.0  # of these at most, so that it must recur
-STANDS_OUT_ALONE = 6.0  # of these, in one event: its mass is not trusted, for a late lift looks alike
-COMMON = 0.6  # of it, up to which steps may stand out that are no edge: then the standstill is not understood at all
+FEWEST = 2  # samples of SEEN_FOR at a low sample rate
+STANDS_OUT = 4.5  # standard deviations, beyond which a step over all events is an edge
+OF_ONE_EVENT = 4.0  # standard deviations that one event adds at most, so that an edge must recur
+STANDS_OUT_ALONE = 6.0  # standard deviations in one event, beyond which its mass is not trusted
+COMMON = 0.6  # share of the edge's score that no step elsewhere may reach, else the model does not explain the rest
 REMEMBERED = 0.95  # weight of the events before an event
 CLIP = 4.0  # standard deviations for which an innovation counts at most, all else fitted
 EARLIEST_END, LATEST_END = 0.65e-3, 0.05e-3  # s before the closing
 END_STEP = 0.05e-3  # s from one end that is tried to the next
-CLEAR = 0.5  # probability of an end, among all on the grid, from which on the pulse is taken out
+CLEAR = 0.5  # probability of one end of the grid, from which on the pulse is taken out
 # Weight of the events before: they were fitted with the pulse in them, which was taken for something else in part.
 BEFORE_KNOWN = 0.02
 SHAPE = 0.05  # of its height, by which a pulse may differ from a rectangle
 USUAL_END = 0.25e-3  # s before the closing; assumed while the beginning is sought beside a pilot valve's flow
 
-Innovations = Callable[[Window], NDArray[np.float64]]
+Innovations = Callable[[Window], Vector]
 
 
 @dataclass(frozen=True)
 class Edge:
-    """A step of a height [p_0] so many samples before the openings."""
+    """A step of a height [p_0], `before` samples before the openings."""
 
     height: float
     before: int
 
 
 class EdgePlaces(NamedTuple):
-    """Samples before an opening between which an edge is sought, is seen for, and that do not count at its end."""
+    """Places of an edge, in samples before an opening."""
 
-    shortest: int
+    shortest: int  # from an edge to the opening
     longest: int
-    seen_for: int
-    margin: int
+    seen_for: int  # until x~ has taken a step for its own
+    margin: int  # just before the opening, which do not count
 
     @property
     def all(self) -> int:
-        """Number of places that are compared."""
+        """Number of places whose steps are compared, those too early for an edge among them."""
         return self.longest + self.seen_for
 
 
 def edge_places(interval: float) -> EdgePlaces:
-    """Places at an interval of samples [s]."""
+    """Places of an edge at an interval of samples [s]."""
     durations = (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR, BEFORE_OPENING)
     shortest, longest, seen_for, margin = (round(duration / interval) for duration in durations)
     return EdgePlaces(shortest, longest, max(seen_for, FEWEST), margin)
@@ -78,12 +79,12 @@ def edge_places(interval: float) -> EdgePlaces:
 class EdgeSearch:
     """Sums over events by which a step at one time before the openings shows; empty before any."""
 
-    products: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    squares: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    unclipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros((2, 0)))  # both without limits
+    products: Vector = field(default_factory=lambda: np.zeros(0))  # (places,) of innovations and response, limited
+    squares: Vector = field(default_factory=lambda: np.zeros(0))  # (places,) of the response
+    unclipped: Matrix = field(default_factory=lambda: np.zeros((2, 0)))  # (2, places) both, not limited
 
-    def after(self, sums: NDArray[np.float64], sigma: float) -> "EdgeSearch":
-        """Adds an event's sums (2, places), products and squares, of innovations of sigma [p_0]."""
+    def after(self, sums: Matrix, sigma: float) -> "EdgeSearch":
+        """The next value, after an event's products and squares (2, places); sigma: of its innovations [p_0]."""
         before, (products, squares) = self, sums
         if self.products.size != products.size:
             before = EdgeSearch(np.zeros_like(products), np.zeros_like(squares), np.zeros_like(sums))
@@ -95,7 +96,7 @@ class EdgeSearch:
         )
 
     def edge(self, places: EdgePlaces, least: float = STANDS_OUT) -> Edge | None:
-        """The step that stands out of the noise by so many standard deviations; None without one."""
+        """The step that stands out of the noise by `least` standard deviations; None without one."""
         power = np.maximum(self.squares, np.finfo(np.float64).tiny)
         scores = np.abs(self.products) / np.sqrt(power)
         score, elsewhere = scores[: places.longest + 1].max(), scores[places.longest + 1 :].max()
@@ -106,10 +107,8 @@ class EdgeSearch:
         return Edge(float(products[before] / squares[before]), before)
 
 
-def sums_at_rest(
-    innovations: NDArray[np.float64], response: NDArray[np.float64], places: EdgePlaces
-) -> NDArray[np.float64]:
-    """Products and squares (2, places) of a step before the opening, which only noise may hide.
+def sums_at_rest(innovations: Vector, response: Vector, places: EdgePlaces) -> Matrix:
+    """Products and squares (2, places) of a step before the opening, where only noise may hide it.
 
     innovations: (n,) until the opening, in standard deviations; response: (n,) of them to a step of y by one, at the
     sample `longest` before the opening.
@@ -126,17 +125,13 @@ def sums_at_rest(
 
 
 def sums_beside_flow(
-    opening: int,
-    innovations: NDArray[np.float64],
-    response: NDArray[np.float64],
-    other: "OtherColumns",
-    places: EdgePlaces,
-) -> NDArray[np.float64]:
-    """Products and squares (2, places) of a pulse beside the flow of a pilot valve, `other` columns fitted.
+    opening: int, innovations: Vector, response: Vector, theta: "ThetaColumns", places: EdgePlaces
+) -> Matrix:
+    """Products and squares (2, places) of a pulse beside the flow of a pilot valve, with theta fitted.
 
-    Both begin before the opening, so that the whole event must tell them apart. innovations: (n,) of an event that
-    opens at a sample, in standard deviations; response: (n,) of them to a pulse of one, from the sample `longest`
-    before the opening on.
+    Both begin before the opening, so that only the whole event can tell them apart. opening: its sample; innovations:
+    (n,) of the event, in standard deviations; response: (n,) of these to a pulse of one that begins at the sample
+    `longest` before the opening.
     """
     first = opening - places.longest
     at = np.arange(places.shortest, places.longest + 1)
@@ -145,29 +140,29 @@ def sums_beside_flow(
     for i, before in enumerate(at):
         pulses[: opening - before, i] = 0.0
         pulses[opening - before : opening, i] = response[first : first + before]
-    alone = other.taken_from(pulses)
+    alone = theta.taken_from(pulses)
     sums = np.zeros((2, places.all))
     sums[0, at] = alone.T @ np.clip(innovations, -CLIP, CLIP)
     sums[1, at] = np.einsum("ij,ij->j", pulses, alone)
     return sums
 
 
-class OtherColumns(NamedTuple):
-    """Slopes (n, m) of an event's innovations by theta, and their information (m, m) with the prior."""
+class ThetaColumns(NamedTuple):
+    """Slopes (n, m) of an event's innovations by theta, and the information (m, m) of event and prior."""
 
-    slopes: NDArray[np.float64]
-    information: NDArray[np.float64]
+    slopes: Matrix
+    information: Matrix
 
     @classmethod
-    def of(cls, slopes: NDArray[np.float64], prior: NDArray[np.float64]) -> "OtherColumns":
-        """Columns of an event; prior: (m,) standard deviations of theta."""
+    def of(cls, slopes: Matrix, prior: Vector) -> "ThetaColumns":
+        """Columns of an event by slopes (n, m); prior: (m,) standard deviations of theta."""
         return cls(slopes, slopes.T @ slopes + np.diag(prior**-2))
 
-    def taken_from(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What theta cannot explain of columns (n, k) or (n,)."""
+    def taken_from(self, columns: Matrix) -> Matrix:
+        """Columns (n, k) or (n,) less the part that theta explains."""
         return np.asarray(columns - self.slopes @ self.pull(columns))
 
-    def pull(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def pull(self, columns: Matrix) -> Matrix:
         """Theta (m, k) or (m,) that explains columns (n, k) or (n,) best."""
         return np.asarray(np.linalg.solve(self.information, self.slopes.T @ columns), np.float64)
 
@@ -205,19 +200,18 @@ def pulse_ends(interval: float) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class CoilCurrent:
-    """The pulse that is taken out, and the sums over events by which its end is found.
+    """The pulse that is taken out, and the sums over events by which its end is found, empty before the first.
 
-    A pulse of height 1 changes the innovations by its response; of that the part counts which theta cannot imitate.
+    A pulse of height 1 changes the innovations by its response; only the part that theta cannot imitate counts.
     """
 
-    # of the response and the innovations, (ends,), and of the response with itself; empty before the first event
-    products: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    squares: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    products: Vector = field(default_factory=lambda: np.zeros(0))  # (ends,) of response and innovations
+    squares: Vector = field(default_factory=lambda: np.zeros(0))  # (ends,) of the response
     pulse: CoilPulse | None = None  # None: nothing is taken out yet
-    covariance: NDArray[np.float64] | None = None  # of theta (m, m), by the uncertainty of the pulse; None: 0
+    covariance: Matrix | None = None  # of theta (m, m), by the uncertainty of the pulse; None: 0
 
     @property
-    def unsure(self) -> NDArray[np.float64] | float:
+    def unsure(self) -> Matrix | float:
         """Covariance of theta (m, m) by the uncertainty of the pulse; 0 while nothing is taken out."""
         return 0.0 if self.covariance is None else self.covariance
 
@@ -226,11 +220,11 @@ class CoilCurrent:
         return window if self.pulse is None else self.pulse.taken_out(window)
 
     def after(
-        self, window: Window, edge: Edge, innovations: Innovations, other: OtherColumns, ends: NDArray[np.int64]
+        self, window: Window, edge: Edge, innovations: Innovations, theta: ThetaColumns, ends: NDArray[np.int64]
     ) -> "CoilCurrent":
-        """Value after an event as it was recorded, with such an edge before its openings.
+        """The next value, after an event as it was recorded, with an edge before its openings; ends: grid to compare.
 
-        innovations: of a window (n,), in standard deviations, 0 where they do not count; other: columns of theta.
+        innovations: of a window (n,), in standard deviations, 0 where they do not count.
         """
         is_begun = self.products.size == ends.size
         products = REMEMBERED * self.products if is_begun else np.zeros(ends.size)
@@ -240,8 +234,8 @@ class CoilCurrent:
         pulses = (CoilPulse(edge.height, edge.before, int(end)) for end in ends)
         without = [innovations(pulse.taken_out(window)) for pulse in pulses]
         shapes = (innovations_of_event - np.array(without)).T / edge.height  # (n, ends), of a pulse of 1
-        pull = other.pull(shapes).T  # (ends, m), of theta
-        alone = shapes - other.slopes @ pull.T
+        pull = theta.pull(shapes).T  # (ends, m), of theta
+        alone = shapes - theta.slopes @ pull.T
         products += alone.T @ clipped
         squares += np.einsum("ij,ij->j", alone, shapes)
         heights = products / squares
@@ -254,7 +248,7 @@ class CoilCurrent:
             products *= BEFORE_KNOWN
             squares *= BEFORE_KNOWN
         pulse = CoilPulse(float(heights[best]), edge.before, int(ends[best]))
-        # difference of theta (ends, m) if the pulse ends elsewhere; below also that by another height
+        # difference of theta (ends, m) if the pulse has another end; its covariance is also by other heights
         difference = heights[:, np.newaxis] * pull - heights[best] * pull[best]
         variances = 1.0 / squares + (SHAPE * heights) ** 2
         shares = (weights / weights.sum())[:, np.newaxis]
@@ -263,8 +257,8 @@ class CoilCurrent:
 
 
 @dataclass(frozen=True, eq=False)
-class Energizing:
-    """What the events so far show of the coil's pulse, which is taken out of them once it is known."""
+class CoilDisturbance:
+    """Evidence of the coil's pulse in the events so far, and the pulse, which is taken out once it is known."""
 
     edges: EdgeSearch = field(default_factory=EdgeSearch)
     current: CoilCurrent = field(default_factory=CoilCurrent)
@@ -280,11 +274,11 @@ class Energizing:
         fit: EventFit,
         sigma: float,
         cost_of: Callable[[Window], EventCost],
-        prior: NDArray[np.float64],
+        prior: Vector,
         interval: float,
         flowing: bool,
-    ) -> tuple["Energizing", bool]:
-        """Value after a fitted event as it was recorded, and whether the event has a pulse that was not taken out.
+    ) -> tuple["CoilDisturbance", bool]:
+        """The next value, after a fitted event as it was recorded; whether that has a pulse that was not taken out.
 
         sigma: of the innovations [p_0]; cost_of: a window's cost; prior: standard deviations (m,) of theta before any
         event; interval: of samples [s]; flowing: whether the flow of a pilot valve is in the event.
@@ -295,7 +289,7 @@ class Energizing:
             return self, False
         theta = fit.linearisation.theta
 
-        def standardised(window: Window) -> NDArray[np.float64]:
+        def standardised(window: Window) -> Vector:
             """Innovations in standard deviations, at the fit."""
             cost = cost_of(window)
             cost.value(theta)
@@ -303,13 +297,13 @@ class Energizing:
             counts[: cost.burn_in] = 0.0
             return counts
 
-        other = partial(OtherColumns.of, fit.slopes / sigma, prior)  # seldom needed
+        columns = partial(ThetaColumns.of, fit.slopes / sigma, prior)  # seldom needed
         event = window if flowing else window.until(window.opening)
         innovations = standardised(event)
         if flowing:
             until = int(np.flatnonzero(window.inputs[:, 1] > 0.0)[-1]) - round(USUAL_END / interval)
             response = standardised(with_step(with_step(event, first, sigma), until, -sigma)) - innovations
-            sums = sums_beside_flow(window.opening, innovations, response, other(), places)
+            sums = sums_beside_flow(window.opening, innovations, response, columns(), places)
         else:
             response = standardised(with_step(event, first, sigma)) - innovations
             sums = sums_at_rest(innovations, response, places)
@@ -317,6 +311,6 @@ class Energizing:
         edge = edges.edge(places)
         if edge is None:
             stands_out = EdgeSearch(sums[0], sums[1], sums).edge(places, STANDS_OUT_ALONE) is not None
-            return Energizing(edges), self.is_known or stands_out
-        current = self.current.after(window, edge, standardised, other(), pulse_ends(interval))
-        return Energizing(edges, current), not self.is_known
+            return CoilDisturbance(edges), self.is_known or stands_out
+        current = self.current.after(window, edge, standardised, columns(), pulse_ends(interval))
+        return CoilDisturbance(edges, current), not self.is_known

@@ -47,13 +47,13 @@ class Colour:
 
 def is_same(first: Colour | None, second: Colour | None) -> bool:
     """Whether two colours are equal, or both absent."""
-    if first is None or second is None:
+    if first is None or second is None or first is second:
         return first is second
-    return first is second or (
-        (first.sigma, first.interval, first.whitening.forgetting)
-        == (second.sigma, second.interval, second.whitening.forgetting)
-        and np.array_equal(first.whitening.taps, second.whitening.taps)
-    )
+    return (first.sigma, first.interval, first.whitening.forgetting) == (
+        second.sigma,
+        second.interval,
+        second.whitening.forgetting,
+    ) and np.array_equal(first.whitening.taps, second.whitening.taps)
 
 
 @dataclass(frozen=True)

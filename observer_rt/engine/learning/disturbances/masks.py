@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.outliers import find_held, find_loud
+from observer_rt.engine.estimation.belief import Vector
 from observer_rt.engine.estimation.predictor import Window
 
 GAUSSIAN = 1.4826  # standard deviation over the median of the sizes
@@ -27,10 +28,6 @@ class Sigmas:
     innovation: float
     noise: float
 
-    def times(self, factor: float) -> "Sigmas":
-        """Levels of a noise louder by a factor."""
-        return Sigmas(factor * self.innovation, factor * self.noise)
-
 
 @dataclass(frozen=True, eq=False)
 class CleanWindow:
@@ -40,7 +37,7 @@ class CleanWindow:
     nats: float
 
 
-def loudness(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> float:
+def loudness(window: Window, innovations: Vector, sigmas: Sigmas, first: int) -> float:
     """Factor by which most innovations (n,) at rest, from sample `first` on, are larger than expected; 1 at least.
 
     A noise whose level is not known yet has no outliers by the level that is.
@@ -51,7 +48,7 @@ def loudness(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, f
     return max(1.0, GAUSSIAN * median(np.abs(resting)) / sigmas.innovation)
 
 
-def median(values: NDArray[np.float64]) -> float:
+def median(values: Vector) -> float:
     """Median of finite values (n,); numpy's own looks for others first, which takes thrice as long."""
     middle = values.size // 2
     parted = np.partition(values, middle)
@@ -64,15 +61,14 @@ def mask_of(window: Window) -> NDArray[np.bool_]:
     return window.masked if len(window.masked) else np.zeros(len(window.output), np.bool_)
 
 
-def without_stretches(
-    window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
-) -> CleanWindow | None:
+def without_stretches(window: Window, innovations: Vector, sigmas: Sigmas, first: int) -> CleanWindow | None:
     """The event without samples better explained as held or loud than by their innovations (n,); None: all count.
 
     Those before sample `first` do not count.
     """
     before = mask_of(window)
-    sigmas = sigmas.times(loudness(window, innovations, sigmas, first))
+    louder = loudness(window, innovations, sigmas, first)
+    sigmas = Sigmas(louder * sigmas.innovation, louder * sigmas.noise)
     held = find_held(window.output, innovations / sigmas.innovation, before, sigmas.noise, first)
     spans = np.concatenate((held, find_loud(window.output, sigmas.noise)))
     mask = before.copy()
@@ -87,7 +83,7 @@ def without_stretches(
     return CleanWindow(window._replace(masked=mask), float(spans[:, 2].sum()) + max(0.5 * more, 0.0))
 
 
-def _beyond(y: NDArray[np.float64], level: float, noise: float) -> NDArray[np.bool_]:
+def _beyond(y: Vector, level: float, noise: float) -> NDArray[np.bool_]:
     """Samples of y (n,) about a level at which its range ends; none, where it goes on beyond it."""
     means = np.convolve(y - level, np.full(NEIGHBOURS, 1.0 / NEIGHBOURS), "same")
     inner = means[NEIGHBOURS:-NEIGHBOURS] / noise

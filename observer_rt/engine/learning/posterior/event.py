@@ -1,4 +1,4 @@
-"""One event, explained as all that it may be, and the account after it."""
+"""The explanation of an event by all kinds that it may be, and the account of change after it."""
 
 import math
 from collections.abc import Sequence
@@ -24,14 +24,14 @@ from observer_rt.engine.learning.fitting import EventFit, EventFitter
 from observer_rt.engine.learning.hypotheses import NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
-from observer_rt.engine.learning.learned_range import EventPoint, operating_point, remembered
+from observer_rt.engine.learning.learned_range import EventPoint, operating_point, with_point
 from observer_rt.engine.learning.posterior.explaining import LATE_SENSOR, STARTED, Explanation, Weighing
 from observer_rt.engine.learning.posterior.reader import (
     ClosedEvent,
     EventReader,
     EventReading,
-    Follows,
     RestingPressure,
+    Tracking,
     resting_pressure,
     setting_of,
 )
@@ -43,7 +43,7 @@ _SENSOR = (int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN
 
 
 class Noise(NamedTuple):
-    """Noise while the needle is shut, and its colour."""
+    """Statistics of the innovations at rest, and their colour."""
 
     at_rest: RestingNoise
     colour: Colour | None
@@ -54,8 +54,8 @@ Continued = tuple[Explanation, LearnedInjector]
 
 
 @dataclass(frozen=True, eq=False)
-class Believing:
-    """Learns from one event; state: before it, point: of the event."""
+class BeliefUpdate:
+    """Update of beliefs by one event; state: before it, point: of the event."""
 
     reader: EventReader
     state: LearningState
@@ -96,11 +96,11 @@ class Believing:
             is_prior=False,
             colour=noise.colour,
             at_rest=noise.at_rest,
-            learned_at=remembered(() if explanation.kind in UNLIKE_BEFORE else before.learned_at, self.point),
+            learned_at=with_point(() if explanation.kind in UNLIKE_BEFORE else before.learned_at, self.point),
         )
 
     def _noise(self, explanation: Explanation) -> Noise:
-        """Noise while the needle is shut, by what was believed and by the event."""
+        """Noise by the belief before an explanation, and by the event; computed once for each reading."""
         learned, reading, fit = explanation.before, explanation.reading, explanation.fit
         key = id(learned.at_rest), id(reading)
         if key not in self._noises:
@@ -110,24 +110,24 @@ class Believing:
 
 
 def noise_after(
-    learned: LearnedInjector, window: Window, unfiltered: NDArray[np.float64], follows: Follows, reader: EventReader
+    learned: LearnedInjector, window: Window, unfiltered: NDArray[np.float64], follows: Tracking, reader: EventReader
 ) -> Noise:
-    """Noise by the belief, and by the innovations (n,) of an event."""
+    """Noise by a belief, and by the unfiltered innovations (n,) of an event at rest."""
     stretches = resting_segments(window, reader.burn_in, reader.resting)
     at_rest = learned.at_rest.after([unfiltered[each] for each in stretches], reader.interval)
     return Noise(at_rest, at_rest.colour(learned.colour, reader.interval, follows.sigmas.innovation))
 
 
 def is_late(active: frozenset[int]) -> bool:
-    """Whether the line sensor is taken to be late, by the gated columns in use; it may be delays of the needle."""
+    """Whether a lag of the line sensor is among the gated columns in use, ; delays of the needle look alike."""
     return int(Parameter.SENSOR_LAG) in active
 
 
 def account_after(before: Account, continued: Sequence[Continued]) -> tuple[Explanation, Account]:
-    """The explanation that is carried, and the account after an event, whose explanations come the likeliest first.
+    """The explanation that is carried, and the account after an event; continued: the likeliest first.
 
-    All that say the same as the likeliest are one belief, in their modes; of these the first that explains the event
-    is carried.
+    Explanations whose beliefs are alike are one belief, in several modes. The belief with most support in one mode
+    goes on; carried is its first explanation that is good.
     """
 
     def is_one(first: Continued, second: Continued) -> bool:
@@ -149,15 +149,15 @@ def account_after(before: Account, continued: Sequence[Continued]) -> tuple[Expl
     for explanation, _ in kept:
         mode = explanation.kind.mode
         modes[mode] = modes.get(mode, 0.0) + explanation.weight / total
-    moving = next((each.moving for each, _ in kept if each.moving is not None), None)
-    return lead, Account(learned, modes, None if moving is None else moving.after(learned.belief), rival)
+    drift = next((each.drift for each, _ in kept if each.drift is not None), None)
+    return lead, Account(learned, modes, None if drift is None else drift.after(learned.belief), rival)
 
 
 class ExplainedEvent(NamedTuple):
-    """An event as far as it is understood.
+    """An event with its explanations.
 
-    state: before it; recorded: its window; unmasked: without the coil; explanations: the likeliest first; lead: the
-    one carried; account: after it.
+    state: before it; recorded: its window; unmasked: the window without the coil's pulse; explanations: the likeliest
+    first; lead: the explanation that is carried; account: after the event.
     """
 
     state: LearningState
@@ -170,7 +170,7 @@ class ExplainedEvent(NamedTuple):
 
     @property
     def window(self) -> Window:
-        """Window as the leading explanation has it, without the coil and without stretches that are off."""
+        """Window of the leading explanation, without the coil's pulse, stretches that are off masked."""
         return self.lead.reading.window
 
     @property
@@ -185,25 +185,25 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
     Raises numpy.linalg.LinAlgError where nothing is finite.
     """
     window = state.energizing.current.undone(event.window)
-    reads = _Reads(state, event, offset, reader)
-    reads.weigh(state.account, window)
-    for rival in reads.rivals:
-        reads.weigh(rival, window)
+    readings = _EventReadings(state, event, offset, reader)
+    readings.weigh(state.account, window)
+    for rival in readings.rivals:
+        readings.weigh(rival, window)
     if state.learned.is_prior:
-        reads.weigh_coloured(state.learned, window)
-    reads.weigh_masked()
-    explanations = reads.weighing.explanations()
+        readings.weigh_coloured(state.learned, window)
+    readings.weigh_masked()
+    explanations = readings.weighing.explanations()
     lead = next((i for i, each in enumerate(explanations) if each.is_good), None)
     if lead is not None:  # it is carried, and run again
         explanations[lead] = explanations[lead].fitted(reader)
     point = operating_point(window, reader.interval)
-    believing = Believing(reader, state, point)
-    continued = [(each, believing.after(each)) for each in explanations]
+    update = BeliefUpdate(reader, state, point)
+    continued = [(each, update.after(each)) for each in explanations]
     return ExplainedEvent(state, event.window, window, point, continued, *account_after(state.account, continued))
 
 
-class _Reads:
-    """An event as it is read, round one belief and another, with all of its samples or without some."""
+class _EventReadings:
+    """Readings of an event, round one belief after the other, with all of its samples or without some."""
 
     def __init__(self, state: LearningState, event: ClosedEvent, offset: float | None, reader: EventReader) -> None:
         self._state, self._event, self._offset, self._reader = state, event, offset, reader
@@ -222,7 +222,7 @@ class _Reads:
             self.weighing.add(account, reading)
 
     def weigh_coloured(self, learned: LearnedInjector, window: Window) -> None:
-        """Explain the event in the colour that noise at rest shows in it, where nothing is known of it before."""
+        """Explain the event with the colour that its innovations at rest show, if none was known before."""
         likeliest = self.weighing.likeliest_fit
         if likeliest is None or likeliest.fit is None or learned.colour is not None:
             return
@@ -248,7 +248,7 @@ class _Reads:
         """Reads the event round a belief."""
         state, event, reader, offset = self._state, self._event, self._reader, self._offset
         schedule = reader.gains(learned.theta, state.noise, event.constants)
-        follows = Follows(
+        follows = Tracking(
             setting_of(event.constants, schedule),
             Sigmas(schedule.innovation_sigma, state.noise.line_pressure / reader.pressure_scale),
             offset,
@@ -261,10 +261,10 @@ class _Reads:
         )
 
     def _first(self, learned: LearnedInjector, window: Window, cost: EventCost) -> Linearisation:
-        """The cost at the belief; of a needle that answers commands, before events, at the best of several fits.
+        """The cost at the belief, or in the first event of a needle that answers commands the best of several fits.
 
-        These know no law of nozzle and seat, which would make up for a needle and a line that are far from theirs.
-        The best one with a late line sensor, which looks like delays and a bounce of the needle, becomes a rival.
+        The fits have no law of nozzle and seat, which would make up for a needle and a line that are far from theirs.
+        The best fit with a late line sensor, which looks like delays and a bounce of the needle, becomes a rival.
         """
         first = cost.linearised(learned.theta)
         if window.needle is None or not learned.is_prior or learned.active:
@@ -288,7 +288,7 @@ class _Reads:
     def _linearised(
         self, learned: LearnedInjector, window: Window, cost: EventCost
     ) -> tuple[Linearisation, RestingPressure]:
-        """Linearises a cost at the belief, with offset and gain as rest says where these are others."""
+        """Linearise a cost at the belief, with offset and gain as rest says if these differ from the belief's."""
         reader = self._reader
         first = self._first(learned, window, cost)
         resting = resting_pressure(window, cost, learned.theta, reader.interval, reader.pressure_scale)

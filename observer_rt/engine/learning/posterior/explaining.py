@@ -1,4 +1,4 @@
-"""Explains an event as every kind that it may be, and computes the weights of these explanations."""
+"""Explanations of an event, as each kind that it may be, and their weights."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -18,7 +18,7 @@ from observer_rt.engine.learning import hypotheses
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
 from observer_rt.engine.learning.fitting import EventFit, EventFitter, Limits, evidence_of, nearly_white
-from observer_rt.engine.learning.hypotheses import BEFORE, QUICK, Kind, Mode, Moving, moving, transitions
+from observer_rt.engine.learning.hypotheses import BEFORE, QUICK, Drift, Kind, Mode, drift_of, transitions
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
 from observer_rt.engine.learning.scales import (
@@ -43,11 +43,11 @@ STARTED = {hypotheses.LIFT_LATE: LATE_STARTS / LAG_UNIT, hypotheses.NEEDLE_CHANG
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """An event explained as one kind: the prior, and the theta that explains it best.
+    """Explanation of an event as one kind: the prior, and the theta that explains it best.
 
-    before: what was believed; log_weight: logarithm of its weight; weight: normalised over all explanations; held:
-    the prior, with the gain as the samples at rest say; scales: likeliest of its weights; cost:
-    linearised about theta (m,); fit: None where theta was not fitted; moving: drift of the wear, if any.
+    before: belief before the event; log_weight: logarithm of its weight; weight: normalised over all explanations;
+    held: the prior, with the gain as the samples at rest say; scales: likeliest of the network's weights; cost:
+    linearised about theta (m,); fit: None where theta was not fitted; drift: of wear that moves on, if it does.
     """
 
     before: LearnedInjector
@@ -60,7 +60,7 @@ class Explanation:
     cost: Linearisation
     theta: Theta
     fit: EventFit | None
-    moving: Moving | None
+    drift: Drift | None
     weight: float = 0.0
 
     @property
@@ -70,7 +70,7 @@ class Explanation:
 
     @cached_property
     def score_as_believed(self) -> float | None:
-        """Score of the event before the fit; None if it was not expected so, or nothing was learned before."""
+        """Score of the event before the fit; None if its kind is a change, or nothing was learned before."""
         if self.kind not in hypotheses.BELIEVED or self.before.is_prior:
             return None
         return self.reading.first.score(self.held.prior.covariance)
@@ -110,9 +110,9 @@ class _KindEvidence:
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
 
     def refine(self, fitter: EventFitter, start: Linearisation, steps: int) -> None:
-        """Fit it at its likeliest scale; again, where from there another one is the likeliest.
+        """Fit the kind at its likeliest scales, and again if others are the likeliest from there.
 
-        What that promises and no fit has kept counts for no more than `BEYOND`.
+        Of a fall of the cost that the last linearisation promises, and no fit confirmed, `BEYOND` counts at most.
         """
         for _ in range(c.SCALE_FITS):
             scales = self.scales
@@ -145,7 +145,7 @@ class _OfferedKinds:
     def __init__(self, account: Account, reading: EventReading, reader: EventReader) -> None:
         self._learned, self._reading, self._reader = account.learned, reading, reader
         self._logs = kind_log_priors(account, reading.window.needle is None)
-        self._moving, priors = self._priors(account)
+        self._drift, priors = self._priors(account)
         self._evidence = self._weighed(priors)
 
     @property
@@ -154,16 +154,16 @@ class _OfferedKinds:
         return max((self._log_of(kind) for kind in self._evidence), default=-math.inf)
 
     def refine(self, best: float) -> None:
-        """Fit what may matter, the one that promises most first; best: logarithm of the best weight so far.
+        """Fit the kinds that may matter, the likeliest first; best: logarithm of the best weight so far.
 
-        A fit may break that promise, and shows the others the cost from nearer by.
+        After each fit the kinds that are left are weighed by its linearisation, too.
         """
         left = list(self._evidence)
         while left:
             kind = max(left, key=lambda kind: (kind is BEFORE, kind not in STARTED, self._log_of(kind)))
             left.remove(kind)
             evidence, is_new = self._evidence[kind], self._learned.is_prior
-            if kind in STARTED:  # after those that it looks like: they begin where it is far behind them
+            if kind in STARTED:  # after the kinds that look like it
                 is_new = self._start(evidence, STARTED[kind]) or is_new
             self._fit(evidence, math.inf if is_new else self._log_of(kind) - max(best, self.best))
             if evidence.fit is not None:
@@ -197,14 +197,14 @@ class _OfferedKinds:
                     evidence.cost,
                     evidence.theta,
                     evidence.fit,
-                    self._moving if kind is QUICK else None,
+                    self._drift if kind is QUICK else None,
                 )
 
     def _log_of(self, kind: Kind) -> float:
         return self._logs[kind] - self._reading.level + self._evidence[kind].log
 
-    def _priors(self, account: Account) -> tuple[Moving | None, Mapping[Kind, Belief]]:
-        """The belief before the event by kind, and the drift of the wear."""
+    def _priors(self, account: Account) -> tuple[Drift | None, Mapping[Kind, Belief]]:
+        """Drift of the wear, None where it does not move on, and the belief before the event by kind."""
         learned, reader = self._learned, self._reader
         before = learned.belief.drifted(reader.drift)
         if learned.is_prior:
@@ -213,8 +213,8 @@ class _OfferedKinds:
         if QUICK not in priors:
             return None, priors
         goes_on = account.modes.get(Mode.QUICK, 0.0) * hypotheses.STAYS[Mode.QUICK] / math.exp(self._logs[QUICK])
-        moved = moving(priors[QUICK], reader.drift, account.velocity, min(goes_on, 1.0))
-        return moved, priors | {QUICK: moved.belief}
+        drift = drift_of(priors[QUICK], reader.drift, account.velocity, min(goes_on, 1.0))
+        return drift, priors | {QUICK: drift.belief}
 
     def _weighed(self, priors: Mapping[Kind, Belief]) -> dict[Kind, _KindEvidence]:
         """Evidence of each kind with its prior, by the cost as it was linearised first."""
@@ -241,7 +241,10 @@ class _OfferedKinds:
         return belief.widened(self._reader.widths(kind)) if kind.columns else belief
 
     def _start(self, evidence: _KindEvidence, moves: Theta) -> bool:
-        """Whether much is to be explained, and theta moved (k, m) explains some; linearises it at the best."""
+        """Linearise a kind at the best of theta moved by `moves` (k, m); return whether that was done.
+
+        It is done if much is to be explained, or nothing was learned before, and a move lowers the cost.
+        """
         first, cost = self._reading.first, self._reading.cost
         is_far = first.value - evidence.cost.expected(evidence.theta) > c.FALLS_FAR
         if not (is_far or self._learned.is_prior):
@@ -254,7 +257,7 @@ class _OfferedKinds:
         return True
 
     def _nearly_white(self, evidence: _KindEvidence) -> float:
-        """Nats that a kind gains by nearly white innovations; those of `BEFORE` count if both fit equally well."""
+        """Nats that a kind gains by nearly white innovations, those of `BEFORE` if both explain the event as well."""
         before, reading = self._evidence[BEFORE], self._reading
         leaves, as_before = (each.cost.expected(each.theta) for each in (evidence, before))
         alike = before if abs(leaves - as_before) < c.LEFT_ALIKE else evidence
@@ -274,7 +277,7 @@ class _OfferedKinds:
 
 
 class Weighing:
-    """Computes the weights of all explanations."""
+    """Weights of all explanations, by which they are ordered."""
 
     def __init__(self, reader: EventReader) -> None:
         self._reader = reader
@@ -282,7 +285,7 @@ class Weighing:
         self._all: list[Explanation] = []
 
     def add(self, account: Account, reading: EventReading) -> None:
-        """Explain the event by each kind that an account offers. Raises numpy.linalg.LinAlgError if singular."""
+        """Explain the event as each kind that an account offers. Raises numpy.linalg.LinAlgError if singular."""
         kinds = _OfferedKinds(account, reading, self._reader)
         kinds.refine(self._best)
         self._best = max(self._best, kinds.best)
@@ -295,8 +298,8 @@ class Weighing:
 
     @property
     def likeliest_fit(self) -> Explanation | None:
-        """The likeliest with a fit."""
-        fitted = [each for each in self._all if each.fit is not None]
+        """The likeliest explanation with a fit so far; None without any."""
+        fitted = (each for each in self._all if each.fit is not None)
         return max(fitted, key=lambda each: each.log_weight, default=None)
 
     def explanations(self) -> list[Explanation]:

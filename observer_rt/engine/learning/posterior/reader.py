@@ -1,4 +1,4 @@
-"""Reads an event: gains of x~, cost by noise and range, samples left out, linearisations, line pressure at rest.
+"""The reader of events: gains of x~, cost, linearisation, and line pressure at rest of an event round a belief.
 
 Offset and gain of one sensor over the other's are distinguished by rest at several pressures, in one event (the rail
 dips) or from event to event. This comes before the noise is given a colour: the misfit of a gain would be taken for
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.belief import Belief, HeldBelief, held_at, nothing_held
+from observer_rt.engine.estimation.belief import Belief, HeldBelief, Matrix, Vector, held_at
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.engine.estimation.phases import PhaseStatistics, phase_statistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
@@ -43,9 +43,9 @@ from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
 BLOCK = 1 * MILLISECOND  # of which means are taken: about a period of the line
 BLOCK_ERROR = 0.01 * MEGAPASCAL  # of such a mean, whatever the noise
-# Of a block over the pressures within an event: how the rail recovers is alike in every event, and no gain.
+# Of a block over the pressures within an event: the rail recovers alike in every event, which looks like a gain.
 SYSTEMATIC = 0.03 * MEGAPASCAL
-# Standard deviations beyond a belief: another sensor, or one that is not straight, tells no gain.
+# Standard deviations beyond a belief, from which on no gain is learned: the sensor is another, or not straight.
 SIGNIFICANT = 5.0
 _OFFSET, _GAIN = int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN)
 _BOTH = [_OFFSET, _GAIN]
@@ -58,8 +58,7 @@ RAIL_TEMPER = 2.0  # factor on the variance of an event under such noise; M: wit
 class RestingPressure:
     """Means of innovations over blocks of an event's rest.
 
-    means: (k,) at theta (m,); slopes: (k, 2) by offset and gain; noise: variance of a mean by it; pressure_scale: p_0
-    [Pa].
+    means: (k,) at theta (m,); slopes: (k, 2) by offset and gain; noise: variance of a mean; pressure_scale: p_0 [Pa].
     """
 
     theta: Theta
@@ -69,15 +68,15 @@ class RestingPressure:
     pressure_scale: float
 
     def held(self, belief: Belief) -> HeldBelief:
-        """The belief with the gain as rest says; as it is where sensors have none."""
+        """The belief with the gain held at that by the rest; the belief itself where sensors are exact."""
         own = float(belief.covariance[_GAIN, _GAIN])
         if own <= 2.0 * EXACTLY**2:
-            return nothing_held(belief)
+            return HeldBelief(belief)
         value, variance = self._gain(belief)
         return held_at(belief, _GAIN, value, min(variance, own))
 
     def _gain(self, belief: Belief) -> tuple[float, float]:
-        """Gain and its variance after the rest."""
+        """Gain, and its variance, by a belief and the rest."""
         before, prior = belief.mean[_BOTH], belief.covariance[np.ix_(_BOTH, _BOTH)]
         if not self.means.size:
             return float(before[1]), float(prior[1, 1])
@@ -96,10 +95,8 @@ class RestingPressure:
         return float(gain), (1.0 - share) * of_means + share * of_blocks
 
 
-def _taught(
-    prior: NDArray[np.float64], slopes: NDArray[np.float64], means: NDArray[np.float64], noise: float
-) -> tuple[float, float]:
-    """Change of the gain by innovations (k,) with slopes (k, 2), each with a variance, and what it then has."""
+def _taught(prior: Matrix, slopes: Matrix, means: Vector, noise: float) -> tuple[float, float]:
+    """Change of the gain by innovations `means` (k,) with slopes (k, 2) and a variance; its variance then."""
     along = prior[1] @ slopes.T
     spread = slopes @ prior @ slopes.T + noise * np.eye(means.size)
     weights = np.linalg.solve(spread, along)
@@ -131,15 +128,15 @@ class ClosedEvent(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Follows:
-    """How x~ follows an event: setting; sigmas: if its noise is white; offset [p_0] at rest before, None: unknown."""
+class Tracking:
+    """Setting of x~ over an event; sigmas: if its noise is white; offset [p_0] at rest before it, None: unknown."""
 
     setting: Setting
     sigmas: Sigmas
     offset: float | None
 
     def sigmas_in(self, learned: LearnedInjector) -> Sigmas:
-        """Standard deviations of the innovations, of coloured noise after whitening."""
+        """Standard deviations with the colour of noise that was learned: that of the innovations after whitening."""
         colour = learned.colour
         return self.sigmas if colour is None else replace(self.sigmas, innovation=colour.sigma)
 
@@ -148,9 +145,8 @@ class Follows:
 class EventReader:
     """Constants of learning for an injector.
 
-    interval: of samples [s]; pressure_scale: p_0 [Pa]; limits: of theta; healthy: what the model leaves unexplained
-    of a healthy one; calibration: of level and sensors; gains_for: `gain_schedule`, which most events ask for the
-    same.
+    interval: of samples [s]; pressure_scale: p_0 [Pa]; limits: of theta; healthy: innovations of a healthy injector;
+    calibration: of level and sensors; gains_for: `gain_schedule`, or a cache of it.
     """
 
     interval: float
@@ -188,13 +184,13 @@ class EventReader:
         return self._widths[kind]
 
     def gains(self, theta: Theta, noise: NoiseLevels, constants: Constants) -> GainSchedule:
-        """Gains of x~ with theta (m,): with the gains of another theta a line with waves may become unstable."""
+        """Gains of x~ with theta (m,); with those of another theta a line with waves may become unstable."""
         learned = learned_of(theta, constants.coefficients)
         sensor, rate = constants.sensor, 1.0 / constants.interval
         lag = sensor.lag + float(learned.sensor[0])
         return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, constants.rail_every)
 
-    def cost_of(self, state: LearningState, learned: LearnedInjector, window: Window, follows: Follows) -> EventCost:
+    def cost_of(self, state: LearningState, learned: LearnedInjector, window: Window, follows: Tracking) -> EventCost:
         """Cost of an event, whitened by the colour of the noise that was learned."""
         colour = learned.colour
         return EventCost(
@@ -250,7 +246,7 @@ class EventReading:
     learned: LearnedInjector
     window: Window
     schedule: GainSchedule
-    follows: Follows
+    follows: Tracking
     cost: EventCost
     first: Linearisation
     innovations: NDArray[np.float64]
@@ -264,11 +260,11 @@ class EventReading:
 
     @cached_property
     def level(self) -> float:
-        """Nats that noise level and samples left out add, for densities must share one unit."""
+        """Nats that noise level and samples left out add to a cost, so that costs of readings can be compared."""
         return (self.cost.terms * math.log(self.cost.sigma) + self.off) / self.cost.temper
 
     def innovations_at(self, theta: Theta, fit: EventFit | None) -> NDArray[np.float64]:
-        """Innovations (n,) at theta (m,): those of its fit, to first order without one."""
+        """Innovations (n,) at theta (m,): those of its fit; to first order without a fit."""
         if fit is not None:
             return fit.innovations
         return self.innovations + self.slopes @ (theta - self.first.theta)
@@ -283,7 +279,7 @@ class EventReading:
     def at_fault(self, theta: Theta, fit: EventFit | None) -> float:
         """Cost [nats] of the innovations at theta (m,) if the event is at fault, and of the offset at rest."""
         temper = self.cost.temper
-        return at_fault(self._statistics(theta, fit), temper) + self.cost.of_offset(theta) / temper
+        return at_fault(self._statistics(theta, fit), temper) + self.cost.offset_cost(theta) / temper
 
     def _statistics(self, theta: Theta, fit: EventFit | None, limit: float = math.inf) -> PhaseStatistics:
         innovations, cost = self.innovations_at(theta, fit), self.cost

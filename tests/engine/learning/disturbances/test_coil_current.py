@@ -34,7 +34,7 @@ def as_seen(window: Window) -> NDArray[np.float64]:
 
 K = np.arange(COUNT)
 SLOPES = np.stack([np.where((K > 120) & (K < 250), 1.0, 0.0), np.sin(K / 40.0)], axis=1)
-OTHER = coil_current.OtherColumns.of(SLOPES, PRIOR)
+OTHER = coil_current.ThetaColumns.of(SLOPES, PRIOR)
 
 
 def after(events: int, height: float, until: int = UNTIL) -> coil_current.CoilCurrent:
@@ -81,7 +81,7 @@ def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
     assert np.allclose(output, np.where(taken, 1.0 - height, 1.0))
     cost: Any = SimpleNamespace(value=lambda _: 0.0, innovations=np.zeros(COUNT), burn_in=0)
     fit: Any = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)), slopes=SLOPES)
-    coil = coil_current.Energizing(current=current)
+    coil = coil_current.CoilDisturbance(current=current)
     without, said = coil.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, flowing=False)
     assert said
     assert not without.is_known

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.learning.disturbances.coil_current import (
     STANDS_OUT_ALONE,
     EdgeSearch,
-    OtherColumns,
+    ThetaColumns,
     edge_places,
     sums_at_rest,
     sums_beside_flow,
@@ -93,7 +93,7 @@ FLOW = np.where(np.arange(COUNT) > OPENING - 20, np.minimum(np.arange(COUNT) - O
 @pytest.mark.parametrize(("height", "flow"), [(1.5, 0.0), (-1.5, 3.0), (0.0, 3.0)])
 def test_a_pulse_is_told_from_a_flow_that_begins_with_it(height: float, flow: float) -> None:
     search = EdgeSearch()
-    other = OtherColumns.of(FLOW[:, np.newaxis], np.full(1, 10.0))
+    other = ThetaColumns.of(FLOW[:, np.newaxis], np.full(1, 10.0))
     pulse = response_from(OPENING - PLACES.longest) - response_from(OPENING + 200)
     for seed in range(12):
         signal = flow * FLOW + height * (response_from(OPENING - DELAY) - response_from(OPENING + 200))

@@ -14,7 +14,7 @@ from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.hypotheses import AT_FAULT, BEFORE
 from observer_rt.engine.learning.learned_injector import LearnedInjector
-from observer_rt.engine.learning.posterior.event import Believing, ExplainedEvent
+from observer_rt.engine.learning.posterior.event import BeliefUpdate, ExplainedEvent
 from observer_rt.engine.learning.posterior.event_mass import EventMass
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.outcome import Shares, verdict_of
@@ -71,7 +71,7 @@ def test_a_bad_event_ages_what_was_learned_and_teaches_nothing_else() -> None:
     aged = prior_belief(0.0 * WIDE, 2.0 * np.diag(WIDE**2))
     for learned, belief in ((replace(NEW, is_prior=False), aged), (NEW, NEW.belief)):
         explanation = Explanation(learned, AT_FAULT, 0.0, NONE, aged, NONE, NONE, NONE, NEW.theta, None, None, 1.0)
-        assert Believing(NONE, NONE, NONE).after(explanation).belief is belief
+        assert BeliefUpdate(NONE, NONE, NONE).after(explanation).belief is belief
 
 
 def test_the_control_flow_of_an_event_is_that_of_its_open_needle() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from observer_rt.config.injector_file import InjectorFile, section_of, tables_in_force
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.identification.discovery.findings import starts_anew
+from observer_rt.identification.discovery.caveats import counter_restarts
 from observer_rt.identification.discovery.search.candidates import Size, minimum_from, sizing
 from observer_rt.identification.discovery.search.results import Discovery, FittedEffect, Verdict
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
@@ -76,7 +76,7 @@ def accepted(
     evidence = f"-2 log L falls by {proposal.gain:.0f}; {', '.join(shortened(recordings))}"
     if proposal.part is not None:
         evidence += f"; in part: closes {proposal.part.closed:.0%} of the gap held out, see [remainder]"
-    evidence = "; ".join((evidence, *starts_anew(proposal.terms)))
+    evidence = "; ".join((evidence, *counter_restarts(proposal.terms)))
     why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}
     sizes = proposal.candidate.parameters
     effects = [EffectInForce(id=one, parameters=sizes[one], **why) for one in proposal.candidate.named]

@@ -13,8 +13,9 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.amend import AMENDED, ORIGIN, accepted, amended_effects
+from observer_rt.identification.discovery.caveats import is_level_measured, is_like_inertance, remedies
 from observer_rt.identification.discovery.disagreement import disagreements
-from observer_rt.identification.discovery.findings import Findings, is_level_measured, is_like_inertance, remedies
+from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.gaps import gaps_of
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
 from observer_rt.identification.discovery.report.text import headline

@@ -12,7 +12,7 @@ from observer_rt.identification.fit.problem import Calibration
 from observer_rt.identification.likelihood.likelihood import JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import simulated
-from observer_rt.identification.likelihood.windows import Rows
+from observer_rt.identification.likelihood.rows import Rows
 from observer_rt.model.effective import EffectiveModel
 
 

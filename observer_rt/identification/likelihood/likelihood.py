@@ -17,9 +17,16 @@ from observer_rt.identification.likelihood import jitter, windows
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time, smoothing_of
 from observer_rt.identification.likelihood.events import MARGIN
-from observer_rt.identification.likelihood.measured_rate import METER_ERROR, MeasuredRate
+from observer_rt.identification.likelihood.healthy_innovations import expected_of
+from observer_rt.identification.likelihood.measured_rate import (
+    METER_ERROR,
+    MeasuredRate,
+    as_by_meter,
+    rate_as_recorded,
+)
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
+from observer_rt.identification.likelihood.rows import Rows
 from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel
@@ -54,10 +61,10 @@ class RecordingLikelihood:
     ) -> None:
         """nominal: model from which others differ little; healthy: mean innovation that is subtracted."""
         self.measurement = measurement
-        self._expected = None if healthy is None else windows.expected_of(healthy, measurement)
+        self._expected = None if healthy is None else expected_of(healthy, measurement)
         nominal = measurement.as_recorded(nominal)
         self._highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
-        self._rows = windows.Rows(measurement)
+        self._rows = Rows(measurement)
         rate = measurement.recording.sample_rate
         needed = substeps_needed(nominal.injector, rate, nominal.departures)
         self._substeps = max(needed, min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS))
@@ -110,7 +117,7 @@ class RecordingLikelihood:
             z /= np.sqrt(variance)
             log_sigma += 0.5 * float(np.mean(np.log(variance)))
         masses = model.coefficients.density * self._rows.volumes(rate)
-        shown = windows.as_by_meter(self.measurement, rate)
+        shown = as_by_meter(self.measurement, rate)
         rate_z, volume_z, rate_log_sigma = np.zeros(0), np.zeros(0), 0.0
         if self._rate is not None:
             judged_rate = shown[self._rows.rate_rows + samples_late]
@@ -171,7 +178,7 @@ class RecordingLikelihood:
         setting = windows.setting_of(measurement, model, samples_late, substeps, self._schedule(model).gains[-1])
         delays = shots or self._jitter.nominal_delays
         innovation, rate = windows.followed(batch, setting, model.injector.needle_law, delays=delays)
-        return innovation, windows.rate_as_recorded(measurement, rate)
+        return innovation, rate_as_recorded(measurement, rate)
 
     def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
         """Normalised judged innovations (n,) of the nominal model with a lag [s] of the lift undone.
@@ -227,12 +234,12 @@ class RecordingLikelihood:
         run, delays = self._run(nominal), self._jitter.nominal_delays
         _, rate = run(delays)
         _, other = self._run(shifted)(delays)
-        moved = windows.as_by_meter(self.measurement, other - rate)
+        moved = as_by_meter(self.measurement, other - rate)
         for shots in jitter.a_step_later(delays):
             _, other = run(shots)
             steps = self._jitter.sigma / jitter.STEP
-            moved = np.hypot(moved, steps * windows.as_by_meter(self.measurement, other - rate))
-        moved = np.hypot(moved, METER_ERROR * (rate - windows.as_by_meter(self.measurement, rate)))
+            moved = np.hypot(moved, steps * as_by_meter(self.measurement, other - rate))
+        moved = np.hypot(moved, METER_ERROR * (rate - as_by_meter(self.measurement, rate)))
         return np.asarray(moved[self._rows.rate_rows + self._samples_late(nominal)], np.float64)
 
 

@@ -7,12 +7,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.stream.state import noise_gain
+from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.windows import Rows
+from observer_rt.identification.likelihood.rows import Rows
 
 GAIN_ERROR = 0.005  # standard deviation of the gain
 METER_ERROR = 0.05  # of the time constants of the meter
 VOLUME_ERROR = 0.002  # of the integral over an event, beyond noise
+
+
+def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A modelled injection rate (n,) as it would be recorded: averaged over each period if samples are means."""
+    if not measurement.means:
+        return rate
+    beyond = np.concatenate([rate[:1], rate, rate[-1:]])
+    middle = 13.0 * (rate[1:] + rate[:-1]) - beyond[:-3] - beyond[3:]  # of the cubic through four samples
+    return np.append(rate[:1], middle / 24.0)
+
+
+def as_by_meter(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A modelled injection rate (n,) as the meter shows it; events lie so far apart that it rests before each."""
+    return shown_slowly(rate, measurement.interval, *(measurement.recording.meter or ()))
 
 
 class MeasuredRate:

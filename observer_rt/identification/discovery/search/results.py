@@ -190,6 +190,11 @@ class Discovery:
     accepted: Annotated[int, key("accepted_proposal")] = 0  # the amended model has; 0: none
 
     @property
+    def noise_ratio(self) -> float:
+        """How many times the noise the model as given leaves in its worst cell."""
+        return math.sqrt(max(cell.variance for cell in self.before))
+
+    @property
     def proposals(self) -> tuple[Proposal, ...]:
         """Laws that would explain the recordings, the best first."""
         return () if self.unexplained is None else self.unexplained.proposals

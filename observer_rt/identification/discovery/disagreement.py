@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT, cells_of
+from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT_EXCESS, cells_of
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.results import Cell, CellKey, Discovery
 from observer_rt.identification.likelihood.likelihood import JointLikelihood
@@ -39,7 +39,7 @@ def disagreements(
     equations = _equations(discovery, shown, likelihood, nominal)
     result = []
     for cell in discovery.before:
-        equation = equations.get(cell.key) if cell.excess > SIGNIFICANT else None
+        equation = equations.get(cell.key) if cell.excess > SIGNIFICANT_EXCESS else None
         result.append(Disagreement(cell, after.get(cell.key, cell), equation))
     return tuple(result)
 

@@ -19,10 +19,10 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.wave_line import RESOLVED, STABLE
 
 OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
-_DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
+_DIFFERENCE_STEP = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
 _MOST_KEPT = 24  # residuals cached of a fold: those of a linearisation
 GROUPS_OF_FOLD = 3  # of residuals: of the line pressure, of the rate, of the mass
-UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
+UNDETERMINED_SHARE = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
 
 
 class Calibration:
@@ -56,8 +56,8 @@ class Calibration:
     @property
     def ranges(self) -> list[Range]:
         """Bounds of theta."""
-        sized = [Range(one.theta_of(one.lowest), one.theta_of(one.highest), _DIFFERENCE) for one in self.free]
-        return sized + [Range(-20.0, 20.0, _DIFFERENCE) for _ in self.folds]
+        sized = [Range(one.theta_of(one.lowest), one.theta_of(one.highest), _DIFFERENCE_STEP) for one in self.free]
+        return sized + [Range(-20.0, 20.0, _DIFFERENCE_STEP) for _ in self.folds]
 
     def injector(self, theta: NDArray[np.float64]) -> InjectorParameters:
         """The injector at theta."""
@@ -136,7 +136,7 @@ class Certainty:
         """The least certain of the parameters that the data do not determine; None if they determine all."""
         shares = self.sigmas / [math.inf if one is STIFFENING else one.spread for one in self.free]
         worst = int(np.argmax(shares))
-        return self.free[worst] if shares[worst] > UNDETERMINED else None
+        return self.free[worst] if shares[worst] > UNDETERMINED_SHARE else None
 
 
 def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Certainty:

@@ -22,7 +22,7 @@ from observer_rt.identification.fit.forms import (
     with_values,
 )
 from observer_rt.identification.fit.search import (
-    EXPLAINED,
+    EXPLAINED_CHI2,
     ROUGH_ITERATIONS,
     FailedStructure,
     FittedStructure,
@@ -33,9 +33,9 @@ from observer_rt.identification.fit.search import (
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
 # Times the best chi2, of the mean and of a phase, up to which one is as good.
-MARGIN, WORST_MARGIN = 1.15, 1.5
-NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
-ENOUGH = {"lump": MARGIN + NOISE, "wave": EXPLAINED}
+MEAN_MARGIN, WORST_MARGIN = 1.15, 1.5
+CHANCE_CHI2 = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
+ENOUGH_CHI2 = {"lump": MEAN_MARGIN + CHANCE_CHI2, "wave": EXPLAINED_CHI2}
 """Mean chi2 of a kind of line, up to which no further kind is tried."""
 
 Trial = FittedStructure | FailedStructure
@@ -84,7 +84,7 @@ def tried_structures(
         tried += _trials(alike, file, further, folds)
         progress(len(tried) / len(structures))
         fits = [judged_by(one).mean for one in tried if isinstance(one, FittedStructure)]
-        if min(fits, default=math.inf) <= ENOUGH.get(line, 0.0):
+        if min(fits, default=math.inf) <= ENOUGH_CHI2.get(line, 0.0):
             break
     return tried
 
@@ -188,7 +188,7 @@ def _as_good(fits: Sequence[FittedStructure]) -> list[FittedStructure]:
 
 
 def _is_as_good(unexplained: UnexplainedSignal, best: UnexplainedSignal) -> bool:
-    return unexplained.mean <= MARGIN * best.mean + NOISE and all(
+    return unexplained.mean <= MEAN_MARGIN * best.mean + CHANCE_CHI2 and all(
         not np.isfinite(best.chi2[phase]) or unexplained.chi2[phase] <= WORST_MARGIN * max(best.chi2[phase], 1.0)
         for phase in Phase
     )

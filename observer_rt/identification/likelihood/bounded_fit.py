@@ -16,7 +16,7 @@ MAX_TRIALS = 8  # of ever shorter steps in one iteration
 TOLERANCE = 0.02  # of the expected and the achieved decrease of -2 log L
 FIRST_DAMPING = 1e-3
 MORE_DAMPING, LESS_DAMPING = 8.0, 0.1
-_ALONE = 200_000  # multiplications that BLAS does in one thread
+_ONE_THREAD_PRODUCTS = 200_000  # multiplications that BLAS does in one thread
 NORMAL_975 = 1.959964  # quantile of the normal distribution, of a 95 % interval
 
 
@@ -113,7 +113,7 @@ def linearise(problem: Problem, theta: NDArray[np.float64], here: Residuals, ran
 def _squares(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
     """slopes.T @ slopes (p, p), in blocks so small that BLAS starts no threads, which would wait more than work."""
     p = slopes.shape[1]
-    rows = max(1, _ALONE // max(1, p * p))
+    rows = max(1, _ONE_THREAD_PRODUCTS // max(1, p * p))
     total = np.zeros((p, p))
     for first in range(0, slopes.shape[0], rows):
         block = slopes[first : first + rows]

@@ -16,9 +16,10 @@ Vector = NDArray[np.float64]
 Bounds = NDArray[np.int64]
 Run = Callable[[ShotDelays], tuple[Vector, Vector]]
 """Innovations (n,) and injection rate (n,) of a model whose shots have these delays."""
-STEP = 5e-6  # s, of a delay, for a slope
-LEAST, WIDEST, ROUNDS = 12e-6, 60e-6, 2  # s, standard deviations of the jitter between which it is looked for
-MOST = 5.0  # standard deviations, up to which a delay is followed
+DELAY_STEP = 5e-6  # s, of the finite difference by a delay
+LEAST_JITTER, WIDEST_JITTER = 12e-6, 60e-6  # s, standard deviations between which that of the jitter lies
+MOST_SIGMAS = 5.0  # standard deviations, up to which a delay is followed
+ROUNDS = 2  # in which delays are found, the second beginning where the first led
 
 
 class ShotJitter:
@@ -31,7 +32,7 @@ class ShotJitter:
     def __init__(self, commands: Sequence[Vector], counted: NDArray[np.bool_], bounds: Bounds) -> None:
         """commands: of every event (k, 2); counted: judged innovations; bounds (events + 1,): of events in these."""
         self.nominal_delays = [np.zeros_like(of_event) for of_event in commands]
-        self.sigma = LEAST
+        self.sigma = LEAST_JITTER
         self.by_shots = np.empty((0, 0))
         self._counted, self._bounds = counted, bounds
 
@@ -42,13 +43,13 @@ class ShotJitter:
         """
         here = run(self.nominal_delays)[0]
         self.by_shots = self._derivatives(run, here, self.nominal_delays)
-        moved = self.by_shots * (WIDEST / innovation_sigma)
+        moved = self.by_shots * (WIDEST_JITTER / innovation_sigma)
         z, on_time = here[self._counted] / innovation_sigma, np.zeros(moved.shape[1])
-        seen = WIDEST * np.array(likelier_delays(z, [on_time] * len(self.nominal_delays), moved, self._bounds))
+        seen = WIDEST_JITTER * np.array(likelier_delays(z, [on_time] * len(self.nominal_delays), moved, self._bounds))
         for delays, later in zip(self.nominal_delays, seen - np.mean(seen, axis=0), strict=True):
             delays += later[: delays.size].reshape(-1, 2)
         squares = sum(float(np.sum(delays**2)) for delays in self.nominal_delays)
-        self.sigma = max(LEAST, math.sqrt(squares / max(np.size(seen) - len(seen[0]), 1)))
+        self.sigma = max(LEAST_JITTER, math.sqrt(squares / max(np.size(seen) - len(seen[0]), 1)))
 
     def likely(
         self, run: Run, innovation_sigma: float, normalised: Callable[[Vector], Vector]
@@ -71,19 +72,20 @@ class ShotJitter:
 
     def shots(self, delays: Sequence[Vector]) -> ShotDelays:
         """Delays [s] of all shots with further ones (columns,) of every event, in standard deviations."""
-        moves = [self.sigma * np.clip(of_event, -MOST, MOST) for of_event in delays]
+        moves = [self.sigma * np.clip(of_event, -MOST_SIGMAS, MOST_SIGMAS) for of_event in delays]
         pairs = zip(self.nominal_delays, moves, strict=True)
         return [nominal + move[: nominal.size].reshape(-1, 2) for nominal, move in pairs]
 
     def _derivatives(self, run: Run, here: Vector, shots: ShotDelays) -> Vector:
         moved = [run(later)[0] - here for later in a_step_later(shots)]
-        return np.asarray(np.column_stack(moved)[self._counted] / STEP)
+        return np.asarray(np.column_stack(moved)[self._counted] / DELAY_STEP)
 
 
 def a_step_later(shots: ShotDelays) -> list[ShotDelays]:
-    """The delays of shots, each time with one delay of every event longer by `STEP`: column after column."""
+    """The delays of shots, each time with one delay of every event longer by `DELAY_STEP`: column after column."""
     columns = range(max((delays.size for delays in shots), default=0))
-    return [[one + STEP * (column == np.arange(one.size).reshape(-1, 2)) for one in shots] for column in columns]
+    numbers = [np.arange(of_event.size).reshape(-1, 2) for of_event in shots]
+    return [[one + DELAY_STEP * (column == n) for one, n in zip(shots, numbers, strict=True)] for column in columns]
 
 
 def likelier_delays(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> list[Vector]:

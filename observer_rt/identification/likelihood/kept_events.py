@@ -17,7 +17,7 @@ from observer_rt.identification.likelihood.reading import refuse_sample_rates
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY
 
-FEWEST = 3  # events of a kind that a search can work with
+FEWEST_EVENTS = 3  # events of a kind that a search can work with
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +77,11 @@ def evidence_of_model(
         )
     for kind in EvidenceKind:
         chosen = [event for event in own if event.kind is kind]
-        if len(chosen) >= FEWEST:
+        if len(chosen) >= FEWEST_EVENTS:
             break
     else:
-        raise UserError(option, f"holds fewer than {FEWEST} events of a kind", "let the observer see more injections")
+        problem = f"holds fewer than {FEWEST_EVENTS} events of a kind"
+        raise UserError(option, problem, "let the observer see more injections")
     others = {other: sum(event.kind is other for event in own) for other in EvidenceKind if other is not kind}
     counts = ", ".join(f"{count} {other}" for other, count in others.items())
     say(console, f"{folder}: {len(chosen)} {kind} events are searched ({counts} events are not)")

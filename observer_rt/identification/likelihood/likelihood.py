@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import InputTerms, Seat
 from observer_rt.core.model.needle import NeedleLaw
-from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
+from observer_rt.engine.estimation.gain import GainSchedule
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood import jitter, windows
 from observer_rt.identification.likelihood.bounded_fit import Residuals
-from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time, smoothing_of
+from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time
 from observer_rt.identification.likelihood.events import MARGIN
 from observer_rt.identification.likelihood.healthy_innovations import expected_of
 from observer_rt.identification.likelihood.measured_rate import (
@@ -200,16 +200,14 @@ class RecordingLikelihood:
         return max(self._substeps, substeps_needed(model.injector, rate, model.departures))
 
     def _schedule(self, model: EffectiveModel) -> GainSchedule:
-        c, sensor = self.measurement.coefficients_of(model), model.sensor
-        share = (sensor.delay / self.measurement.interval) % 1.0
-        key = (c.line, sensor.lag, share)
+        """Gains of x~ for a model, of which only the last are kept: those of the steady observer."""
+        share = (model.sensor.delay / self.measurement.interval) % 1.0
+        key = self.measurement.coefficients_of(model).line, model.sensor.lag, share
         schedule = self._gains.get(key)
         if schedule is None:
             if len(self._gains) > _MOST_GAINS:
                 self._gains.clear()
-            rate = self.measurement.recording.sample_rate
-            smoothing = smoothing_of(self.measurement.interval)
-            schedule = gain_schedule(c, self.measurement.noise, rate, sensor.lag, share, rail_smoothing=smoothing)
+            schedule = windows.schedule_of(self.measurement, model)
             schedule = replace(schedule, gains=schedule.gains[-1:].copy())  # hundreds of rows else, of each model
             self._gains[key] = schedule
         return schedule
@@ -237,7 +235,7 @@ class RecordingLikelihood:
         moved = as_by_meter(self.measurement, other - rate)
         for shots in jitter.a_step_later(delays):
             _, other = run(shots)
-            steps = self._jitter.sigma / jitter.STEP
+            steps = self._jitter.sigma / jitter.DELAY_STEP
             moved = np.hypot(moved, steps * as_by_meter(self.measurement, other - rate))
         moved = np.hypot(moved, METER_ERROR * (rate - as_by_meter(self.measurement, rate)))
         return np.asarray(moved[self._rows.rate_rows + self._samples_late(nominal)], np.float64)

@@ -44,8 +44,7 @@ class MeasuredRate:
         self._sigma = self._sigma_at(0.0)
 
     def residuals(self, rate: NDArray[np.float64], lift_lag: float) -> tuple[NDArray[np.float64], float]:
-        """Residuals (m + 1,) of a modelled rate (m,), and of the logarithm of their standard deviation the mean rise
-        by the lag of the lift [s]."""
+        """Residuals (m + 1,) of a modelled rate (m,), and the mean rise of log sigma by a lag of the lift [s]."""
         sigma = self._sigma_at(lift_lag) if lift_lag > 0.0 else self._sigma
         return _without_gain_error(self._rate, rate, sigma), float(np.mean(np.log(sigma / self._sigma)))
 
@@ -62,8 +61,7 @@ class MeasuredRate:
 def _without_gain_error(
     measured: NDArray[np.float64], modelled: NDArray[np.float64], sigma: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Normalised residuals (n + 1,) of measured values (n,): the gain error taken out, and appended in standard
-    deviations."""
+    """Normalised residuals (n + 1,) of measured values (n,) without the gain error, which is appended in sigmas."""
     residual, scale = (measured - modelled) / sigma, modelled / sigma
     gain = float(scale @ residual) / (float(scale @ scale) + GAIN_ERROR**-2)
     return np.append(residual - gain * scale, gain / GAIN_ERROR)

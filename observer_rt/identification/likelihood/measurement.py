@@ -36,7 +36,7 @@ from observer_rt.model.effects import sized
 
 PRESSURE_FLOOR, RATE_FLOOR = 0.005 * MEGAPASCAL, 0.01 * MM3_PER_MS  # least noise
 LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
-APART = 10e-3  # s between two parts of a recording: no sample belongs to both
+PART_GAP = 10e-3  # s between two parts of a recording: no sample belongs to both
 
 
 @dataclass(frozen=True)
@@ -220,7 +220,7 @@ def noisier(measurement: Measurement, seed: int) -> Measurement:
 
 def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: float, **of: Any) -> Recording:
     """One recording of the signals of several, by name, with a gap between any two; of: its further fields."""
-    gap = np.full(round(APART * sample_rate), np.nan)
+    gap = np.full(round(PART_GAP * sample_rate), np.nan)
     signals: dict[str, Any] = {
         name: np.concatenate([samples for part in parts for samples in (part[name], gap)]) for name in parts[0]
     }

@@ -9,11 +9,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gain import gain_schedule
 from observer_rt.foundation.documents import key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.likelihood import windows
-from observer_rt.identification.likelihood.channel_noise import smoothing_of
 from observer_rt.identification.likelihood.events import JudgedEvent
 from observer_rt.identification.likelihood.measured_rate import as_by_meter, rate_as_recorded
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -22,7 +20,7 @@ from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import in_stable_cells, substeps_needed
 
-KEPT = 16  # runs of a recording: most models are asked for more than once
+MOST_RUNS = 16  # runs of a recording: most models are asked for more than once
 SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
 
 
@@ -62,7 +60,7 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
         if stored_model == model:
             return run
     run = _simulated(measurement, model)
-    kept[:] = [*kept[1 - KEPT :], (model, run)]
+    kept[:] = [*kept[1 - MOST_RUNS :], (model, run)]
     return run
 
 
@@ -73,15 +71,13 @@ def _simulated(measurement: Measurement, effective: EffectiveModel) -> tuple[Sim
     if model is None:
         raise ArithmeticError("no number of cells is stable for this line")
     c, sensor = measurement.coefficients_of(model), model.sensor
-    late = math.floor(sensor.delay / interval)
-    share, sample_rate = sensor.delay / interval - late, measurement.recording.sample_rate
-    rows = Rows(measurement)
+    late, rows = math.floor(sensor.delay / interval), Rows(measurement)
     inputs = TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
     batch = windows.batch_of(measurement, rows, inputs, late, sensor.offset, c)
-    smoothing = smoothing_of(interval)
-    gains = gain_schedule(c, measurement.noise, sample_rate, sensor.lag, share, rail_smoothing=smoothing).gains
+    gain = windows.schedule_of(measurement, model).gains[-1]
+    sample_rate = measurement.recording.sample_rate
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
-    setting = windows.setting_of(measurement, model, late, substeps, gains[-1])
+    setting = windows.setting_of(measurement, model, late, substeps, gain)
     errors, rate = windows.followed(batch, setting, model.injector.needle_law, until_opening=True)
     pressure = (batch.output - errors) * c.pressure_scale + c.chamber_pressure
     result = []

@@ -11,9 +11,11 @@ from observer_rt.core.learning.phases import phases_of
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.model.needle import NeedleLaw
+from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
+from observer_rt.identification.likelihood.channel_noise import smoothing_of
 from observer_rt.identification.likelihood.events import shut_mask
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.rows import Rows
@@ -86,6 +88,17 @@ def starts_of(measurement: Measurement, offset: float, c: Coefficients) -> NDArr
         starts[i, -1] = mean - offset / c.pressure_scale
         rest_state(starts[i, :-1], starts[i, -1], c)
     return starts
+
+
+def schedule_of(measurement: Measurement, model: EffectiveModel) -> GainSchedule:
+    """Gains of x~ on a recording, whose line pressure a model's sensor shows late by some share of a sample."""
+    c, sensor, interval = measurement.coefficients_of(model), model.sensor, measurement.interval
+    share, rate, smoothing = (
+        (sensor.delay / interval) % 1.0,
+        measurement.recording.sample_rate,
+        smoothing_of(interval),
+    )
+    return gain_schedule(c, measurement.noise, rate, sensor.lag, share, rail_smoothing=smoothing)
 
 
 def setting_of(

@@ -23,9 +23,9 @@ DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it sca
 _STEP, _STEP_OF_TERM = 0.01, 5.0
 _SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
 MOST_STARTS = 2  # from which a search begins
-_EXPLAINED = 1.1  # variance of the residuals below which no second start is tried
+_EXPLAINED_VARIANCE = 1.1  # variance of the residuals below which no second start is tried
 PRICE = 10.0  # of -2 log L for each number fitted, log(n): which of two near-ties leads
-UNNAMED, FURTHER = 50.0, 50.0
+LAW_ODDS, FURTHER_ODDS = 50.0, 50.0
 """Prior odds, as -2 log L: of an explanation by a law without a name, and of every effect after the first."""
 _DIGITS = 8  # of printed values: far below any interval, free of conversion noise
 
@@ -148,7 +148,7 @@ class Candidate:
     def price(self) -> float:
         """-2 log L, what every number fitted costs, the prior odds, and what may be the model's own error."""
         numbers = PRICE * (len(self.sizes) + sum(self.hypothesis.numbers)) * self.spread
-        odds = UNNAMED * bool(self.terms) + FURTHER * max(len(self.ids) - 1, 0)
+        odds = LAW_ODDS * bool(self.terms) + FURTHER_ODDS * max(len(self.ids) - 1, 0)
         return self.statistic + numbers + odds + self.own_error
 
     @property
@@ -264,6 +264,6 @@ def minimum_from(
             best = minimum
         if best is None or (second_if_stuck and best.stuck):
             continue
-        if second_if_stuck or np.mean(best.residuals.z**2) < _EXPLAINED:
+        if second_if_stuck or np.mean(best.residuals.z**2) < _EXPLAINED_VARIANCE:
             break
     return best

@@ -15,7 +15,7 @@ import numpy as np
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.learned_laws import LearnedLaw, leading
 from observer_rt.identification.discovery.search.adequacy import Adequacy
-from observer_rt.identification.discovery.search.candidates import UNNAMED, Candidate, Hypothesis, equation_of
+from observer_rt.identification.discovery.search.candidates import LAW_ODDS, Candidate, Hypothesis, equation_of
 from observer_rt.identification.discovery.search.curves import (
     CURVES,
     Axis,
@@ -25,23 +25,23 @@ from observer_rt.identification.discovery.search.curves import (
     made_to_measure,
     waves,
 )
-from observer_rt.identification.discovery.search.fits import SAME, Fitter
+from observer_rt.identification.discovery.search.fits import SAME_COSINE, Fitter
 from observer_rt.identification.discovery.search.library import library, span_of
 from observer_rt.identification.discovery.search.scores import Scores, scored
 from observer_rt.identification.discovery.search.surfaces import products
-from observer_rt.identification.discovery.search.tables import NONE, tables, validated
+from observer_rt.identification.discovery.search.tables import NO_SYMMETRY, tables, validated
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import COMPONENTS, TermLaw, term_effect
 from observer_rt.model.terms.term import TermEquation
 from observer_rt.model.terms.variable import Variable
 
-MOST_TOGETHER = 3
-REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
+MOST_EFFECTS = 3  # of a candidate
+MOST_SINGLES, MOST_PAIRS = 5, 3  # of the best by score
 PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over the best single to be fitted
-SHORTLIST = 40  # of further laws that are linearised again
-SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
-OTHER_FORM = 5e-3  # share of what a name explains, which a curve beside it must gain: beside right names .001 at most
-TAILORED_FURTHER = 2  # most promising equations, in which laws of further terms are made to measure
+SHORTLIST_LENGTH = 40  # of further laws that are linearised again
+MOST_SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
+OTHER_FORM_SHARE = 5e-3  # of what a name explains, that a curve beside it must gain: beside right names .001 at most
+TAILORED_EQUATIONS = 2  # most promising equations, in which laws of further terms are made to measure
 _LOSSES = {TermEquation.LINE_FLOW, TermEquation.RAIL_PRESSURE}
 _ALIKE = (
     {TermEquation.LINE_FLOW, TermEquation.INERTANCE},
@@ -99,7 +99,7 @@ class Laws:
     def _shortlist(self, about: Candidate, first: Scores) -> tuple[Effect, ...]:
         """Laws that promise most beside a candidate, by the slopes of the first pass."""
         again = scored(first.effects, first.numbers, first.slopes, self._fits.residuals(about))
-        promising = np.argsort(-again.validated)[: SHORTLIST + len(about.ids)]
+        promising = np.argsort(-again.validated)[: SHORTLIST_LENGTH + len(about.ids)]
         return tuple(first.effects[row] for row in promising)
 
     def fits_with(self, about: Candidate) -> list[Candidate]:
@@ -108,7 +108,7 @@ class Laws:
         fits = self._sharpened(self._added(about, scores, self._leaders(scores)))
         if fits and self._is_adequate(min(fits, key=attrgetter("price"))):
             return fits
-        if MOST_TOGETHER - len(about.ids) > 1:
+        if MOST_EFFECTS - len(about.ids) > 1:
             fits += self._sharpened(self._added(about, scores, self._pairs(scores)))
         return fits + (self._tailored(about, scores) if about.ids else self.made_alone)
 
@@ -122,7 +122,7 @@ class Laws:
 
     def _sharpened(self, fits: list[Candidate]) -> list[Candidate]:
         """The fits, and the best of them again with the numbers within their laws free."""
-        return fits + self._freed(sorted(fits, key=attrgetter("price"))[:SHARPENED])
+        return fits + self._freed(sorted(fits, key=attrgetter("price"))[:MOST_SHARPENED])
 
     def _freed(self, fits: Sequence[Candidate]) -> list[Candidate]:
         return [one for one in self._fits.map(self._fits.sharpened, fits) if one is not None]
@@ -167,7 +167,7 @@ class Laws:
         """
         law, pairs = best.hypothesis.effects[0].apply, list[Candidate]()
         if isinstance(law, TermLaw):
-            pairs = [pair for pair in self._products_alone if pair.price < best.price - UNNAMED]
+            pairs = [pair for pair in self._products_alone if pair.price < best.price - LAW_ODDS]
             made = self._instead_of_law(law)
         else:
             made = self._made_over(self._unlike(best))
@@ -194,9 +194,9 @@ class Laws:
         """Curves at a name's place that gain a law's price beside it; beside a right name no form gains that much."""
         own = [one for one in _EVERY if COMPONENTS[one[0]] is name.hypothesis.effects[0].component]
         explained = self._nothing.statistic - name.statistic
-        least = max(UNNAMED * name.spread, min(OTHER_FORM, self._is_adequate.remainder) * explained)
+        least = max(LAW_ODDS * name.spread, min(OTHER_FORM_SHARE, self._is_adequate.remainder) * explained)
         curves = free_curves(own, partial(self._fits.scores, name)) if own else []
-        more = (one for one in curves if validated(one, NONE, range(one.knots.size)) > least)
+        more = (one for one in curves if validated(one, NO_SYMMETRY, range(one.knots.size)) > least)
         return [(one.equation, one.axis, one.factor) for one in more]
 
     def _leaders(self, scores: Scores) -> list[tuple[int, ...]]:
@@ -205,11 +205,11 @@ class Laws:
         ranked = [row for row in np.argsort(-scores.validated).tolist() if scores.validated[row] > 0.0]
         guessed = [row for row in ranked if is_guessed(scores.effects[row], self._guess)]
         for row in (*guessed[:1], *ranked):
-            if len(leaders) == REFITTED:
+            if len(leaders) == MOST_SINGLES:
                 break
             if not any(
                 equation_of(scores.effects[row]) == equation_of(scores.effects[other])
-                and scores.cosine(row, other) > SAME
+                and scores.cosine(row, other) > SAME_COSINE
                 for (other,) in leaders
             ):
                 leaders.append((row,))
@@ -222,16 +222,16 @@ class Laws:
         worth = [
             (float(scores.gradient[[*pair]] @ scores.sizes(pair)), pair)
             for pair in combinations(np.argsort(-scores.gains).tolist(), 2)
-            if len({equations[row] for row in pair}) == 1 and scores.cosine(*pair) < SAME
+            if len({equations[row] for row in pair}) == 1 and scores.cosine(*pair) < SAME_COSINE
         ]
         worth.sort(reverse=True)
-        return [rows for gain, rows in worth[:REFITTED_PAIRS] if gain > limit]
+        return [rows for gain, rows in worth[:MOST_PAIRS] if gain > limit]
 
 
 def _promising_curves(scores: Scores) -> list[tuple[TermEquation, Axis, str]]:
     """Curves in the equations whose laws promise most."""
     ranked = dict.fromkeys(equation_of(scores.effects[row]) for row in np.argsort(-scores.validated))
-    equations = [one for one in ranked if one in set(TermEquation)][:TAILORED_FURTHER]
+    equations = [one for one in ranked if one in set(TermEquation)][:TAILORED_EQUATIONS]
     return [curve for curve in _EVERY if curve[0] in equations]
 
 

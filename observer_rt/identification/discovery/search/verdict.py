@@ -19,7 +19,7 @@ from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.laws import Guess
 from observer_rt.identification.discovery.search.proposals import proposals_of
 from observer_rt.identification.discovery.search.results import (
-    HIGHEST,
+    HIGHEST_PROBABILITY,
     INTERVAL_MARGIN,
     TEMPER,
     Cell,
@@ -41,7 +41,7 @@ from observer_rt.identification.likelihood.signals import Signal, pool_of
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 
-RANKED, MOST_PROPOSED = 10, 4  # candidates and laws listed
+MOST_RANKED, MOST_PROPOSED = 10, 4  # candidates and laws listed
 MASS_APART = 0.3 * MILLIGRAM  # kg of an injection, from which on laws that explain as much leave it open
 MODEL_SHARE = 0.01
 """Standard deviation of a size, as a share: a fitted model answers to an effect no more exactly than to an injection.
@@ -49,7 +49,7 @@ Found on seven plants of other equations than the model's, each with a discrepan
 METHOD = (
     f"share of exp(-X/(2 T)) among all explanations tried that are adequate, X = -2 log L + 10 a number fitted + 50 "
     f"for a law without a name + 50 for every effect after the first, T = {TEMPER} for what no model knows of noise "
-    f"and line; at most {HIGHEST}"
+    f"and line; at most {HIGHEST_PROBABILITY}"
 )
 WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
 
@@ -162,7 +162,7 @@ class _Verdict:
         else:
             sure = sum(laws) if verdict is Verdict.UNKNOWN else laws[0]
         if not outcome.posterior:
-            sure = HIGHEST * (1.0 - 0.5 / outcome.ratio)
+            sure = HIGHEST_PROBABILITY * (1.0 - 0.5 / outcome.ratio)
         return sure if self._baseline.adequate else min(sure, WITH_A_WRONG_MODEL)
 
     def discovery(self) -> Discovery:
@@ -249,7 +249,7 @@ class _Verdict:
     def _ranking(self) -> tuple[Candidate, ...]:
         """Leaders by what they cost, the winner, its rivals and the nominal model among them, by -2 log L."""
         outcome = self._outcome
-        leaders = best_of_each(outcome.fitted, attrgetter("price"))[:RANKED]
+        leaders = best_of_each(outcome.fitted, attrgetter("price"))[:MOST_RANKED]
         shown = (*leaders, outcome.winner, *self._names, *outcome.left, outcome.nominal)
         chosen = {one.key: one for one in shown}.values()
         return tuple(

@@ -26,10 +26,7 @@ class Disagreement:
 def disagreements(
     discovery: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
 ) -> tuple[Disagreement, ...]:
-    """The map, in the order of the recordings.
-
-    shown: effects or terms found; without any, the candidate that comes nearest stands in their place.
-    """
+    """The map, in the order of the recordings. shown: what was found; if nothing, the nearest candidate counts."""
     cells = discovery.after
     if shown.ids != discovery.best.ids and shown.ids:
         model = shown.model(nominal)

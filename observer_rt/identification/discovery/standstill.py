@@ -139,10 +139,7 @@ def _calm(measurement: Measurement) -> NDArray[np.bool_]:
 
 
 def _apparent(effect: Effect, judged: Sequence[JudgedModel], moved: Sequence[JudgedModel]) -> StandstillFigure:
-    """Size of a single effect beside a judged model, by one Gauss-Newton step on the innovations.
-
-    moved: the model with the effect at its dead zone.
-    """
+    """Size of an effect beside a judged model, by one Gauss-Newton step. moved: with the effect at its dead zone."""
     parameter = effect.parameters[0]
     here = np.concatenate([one.z for one in judged])
     slope = (np.concatenate([one.z for one in moved]) - here) / parameter.dead_zone

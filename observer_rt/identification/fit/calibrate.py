@@ -101,8 +101,7 @@ class CalibrationResult:
     def inadequate(self) -> tuple[Phase, ...]:
         """Phases that the model does not explain, the worst first; empty for an adequate model.
 
-        Small residuals are tolerated, but not where a needle answers commands: its numbers compensate for a wrong
-        line. Nor are they tolerated where a sensor causes them.
+        Small residuals count only where a sensor causes them, or a needle answers commands: it hides a wrong line.
         """
         share = self.comparison.share
         is_strict = self.measurements[0].is_answered or (self.cause is not None and self.cause.is_of_bench)
@@ -157,10 +156,9 @@ def calibrate(
     progress: Callable[[float], None],
     structures: Sequence[Structure] = STRUCTURES,
 ) -> CalibrationResult:
-    """Fit an injector to recordings of it when healthy.
+    """Fit an injector to recordings of it when healthy. Raises `RunError` where no structure has a solution.
 
-    weighed: measured masses by the number of the recording; progress takes the share done; structures: that are
-    compared. Raises `RunError` where no structure has a solution.
+    weighed: measured masses by the number of the recording; progress takes the share done; structures: to compare.
     """
     source = LevelSource.MASS if weighed else LevelSource.FILE
     if any(one.recording.injection_rate is not None for one in recordings):  # which gives it at every sample

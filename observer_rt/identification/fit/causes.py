@@ -60,10 +60,7 @@ def tried_causes(best: FittedStructure) -> tuple[TriedCause, ...]:
 
 
 def _gain(best: FittedStructure, size: EffectSize) -> float:
-    """Fall of -2 log L with an effect and all parameters fitted again, to first order.
-
-    Only the part of the effect's change that no parameter can make counts.
-    """
+    """Fall of -2 log L to first order, by the part of an effect's change that no fitted parameter can make."""
     at, free = best.minimum.at, best.calibration.free
     calibration = Calibration(best.injector, (*free, size), best.calibration.folds)
     moved = calibration.residuals(np.insert(at.theta, len(free), 1.0))

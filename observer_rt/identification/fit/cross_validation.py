@@ -14,13 +14,10 @@ from observer_rt.identification.likelihood.bounded_fit import Quadratic, lineari
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Every fold judged with the parameters that the other folds give.
-
-    The shift is the uncertainty of masses at operating points that were not fitted.
-    """
+    """Every fold judged with the parameters that the other folds give."""
 
     unexplained: UnexplainedSignal  # residuals of the line pressure
-    mass_shift: NDArray[np.float64]  # (folds,) change of a fold's masses, as a share, when it is left out
+    mass_shift: NDArray[np.float64]  # (folds,) change of a fold's masses, as a share, when it is left out of the fit
 
 
 def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:

@@ -49,8 +49,7 @@ class Fold:
 def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeanMass]) -> tuple[Fold, ...]:
     """Every recording as a fold; a single recording is divided by operating points, or else into halves.
 
-    A single one with a measured mass stays whole, for the mass is that of all its injections. weighed: masses by the
-    number of the recording.
+    With a measured mass it stays whole, for that is of all injections. weighed: masses by number of the recording.
     """
     short = []
     for recording in recordings:
@@ -137,10 +136,7 @@ def _clipped(values: NDArray[np.float64], both: bool) -> tuple[float, int] | Non
 
 
 def share_between_samples(measurement: Measurement) -> float:
-    """Standard deviation of a mass, as a share, by lift edges that lie between instants far apart.
-
-    It is 0 for means, which contain the flow between the samples.
-    """
+    """Standard deviation of a mass, as a share, by edges of the lift between slow instants; 0 for means."""
     return 0.0 if measurement.means else BETWEEN_SAMPLES * max(0.0, (measurement.interval - FAST) / (SLOW - FAST))
 
 

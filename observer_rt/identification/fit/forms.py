@@ -195,8 +195,7 @@ STRUCTURES: tuple[Structure, ...] = tuple(
     for outflow, drained in _DRAINED.items()
 )
 """All that are tried, the simplest first."""
-PLAIN = STRUCTURES[:4]
-"""One lump, and waves without losses of their own."""
+PLAIN = STRUCTURES[:4]  # one lump, and waves without losses of their own
 
 
 def with_values(

@@ -26,10 +26,9 @@ UNDETERMINED_SHARE = 1.0 / 3.0  # of what was unknown before: a parameter known 
 
 
 class Calibration:
-    """The problem of a fit, whose residuals are a function of theta.
+    """The problem of a fit: residuals by theta, which is parameters on their scales, then offsets of the folds [MPa].
 
-    theta: (p + folds,) the parameters on their scales, then an offset [MPa] of each fold. A step of one offset
-    changes the residuals of its fold alone; those of the others are remembered.
+    theta: (p + folds,). A step of one offset changes the residuals of its fold alone; the others are remembered.
     """
 
     def __init__(self, start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold]) -> None:
@@ -42,8 +41,7 @@ class Calibration:
         self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in folds]
         numbers = [parameter.theta_of(parameter.of(start)) for parameter in free]
         offsets = [standstill(fold.measurement)[0] / MEGAPASCAL for fold in folds]
-        self.centre = np.concatenate([numbers, offsets])
-        """Where a search begins, (p + folds,)."""
+        self.centre = np.concatenate([numbers, offsets])  # (p + folds,) where a search begins
         usual = [one.theta_of(one.start) if one.linear else theta for one, theta in zip(free, numbers, strict=True)]
         self.prior_mean = np.concatenate([usual, offsets])
         """The same, but for parameters on a linear scale their usual values."""
@@ -123,13 +121,10 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class Certainty:
-    """Certainty of the parameters by the data alone, with unknown offsets.
-
-    sigmas: standard deviations on the scales (p,), very large for a parameter that the data do not determine.
-    """
+    """Certainty of the parameters by the data alone, with unknown offsets."""
 
     free: tuple[FreeParameter, ...]
-    sigmas: NDArray[np.float64]
+    sigmas: NDArray[np.float64]  # (p,) on the scales, very large for a parameter that the data do not determine
 
     @property
     def undetermined(self) -> FreeParameter | None:

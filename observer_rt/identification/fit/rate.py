@@ -28,10 +28,7 @@ def rate_misfit(calibration: Calibration, judged: Sequence[JudgedModel]) -> floa
 
 
 def rate_meter(measured: Sequence[Measurement], model: EffectiveModel) -> tuple[float, float]:
-    """Time constants [s] of a meter of two poles with which a model's rate has the shape of the measured one.
-
-    Its gain is free: the level is not the meter's.
-    """
+    """Time constants [s] of a meter of two poles and a free gain that gives a model's rate the measured shape."""
     runs = [
         (one.interval, run.rate, one.recording.injection_rate[run.rate_samples])
         for one in measured

@@ -121,8 +121,7 @@ def settled(
 ) -> tuple[FittedStructure, tuple[forms.FreeParameter, ...]]:
     """The chosen structure fitted to `folds`, and the parameters left to the file, which the data do not determine.
 
-    start: the file's injector. The least certain parameter is left to it first, then the next one: with one fixed the
-    others may be determined.
+    start: the file's injector, to which the least certain is left first: with one fixed others may be determined.
     """
     left_out: list[forms.FreeParameter] = []
     free, now = list(best.calibration.free), best
@@ -150,8 +149,7 @@ def searched(
 ) -> FittedStructure | FailedStructure:
     """A structure fitted coarsely from the numbers of the file.
 
-    In a line with waves, stiffness and damping are scanned first, and once more with the orifices found where the
-    first search leaves much unexplained.
+    With waves, stiffness and damping are scanned first, and again about a first fit that leaves much unexplained.
     """
     if forms.WAVE_DAMPING not in structure.free:
         return fitted(structure, file, free, folds, ROUGH_ITERATIONS)

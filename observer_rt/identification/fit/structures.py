@@ -35,23 +35,19 @@ from observer_rt.model.parameters import InjectorParameters, LineOutflow
 # Times the best chi2, of the mean and of a phase, up to which one is as good.
 MEAN_MARGIN, WORST_MARGIN = 1.15, 1.5
 CHANCE_CHI2 = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
+# Mean chi2 of a kind of line, up to which no further kind is tried.
 ENOUGH_CHI2 = {"lump": MEAN_MARGIN + CHANCE_CHI2, "wave": EXPLAINED_CHI2}
-"""Mean chi2 of a kind of line, up to which no further kind is tried."""
-
 Trial = FittedStructure | FailedStructure
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The structure chosen, and the reason in words.
-
-    tried: all structures; as_good: those that explain the recordings as well as the best, with the one chosen.
-    """
+    """The structure chosen."""
 
     best: FittedStructure
-    tried: Sequence[Trial]
-    as_good: Sequence[FittedStructure]
-    reason: str
+    tried: Sequence[Trial]  # all structures
+    as_good: Sequence[FittedStructure]  # those that explain the recordings as well as the best, `best` among them
+    reason: str  # of the choice, in words
 
     @property
     def mass_spread(self) -> float:
@@ -94,8 +90,7 @@ def _trials(
 ) -> list[Trial]:
     """Lines of one kind: the fullest, then those without one of its parts, then the best with the other outflow.
 
-    In this order, for the parts of a line that lacks one compensate for it: from there a search for more ends beside
-    the minimum.
+    In this order, for parts compensate for one that a line lacks: a search from there would end beside the minimum.
     """
     conserving = [one for one in structures if one.outflow is LineOutflow.SEAT] or structures
     full = _fullest(max(conserving, key=lambda one: len(one.free)), file, further, folds)

@@ -29,15 +29,12 @@ _DIGITS = 5
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """Change of the residuals of every recording by a size [SI] of an effect, as a line through 0.
-
-    information: squared length of the change, and gain: its product with the residuals, both (recordings,).
-    """
+    """Change of the residuals of every recording by a size of an effect, as a line through 0."""
 
     effect: Effect
-    size: float
-    information: NDArray[np.float64]
-    gain: NDArray[np.float64]
+    size: float  # SI
+    information: NDArray[np.float64]  # (recordings,) squared length of the change
+    gain: NDArray[np.float64]  # (recordings,) product of the change with the residuals
 
     @property
     def sigma(self) -> float:
@@ -143,10 +140,7 @@ def _appearance(signature: Signature) -> Appearance:
 
 
 def reference(appears: Mapping[str, Appearance], signature: Signature) -> tuple[float, float]:
-    """Mean and sigma of the size [SI] that an effect has on the healthy injector, as its signature weighs recordings.
-
-    Both are 0 for an effect without an appearance.
-    """
+    """Mean and sigma [SI] of an effect's size on the healthy injector, as its signature weighs recordings, or 0."""
     apparent = appears.get(signature.effect.id)
     if apparent is None:
         return 0.0, 0.0

@@ -24,10 +24,7 @@ def commands_of(recording: Recording) -> NDArray[np.float64]:
 
 
 def with_commanded_lift(injector: InjectorParameters, recordings: Sequence[Recording]) -> list[Recording]:
-    """Recordings with the lift by which an injector's needle would answer their commands.
-
-    Raises `UserError` where it answers none.
-    """
+    """Recordings with the lift by which a needle answers their commands. Raises `UserError` if it answers none."""
     results = [commanded_lift(injector, one, commands_of(one)) for one in recordings]
     if not any(one.needle_lift.any() for one in results):
         raise UserError(

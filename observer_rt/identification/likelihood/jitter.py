@@ -23,17 +23,13 @@ ROUNDS = 2  # in which delays are found, the second beginning where the first le
 
 
 class ShotJitter:
-    """Delays of the shots in one recording.
-
-    nominal_delays: of the k shots of every event by the nominal model [s] (k, 2); sigma: their standard deviation
-    [s]; by_shots: derivatives (n, columns) of the judged innovations by the delays of a shot of every event.
-    """
+    """Delays of the shots in one recording."""
 
     def __init__(self, commands: Sequence[Vector], counted: NDArray[np.bool_], bounds: Bounds) -> None:
         """commands: of every event (k, 2); counted: judged innovations; bounds (events + 1,): of events in these."""
-        self.nominal_delays = [np.zeros_like(of_event) for of_event in commands]
-        self.sigma = LEAST_JITTER
-        self.by_shots = np.empty((0, 0))
+        self.nominal_delays = [np.zeros_like(of_event) for of_event in commands]  # (k, 2) by the nominal model [s]
+        self.sigma = LEAST_JITTER  # standard deviation of the delays [s]
+        self.by_shots = np.empty((0, 0))  # (n, columns) slopes of the judged innovations by a shot of every event
         self._counted, self._bounds = counted, bounds
 
     def observe(self, run: Run, innovation_sigma: float) -> None:
@@ -54,10 +50,9 @@ class ShotJitter:
     def likely(
         self, run: Run, innovation_sigma: float, normalised: Callable[[Vector], Vector]
     ) -> tuple[list[Vector], Vector]:
-        """Likeliest delays (columns,) of every event beyond the nominal ones, in standard deviations, by a run.
+        """Likeliest delays (columns,) of every event beyond the nominal ones, in standard deviations.
 
-        normalised: makes judged innovations (n,) of those of the run. The second result says by what one standard
-        deviation of each delay moves them (n, columns).
+        Also, by what one standard deviation of each moves the judged innovations (n, columns), made by `normalised`.
         """
         delays = [np.zeros(self.by_shots.shape[1]) for _ in self.nominal_delays]
         shots: ShotDelays = self.nominal_delays

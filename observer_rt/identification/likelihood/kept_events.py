@@ -31,10 +31,9 @@ class KeptEvidence:
 
 
 def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
-    """Events in a folder in the order of time; damaged files are named and left out.
+    """Events in a folder in the order of time. Raises `UserError` for a folder without events.
 
-    A daemon may write to the folder meanwhile: events that it drops before they are read are counted and left out.
-    Raises `UserError` for a folder without events.
+    Damaged files are left out and named; those that a daemon drops before they are read, too, and are counted.
     """
     events: list[KeptEvent] = []
     dropped = 0
@@ -63,8 +62,7 @@ def evidence_of_model(
 ) -> KeptEvidence:
     """Evidence of one model: its refused events, or if they are too few the doubtful ones, or else the good ones.
 
-    model_sha256: of the model, None for that of the newest event. Raises `UserError` if the model has no evidence, or
-    too little.
+    model_sha256: None for the model of the newest event. Raises `UserError` for a model without enough evidence.
     """
     option = f"--from-evidence {folder}"
     model = model_sha256 or str(events[-1].belief["model_sha256"])

@@ -79,10 +79,8 @@ class RecordingLikelihood:
         for _ in range(jitter.ROUNDS if self._jitter.nominal_delays else 0):
             self._jitter.observe(self._run(nominal), self._schedule(nominal).innovation_sigma)
         every = windows.phases(measurement, self._batch)
-        self.phases = every[self._rows.counted]
-        """(n,): of the counted innovations."""
-        self.rate_phases = np.zeros(0, np.int8)
-        """(m,): of the judged samples of the measured rate; (0,) without one."""
+        self.phases = every[self._rows.counted]  # (n,) of the judged innovations
+        self.rate_phases = np.zeros(0, np.int8)  # (m,) of the judged samples of a measured rate; (0,) without one
         self._rate: MeasuredRate | None = None
         if measurement.recording.injection_rate is not None:
             self.rate_phases = every[self._rows.rate_rows]
@@ -244,10 +242,9 @@ class RecordingLikelihood:
 def joint_likelihood(
     recordings: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None = None
 ) -> "JointLikelihood":
-    """Recordings, ready to be compared with models that depart from the nominal one.
+    """Recordings, ready to be compared with models near the nominal one, the healthy injector's mean subtracted.
 
-    healthy: mean innovation of the healthy injector by the nominal model, which is subtracted. Raises `UserError`
-    where the nominal model needs too many integration steps a sample.
+    Raises `UserError` where the nominal model needs too many integration steps a sample.
     """
     for measurement in recordings:
         rate = measurement.recording.sample_rate

@@ -41,15 +41,12 @@ PART_GAP = 10e-3  # s between two parts of a recording: no sample belongs to bot
 
 @dataclass(frozen=True)
 class FoundInjections:
-    """Injections of a recording of so many samples, some of them `missing`.
+    """Injections found in a recording."""
 
-    complete: injections that can be judged; left_out: others.
-    """
-
-    samples: int
-    missing: int
-    complete: int
-    left_out: tuple[LeftOut, ...]
+    samples: int  # of the recording
+    missing: int  # of these samples
+    complete: int  # injections that can be judged
+    left_out: tuple[LeftOut, ...]  # other injections
 
 
 @dataclass(frozen=True, eq=False)

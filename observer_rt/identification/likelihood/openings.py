@@ -90,10 +90,9 @@ def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float, ram
 
 
 def _ramp(lift: NDArray[np.float64], samples: int) -> Ramp:
-    """The straight line through the first samples of a ramp, level where they fall.
+    """The straight line through the first samples of a ramp but the very first, in its foot; level where they fall.
 
-    The very first sample, in the rounded foot, is left out. Of an opening shorter than two ramps the line goes
-    through the first half.
+    Of an opening shorter than two ramps the line goes through the first half.
     """
     first, end = (1, 1 + samples) if lift.size > 2 * samples else (0, max(2, math.ceil(lift.size / 2)))
     used = lift[first:end]
@@ -111,7 +110,7 @@ def without_lag(lift: NDArray[np.float64], sample_rate: float, lag: float) -> ND
 def openings_without_lag(
     lift: NDArray[np.float64], noise: float, recorded: Sequence[Opening], sample_rate: float, lag: float
 ) -> list[tuple[float, list[Opening]]]:
-    """Openings of a lift whose lag [s] is undone: those at the multiples of LAG_GRID below and above it, with weights.
+    """Openings of a lift whose lag [s] is undone: those at the multiples of LAG_GRID beside it, with weights.
 
     noise: white, of the recorded lift [m]. Only openings that were recorded remain; they begin and end earlier.
     """

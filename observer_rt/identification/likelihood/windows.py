@@ -24,8 +24,7 @@ from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
 
 START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
 
-ShotDelays = Sequence[NDArray[np.float64]]
-"""Delays [s] (k, 2) of the k shots of every event."""
+ShotDelays = Sequence[NDArray[np.float64]]  # (k, 2) of the k shots of every event [s]
 
 
 class Batch(NamedTuple):
@@ -115,8 +114,8 @@ def followed(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normalised innovations (n,) and injection rate [m3/s] (n,) of x~ over all windows of a recording.
 
-    needle: answers the commands of the batch, if it has any; until_opening: gives those of x^ instead, which runs
-    open loop from the opening of its window on; delays: of the shots, those of jitter.
+    needle: answers the commands of the batch, if it has any; delays: of its shots, by jitter; until_opening: of x^
+    instead, which runs open loop from the opening of its window on.
     """
     learned = nothing_learned(setting.coefficients)
     innovation, rate = np.empty((2, batch.output.size))

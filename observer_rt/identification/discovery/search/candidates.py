@@ -30,8 +30,7 @@ LAW_ODDS, FURTHER_ODDS = 50.0, 50.0
 _DIGITS = 8  # of printed values: far below any interval, free of conversion noise
 
 
-CandidateKey = tuple[tuple[str, ...], tuple[float, ...]]
-"""Ids of effects and their sizes."""
+CandidateKey = tuple[tuple[str, ...], tuple[float, ...]]  # ids of effects, and their sizes
 
 
 @dataclass(frozen=True)
@@ -251,10 +250,7 @@ def minimum_from(
     max_iterations: int = MAX_ITERATIONS,
     second_if_stuck: bool = False,
 ) -> Minimum | None:
-    """Best fit from the most promising start, or two; None when the model has no solution at any of them.
-
-    second_if_stuck: a second start is tried only where the first fit got stuck.
-    """
+    """Best fit from the most promising start, or two (`second_if_stuck`: only then); None without a solution."""
     tried = [(start, residuals) for start in starts if (residuals := problem(start)) is not None]
     tried.sort(key=lambda item: item[1].statistic)
     best: Minimum | None = None

@@ -190,8 +190,7 @@ class FreeCurve:
         return np.array(self.axis.knots)[self.scores.numbers]
 
 
-Score = Callable[[Sequence[Effect]], Scores]
-"""Scores of effects beside the model at hand."""
+Score = Callable[[Sequence[Effect]], Scores]  # of effects beside the model at hand
 
 
 def free_curves(curves: Sequence[tuple[TermEquation, Axis, str]], score: Score) -> list[FreeCurve]:

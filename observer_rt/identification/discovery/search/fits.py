@@ -288,13 +288,16 @@ def best_of_each(candidates: Sequence[Candidate], by: Callable[[Candidate], floa
 
 
 def _has_twins(hypothesis: Hypothesis, minimum: Minimum) -> bool:
-    """Whether two effects of one equation are one: with slopes alike, or a size at its bound."""
-    effects, theta = hypothesis.effects, minimum.theta
-    bounds = [(effect.parameters[0].lowest, effect.parameters[0].highest) for effect in effects]
-    for first, second in combinations(range(len(effects)), 2):
-        if equation_of(effects[first]) == equation_of(effects[second]):
+    """Whether two effects of one equation are one: with slopes of their first sizes alike, or one at its bound."""
+    ends = np.cumsum([len(effect.parameters) for effect in hypothesis.effects])
+    places = zip((int(end) for end in ends), hypothesis.effects, strict=True)
+    sized = [(end - len(effect.parameters), effect) for end, effect in places if effect.parameters]
+    for pair in combinations(sized, 2):
+        (first, effect), (second, other) = pair
+        if equation_of(effect) == equation_of(other):
             information = minimum.at.information
             alike = SAME_COSINE**2 * information[first, first] * information[second, second]
-            if information[first, second] ** 2 > alike or any(theta[i] in bounds[i] for i in (first, second)):
+            at_bound = (minimum.theta[place] in bounds_of(one) for place, one in pair)
+            if information[first, second] ** 2 > alike or any(at_bound):
                 return True
     return False

@@ -61,8 +61,7 @@ LAW_NUMBERS: Mapping[str, tuple[float, ...]] = {
     "Q*abs(Q)*exp(-U/A)": (1.0,),
 }
 """Laws with a number A of their own, fitted, too, where they lead, and what it is where it is scored."""
-DAMPING = FormNumber(0.15, 0.02, 0.6)
-"""The number W of a law that rings."""
+DAMPING = FormNumber(0.15, 0.02, 0.6)  # the number W of a law that rings
 _OF_SEAT = (
     "X", "X^2", "exp(-X/A)", "max(X - A, 0)", "X > 0.93",
     "V", "abs(V)", "opening", "closing", "U", "exp(-U/A)", "T", "N", "B", "R", "X - lagged(X, A)",

@@ -94,10 +94,9 @@ class Search:
         return self._outcome(best, adequate)
 
     def _other_needles(self, best: Candidate) -> Iterator[Candidate]:
-        """What explains the recordings, too, where a needle whose lift was not recorded is at fault, or is not.
+        """Candidates as good by which a needle whose lift was not recorded is at fault instead, or is not.
 
-        Strokes are straight in the model: what the best gains beyond such a candidate may be the shape of a true
-        stroke, and does not count.
+        What the best gains beyond them does not count: true strokes are not as straight as those of the model.
         """
         for effect in best.hypothesis.effects:
             others = tuple(kept for kept in best.hypothesis.effects if kept is not effect)

@@ -65,10 +65,7 @@ def _values(information: Floats, gradient: Floats) -> Floats:
 
 
 def _simplest(curve: FreeCurve) -> Effect | None:
-    """The table with the symmetry and knots that explain held-out residuals best, each knot at a price.
-
-    None if every table turns at too many knots.
-    """
+    """The table that explains held-out residuals best, each knot at a price; None if all turn at too many knots."""
     knots = curve.knots
     # the larger the residuals of the whole curve, the more a knot must gain
     price = PRICE * max(1.0, (curve.scores.left - _gain(curve)) / len(curve.scores.slopes))

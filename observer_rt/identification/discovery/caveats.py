@@ -66,13 +66,12 @@ def counter_restarts(terms: Sequence[Term]) -> tuple[str, ...]:
 
 def caveats_of(discovery: Discovery, basis: Basis) -> tuple[Caveat, ...]:
     """The caveats of a discovery, the gravest first."""
-    parts = (
-        _of_model_and_bench(discovery, basis),
-        _of_operating_points(discovery, basis),
-        _of_explanation(discovery),
-        _of_level(discovery, basis),
+    return (
+        *_of_model_and_bench(discovery, basis),
+        *_of_operating_points(discovery, basis),
+        *_of_explanation(discovery),
+        *_of_level(discovery, basis),
     )
-    return tuple(caveat for part in parts for caveat in part)
 
 
 def _of_model_and_bench(discovery: Discovery, basis: Basis) -> Iterator[Caveat]:

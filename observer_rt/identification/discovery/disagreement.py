@@ -13,14 +13,11 @@ from observer_rt.model.parameters import LineOutflow
 
 @dataclass(frozen=True)
 class Disagreement:
-    """A cell of the map with the nominal model, and with what was found or is nearest.
-
-    equation: the one violated; None where the nominal model does not disagree significantly, or nobody knows.
-    """
+    """A cell of the map with the nominal model, and with what was found or is nearest."""
 
     before: Cell
     after: Cell
-    equation: Equation | None
+    equation: Equation | None  # violated; None where `before` does not disagree significantly, or nobody knows
 
 
 def disagreements(

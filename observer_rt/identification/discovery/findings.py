@@ -172,8 +172,8 @@ class Findings(Discovery):
         return set(self.held_out) != set(self.fitted_on)
 
     @property
-    def places(self) -> dict[int, Cell]:
-        """A cell of the map of every operating point, by its number."""
+    def cell_of_point(self) -> dict[int, Cell]:
+        """A cell of the map for every operating point, by the number of the point."""
         return {item.before.recording: item.before for item in self.where}
 
     @property
@@ -186,14 +186,8 @@ class Findings(Discovery):
     @property
     def caveats(self) -> tuple[Caveat, ...]:
         """Reservations, the gravest first."""
-        basis = Basis(
-            healthy_warning=self.healthy_warning,
-            held_out=self.held_apart,
-            rate_measured=RATE in self.gaps.by_name,
-            level_measured=self.level_measured,
-            like_inertance=self.like_inertance,
-        )
-        return caveats_of(self, basis)
+        measured = RATE in self.gaps.by_name, self.level_measured
+        return caveats_of(self, Basis(self.healthy_warning, self.held_apart, *measured, self.like_inertance))
 
     @property
     def is_open(self) -> bool:

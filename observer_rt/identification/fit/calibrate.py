@@ -14,12 +14,13 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.identification.fit import search
 from observer_rt.identification.fit.causes import TriedCause, tried_causes
 from observer_rt.identification.fit.comparison import Comparison, compared
-from observer_rt.identification.fit.folds import Fold, by_meter, folds_of, share_between_samples, thinned
+from observer_rt.identification.fit.folds import Fold, by_meter, folds_of, thinned
 from observer_rt.identification.fit.forms import INERTANCE, NEEDLE, NOZZLE, STRUCTURES, FreeParameter, Structure
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import GROUPS_OF_FOLD
 from observer_rt.identification.fit.rate import rate_meter, rate_misfit
 from observer_rt.identification.fit.structures import Choice, Trial, choose, tried_structures
+from observer_rt.identification.fit.suitability import share_between_samples
 from observer_rt.identification.likelihood.measured_rate import GAIN_ERROR
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.effects import effective_model

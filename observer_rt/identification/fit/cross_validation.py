@@ -21,10 +21,7 @@ class HeldOut:
 
 
 def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
-    """All folds judged, from the minimum of all; None for a single fold, and if there is no solution without one.
-
-    theta without a fold is one Newton step from the minimum: it is near, and all slopes are known there.
-    """
+    """Each fold judged a Newton step from the minimum of all; None for a single fold, or without a solution."""
     folds = len(calibration.folds)
     if folds < 2:
         return None

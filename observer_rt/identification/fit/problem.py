@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import STEP
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.identification.fit.folds import Fold, standstill
+from observer_rt.identification.fit.folds import Fold
 from observer_rt.identification.fit.forms import STIFFENING, FreeParameter, with_values
+from observer_rt.identification.fit.standstill import standstill
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, Range, Residuals
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
 from observer_rt.model.effective import EffectiveModel

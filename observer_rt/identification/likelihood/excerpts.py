@@ -14,6 +14,7 @@ from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, copied, cut, followed
 from observer_rt.identification.likelihood import events, measurement
 from observer_rt.identification.likelihood.operating_points import operating_point
+from observer_rt.identification.likelihood.variants import PART_GAP, joined
 from observer_rt.identification.likelihood.white_noise import noise_level
 
 MOST_SAMPLES = 1 << 19  # stored of a recording: 5 s at 100 kHz, some 100 injections of a longer one
@@ -31,7 +32,7 @@ class _Excerpt:
     @property
     def samples(self) -> int:
         """Samples of the part and of the gap after it."""
-        return self.part.samples + round(measurement.PART_GAP * self.part.sample_rate)
+        return self.part.samples + round(PART_GAP * self.part.sample_rate)
 
 
 @dataclass
@@ -157,6 +158,6 @@ def _joined(
     names = ("rail_pressure", "needle_lift", "line_pressure", *source.optional)
     parts = [excerpt.part.signals for excerpt in excerpts] or [dict.fromkeys(names, np.zeros(0))]
     of = {"path": source.path, "meaning": source.meaning, "meter": source.meter, "notes": source.notes}
-    recording = measurement.joined(parts, source.sample_rate, **of)
+    recording = joined(parts, source.sample_rate, **of)
     openings = [opening for event in moved for opening in event.openings]
     return measurement.measurement_of(recording, openings, tuple(moved), injections)

@@ -33,10 +33,7 @@ class ShotJitter:
         self._counted, self._bounds = counted, bounds
 
     def observe(self, run: Run, innovation_sigma: float) -> None:
-        """Move the shots to where a run of the nominal model shows them, beside the mean of all events.
-
-        Their scatter is the jitter where it is larger than usual.
-        """
+        """Set the delays to those that a run of the nominal model shows beside their mean, sigma to their scatter."""
         here = run(self.nominal_delays)[0]
         self.by_shots = self._derivatives(run, here, self.nominal_delays)
         moved = self.by_shots * (WIDEST_JITTER / innovation_sigma)
@@ -84,10 +81,7 @@ def a_step_later(shots: ShotDelays) -> list[ShotDelays]:
 
 
 def likelier_delays(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> list[Vector]:
-    """Delays (columns,) of the shots of every event by innovations (n,) at others, in standard deviations.
-
-    moved (n, columns), bounds (events + 1,): as of `without_jitter`.
-    """
+    """Delays (columns,) of the shots of every event, in standard deviations, by innovations at others (n,)."""
     results = []
     for delay, first, end in zip(delays, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
         by_shots = moved[first:end]

@@ -179,10 +179,7 @@ class RecordingLikelihood:
         return innovation, rate_as_recorded(measurement, rate)
 
     def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
-        """Normalised judged innovations (n,) of the nominal model with a lag [s] of the lift undone.
-
-        measurement: this recording, or the same with other noise in its lift.
-        """
+        """Normalised judged innovations (n,) with a lag [s] of the lift undone; the measurement may be a noisier one."""
         model = self._nominal.with_changes("inputs", lift_lag=lag)
         innovation, _ = self._predicted(model, self._inputs(measurement, model), 0, self._substeps_of(model))
         return np.asarray(innovation[self._rows.counted] / self._schedule(model).innovation_sigma)

@@ -95,10 +95,7 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
 
 
 def every_second_point(recordings: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Numbers of the recordings at every second operating point, and of the others.
-
-    Like the squares of a chessboard of rail pressures and durations: each half has all of both, if there are two.
-    """
+    """Numbers of the recordings at every second operating point, and at the others, as squares of a chessboard."""
     points = [operating_point(one.rail_pressure, one.duration) for one in recordings]
     pressures = sorted({pressure for pressure, _ in points})
     halves: tuple[list[int], list[int]] = [], []

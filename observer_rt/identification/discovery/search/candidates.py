@@ -128,17 +128,14 @@ def size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A combination of effects fitted to all recordings; the nominal model is the one without effects.
-
-    Those in a ranking, and of proposals, also have `half`, `moves` and `sizes_of_half`.
-    """
+    """A combination of effects fitted to all recordings; the nominal model is the one without effects."""
 
     hypothesis: Hypothesis
     sizes: tuple[float, ...]  # (p,) SI, effect after effect
     statistic: float  # -2 log L, constants left out
     spread: float = 1.0  # mean square of the residuals as the statistic counts it, 1 at least
     own_error: float = 0.0  # of -2 log L: what laws gain over a name that may be the fitted model's own error
-    half: tuple[float, ...] = ()  # (p,) half widths of the 95 % intervals
+    half: tuple[float, ...] = ()  # (p,) half widths of the 95 % intervals; as all below, of a ranking or a proposal
     sizes_of_half: tuple[float, ...] = ()  # fitted to every second operating point
     held_out: float = math.nan  # -2 log L so fitted and judged on the others; nan: not done, or in no ranking
     moves: Consequence = NO_CONSEQUENCE  # what it does to the model as given

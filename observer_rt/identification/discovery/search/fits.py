@@ -233,10 +233,9 @@ class Fitter:
     def fits_beside(
         self, about: Candidate, effects: Sequence[Effect], sizes: Sequence[float] | None = None
     ) -> list[Candidate]:
-        """A fit with each of the effects beside a candidate, the best first.
+        """A fit with each of the effects beside a candidate, the best first; only those near the best are refined.
 
-        sizes: of the effects' first parameters by their scores, further starts. Fits near the best are refined, the
-        others stay rough.
+        sizes: of the effects' first parameters by their scores, further starts.
         """
         tasks = []
         for number, effect in enumerate(effects):

@@ -233,8 +233,7 @@ class _Verdict:
         return min(one.statistic for one in smaller) - self._outcome.winner.statistic
 
     def _with_intervals(self, candidate: Candidate) -> Candidate:
-        """A candidate with the intervals of its sizes: by noise, by the scatter of the effect's apparent size on the
-        healthy injector, and by how exact a fitted model is."""
+        """A candidate with intervals of its sizes, by noise, the healthy injector's scatter and a fit's exactness."""
         variances = (INTERVAL_MARGIN * self._fitter.sigmas(candidate)) ** 2
         if self._baseline.appears:
             variances += (MODEL_SHARE * candidate.theta) ** 2

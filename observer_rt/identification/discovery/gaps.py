@@ -63,7 +63,7 @@ class ModelGaps:
 
 
 def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: EffectiveModel) -> ModelGaps:
-    """Gaps at every second operating point, of the nominal model and of what is shown, fitted to the other points.
+    """Gaps at every second operating point, of the nominal model and of the one shown, fitted to the others.
 
     A single operating point is both fitted and compared.
     """

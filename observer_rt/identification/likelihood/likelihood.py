@@ -179,7 +179,7 @@ class RecordingLikelihood:
         return innovation, rate_as_recorded(measurement, rate)
 
     def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
-        """Normalised judged innovations (n,) with a lag [s] of the lift undone; the measurement may be a noisier one."""
+        """Normalised judged innovations (n,) with a lag [s] of the lift undone, which may have other noise."""
         model = self._nominal.with_changes("inputs", lift_lag=lag)
         innovation, _ = self._predicted(model, self._inputs(measurement, model), 0, self._substeps_of(model))
         return np.asarray(innovation[self._rows.counted] / self._schedule(model).innovation_sigma)
@@ -195,7 +195,7 @@ class RecordingLikelihood:
         return max(self._substeps, substeps_needed(model.injector, rate, model.departures))
 
     def _schedule(self, model: EffectiveModel) -> GainSchedule:
-        """Gains of x~ for a model, of which only the last are kept: those of the steady observer."""
+        """Gains of x~ for a model; only the last, those of its steady state, are kept."""
         share = (model.sensor.delay / self.measurement.interval) % 1.0
         key = self.measurement.coefficients_of(model).line, model.sensor.lag, share
         schedule = self._gains.get(key)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, lru_cache
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,28 +176,34 @@ RINGING = Form(
 """Laws that ring after every opening."""
 
 
-@dataclass(frozen=True, eq=False)
-class FreeCurve:
-    """A curve in an equation over an axis, and a factor before it; scores: of its hats."""
+class Curve(NamedTuple):
+    """A curve in an equation over an axis, with a factor before it."""
 
     equation: TermEquation
     axis: Axis
     factor: str
+
+
+@dataclass(frozen=True, eq=False)
+class FreeCurve:
+    """A curve of any shape, and the scores of its hats."""
+
+    curve: Curve
     scores: Scores
 
     @property
     def knots(self) -> Floats:
         """Knots that the data determine (k,)."""
-        return np.array(self.axis.knots)[self.scores.numbers]
+        return np.array(self.curve.axis.knots)[self.scores.numbers]
 
 
 Score = Callable[[Sequence[Effect]], Scores]  # of effects beside the model at hand
 
 
-def free_curves(curves: Sequence[tuple[TermEquation, Axis, str]], score: Score) -> list[FreeCurve]:
+def free_curves(curves: Sequence[Curve], score: Score) -> list[FreeCurve]:
     """Curves about a model, each hat linearised once."""
     parts = parts_of([axis.hats(equation, factor) for equation, axis, factor in curves], score)
-    return [FreeCurve(*curve, part) for curve, part in zip(curves, parts, strict=True) if part.numbers.size]
+    return [FreeCurve(curve, part) for curve, part in zip(curves, parts, strict=True) if part.numbers.size]
 
 
 def parts_of(groups: Sequence[Sequence[Effect]], score: Score) -> list[Scores]:
@@ -221,7 +228,7 @@ def made_to_measure(
 
 def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
     """The best form of every shape near a curve, with its gain."""
-    equation, axis, part, knots = curve.equation, curve.axis, curve.scores, curve.knots
+    (equation, axis, factor), part, knots = curve.curve, curve.scores, curve.knots
     laws_by_shape: dict[Shape, tuple[float, Effect]] = {}
     for form in axis.forms:
         tried = list(product(*form.numbers))
@@ -230,7 +237,7 @@ def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
         best = int(np.argmax(gains))
         law = form.over(axis)
         if form.shape not in laws_by_shape or gains[best] > laws_by_shape[form.shape][0]:
-            laws_by_shape[form.shape] = (float(gains[best]), term_effect(equation, curve.factor + law, tried[best]))
+            laws_by_shape[form.shape] = (float(gains[best]), term_effect(equation, factor + law, tried[best]))
     return sorted(laws_by_shape.values(), key=lambda item: -item[0])[:MOST_OF_CURVE]
 
 

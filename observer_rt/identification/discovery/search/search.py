@@ -24,12 +24,12 @@ from observer_rt.model.effect import Component, Effect, Likeness
 from observer_rt.model.effects import VOCABULARY, seen_in
 from observer_rt.model.effects.needle import BESIDE
 
-MOST_BASES = 3  # candidates gone on from at once
-MOST_NAMES = 6  # refitted beside a candidate, of the best by score
+MOST_BASES = 3  # candidates to which effects are added at once
+REFITTED_NAMES = 6  # refitted beside a candidate, of the best by score
 WORTH_FITTING = 10.0  # gain by score from which on a further name is refitted
 PROMISED_SHARE = 0.5  # of a gain that is needed: a score is linear, and not exact
 LAW_CHARGE = 0.5  # of what a name leaves, that a law must take to stand in its place beside a fitted model
-LED_SHARE = 0.5  # of what the best explains, that a candidate must explain to be gone on from
+BASE_SHARE = 0.5  # of what the best explains, that a candidate must explain for effects to be added to it
 TIED_GAIN = 16.0  # of -2 log L, within which fits explain as much
 # Of what is explained, that an effect must add; beside a fitted model.
 RELATIVE_GAIN, FITTED_GAIN = 1e-3, 0.02
@@ -67,7 +67,7 @@ class Search:
         self.held_out = HeldOutPoints(fitter.likelihood, fitter.nominal)
 
     def run(self) -> SearchOutcome:
-        """See `SearchOutcome`."""
+        """Search for what explains the recordings: one name, then several effects or laws, then one law instead."""
         names = self._fitter.fits_beside(self._nothing, self._names)
         self._tried += names
         best = self._better(names, self._nothing) or self._nothing
@@ -128,7 +128,7 @@ class Search:
             laws = self._laws.fits_with(self._nothing)
             best = min(best, self._better(laws, self._nothing) or best, key=self._rank)
             self._tried += laws
-        about, done = self._firsts(best), set[tuple[str, ...]]()
+        about, done = self._first_bases(best), set[tuple[str, ...]]()
         while about:
             grown = list[Candidate]()
             for base in about:
@@ -136,7 +136,7 @@ class Search:
                 for fits in self._larger_fits(base, best):
                     self._tried += fits
                     best = min(best, self._better(fits, base) or best, key=self._rank)
-                    grown += self._gone_on_from(fits, base)
+                    grown += self._next_bases(fits, base)
             left = [one for one in grown if one.ids not in done and len(one.ids) < MOST_EFFECTS]
             ranked = sorted({one.ids: one for one in left}.values(), key=self._rank)
             about = ranked[:MOST_BASES]
@@ -144,8 +144,8 @@ class Search:
                 about += [one for one in ranked if not one.terms][:1]
         return best
 
-    def _gone_on_from(self, fits: Sequence[Candidate], about: Candidate) -> list[Candidate]:
-        """The best fit where it gains something, and what it has more, by itself: the first may stand in for two."""
+    def _next_bases(self, fits: Sequence[Candidate], about: Candidate) -> list[Candidate]:
+        """Candidates to add effects to: the best fit if it gains something, and its effects as fitted alone."""
         best = self._without_idle(self._simplest(fits)) if fits else about
         if best.statistic >= about.statistic - self._threshold(about):
             return []
@@ -155,15 +155,15 @@ class Search:
     def _rank(self, candidate: Candidate) -> tuple[bool, float]:
         return not self._is_adequate(candidate), candidate.price
 
-    def _firsts(self, best: Candidate) -> list[Candidate]:
-        """First effects to go on from: the best, and where it does not explain all, or only by a law, others.
+    def _first_bases(self, best: Candidate) -> list[Candidate]:
+        """Effects to add to first: the best, and where it does not explain all, or only by a law, others.
 
         Each shares no equation with those before, and explains a good part of what the best does.
         """
         firsts = [best] if best.ids else []
         if self._is_adequate(best) and not best.terms:
             return firsts
-        least = self._nothing.statistic - LED_SHARE * (self._nothing.statistic - best.statistic)
+        least = self._nothing.statistic - BASE_SHARE * (self._nothing.statistic - best.statistic)
         for fit in sorted(self._tried, key=attrgetter("price")):
             if len(firsts) == MOST_BASES or (best.ids and fit.statistic > least):
                 break
@@ -179,7 +179,7 @@ class Search:
         arrears = PROMISED_SHARE * (about.price - best.price - NEAR_GAIN)
         names = [one for one in self._names if one not in about.hypothesis.effects]
         scores, least = self._fitter.scores(about, names), max(WORTH_FITTING, arrears)
-        rows = [row for row in np.argsort(-scores.gains).tolist() if scores.gains[row] > least][:MOST_NAMES]
+        rows = [row for row in np.argsort(-scores.gains).tolist() if scores.gains[row] > least][:REFITTED_NAMES]
         sizes = [float(scores.sizes((row,))[0]) for row in rows]
         fits = self._fitter.fits_beside(about, [scores.effects[row] for row in rows], sizes)
         yield fits
@@ -226,7 +226,7 @@ class Search:
         explained = self._nothing.statistic - candidate.statistic
         least = self._threshold(over)
         if candidate.terms:
-            return max(least, self._own(candidate), share * self._unexplained(over))
+            return max(least, self._own_error(candidate), share * self._unexplained(over))
         if not over.ids:
             return least
         return max(least, (FITTED_GAIN if self._baseline.appears else RELATIVE_GAIN) * explained)
@@ -236,7 +236,7 @@ class Search:
         samples = sum(int(one.phases.size + one.rate_phases.size) for one in self._fitter.likelihood.recordings)
         return (candidate.spread - 1.0) * samples
 
-    def _own(self, candidate: Candidate) -> float:
+    def _own_error(self, candidate: Candidate) -> float:
         """Share of a candidate's gain that may be the model's own error."""
         return self._is_adequate.remainder * (self._nothing.statistic - candidate.statistic)
 
@@ -262,7 +262,7 @@ class Search:
         One that leaves nothing but noise comes before all that do not.
         """
         best = min(fits, key=attrgetter("price"))
-        limit = best.price + max(self._own(best), TIED_GAIN * best.spread)
+        limit = best.price + max(self._own_error(best), TIED_GAIN * best.spread)
         tied = sorted(
             (one for one in fits if one.price <= limit),
             key=lambda one: (

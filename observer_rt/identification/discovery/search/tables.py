@@ -39,9 +39,9 @@ ODD_SYMMETRY = Symmetry(
 
 def tables(curves: Sequence[FreeCurve], score: Score) -> list[Effect]:
     """Tables near the curves that would gain most, but none over time, which could imitate any law."""
-    usable = (one for one in curves if one.axis is not SINCE)
+    usable = (one for one in curves if one.curve.axis is not SINCE)
     coarse = sorted(usable, key=_gain, reverse=True)[:MOST_TABLES]
-    finer = [(one.equation, _with_midpoints(one.axis), one.factor) for one in coarse]
+    finer = [one.curve._replace(axis=_with_midpoints(one.curve.axis)) for one in coarse]
     made = map(_simplest, free_curves(finer, score))
     return [one for one in made if one is not None]
 
@@ -55,7 +55,7 @@ def _with_midpoints(axis: Axis) -> Axis:
 def _gain(curve: FreeCurve) -> float:
     """Gain of a curve (-2 log L), its values within the bounds of its equation."""
     information, gradient = curve.scores.information, curve.scores.gradient
-    values = np.clip(_values(information, gradient), *curve.equation.bounds)
+    values = np.clip(_values(information, gradient), *curve.curve.equation.bounds)
     return float(2.0 * values @ gradient - values @ information @ values)
 
 
@@ -140,5 +140,6 @@ def _table(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Effect:
             continue
         numbers.append(FormNumber(round(float(values[number] / values[largest]), 4), -LARGEST_RATIO, LARGEST_RATIO))
         pairs.append(f"{knot:g}, {next(letters)}")
-    law = symmetry.form.format(u=curve.axis.over, pairs=", ".join(pairs))
-    return term_effect(curve.equation, curve.factor + law, tuple(numbers))
+    equation, axis, factor = curve.curve
+    law = symmetry.form.format(u=axis.over, pairs=", ".join(pairs))
+    return term_effect(equation, factor + law, tuple(numbers))

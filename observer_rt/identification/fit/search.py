@@ -82,10 +82,7 @@ def fitted(
     iterations: int,
     spare: float = 1.0,
 ) -> FittedStructure | FailedStructure:
-    """A structure fitted from the numbers of `start`.
-
-    spare: as in `Structure.of`; a line that then has too few cells for its sound speed, or too many, is fitted again.
-    """
+    """A structure fitted from the numbers of `start`, and again if its cells do not suit the sound speed found."""
     injector = structure.of(start, spare)
     needed = substeps_needed(injector, folds[0].measurement.recording.sample_rate)
     if needed > MAX_SUBSTEPS:

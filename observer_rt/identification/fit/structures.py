@@ -67,10 +67,7 @@ def tried_structures(
     folds: Sequence[Fold],
     progress: Callable[[float], None],
 ) -> list[Trial]:
-    """Structures fitted roughly: kinds of lines in their order, until the residuals of one are small.
-
-    further: free parameters beside a structure's own; progress takes the share of the structures tried.
-    """
+    """Structures fitted roughly, kind by kind, until residuals are small. further: free beside a structure's own."""
     # the seat's first; a lump, whose sac is large, has neither flow when it is drained by the wrong one
     ordered = sorted(structures, key=lambda one: (one.line, one.outflow is not LineOutflow.SEAT))
     kinds = dict.fromkeys((one.line, one.outflow if one.line == "lump" else None) for one in ordered)
@@ -117,10 +114,7 @@ def _trials(
 def _fullest(
     structure: Structure, file: InjectorParameters, further: Sequence[FreeParameter], folds: Sequence[Fold]
 ) -> Trial:
-    """A structure fitted with every optional part; in a line with waves the fuel stiffens, too.
-
-    A part is removed again if it is uncertain, or if recordings left out are explained as well without it.
-    """
+    """A structure with every optional part that is certain and explains recordings left out better than without."""
     stiffens = WAVE_DAMPING in structure.free or STIFFENING.stated(file)
     every = [one for group in OPTIONAL_GROUPS for one in group]
     free = [*structure.free, *further, *every, *((STIFFENING,) if stiffens else ())]
@@ -146,10 +140,7 @@ def _fullest(
 def _as_stated(
     injector: InjectorParameters, parts: Sequence[FreeParameter], file: InjectorParameters, folds: Sequence[Fold]
 ) -> InjectorParameters:
-    """An injector with some parts as in the file, which may lack them.
-
-    Fuel that does not stiffen any more is everywhere as stiff as it was at the folds' mean rail pressure.
-    """
+    """An injector with parts as in the file; fuel that stiffens no more is as stiff as at the mean rail pressure."""
     if STIFFENING in parts:
         pressure = float(np.mean([fold.measurement.rail_pressure for fold in folds]))
         slope = injector.fluid.bulk_modulus_by_pressure - file.fluid.bulk_modulus_by_pressure

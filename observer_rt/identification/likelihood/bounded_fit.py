@@ -185,10 +185,7 @@ def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
 def _lower(
     problem: Problem, here: Quadratic, ranges: Sequence[Range], damping: float
 ) -> tuple[tuple[NDArray[np.float64], Residuals] | None, float]:
-    """A point with a lower statistic, None where none is expected, and the damping for the next step.
-
-    The damping is inf where a lower statistic was expected, but no step was short enough.
-    """
+    """A lower point, None where none is expected, and the next damping: inf where no step was short enough."""
     lowest = np.array([r.lowest for r in ranges])
     highest = np.array([r.highest for r in ranges])
     outwards = ((here.theta <= lowest) & (here.gradient > 0.0)) | ((here.theta >= highest) & (here.gradient < 0.0))

@@ -153,10 +153,7 @@ class Laws:
         return self._fitted_beside(self._nothing, products(partial(self._fits.scores, self._nothing), guessed))
 
     def stand_ins(self, best: Candidate) -> list[Candidate]:
-        """Laws that may be right instead of a single effect, alone, as far as they explain half of it.
-
-        Instead of a law, products that explain more by the odds against a law, too.
-        """
+        """Laws that alone explain half of what a single effect does; instead of a law, much better products, too."""
         law, pairs = best.hypothesis.effects[0].apply, list[Candidate]()
         if isinstance(law, TermLaw):
             pairs = [pair for pair in self._products_alone if pair.price < best.price - LAW_ODDS]

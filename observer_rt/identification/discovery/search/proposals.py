@@ -49,10 +49,7 @@ _MORE = "record more rail pressures and durations, or the injection rate as well
 def proposals_of(
     laws: Sequence[Candidate], fitter: Fitter, outcome: SearchOutcome, healthy: Healthy, held_out: HeldOutPoints
 ) -> tuple[Proposal, ...]:
-    """Proposals of laws that a search found.
-
-    If the first one has too many laws and yet is inadequate, the best of its laws alone is a further proposal.
-    """
+    """Proposals of laws that a search found; where the first has too many laws, the best of them alone, too."""
     if not laws:
         return ()
     nominal, adequate = fitter.nominal, Adequacy(fitter, healthy)

@@ -257,10 +257,7 @@ class Search:
         return self._least_gain * candidate.spread
 
     def _simplest(self, fits: Sequence[Candidate]) -> Candidate:
-        """The best fit, or one of fewer effects and equations, or with a name, that leaves but the model's own error.
-
-        One that leaves nothing but noise comes before all that do not.
-        """
+        """The best fit, or one that explains as much by fewer effects, equations or numbers, adequate ones first."""
         best = min(fits, key=attrgetter("price"))
         limit = best.price + max(self._own_error(best), TIED_GAIN * best.spread)
         tied = sorted(

@@ -111,10 +111,7 @@ def healthy_baseline(
     remembered: Healthy = NOT_FITTED,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[Healthy, Discovery]:
-    """What healthy recordings leave unexplained, and the discovery on them: `none` for an adequate model.
-
-    remembered: the healthy injector by the model's own fit. Raises `RunError` as `name_effects`.
-    """
+    """What healthy recordings leave beyond the remembered, and the discovery on them. Raises `RunError` as that."""
     likelihood = joint_likelihood(recordings, nominal, remembered.shape)
     judged = likelihood.judge(nominal)
     if judged is None:

@@ -6,20 +6,11 @@ import pytest
 
 from observer_rt.config.effects import term_domain
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.engine.learning.healthy import NOT_FITTED
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.fits import Fitter
-from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.proposal import Proposal
-from observer_rt.identification.discovery.search.proposals import (
-    LEAST_CLOSED,
-    proposals_of,
-    seen_in,
-    unsound,
-    with_parts,
-)
-from observer_rt.identification.discovery.search.results import SearchOutcome
+from observer_rt.identification.discovery.search.proposals import LEAST_CLOSED, seen_in, unsound, with_parts
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import Consequence, consequence
@@ -119,16 +110,9 @@ def test_nothing_is_accepted_in_part_that_explains_all_or_was_not_held_out(
     assert proposal.part is None
 
 
-def test_laws_are_judged_by_their_own_sizes_beside_an_effect_of_two_and_of_none() -> None:
-    """Of two that are alike there is no fit; of too many the best is proposed alone."""
-    likelihood = joint_likelihood(measurements(recordings()), MODEL)
-    fitter, nozzle, seat = Fitter(likelihood, MODEL), TermEquation.NOZZLE_FLOW, TermEquation.SEAT_FLOW
-    laws = [term_effect(*law) for law in ((nozzle, "open*0.5"), (nozzle, "open*0.8"), (seat, "open*0.5"))]
-    rise = VOCABULARY["chamber_pressure_rise"]
-    for effect in (rise, VOCABULARY["seat_outflow"]):
-        single, alike = Hypothesis((effect, laws[0])), Hypothesis((effect, *laws[:2]))
+def test_laws_that_are_alike_are_no_fit_beside_an_effect_of_two_sizes_or_of_none() -> None:
+    fitter = Fitter(joint_likelihood(measurements(recordings()), MODEL), MODEL)
+    laws = [term_effect(TermEquation.NOZZLE_FLOW, law) for law in ("open*0.5", "open*0.8")]
+    for effect in (VOCABULARY["chamber_pressure_rise"], VOCABULARY["seat_outflow"]):
+        single, alike = Hypothesis((effect, laws[0])), Hypothesis((effect, *laws))
         assert [one.ids for one in fitter.laws([(single, single.off), (alike, alike.off)])] == [single.ids]
-    nothing, many = fitter.nothing(), Candidate(Hypothesis((rise, *laws[1:])), (8e6, 0.5, 0.05, 0.05), 0.0)
-    outcome = SearchOutcome(nothing, nothing, (), (), (), 0.0, 2.0)
-    made = proposals_of([many], fitter, outcome, NOT_FITTED, HeldOutPoints(likelihood, MODEL))
-    assert [len(one.terms) for one in made] == [2, 1]

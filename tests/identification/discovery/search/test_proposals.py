@@ -46,8 +46,7 @@ def test_a_law_is_sound_that_is_not_where_no_recording_was(equation: str, law: s
 
 
 def test_a_law_that_is_unsound_where_it_was_seen_is_refused() -> None:
-    term = Term(TermEquation.SEAT_FLOW, parse("-2*lift_rate"))
-    refusal = unsound([term], MODEL, SEEN)
+    refusal = unsound([Term(TermEquation.SEAT_FLOW, parse("-2*lift_rate"))], MODEL, SEEN)
     assert refusal is not None
     assert "1 + term is not above 0" in refusal.reason
 
@@ -80,8 +79,7 @@ def test_what_closes_most_of_the_gap_may_enter_in_part(measured: tuple[Measureme
     assert proposal.part.refusal is None
     assert proposal.may_enter
     assert LEAST_CLOSED < proposal.part.closed < 1.0
-    wider = MODEL.with_term(Term(TermEquation.NOZZLE_FLOW, parse("0.05")))
-    moved = consequence(measured, MODEL, wider)
+    moved = consequence(measured, MODEL, MODEL.with_term(Term(TermEquation.NOZZLE_FLOW, parse("0.05"))))
     share = proposal.part.mass_half * moved.line_pressure / proposal.part.left
     assert share == pytest.approx(0.05, rel=0.2)  # of a mass, by a nozzle of 5 % more
 

@@ -111,7 +111,7 @@ def healthy_baseline(
     remembered: Healthy = NOT_FITTED,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[Healthy, Discovery]:
-    """The healthy injector by recordings and `remembered`, and discovery on them. Raises `RunError` as `name_effects`."""
+    """The healthy injector by recordings and `remembered`, and discovery on them. Errors as of `name_effects`."""
     likelihood = joint_likelihood(recordings, nominal, remembered.shape)
     judged = likelihood.judge(nominal)
     if judged is None:

@@ -39,8 +39,8 @@ def fit(
     from observer_rt.desk.library.fit import fitted_model, weighed_masses
     from observer_rt.engine.service.injector import calibration_of
     from observer_rt.identification.fit.fitted_file import write_fitted
-    from observer_rt.identification.fit.folds import warnings
     from observer_rt.identification.fit.report import draw_fit, print_fit
+    from observer_rt.identification.fit.suitability import warnings
     from observer_rt.identification.likelihood import provenance
     from observer_rt.identification.likelihood.coverage import coverage
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES

@@ -11,7 +11,7 @@ import numpy as np
 
 from observer_rt.config.injector_file import InjectorFile, section_of, tables_in_force
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.identification.discovery.findings import starts_anew
+from observer_rt.identification.discovery.caveats import counter_restarts
 from observer_rt.identification.discovery.search.candidates import Size, minimum_from, sizing
 from observer_rt.identification.discovery.search.results import Discovery, FittedEffect, Verdict
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
@@ -39,8 +39,8 @@ def amended_effects(
 ) -> tuple[EffectInForce, ...]:
     """Effects that the amended file has in force, empty if none was found.
 
-    recordings: SHA-256 by file name; healthy: mean innovation of the healthy injector, which is subtracted. An effect
-    that was in force and is found again is fitted anew, from the model without it. Raises `RunError` if that fails.
+    One that was in force and is found again is fitted anew, from the model without it. Raises `RunError` if that
+    fails. recordings: SHA-256 by file name; healthy: mean innovation of the healthy injector, which is subtracted.
     """
     if not discovery.effects:
         return ()
@@ -61,10 +61,7 @@ def amended_effects(
 def accepted(
     parameters: InjectorParameters, discovery: Discovery, number: int, recordings: Mapping[str, str]
 ) -> tuple[tuple[EffectInForce, ...], tuple[TermInForce, ...]]:
-    """Effects and terms that the amended file has in force with the proposal of a number, 1 for the first.
-
-    Raises `UserError` if there is no such proposal, or a model may not have it.
-    """
+    """Effects and terms in force with a proposal, counted from 1. Raises `UserError` if it is missing or refused."""
     option, many = f"--accept-term {number}", len(discovery.proposals)
     if not 1 <= number <= many:
         answer = f"there are {many}" if many else f"the verdict is '{discovery.verdict.value}'"
@@ -76,7 +73,7 @@ def accepted(
     evidence = f"-2 log L falls by {proposal.gain:.0f}; {', '.join(shortened(recordings))}"
     if proposal.part is not None:
         evidence += f"; in part: closes {proposal.part.closed:.0%} of the gap held out, see [remainder]"
-    evidence = "; ".join((evidence, *starts_anew(proposal.terms)))
+    evidence = "; ".join((evidence, *counter_restarts(proposal.terms)))
     why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}
     sizes = proposal.candidate.parameters
     effects = [EffectInForce(id=one, parameters=sizes[one], **why) for one in proposal.candidate.named]
@@ -111,10 +108,9 @@ def write_amended(
     terms: Sequence[TermInForce] = (),
     remainder: Remainder | None = None,
 ) -> None:
-    """Write the file given with exactly these effects and terms in force.
+    """Write the file with exactly these effects and terms in force. Raises `RunError` if it cannot be loaded again.
 
-    cells: of the line, None for those of the file; remainder: residuals of terms accepted in part. Raises `RunError`
-    when the file could not be loaded again.
+    cells: of the line, None for those of the file; remainder: residuals of terms accepted in part.
     """
     with file.changed(path) as document:
         content: Any = document

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT, cells_of
+from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT_EXCESS, cells_of
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.results import Cell, CellKey, Discovery
 from observer_rt.identification.likelihood.likelihood import JointLikelihood
@@ -13,23 +13,17 @@ from observer_rt.model.parameters import LineOutflow
 
 @dataclass(frozen=True)
 class Disagreement:
-    """A cell of the map with the nominal model, and with what was found or is nearest.
-
-    equation: the one violated; None where the nominal model does not disagree significantly, or nobody knows.
-    """
+    """A cell of the map with the nominal model, and with what was found or is nearest."""
 
     before: Cell
     after: Cell
-    equation: Equation | None
+    equation: Equation | None  # violated; None where `before` does not disagree significantly, or nobody knows
 
 
 def disagreements(
     discovery: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
 ) -> tuple[Disagreement, ...]:
-    """The map, in the order of the recordings.
-
-    shown: effects or terms found; without any, the candidate that comes nearest stands in their place.
-    """
+    """The map, in the order of the recordings. shown: what was found; if nothing, the nearest candidate counts."""
     cells = discovery.after
     if shown.ids != discovery.best.ids and shown.ids:
         model = shown.model(nominal)
@@ -39,7 +33,7 @@ def disagreements(
     equations = _equations(discovery, shown, likelihood, nominal)
     result = []
     for cell in discovery.before:
-        equation = equations.get(cell.key) if cell.excess > SIGNIFICANT else None
+        equation = equations.get(cell.key) if cell.excess > SIGNIFICANT_EXCESS else None
         result.append(Disagreement(cell, after.get(cell.key, cell), equation))
     return tuple(result)
 

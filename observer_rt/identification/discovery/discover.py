@@ -13,8 +13,9 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.amend import AMENDED, ORIGIN, accepted, amended_effects
+from observer_rt.identification.discovery.caveats import is_level_measured, is_like_inertance, remedies
 from observer_rt.identification.discovery.disagreement import disagreements
-from observer_rt.identification.discovery.findings import Findings, is_level_measured, is_like_inertance, remedies
+from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.gaps import gaps_of
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
 from observer_rt.identification.discovery.report.text import headline
@@ -27,14 +28,10 @@ from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.coverage import chosen_words
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
-from observer_rt.identification.likelihood.measurement import (
-    Measurement,
-    with_free_needle,
-    with_healthy_offset,
-    without_gain,
-)
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.identification.likelihood.reading import refuse_rates_missing
+from observer_rt.identification.likelihood.variants import with_free_needle, with_healthy_offset, without_gain
 from observer_rt.model.baseline import Baseline, HealthyRemainder, Remainder
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
@@ -230,10 +227,7 @@ def _judged_by_healthy(
     remembered: Healthy,
     progress: Callable[[float], None],
 ) -> tuple[Healthy, str]:
-    """The healthy injector by healthy recordings, and a warning where they contradict the model, else empty.
-
-    remembered: the healthy injector by the model's fit, to which the recordings add.
-    """
+    """The remembered healthy injector and what recordings of it add, and a warning if these contradict the model."""
     found_with = [with_healthy_offset(one, remembered) for one in healthy]
     points = [point.measurement for point in by_operating_point(found_with)]
     baseline, discovery = healthy_baseline(nominal, points, workers, remembered, progress)

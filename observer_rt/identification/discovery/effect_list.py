@@ -19,10 +19,7 @@ _TAKEN_FOR = {
 
 
 def as_table(effects: Sequence[Effect], in_detail: bool) -> RenderableType:
-    """Two columns: id with the ranges of its parameters; what it is and what it is taken for.
-
-    in_detail: also how it shows, and which measurements decide.
-    """
+    """Two columns: id with ranges of parameters; what it is and is taken for, in detail how it shows, too."""
     table = Table(box=None, padding=(0, 2, 1, 0), pad_edge=False)
     table.add_column(Text("effect:parameter, bounds [unit]"), no_wrap=True)
     table.add_column(Text("what it is"))

@@ -1,10 +1,9 @@
-"""Findings of `discover`: the document findings.json, all that reports tell, and caveats. Inside SI.
+"""Findings of `discover`: the content of the document findings.json and of reports. Inside SI.
 
-What makes entries of the document that differ from the fields of the search is given the `Findings` they belong to.
+Where an entry of the document differs from the field, a function makes it of the field and the `Findings`.
 """
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
@@ -13,141 +12,28 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PlainSerializer, TypeAdapter, computed_field
 
 from observer_rt.engine.estimation.phases import PHASE_NAMES
-from observer_rt.engine.learning.adequacy import looks_like_inertance
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.foundation.documents import DocumentPart, Entry, Figures, Inside, Number, key
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.identification.discovery.caveats import Basis, Caveat, caveats_of
 from observer_rt.identification.discovery.disagreement import Disagreement
 from observer_rt.identification.discovery.gaps import RATE, ModelGaps
 from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
 from observer_rt.identification.discovery.search.candidates import Candidate, Size
 from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
-from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.likelihood.open_loop import Consequence
-from observer_rt.identification.likelihood.operating_points import distinct
 from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.baseline import Remainder
 from observer_rt.model.effect import Equation
-from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import VOCABULARY
-from observer_rt.model.fuel import USUAL_PRESSURE
 from observer_rt.model.parameters import EffectInForce
 from observer_rt.model.terms.in_force import TermInForce
-from observer_rt.model.terms.term import Term
-from observer_rt.model.terms.variable import Variable
 
 FINDINGS = "findings.json"
-LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
-_COUNTED = {Variable.INJECTION_NUMBER, Variable.TIME}
-RECORD_MORE = "record at least three rail pressures and two durations"
 GapEntry = dict[str, dict[str, Number | bool] | None]
 LearnedEntry = dict[str, str | float | list[str] | list[float] | list[list[float]] | list[list[bool]]]
 """`LearnedLaw.columns`."""
-
-
-@dataclass(frozen=True)
-class Caveat:
-    """A reservation. id: for programs; words: for a headline; sentence: what it means, and what would mend it."""
-
-    id: str
-    words: str
-    sentence: str
-
-
-def remedies(discovery: Discovery) -> tuple[str, ...]:
-    """Remedies for the effects found that no injector file can have in force."""
-    return tuple(remedy for effect in discovery.effects if (remedy := VOCABULARY[effect.id].remedy))
-
-
-def is_level_measured(nominal: EffectiveModel) -> bool:
-    """Whether a rate or mass fixed the level of all flows when the model was fitted."""
-    baseline = nominal.injector.baseline
-    return baseline is not None and baseline.level != "file"
-
-
-def is_like_inertance(nominal: EffectiveModel, amended: EffectiveModel) -> bool:
-    """Whether nozzle flow and stiffness of the line were changed as if the line's inertance were another."""
-    before, after = nominal.injector, amended.injector
-    stiffness = [one.fluid.in_line.stiffness(USUAL_PRESSURE) / one.line.volume for one in (before, after)]
-    nozzle = after.nozzle.flow_coefficient / before.nozzle.flow_coefficient
-    return looks_like_inertance(nozzle - 1.0, stiffness[1] / stiffness[0] - 1.0)
-
-
-def _of_level(findings: "Findings") -> Iterator[Caveat]:
-    """Without a measured rate, now or when the model was fitted, the level of all flows is the line's inertance."""
-    nobody_believes = findings.verdict is Verdict.UNKNOWN and not findings.proposals
-    if RATE in findings.gaps.by_name or nobody_believes:
-        return
-    if findings.like_inertance:
-        settled = " (right when the model was fitted: another fuel since then, say)"
-        yield Caveat(
-            "line_inertance",
-            "another line inertance would look the same",
-            "Flow and stiffness of the line changed together as they would for another inertance of the line "
-            f"(density, length and diameter in the model){settled if findings.level_measured else ''}; the "
-            "injection rate measured tells them apart.",
-        )
-    elif not findings.level_measured and (
-        not findings.effects or any(abs(effect.moves.mass) >= LEAST_MASS for effect in findings.effects)
-    ):
-        yield Caveat(
-            "mass_not_measured",
-            "injected mass not measured",
-            "No injection rate was measured: masses follow from the line pressure and the inertance of the line "
-            "(density, length and diameter in the model), and are wrong by the same share where that is. A model "
-            "fitted with a measured rate or mass (`observer-rt fit`) has it right.",
-        )
-
-
-def starts_anew(terms: Sequence[Term]) -> tuple[str, ...]:
-    """Says of each variable of laws that is counted from the start that it is."""
-    counted = {variable: None for term in terms for variable in sorted(term.law.variables & _COUNTED)}
-    return tuple(f"{one.word} starts anew with every recording and every start of the daemon" for one in counted)
-
-
-def _caveats(findings: "Findings") -> Iterator[Caveat]:
-    """Reservations, the gravest first."""
-    if findings.healthy_warning:
-        yield Caveat("healthy_recordings", "what is named may be the model's own error", findings.healthy_warning)
-    for remedy in remedies(findings):
-        yield Caveat(
-            "bench_file",
-            remedy,
-            f"What was found is of the bench, not of the injector: {remedy}, and give the command again with it. "
-            "Until then there is no amended model.",
-        )
-    if not findings.held_apart:
-        yield Caveat(
-            "one_operating_point",
-            "one operating point, nothing held out",
-            "All this rests on one operating point: nothing could be held out, and what shows at another rail "
-            f"pressure or duration only cannot be told; {RECORD_MORE}.",
-        )
-    elif distinct({cell.rail_pressure for cell in findings.before}) == 1:
-        yield Caveat(
-            "one_rail_pressure",
-            "one rail pressure",
-            "All this rests on one rail pressure: a factor and an offset of a sensor, or a stiffness and its rise "
-            f"with pressure, look alike there; {RECORD_MORE}.",
-        )
-    for effect in findings.effects:
-        others = " or ".join(indistinguishable(VOCABULARY[effect.id]))
-        if others:
-            yield Caveat(
-                "same_signals",
-                f"{others} would look the same",
-                f"{effect.id} and {others} have the same effect on every signal; either name is right for the model.",
-            )
-    for words in starts_anew(findings.shown.terms):
-        yield Caveat(
-            "starts_anew",
-            words,
-            f"The law goes by what is counted from the start: {words}. It describes these recordings; later ones, "
-            "and an injector that stays as it is now, need a law without it.",
-        )
-    yield from _of_level(findings)
 
 
 class RankedCandidate(DocumentPart):
@@ -179,7 +65,7 @@ class CellOfMap(DocumentPart):
     after: Figures
 
 
-def ranked(candidate: Candidate, findings: Any) -> RankedCandidate:
+def ranked(candidate: Candidate, findings: "Findings") -> RankedCandidate:
     """A candidate of the ranking."""
     return RankedCandidate(
         ids=candidate.ids,
@@ -192,7 +78,7 @@ def ranked(candidate: Candidate, findings: Any) -> RankedCandidate:
     )
 
 
-def cell_of_map(item: Disagreement, findings: Any) -> CellOfMap:
+def cell_of_map(item: Disagreement, findings: "Findings") -> CellOfMap:
     """A cell of the map."""
     cell = item.before
     return CellOfMap(
@@ -208,7 +94,7 @@ def cell_of_map(item: Disagreement, findings: Any) -> CellOfMap:
 
 
 def _figures(cell: Cell) -> dict[str, float | None]:
-    rms = f"rms_{_key(cell.signal.unit)}"
+    rms = f"rms_{_unit_key(cell.signal.unit)}"
     return {"nrmse": math.sqrt(cell.variance), "significance": cell.excess, rms: cell.rms / cell.signal.si}
 
 
@@ -216,7 +102,7 @@ def gap_entry(gaps: ModelGaps, _: object) -> GapEntry:
     """Rms of model less measurement by signal, with units: `before`, `after`, `noise_floor`, of masses `measured`."""
     result: GapEntry = {"line_pressure": None, "injection_rate": None}
     for name, gap in gaps.by_name.items():
-        unit = _key(gap.unit)
+        unit = _unit_key(gap.unit)
         stated: dict[str, Number | bool] = {f"before_{unit}": gap.before, f"after_{unit}": gap.after}
         is_mass = name == "injected_mass"
         stated |= {"measured": gap.measured} if is_mass else {f"noise_floor_{unit}": gap.noise_floor}
@@ -224,7 +110,7 @@ def gap_entry(gaps: ModelGaps, _: object) -> GapEntry:
     return result
 
 
-def _key(unit: str) -> str:
+def _unit_key(unit: str) -> str:
     return unit.replace("/", "_per_")
 
 
@@ -275,13 +161,19 @@ class Findings(Discovery):
     folder: Inside[str] = ""  # that all this is written to
 
     @property
+    def noise_ratio(self) -> float:
+        """How many times the noise the model as given leaves, in its worst cell or run open loop."""
+        gaps = (gap.before / gap.noise_floor for gap in self.gaps.by_name.values() if gap.measured)
+        return max((super().noise_ratio, *gaps))
+
+    @property
     def held_apart(self) -> bool:
         """Whether the gaps are those of operating points that the sizes were not fitted to."""
         return set(self.held_out) != set(self.fitted_on)
 
     @property
-    def places(self) -> dict[int, Cell]:
-        """A cell of the map of every operating point, by its number."""
+    def cell_of_point(self) -> dict[int, Cell]:
+        """A cell of the map for every operating point, by the number of the point."""
         return {item.before.recording: item.before for item in self.where}
 
     @property
@@ -294,7 +186,8 @@ class Findings(Discovery):
     @property
     def caveats(self) -> tuple[Caveat, ...]:
         """Reservations, the gravest first."""
-        return tuple(_caveats(self))
+        measured = RATE in self.gaps.by_name, self.level_measured
+        return caveats_of(self, Basis(self.healthy_warning, self.held_apart, *measured, self.like_inertance))
 
     @property
     def is_open(self) -> bool:

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.likelihood.measured_rate import GAIN_ERROR
-from observer_rt.identification.likelihood.measurement import Measurement, noisier
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import mass, measured_mass, pressure_gap, simulated
 from observer_rt.identification.likelihood.operating_points import every_second_point
-from observer_rt.identification.likelihood.windows import in_mass_window
+from observer_rt.identification.likelihood.rows import in_mass_window
+from observer_rt.identification.likelihood.variants import noisier
 from observer_rt.model.effective import EffectiveModel
 
 LINE_PRESSURE, RATE, MASS = "line_pressure", "injection_rate", "injected_mass"
@@ -23,10 +24,7 @@ NOISE_RUNS = 3  # with noise added, for the noise floor
 
 @dataclass(frozen=True)
 class Gap:
-    """Root mean squares of model minus measurement for a quantity, in its printed unit.
-
-    A mass that was not measured is compared with that of the amended model.
-    """
+    """Root mean squares of model minus measurement for a quantity, in its printed unit."""
 
     name: str
     before: float  # of the nominal model; of a mass not measured, its error if the amended model is right
@@ -65,9 +63,9 @@ class ModelGaps:
 
 
 def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: EffectiveModel) -> ModelGaps:
-    """Gaps of the nominal model, and of the model with what was found, fitted to every second operating point.
+    """Gaps at every second operating point, of the nominal model and of the one shown, fitted to the others.
 
-    They are those at the other points; a single point is fitted and compared. shown: what was found.
+    A single operating point is both fitted and compared.
     """
     amended = shown.model(nominal)
     fitted_on, held_out = every_second_point(measured)
@@ -112,10 +110,9 @@ def _point(
 def _errors(
     measurement: Measurement, model: EffectiveModel, true_masses: NDArray[np.float64], seed: int | None = None
 ) -> dict[str, NDArray[np.float64]]:
-    """Model minus recording by quantity [SI], event after event.
+    """Model minus recording by quantity [SI]: line pressure (n,), a measured rate (m,), masses (events,).
 
-    Line pressure (n,); a measured rate (m,) while fuel is injected; masses (events,) against `true_masses`. seed: of
-    noise that is added to the inputs of the model; None adds none.
+    A rate counts while fuel is injected. seed: of noise that is added to the inputs of the model; None adds none.
     """
     rate = measurement.recording.injection_rate
     runs = simulated(measurement if seed is None else noisier(measurement, seed), model)

@@ -109,10 +109,7 @@ def injection_gaps(
 def mass_changes(
     shown: Candidate, measured: Sequence[Measurement], nominal: EffectiveModel, left: float = 0.0
 ) -> tuple[MassChange, ...]:
-    """Change of the mean mass of every recording.
-
-    shown: the effects found, with half widths of their sizes; left: half width of a mass, as a share, by residuals.
-    """
+    """Change of every recording's mean mass by `shown`. left: half width of a mass by residuals, as a share."""
     moved = [shown.hypothesis.model(nominal, shown.theta + step) for step in np.diag(shown.half)]
     result = []
     for recording, measurement in enumerate(measured):

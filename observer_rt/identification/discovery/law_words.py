@@ -71,10 +71,7 @@ def as_if(term: Term, largest_lift: float | None = None) -> str:
 
 
 def plain_words(term: Term, largest_lift: float | None = None) -> str:
-    """Such as `the nozzle lost 21 % of its flow from 0.605 ms after the opening on`; empty without simple words.
-
-    largest_lift: of the needle [m]; None if unknown.
-    """
+    """Such as `the nozzle lost 21 % of its flow from 0.605 ms after the opening on`; empty without simple words."""
     largest = {} if largest_lift is None else {Variable.MAX_LIFT: Number(largest_lift / MILLIMETRE)}
     product = product_of(term.law.replaced(largest))
     if len(product.gates) > 1 or not product.size:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.foundation.documents import Entry, Figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
-from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
+from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT_EXCESS
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.effect import Effect
@@ -90,8 +90,8 @@ def _of_recording(
 def _judged(
     name: str, number: int | None, value: float, sigma: float, si: float, unit: str, tolerated: float
 ) -> StandstillFigure:
-    """A figure that passes within its tolerance or SIGNIFICANT standard deviations; value, sigma, tolerated in SI."""
-    passed = abs(value) <= max(tolerated, SIGNIFICANT * sigma)
+    """A figure that passes within `tolerated` or SIGNIFICANT_EXCESS sigmas; value, sigma and tolerated are in SI."""
+    passed = abs(value) <= max(tolerated, SIGNIFICANT_EXCESS * sigma)
     return StandstillFigure(name, number, value / si, sigma / si, unit, passed)
 
 
@@ -139,10 +139,7 @@ def _calm(measurement: Measurement) -> NDArray[np.bool_]:
 
 
 def _apparent(effect: Effect, judged: Sequence[JudgedModel], moved: Sequence[JudgedModel]) -> StandstillFigure:
-    """Size of a single effect beside a judged model, by one Gauss-Newton step on the innovations.
-
-    moved: the model with the effect at its dead zone.
-    """
+    """Size of an effect beside a judged model, by one Gauss-Newton step. moved: with the effect at its dead zone."""
     parameter = effect.parameters[0]
     here = np.concatenate([one.z for one in judged])
     slope = (np.concatenate([one.z for one in moved]) - here) / parameter.dead_zone

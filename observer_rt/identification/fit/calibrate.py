@@ -4,42 +4,35 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
+from observer_rt.identification.fit import search
 from observer_rt.identification.fit.causes import TriedCause, tried_causes
 from observer_rt.identification.fit.comparison import Comparison, compared
-from observer_rt.identification.fit.folds import Fold, by_meter, folds_of, share_between_samples, thinned
+from observer_rt.identification.fit.folds import Fold, by_meter, folds_of, thinned
 from observer_rt.identification.fit.forms import INERTANCE, NEEDLE, NOZZLE, STRUCTURES, FreeParameter, Structure
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import GROUPS_OF_FOLD
 from observer_rt.identification.fit.rate import rate_meter, rate_misfit
-from observer_rt.identification.fit.search import (
-    FINE_EVENTS,
-    ROUGH_EVENTS,
-    ROUGH_ITERATIONS,
-    FailedStructure,
-    FittedStructure,
-    fitted,
-    settled,
-)
-from observer_rt.identification.fit.structures import Choice, choose, tried_structures
+from observer_rt.identification.fit.structures import Choice, Trial, choose, tried_structures
+from observer_rt.identification.fit.suitability import share_between_samples
 from observer_rt.identification.likelihood.measured_rate import GAIN_ERROR
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 
-GATE = 2.5  # chi2 of a phase, above which a model is not adequate
-TOLERATED = 0.03  # of the swing of the line pressure, up to which a residual is part of every interval
-# Of a mass: impedance of the cells at the closed end, corners of the lift and the like.
-LEAST_MASS_SHARE = 1.2e-3
-ANSWERED_SHARE = 3e-3  # of a mass, where the lift was not measured; M: on plants of other lines and needles
-RATE_MISFIT = 0.02  # of a measured rate, from which on its meter, and not the injector, has its shape
-METERED = 0.5  # of this misfit, from which on poles of the meter explain it
-ROUGH = 0.8  # of the time, in which structures are compared
+CHI2_LIMIT = 2.5  # of a phase, above which a model is not adequate
+TOLERATED_SHARE = 0.03  # of the swing of the line pressure, up to which a residual is part of every interval
+LEAST_MASS_SHARE = 1.2e-3  # of a mass, by cells at the closed end, corners of the lift and the like
+ANSWERED_MASS_SHARE = 3e-3  # of a mass, where the lift was not measured: found on plants of other lines and needles
+RATE_MISFIT = 0.02  # of a measured rate, above which its meter, and not the injector, gives it its shape
+METER_MISFIT_SHARE = 0.5  # of the misfit, below which a meter must bring it to explain it
+COMPARISON_TIME = 0.8  # share of all the time that the comparison of structures takes
 
 
 class LevelSource(StrEnum):
@@ -68,7 +61,7 @@ class CalibrationResult:
     file: InjectorParameters  # before the fit
     measurements: Sequence[Measurement]
     choice: Choice  # among structures, compared on few events
-    fitted: FittedStructure  # the chosen one on many events
+    fitted: search.FittedStructure  # the chosen one on many events
     kept: tuple[FreeParameter, ...]  # as in the file, because the recordings do not determine them
     level_source: LevelSource
     comparison: Comparison  # of the models before and after
@@ -96,9 +89,9 @@ class CalibrationResult:
         return sizes
 
     @property
-    def above_gate(self) -> tuple[Phase, ...]:
+    def above_limit(self) -> tuple[Phase, ...]:
         """Phases whose residuals are more than noise."""
-        return tuple(phase for phase in Phase if self.comparison.unexplained.chi2[phase] > GATE)
+        return tuple(phase for phase in Phase if self.comparison.unexplained.chi2[phase] > CHI2_LIMIT)
 
     @property
     def cause(self) -> TriedCause | None:
@@ -109,16 +102,15 @@ class CalibrationResult:
     def inadequate(self) -> tuple[Phase, ...]:
         """Phases that the model does not explain, the worst first; empty for an adequate model.
 
-        Small residuals are tolerated, but not where a needle answers commands: its numbers compensate for a wrong
-        line. Nor are they tolerated where a sensor causes them.
+        Small residuals count only where a sensor causes them, or a needle answers commands: it hides a wrong line.
         """
         share = self.comparison.share
         is_strict = self.measurements[0].is_answered or (self.cause is not None and self.cause.is_of_bench)
-        over = [phase for phase in self.above_gate if is_strict or share(phase) > TOLERATED]
+        over = [phase for phase in self.above_limit if is_strict or share(phase) > TOLERATED_SHARE]
         return tuple(sorted(over, key=lambda phase: -self.comparison.unexplained.chi2[phase]))
 
     @property
-    def told_shares(self) -> NDArray[np.float64]:
+    def shares_by_pressures(self) -> NDArray[np.float64]:
         """Standard deviation of a mass by its own pressures, as a share, if only alpha_H were unknown: (folds,)."""
         calibration, at = self.fitted.calibration, self.fitted.minimum.at
         if NOZZLE not in calibration.free:
@@ -137,7 +129,7 @@ class CalibrationResult:
         held_out = self.fitted.held_out
         left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))
         between = max(map(share_between_samples, self.measurements))
-        answered = ANSWERED_SHARE if self.measurements[0].is_answered else 0.0
+        answered = ANSWERED_MASS_SHARE if self.measurements[0].is_answered else 0.0
         return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, between, answered)
 
     @property
@@ -165,47 +157,58 @@ def calibrate(
     progress: Callable[[float], None],
     structures: Sequence[Structure] = STRUCTURES,
 ) -> CalibrationResult:
-    """Fit an injector to recordings of it when healthy.
+    """Fit an injector to recordings of it when healthy. Raises `RunError` where no structure has a solution.
 
-    weighed: measured masses by the number of the recording; progress takes the share done; structures: that are
-    compared. Raises `RunError` where no structure has a solution.
+    weighed: measured masses by the number of the recording; progress takes the share done; structures: to compare.
     """
     source = LevelSource.MASS if weighed else LevelSource.FILE
     if any(one.recording.injection_rate is not None for one in recordings):  # which gives it at every sample
         source = LevelSource.RATE
     folds = folds_of(recordings, weighed)
-    coarse = tuple(thinned(fold, ROUGH_EVENTS) for fold in folds)  # structures are compared on
+    coarse = tuple(thinned(fold, search.ROUGH_EVENTS) for fold in folds)  # structures are compared on
     further = (() if source is LevelSource.FILE else (INERTANCE,)) + (NEEDLE if recordings[0].is_answered else ())
-    tried = tried_structures(structures, file, further, coarse, lambda share: progress(ROUGH * share))
-    choice = choose(tried)
-    if choice is None:
-        failed = (one for one in tried if isinstance(one, FailedStructure))
-        reasons = "; ".join(f"{one.structure.name}: {one.reason}" for one in failed)
-        raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
+    tried = tried_structures(structures, file, further, coarse, lambda share: progress(COMPARISON_TIME * share))
+    choice = _chosen(tried)
     misfit = rate_misfit(choice.best.calibration, choice.best.judged)
     meter = recordings[0].recording.meter
     has_shape = misfit <= RATE_MISFIT and not meter  # poles are not known so well that V_S could be told from them
-    if not has_shape and meter is None and (metered := _metered(choice.best, coarse, misfit)) is not None:
-        meter, again, misfit = metered
-        choice, folds = replace(choice, best=again), tuple(by_meter(fold, meter) for fold in folds)
-    fine = [replace(thinned(fold, FINE_EVENTS), rate_shape=has_shape) for fold in folds]
-    best, kept = settled(choice.best, file, fine)
+    if not has_shape and meter is None and (metered := _metered_fit(choice.best, coarse, misfit)) is not None:
+        choice, meter, misfit = replace(choice, best=metered.best), metered.meter, metered.misfit
+        folds = tuple(by_meter(fold, meter) for fold in folds)
+    fine = [replace(thinned(fold, search.FINE_EVENTS), rate_shape=has_shape) for fold in folds]
+    best, kept = search.settled(choice.best, file, fine)
     comparison = compared(file, best.injector, best.offsets, best.calibration.folds)
-    done = CalibrationResult(file, recordings, choice, best, kept, source, comparison, misfit, meter or ())
-    if done.above_gate:
-        done = replace(done, causes=tried_causes(choice.best))
+    result = CalibrationResult(file, recordings, choice, best, kept, source, comparison, misfit, meter or ())
+    if result.above_limit:
+        result = replace(result, causes=tried_causes(choice.best))
     progress(1.0)
-    return done
+    return result
 
 
-def _metered(
-    best: FittedStructure, folds: Sequence[Fold], misfit: float
-) -> tuple[tuple[float, float], FittedStructure, float] | None:
-    """A meter of the rate, the structure fitted again with it, and the misfit left; None where most is left."""
+def _chosen(tried: Sequence[Trial]) -> Choice:
+    """The choice among structures. Raises `RunError` with the reasons if none was fitted."""
+    choice = choose(tried)
+    if choice is None:
+        failures = (one for one in tried if isinstance(one, search.FailedStructure))
+        reasons = "; ".join(f"{one.structure.name}: {one.reason}" for one in failures)
+        raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
+    return choice
+
+
+class MeteredFit(NamedTuple):
+    """A structure fitted to a rate behind a meter: the meter's time constants [s], and the misfit that is left."""
+
+    meter: tuple[float, float]
+    best: search.FittedStructure
+    misfit: float
+
+
+def _metered_fit(best: search.FittedStructure, folds: Sequence[Fold], misfit: float) -> MeteredFit | None:
+    """A structure fitted again with the rate's likeliest meter; None where METER_MISFIT_SHARE and more is left."""
     meter = rate_meter([fold.measurement for fold in folds], effective_model(best.injector))
     slow = [by_meter(fold, meter) for fold in folds]
-    again = fitted(best.structure, best.injector, best.calibration.free, slow, ROUGH_ITERATIONS)
-    if isinstance(again, FailedStructure):
+    again = search.fitted(best.structure, best.injector, best.calibration.free, slow, search.ROUGH_ITERATIONS)
+    if isinstance(again, search.FailedStructure):
         return None
     left = rate_misfit(again.calibration, again.judged)
-    return (meter, again, left) if left < METERED * misfit else None
+    return MeteredFit(meter, again, left) if left < METER_MISFIT_SHARE * misfit else None

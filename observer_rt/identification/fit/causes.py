@@ -10,11 +10,11 @@ from observer_rt.identification.fit.search import FittedStructure, fitted
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY, seen_in
 
-REFITS = 2  # of the likeliest
-PROMISE = 0.1  # of what is left, that an effect must explain to first order to be worth a refit
-ITERATIONS = 30  # of a refit: the parameters stood in for the effect, and have a long way back
-OWN = 1e-3  # of what an effect does, that the fitted parameters cannot do
-EXPLAINED = 0.1  # of a mean chi2 beyond noise, up to which an effect explains it
+MOST_REFITS = 2  # of the likeliest
+LEAST_PROMISE = 0.1  # of what is left, that an effect must explain to first order to be worth a refit
+REFIT_ITERATIONS = 30  # of a refit: the parameters stood in for the effect, and have a long way back
+LEAST_OWN_SHARE = 1e-3  # of what an effect does, that the fitted parameters cannot do
+EXPLAINED_SHARE = 0.1  # of a mean chi2 beyond noise, up to which an effect explains it
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class TriedCause:
     @property
     def explains(self) -> bool:
         """Whether the residuals are small with the effect."""
-        return self.fit.unexplained.mean - 1.0 <= EXPLAINED * min(self.before - 1.0, 10.0)
+        return self.fit.unexplained.mean - 1.0 <= EXPLAINED_SHARE * min(self.before - 1.0, 10.0)
 
     @property
     def is_of_bench(self) -> bool:
@@ -49,21 +49,18 @@ def tried_causes(best: FittedStructure) -> tuple[TriedCause, ...]:
     sizes = [EffectSize.of_effect(one) for one in seen_in(has_lift=True) if one.parameters]
     gains = {size: _gain(best, size) for size in sizes}
     left = best.minimum.at.residuals
-    promising = [one for one in sizes if gains[one] > PROMISE * (left.squares - left.z.size)]
+    promising = [one for one in sizes if gains[one] > LEAST_PROMISE * (left.squares - left.z.size)]
     tried = []
-    for size in sorted(promising, key=lambda one: -gains[one])[:REFITS]:
+    for size in sorted(promising, key=lambda one: -gains[one])[:MOST_REFITS]:
         free = (*best.calibration.free, size)
-        again = fitted(best.structure, best.injector, free, best.calibration.folds, ITERATIONS)
+        again = fitted(best.structure, best.injector, free, best.calibration.folds, REFIT_ITERATIONS)
         if isinstance(again, FittedStructure):
             tried.append(TriedCause(VOCABULARY[size.key], again, best.unexplained.mean))
     return tuple(sorted(tried, key=lambda one: one.fit.unexplained.mean))
 
 
 def _gain(best: FittedStructure, size: EffectSize) -> float:
-    """Fall of -2 log L with an effect and all parameters fitted again, to first order.
-
-    Only the part of the effect's change that no parameter can make counts.
-    """
+    """Fall of -2 log L to first order, by the part of an effect's change that no fitted parameter can make."""
     at, free = best.minimum.at, best.calibration.free
     calibration = Calibration(best.injector, (*free, size), best.calibration.folds)
     moved = calibration.residuals(np.insert(at.theta, len(free), 1.0))
@@ -76,7 +73,7 @@ def _gain(best: FittedStructure, size: EffectSize) -> float:
     as_parameters = np.linalg.pinv(at.information, hermitian=True) @ shared
     own = float(change @ change - shared @ as_parameters)
     slope = float(change @ left - as_parameters @ at.gradient)
-    if own <= OWN * float(change @ change):
+    if own <= LEAST_OWN_SHARE * float(change @ change):
         return 0.0
     steps = float(np.clip(-slope / own, size.lowest / size.linear, size.highest / size.linear))
     return -steps * (2.0 * slope + steps * own)

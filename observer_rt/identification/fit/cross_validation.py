@@ -14,20 +14,14 @@ from observer_rt.identification.likelihood.bounded_fit import Quadratic, lineari
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Every fold judged with the parameters that the other folds give.
-
-    The shift is the uncertainty of masses at operating points that were not fitted.
-    """
+    """Every fold judged with the parameters that the other folds give."""
 
     unexplained: UnexplainedSignal  # residuals of the line pressure
-    mass_shift: NDArray[np.float64]  # (folds,) change of a fold's masses, as a share, when it is left out
+    mass_shift: NDArray[np.float64]  # (folds,) change of a fold's masses, as a share, when it is left out of the fit
 
 
 def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
-    """All folds judged, from the minimum of all; None for a single fold, and if there is no solution without one.
-
-    theta without a fold is one Newton step from the minimum: it is near, and all slopes are known there.
-    """
+    """Each fold judged a Newton step from the minimum of all; None for a single fold, or without a solution."""
     folds = len(calibration.folds)
     if folds < 2:
         return None

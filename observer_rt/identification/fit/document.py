@@ -11,9 +11,9 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Document, DocumentPart, Number
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.fit.calibrate import (
-    GATE,
+    CHI2_LIMIT,
     RATE_MISFIT,
-    TOLERATED,
+    TOLERATED_SHARE,
     CalibrationResult,
     FittedNumber,
     LevelSource,
@@ -24,8 +24,8 @@ from observer_rt.identification.fit.structures import Trial, judged_by
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.plausibility import ImplausibleNumber, implausible
 
-Whole = Annotated[Baseline, PlainSerializer(lambda one: one.model_dump(mode="json"))]
-_FITTED = "; line.diameter stands for A_L/(rho_L L_L) and was fitted with it"
+BaselineEntry = Annotated[Baseline, PlainSerializer(lambda one: one.model_dump(mode="json"))]
+_DIAMETER_FITTED = "; line.diameter stands for A_L/(rho_L L_L) and was fitted with it"
 
 
 class TriedStructure(DocumentPart):
@@ -58,7 +58,7 @@ class FitDocument(Document):
     mass_share: Number
     told_shares: tuple[Number, ...] = Field(description="one sigma of a mass by one injection's pressures, at best")
     line_pressure_offsets_MPa: tuple[Number, ...] = Field(description="of each recording in `masses`")  # noqa: N815
-    baseline: Whole
+    baseline: BaselineEntry
     warnings: tuple[str, ...]
     oddities: tuple[str, ...]
 
@@ -85,7 +85,7 @@ def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[
         residuals=comparison.residuals,
         masses=comparison.masses(done.flow_factor),
         mass_share=done.mass_share,
-        told_shares=tuple(done.told_shares.tolist()),
+        told_shares=tuple(done.shares_by_pressures.tolist()),
         line_pressure_offsets_MPa=tuple(done.fitted.offsets.tolist()),
         baseline=baseline,
         warnings=tuple(warnings),
@@ -109,9 +109,9 @@ def _tried(structure: Trial) -> TriedStructure:
 def level_words(done: CalibrationResult) -> str:
     """Describes what fixes the absolute level of flow."""
     if done.level_source is LevelSource.RATE:
-        return f"fixed by the measured injection rate{_FITTED}"
+        return f"fixed by the measured injection rate{_DIAMETER_FITTED}"
     if done.level_source is LevelSource.MASS:
-        return f"fixed by the measured masses{_FITTED}"
+        return f"fixed by the measured masses{_DIAMETER_FITTED}"
     return (
         "rests one to one on A_L/(rho_L L_L) of the file (line.diameter, line.length, fluid.density_line): pressures "
         "alone do not determine it. If that is 5 % too large, so are all masses and the fitted alpha_H, alpha_S, V_S "
@@ -143,17 +143,17 @@ def _fit_words(done: CalibrationResult) -> str:
         return f"INADEQUATE: the observer cannot learn with this model ({done.not_observed})"
     if not done.inadequate:
         words = f"adequate: chi2 at most {pressure.chi2[pressure.worst]:.2f} ({pressure.worst.label})"
-        if done.above_gate:
-            most = max(map(done.comparison.share, done.above_gate))
+        if done.above_limit:
+            most = max(map(done.comparison.share, done.above_limit))
             words += (
-                f", which is {most:.2%} of the swing of the line pressure; up to {TOLERATED:.0%} is part of every "
-                f"interval. {_disagreement(done)}. {_causes(done)}"
+                f", which is {most:.2%} of the swing of the line pressure; up to {TOLERATED_SHARE:.0%} is part of "
+                f"every interval. {_disagreement(done)}. {_causes(done)}"
             )
         return words
     where = ", ".join(f"{phase.label} {pressure.chi2[phase]:.3g}" for phase in done.inadequate)
     share = max(map(done.comparison.share, done.inadequate))
     return (
-        f"INADEQUATE: chi2 above {GATE:g} in {where}, up to {share:.1%} of the swing of the line pressure. "
+        f"INADEQUATE: chi2 above {CHI2_LIMIT:g} in {where}, up to {share:.1%} of the swing of the line pressure. "
         f"{_disagreement(done)}. {_causes(done)}; --plot shows the residuals"
     )
 
@@ -176,7 +176,7 @@ def _disagreement(done: CalibrationResult) -> str:
     left = [
         (float(np.mean(z**2)), float(np.mean(z)), phase, fold.measurement.rail_pressure / MEGAPASCAL)
         for fold, recorded, judged in zip(after.folds, done.fitted.calibration.recordings, after.judged, strict=True)
-        for phase in done.inadequate or done.above_gate
+        for phase in done.inadequate or done.above_limit
         if (z := judged.z[recorded.phases == phase]).size
     ]
     square, mean, phase, pressure = max(left)

@@ -18,7 +18,7 @@ from observer_rt.model.hydraulics import CONTROL_END, CONTROL_START
 from observer_rt.model.parameters import FEWEST_CELLS, EffectInForce, EffectValue, InjectorParameters, LineOutflow
 from observer_rt.model.wave_line import DAMPING, cells_for
 
-CALM = 0.93  # of what a step may be, so that a fit can still move
+CALM_STRAIN = 0.93  # of what a step may be, so that a fit can still move
 _DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
 LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
 _TRIED = "tried"  # origin of an effect that is not the file's
@@ -170,7 +170,7 @@ def _cells(injector: InjectorParameters, spare: float) -> int:
     grown = with_values(injector, free, values_of(injector, free) * [spare, spare**4])
     best = cells_for(injector, STEP)
     for cells in range(best, FEWEST_CELLS, -1):
-        if coefficients(_in_cells(grown, cells)).line.strain(STEP) <= CALM:
+        if coefficients(_in_cells(grown, cells)).line.strain(STEP) <= CALM_STRAIN:
             return cells
     return FEWEST_CELLS
 
@@ -195,8 +195,7 @@ STRUCTURES: tuple[Structure, ...] = tuple(
     for outflow, drained in _DRAINED.items()
 )
 """All that are tried, the simplest first."""
-PLAIN = STRUCTURES[:4]
-"""One lump, and waves without losses of their own."""
+PLAIN = STRUCTURES[:4]  # one lump, and waves without losses of their own
 
 
 def with_values(

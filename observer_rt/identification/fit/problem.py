@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import STEP
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.identification.fit.folds import Fold, standstill
+from observer_rt.identification.fit.folds import Fold
 from observer_rt.identification.fit.forms import STIFFENING, FreeParameter, with_values
+from observer_rt.identification.fit.standstill import standstill
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, Range, Residuals
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
 from observer_rt.model.effective import EffectiveModel
@@ -19,17 +20,16 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.wave_line import RESOLVED, STABLE
 
 OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
-_DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
+_DIFFERENCE_STEP = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
 _MOST_KEPT = 24  # residuals cached of a fold: those of a linearisation
 GROUPS_OF_FOLD = 3  # of residuals: of the line pressure, of the rate, of the mass
-UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
+UNDETERMINED_SHARE = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
 
 
 class Calibration:
-    """The problem of a fit, whose residuals are a function of theta.
+    """The problem of a fit: residuals by theta, which is parameters on their scales, then offsets of the folds [MPa].
 
-    theta: (p + folds,) the parameters on their scales, then an offset [MPa] of each fold. A step of one offset
-    changes the residuals of its fold alone; those of the others are remembered.
+    theta: (p + folds,). A step of one offset changes the residuals of its fold alone; the others are remembered.
     """
 
     def __init__(self, start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold]) -> None:
@@ -42,8 +42,7 @@ class Calibration:
         self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in folds]
         numbers = [parameter.theta_of(parameter.of(start)) for parameter in free]
         offsets = [standstill(fold.measurement)[0] / MEGAPASCAL for fold in folds]
-        self.centre = np.concatenate([numbers, offsets])
-        """Where a search begins, (p + folds,)."""
+        self.centre = np.concatenate([numbers, offsets])  # (p + folds,) where a search begins
         usual = [one.theta_of(one.start) if one.linear else theta for one, theta in zip(free, numbers, strict=True)]
         self.prior_mean = np.concatenate([usual, offsets])
         """The same, but for parameters on a linear scale their usual values."""
@@ -56,8 +55,8 @@ class Calibration:
     @property
     def ranges(self) -> list[Range]:
         """Bounds of theta."""
-        sized = [Range(one.theta_of(one.lowest), one.theta_of(one.highest), _DIFFERENCE) for one in self.free]
-        return sized + [Range(-20.0, 20.0, _DIFFERENCE) for _ in self.folds]
+        sized = [Range(one.theta_of(one.lowest), one.theta_of(one.highest), _DIFFERENCE_STEP) for one in self.free]
+        return sized + [Range(-20.0, 20.0, _DIFFERENCE_STEP) for _ in self.folds]
 
     def injector(self, theta: NDArray[np.float64]) -> InjectorParameters:
         """The injector at theta."""
@@ -123,20 +122,17 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class Certainty:
-    """Certainty of the parameters by the data alone, with unknown offsets.
-
-    sigmas: standard deviations on the scales (p,), very large for a parameter that the data do not determine.
-    """
+    """Certainty of the parameters by the data alone, with unknown offsets."""
 
     free: tuple[FreeParameter, ...]
-    sigmas: NDArray[np.float64]
+    sigmas: NDArray[np.float64]  # (p,) on the scales, very large for a parameter that the data do not determine
 
     @property
     def undetermined(self) -> FreeParameter | None:
         """The least certain of the parameters that the data do not determine; None if they determine all."""
         shares = self.sigmas / [math.inf if one is STIFFENING else one.spread for one in self.free]
         worst = int(np.argmax(shares))
-        return self.free[worst] if shares[worst] > UNDETERMINED else None
+        return self.free[worst] if shares[worst] > UNDETERMINED_SHARE else None
 
 
 def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Certainty:

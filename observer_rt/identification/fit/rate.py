@@ -12,7 +12,7 @@ from observer_rt.identification.fit.problem import Calibration
 from observer_rt.identification.likelihood.likelihood import JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import simulated
-from observer_rt.identification.likelihood.windows import Rows
+from observer_rt.identification.likelihood.rows import Rows
 from observer_rt.model.effective import EffectiveModel
 
 
@@ -28,10 +28,7 @@ def rate_misfit(calibration: Calibration, judged: Sequence[JudgedModel]) -> floa
 
 
 def rate_meter(measured: Sequence[Measurement], model: EffectiveModel) -> tuple[float, float]:
-    """Time constants [s] of a meter of two poles with which a model's rate has the shape of the measured one.
-
-    Its gain is free: the level is not the meter's.
-    """
+    """Time constants [s] of a meter of two poles and a free gain that gives a model's rate the measured shape."""
     runs = [
         (one.interval, run.rate, one.recording.injection_rate[run.rate_samples])
         for one in measured

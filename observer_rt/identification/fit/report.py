@@ -23,10 +23,10 @@ from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SimulatedInjection, simulated
 from observer_rt.identification.likelihood.operating_points import point_name
 
-_MOST = 6  # overlays
+_MOST_OVERLAYS = 6  # overlays
 _COLUMNS = 3
-_SHOWN = 4e-3  # s after the opening
-_LEAST = 0.1  # of a chi2 on the axis
+_SHOWN_TIME = 4e-3  # s after the opening
+_LEAST_CHI2 = 0.1  # of a chi2 on the axis
 
 
 def print_fit(fit: FitDocument, console: Console) -> None:
@@ -112,7 +112,7 @@ def draw_fit(path: Path, done: CalibrationResult) -> None:
 def fit_figure(done: CalibrationResult) -> Figure:
     """Draw line pressures before and after, and residuals by phase."""
     before, after = done.comparison.before, done.comparison.after
-    shown = spread(range(len(after.folds)), _MOST)
+    shown = spread(range(len(after.folds)), _MOST_OVERLAYS)
     rows = -(-len(shown) // _COLUMNS)
     with mpl.rc_context(LOOK):
         figure = NotebookFigure(figsize=(12.0, 2.9 * rows + 3.6), layout="constrained")
@@ -133,7 +133,7 @@ def _overlay(
 ) -> None:
     """The first injection of a fold, with nothing corrected from the opening on."""
     recording, interval = measurement.recording, measurement.interval
-    shown = after.samples[: round(_SHOWN / interval)]
+    shown = after.samples[: round(_SHOWN_TIME / interval)]
     since = (shown - shown[0]) * interval / MILLISECOND
     axes.plot(since, recording.line_pressure[shown] / MEGAPASCAL, color=MEASURED, lw=0.8, label="measured")
     if before is not None:
@@ -160,7 +160,7 @@ def _phases(axes: Axes, done: CalibrationResult) -> None:
     axes.axhline(1.0, color="#59636e", lw=0.6)
     axes.grid(visible=False, axis="x")
     axes.set_yscale("log")
-    axes.set_ylim(_LEAST, 1.5 * float(np.nanmax([*before, *after, 1.0])))
+    axes.set_ylim(_LEAST_CHI2, 1.5 * float(np.nanmax([*before, *after, 1.0])))
     axes.yaxis.set_major_formatter(ScalarFormatter())
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xticks(places, [f"{one.phase}\n{one.signal.words}" for one in residuals])

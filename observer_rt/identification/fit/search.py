@@ -26,12 +26,12 @@ ROUGH_EVENTS, ROUGH_ITERATIONS = 2, 8  # of an operating point, while structures
 FINE_EVENTS, FINE_ITERATIONS = 6, 8
 MOST_FITS = 3  # of a structure, as its cells change with the sound speed found
 STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart
-SPARE = 1.2  # by which the stiffness that a search begins with may be too small
+STIFFNESS_SPARE = 1.2  # by which the stiffness that a search begins with may be too small
 DAMPINGS = (0.5, 2.0)  # m2/s; a strong one makes the minimum wide
 STIFFENINGS = (1.0, forms.STIFFENING.start)  # K_1 of a wave speed that hardly depends on pressure, and of fuels
-SURE = 4.0  # standard deviations of a control flow or a displacement, below which there is none
-LEAST = 0.1  # mm3/ms, mm2: what no mass notices
-EXPLAINED = 5.0  # mean chi2, below which a search has not ended beside the minimum
+CERTAIN_SIGMAS = 4.0  # standard deviations of a control flow or a displacement, below which there is none
+LEAST_SIZE = 0.1  # mm3/ms, mm2: what no mass notices
+EXPLAINED_CHI2 = 5.0  # mean chi2, below which a search has not ended beside the minimum
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +82,7 @@ def fitted(
     iterations: int,
     spare: float = 1.0,
 ) -> FittedStructure | FailedStructure:
-    """A structure fitted from the numbers of `start`.
-
-    spare: as in `Structure.of`; a line that then has too few cells for its sound speed, or too many, is fitted again.
-    """
+    """A structure fitted from the numbers of `start`, and again if its cells do not suit the sound speed found."""
     injector = structure.of(start, spare)
     needed = substeps_needed(injector, folds[0].measurement.recording.sample_rate)
     if needed > MAX_SUBSTEPS:
@@ -121,8 +118,7 @@ def settled(
 ) -> tuple[FittedStructure, tuple[forms.FreeParameter, ...]]:
     """The chosen structure fitted to `folds`, and the parameters left to the file, which the data do not determine.
 
-    start: the file's injector. The least certain parameter is left to it first, then the next one: with one fixed the
-    others may be determined.
+    start: the file's injector, to which the least certain is left first: with one fixed others may be determined.
     """
     left_out: list[forms.FreeParameter] = []
     free, now = list(best.calibration.free), best
@@ -150,21 +146,20 @@ def searched(
 ) -> FittedStructure | FailedStructure:
     """A structure fitted coarsely from the numbers of the file.
 
-    In a line with waves, stiffness and damping are scanned first, and once more with the orifices found where the
-    first search leaves much unexplained.
+    With waves, stiffness and damping are scanned first, and again about a first fit that leaves much unexplained.
     """
     if forms.WAVE_DAMPING not in structure.free:
         return fitted(structure, file, free, folds, ROUGH_ITERATIONS)
     few = tuple(thinned(fold, 1) for fold in folds)
     start = _best(structure, _around(file, free), free, few)
-    structure_fit = fitted(structure, start, free, folds, ROUGH_ITERATIONS, SPARE)
-    if isinstance(structure_fit, FailedStructure) or structure_fit.unexplained.mean < EXPLAINED:
+    structure_fit = fitted(structure, start, free, folds, ROUGH_ITERATIONS, STIFFNESS_SPARE)
+    if isinstance(structure_fit, FailedStructure) or structure_fit.unexplained.mean < EXPLAINED_CHI2:
         return structure_fit
     here = structure_fit.injector
     again = _best(structure, [here, *_around(here, free)], free, few)
     if again is here:
         return structure_fit
-    other = fitted(structure, again, free, folds, ROUGH_ITERATIONS, SPARE)
+    other = fitted(structure, again, free, folds, ROUGH_ITERATIONS, STIFFNESS_SPARE)
     is_better = isinstance(other, FittedStructure) and other.minimum.statistic < structure_fit.minimum.statistic
     return other if is_better else structure_fit
 
@@ -175,7 +170,7 @@ def certain_groups(structure: FittedStructure) -> tuple[tuple[forms.FreeParamete
     for group in forms.OPTIONAL_GROUPS:
         size, sigma = group[0].of(structure.injector), 0.0
         if group[0] in free:
-            sigma = max(SURE * float(sigmas[free.index(group[0])]), LEAST) * group[0].linear
+            sigma = max(CERTAIN_SIGMAS * float(sigmas[free.index(group[0])]), LEAST_SIZE) * group[0].linear
         if abs(size) > sigma:
             groups.append(group)
     return tuple(groups)

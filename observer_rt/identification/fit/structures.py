@@ -22,7 +22,7 @@ from observer_rt.identification.fit.forms import (
     with_values,
 )
 from observer_rt.identification.fit.search import (
-    EXPLAINED,
+    EXPLAINED_CHI2,
     ROUGH_ITERATIONS,
     FailedStructure,
     FittedStructure,
@@ -33,25 +33,21 @@ from observer_rt.identification.fit.search import (
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
 # Times the best chi2, of the mean and of a phase, up to which one is as good.
-MARGIN, WORST_MARGIN = 1.15, 1.5
-NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
-ENOUGH = {"lump": MARGIN + NOISE, "wave": EXPLAINED}
-"""Mean chi2 of a kind of line, up to which no further kind is tried."""
-
+MEAN_MARGIN, WORST_MARGIN = 1.15, 1.5
+CHANCE_CHI2 = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
+# Mean chi2 of a kind of line, up to which no further kind is tried.
+ENOUGH_CHI2 = {"lump": MEAN_MARGIN + CHANCE_CHI2, "wave": EXPLAINED_CHI2}
 Trial = FittedStructure | FailedStructure
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The structure chosen, and the reason in words.
-
-    tried: all structures; as_good: those that explain the recordings as well as the best, with the one chosen.
-    """
+    """The structure chosen."""
 
     best: FittedStructure
-    tried: Sequence[Trial]
-    as_good: Sequence[FittedStructure]
-    reason: str
+    tried: Sequence[Trial]  # all structures
+    as_good: Sequence[FittedStructure]  # those that explain the recordings as well as the best, `best` among them
+    reason: str  # of the choice, in words
 
     @property
     def mass_spread(self) -> float:
@@ -71,10 +67,7 @@ def tried_structures(
     folds: Sequence[Fold],
     progress: Callable[[float], None],
 ) -> list[Trial]:
-    """Structures fitted roughly: kinds of lines in their order, until the residuals of one are small.
-
-    further: free parameters beside a structure's own; progress takes the share of the structures tried.
-    """
+    """Structures fitted roughly, kind by kind, until residuals are small. further: free beside a structure's own."""
     # the seat's first; a lump, whose sac is large, has neither flow when it is drained by the wrong one
     ordered = sorted(structures, key=lambda one: (one.line, one.outflow is not LineOutflow.SEAT))
     kinds = dict.fromkeys((one.line, one.outflow if one.line == "lump" else None) for one in ordered)
@@ -84,7 +77,7 @@ def tried_structures(
         tried += _trials(alike, file, further, folds)
         progress(len(tried) / len(structures))
         fits = [judged_by(one).mean for one in tried if isinstance(one, FittedStructure)]
-        if min(fits, default=math.inf) <= ENOUGH.get(line, 0.0):
+        if min(fits, default=math.inf) <= ENOUGH_CHI2.get(line, 0.0):
             break
     return tried
 
@@ -94,8 +87,7 @@ def _trials(
 ) -> list[Trial]:
     """Lines of one kind: the fullest, then those without one of its parts, then the best with the other outflow.
 
-    In this order, for the parts of a line that lacks one compensate for it: from there a search for more ends beside
-    the minimum.
+    In this order, for parts compensate for one that a line lacks: a search from there would end beside the minimum.
     """
     conserving = [one for one in structures if one.outflow is LineOutflow.SEAT] or structures
     full = _fullest(max(conserving, key=lambda one: len(one.free)), file, further, folds)
@@ -122,10 +114,7 @@ def _trials(
 def _fullest(
     structure: Structure, file: InjectorParameters, further: Sequence[FreeParameter], folds: Sequence[Fold]
 ) -> Trial:
-    """A structure fitted with every optional part; in a line with waves the fuel stiffens, too.
-
-    A part is removed again if it is uncertain, or if recordings left out are explained as well without it.
-    """
+    """A structure with every optional part that is certain and explains recordings left out better than without."""
     stiffens = WAVE_DAMPING in structure.free or STIFFENING.stated(file)
     every = [one for group in OPTIONAL_GROUPS for one in group]
     free = [*structure.free, *further, *every, *((STIFFENING,) if stiffens else ())]
@@ -151,10 +140,7 @@ def _fullest(
 def _as_stated(
     injector: InjectorParameters, parts: Sequence[FreeParameter], file: InjectorParameters, folds: Sequence[Fold]
 ) -> InjectorParameters:
-    """An injector with some parts as in the file, which may lack them.
-
-    Fuel that does not stiffen any more is everywhere as stiff as it was at the folds' mean rail pressure.
-    """
+    """An injector with parts as in the file; fuel that stiffens no more is as stiff as at the mean rail pressure."""
     if STIFFENING in parts:
         pressure = float(np.mean([fold.measurement.rail_pressure for fold in folds]))
         slope = injector.fluid.bulk_modulus_by_pressure - file.fluid.bulk_modulus_by_pressure
@@ -188,7 +174,7 @@ def _as_good(fits: Sequence[FittedStructure]) -> list[FittedStructure]:
 
 
 def _is_as_good(unexplained: UnexplainedSignal, best: UnexplainedSignal) -> bool:
-    return unexplained.mean <= MARGIN * best.mean + NOISE and all(
+    return unexplained.mean <= MEAN_MARGIN * best.mean + CHANCE_CHI2 and all(
         not np.isfinite(best.chi2[phase]) or unexplained.chi2[phase] <= WORST_MARGIN * max(best.chi2[phase], 1.0)
         for phase in Phase
     )

@@ -13,31 +13,28 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.healthy_course import EventStretch
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, ShapeFit, together
+from observer_rt.identification.likelihood.healthy_innovations import expected_of, stretches
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, residuals_of
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.windows import expected_of, stretches
 from observer_rt.model.baseline import Appearance, HealthyRemainder, PhaseFigures
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 
-VISIBLE = 25.0  # of -2 log L that a size must gain to be visible: 5 standard deviations
-VISIBLE_BESIDE_A_FIT = 36.0  # what a fitted model leaves of a healthy injector gains up to 30 now and then
-PROBES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # dead zones at which an effect is tried, until it is visible
-SEEN = 1e-3  # of the largest information: a recording that has less on an effect is left out
+VISIBLE_GAIN = 25.0  # of -2 log L that a size must gain to be visible: 5 standard deviations
+VISIBLE_GAIN_OF_FIT = 36.0  # what a fitted model leaves of a healthy injector gains up to 30 now and then
+PROBES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # sizes over the dead zone, tried until an effect is visible
+LEAST_INFORMATION = 1e-3  # of the largest information: a recording that has less on an effect is left out
 _DIGITS = 5
 
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """Change of the residuals of every recording by a size [SI] of an effect, as a line through 0.
-
-    information: squared length of the change, and gain: its product with the residuals, both (recordings,).
-    """
+    """Change of the residuals of every recording by a size of an effect, as a line through 0."""
 
     effect: Effect
-    size: float
-    information: NDArray[np.float64]
-    gain: NDArray[np.float64]
+    size: float  # SI
+    information: NDArray[np.float64]  # (recordings,) squared length of the change
+    gain: NDArray[np.float64]  # (recordings,) product of the change with the residuals
 
     @property
     def sigma(self) -> float:
@@ -75,7 +72,7 @@ def signature_of(
         gain = np.array([float(change @ z) for change, z in zip(changes, left, strict=True)])
         if float(np.sum(information)) > 0.0:
             signature = Signature(effect, abs(size), information, math.copysign(1.0, size) * gain)
-        if float(np.sum(information)) > VISIBLE:
+        if float(np.sum(information)) > VISIBLE_GAIN:
             break
     return signature
 
@@ -127,7 +124,7 @@ def _by_event(measurement: Measurement, z: NDArray[np.float64]) -> list[tuple[Ev
 
 def _appearance(signature: Signature) -> Appearance:
     """Mean size over the recordings, its uncertainty, and its scatter between the recordings beyond noise."""
-    seen = signature.information > SEEN * np.max(signature.information)
+    seen = signature.information > LEAST_INFORMATION * np.max(signature.information)
     size, weights = signature.size, signature.information[seen] / signature.size**2
     apparent, total = size * signature.gain[seen] / signature.information[seen], float(np.sum(weights))
     mean = float(weights @ apparent) / total
@@ -143,10 +140,7 @@ def _appearance(signature: Signature) -> Appearance:
 
 
 def reference(appears: Mapping[str, Appearance], signature: Signature) -> tuple[float, float]:
-    """Mean and sigma of the size [SI] that an effect has on the healthy injector, as its signature weighs recordings.
-
-    Both are 0 for an effect without an appearance.
-    """
+    """Mean and sigma [SI] of an effect's size on the healthy injector, as its signature weighs recordings, or 0."""
     apparent = appears.get(signature.effect.id)
     if apparent is None:
         return 0.0, 0.0
@@ -158,7 +152,7 @@ def reference(appears: Mapping[str, Appearance], signature: Signature) -> tuple[
 
 def least_gain(appears: Mapping[str, Appearance]) -> float:
     """Least gain of -2 log L by which an effect counts. appears: effects the healthy injector seems to have."""
-    return VISIBLE_BESIDE_A_FIT if appears else VISIBLE
+    return VISIBLE_GAIN_OF_FIT if appears else VISIBLE_GAIN
 
 
 def smallest_visible(appears: Mapping[str, Appearance], signature: Signature) -> float:

@@ -16,7 +16,7 @@ MAX_TRIALS = 8  # of ever shorter steps in one iteration
 TOLERANCE = 0.02  # of the expected and the achieved decrease of -2 log L
 FIRST_DAMPING = 1e-3
 MORE_DAMPING, LESS_DAMPING = 8.0, 0.1
-_ALONE = 200_000  # multiplications that BLAS does in one thread
+_ONE_THREAD_PRODUCTS = 200_000  # multiplications that BLAS does in one thread
 NORMAL_975 = 1.959964  # quantile of the normal distribution, of a 95 % interval
 
 
@@ -70,15 +70,14 @@ class Range:
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
-    """-2 log L round theta: half its gradient (p,) and its Fisher information (p, p)."""
+    """-2 log L round theta (p,), to second order."""
 
     theta: NDArray[np.float64]
     residuals: Residuals
     statistic: float
-    gradient: NDArray[np.float64]
-    information: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    """dz/dtheta with sigma held, weighted (n, p)."""
+    gradient: NDArray[np.float64]  # (p,) half of it
+    information: NDArray[np.float64]  # (p, p) of Fisher
+    slopes: NDArray[np.float64]  # (n, p) dz/dtheta with sigma held, weighted
 
 
 def linearise(problem: Problem, theta: NDArray[np.float64], here: Residuals, ranges: Sequence[Range]) -> Quadratic:
@@ -113,7 +112,7 @@ def linearise(problem: Problem, theta: NDArray[np.float64], here: Residuals, ran
 def _squares(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
     """slopes.T @ slopes (p, p), in blocks so small that BLAS starts no threads, which would wait more than work."""
     p = slopes.shape[1]
-    rows = max(1, _ALONE // max(1, p * p))
+    rows = max(1, _ONE_THREAD_PRODUCTS // max(1, p * p))
     total = np.zeros((p, p))
     for first in range(0, slopes.shape[0], rows):
         block = slopes[first : first + rows]
@@ -123,15 +122,11 @@ def _squares(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Minimum of a problem at which the search ended: theta (p,) and the residuals there.
-
-    stuck: no step along the slopes was short enough to lower -2 log L, as beside a kink.
-    """
+    """Minimum of a problem at which the search ended: theta (p,) and the residuals there."""
 
     theta: NDArray[np.float64]
     residuals: Residuals
-    converged: bool
-    stuck: bool
+    stuck: bool  # whether no step along the slopes was short enough to lower -2 log L, as beside a kink
     problem: Problem
     ranges: Sequence[Range]
     expansion: Quadratic | None = None
@@ -158,26 +153,22 @@ def fit(
     max_iterations: int = MAX_ITERATIONS,
     at_start: Residuals | None = None,
 ) -> Minimum | None:
-    """Minimise -2 log L from `start` (p,); None when the model has no solution there.
-
-    at_start: the residuals at `start`, where they are known.
-    """
+    """Minimise -2 log L from `start` (p,); None without a solution there. at_start: its residuals, if known."""
     theta = np.clip(start, [r.lowest for r in ranges], [r.highest for r in ranges])
     is_start = at_start is not None and np.array_equal(theta, start)
     residuals = at_start if is_start else problem(theta)
     if residuals is None:
         return None
-    damping, converged = FIRST_DAMPING, False
+    damping = FIRST_DAMPING
     for _ in range(max_iterations):
         here = linearise(problem, theta, residuals, ranges)
         lower, damping = _lower(problem, here, ranges, damping)
         if lower is None:
-            return Minimum(here.theta, here.residuals, True, math.isinf(damping), problem, ranges, here)
+            return Minimum(here.theta, here.residuals, math.isinf(damping), problem, ranges, here)
         theta, residuals = lower
-        converged = here.statistic - residuals.statistic < TOLERANCE
-        if converged:
+        if here.statistic - residuals.statistic < TOLERANCE:
             break
-    return Minimum(theta, residuals, converged, False, problem, ranges)
+    return Minimum(theta, residuals, False, problem, ranges)
 
 
 def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -194,10 +185,7 @@ def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
 def _lower(
     problem: Problem, here: Quadratic, ranges: Sequence[Range], damping: float
 ) -> tuple[tuple[NDArray[np.float64], Residuals] | None, float]:
-    """A point with a lower statistic, None where none is expected, and the damping for the next step.
-
-    The damping is inf where a lower statistic was expected, but no step was short enough.
-    """
+    """A lower point, None where none is expected, and the next damping: inf where no step was short enough."""
     lowest = np.array([r.lowest for r in ranges])
     highest = np.array([r.highest for r in ranges])
     outwards = ((here.theta <= lowest) & (here.gradient > 0.0)) | ((here.theta >= highest) & (here.gradient < 0.0))

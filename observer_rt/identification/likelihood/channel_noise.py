@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from observer_rt.core.model.model import InputTerms
 from observer_rt.identification.likelihood.measurement import Measurement
 
-WIDTH = 50e-6  # s, of the kernel that smooths the rail pressure: it leaves what a rail does up to some 3 kHz
-REACH = 4.0  # widths to either side
-MOVING = 0.5  # of the noise: by so much the rail moves in events where its delay can be seen at all
-DRAWS = 8  # of the lift's noise, by which a variance is found
+SMOOTHING_WIDTH = 50e-6  # s, of the rail pressure's kernel: it leaves what a rail does up to some 3 kHz
+KERNEL_REACH = 4.0  # widths to either side
+MOVING_SHARE = 0.5  # of the noise: by so much the rail moves in events where its delay can be seen at all
+NOISE_DRAWS = 8  # of the lift's noise, by which a variance is found
 LAG_GRID = 6e-6  # s of lag, at whose multiples it is found
-AVERAGED = 15  # samples over which it is averaged
+AVERAGED_SAMPLES = 15  # samples over which it is averaged
 
 Innovations = Callable[[Measurement, float], NDArray[np.float64]]
 """Normalised innovations (n,) of a recording with a lag [s] of its lift undone."""
@@ -31,7 +31,7 @@ Innovations = Callable[[Measurement, float], NDArray[np.float64]]
 
 def smoothing_of(interval: float) -> float:
     """Width of the kernel [s] at a sample interval [s]: at least a sample, so that noise does not fix the delay."""
-    return max(WIDTH, interval)
+    return max(SMOOTHING_WIDTH, interval)
 
 
 def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.float64]:
@@ -48,7 +48,7 @@ def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.flo
     if not available.all():  # outside of what is judged, but within the kernel's reach
         sample = np.arange(rail.size)
         rail = np.interp(sample, sample[available], rail[available])
-    reach = int(np.ceil(REACH * width + abs(late)))
+    reach = int(np.ceil(KERNEL_REACH * width + abs(late)))
     u = (np.arange(-reach, reach + 1) - late) / width
     weights = (3.0 - u**2) * np.exp(-0.5 * u**2)
     beyond = np.pad(rail, reach, mode="edge")
@@ -64,7 +64,7 @@ def rail_on_time(measurement: Measurement, terms: InputTerms) -> NDArray[np.floa
 def _moves(measurement: Measurement) -> bool:
     rail, noise = measurement.recording.rail_pressure, measurement.noise.rail_pressure
     variance = np.mean([np.var(rail[event.start : event.end]) for event in measurement.events])
-    return bool(variance > (1.0 + MOVING**2) * noise**2)
+    return bool(variance > (1.0 + MOVING_SHARE**2) * noise**2)
 
 
 class LiftNoise:
@@ -90,10 +90,10 @@ class LiftNoise:
         recording = measurement.recording
         undisturbed = self._innovations(measurement, lag)
         squares = np.zeros(undisturbed.size)
-        for _ in range(DRAWS):
+        for _ in range(NOISE_DRAWS):
             noise = rng.normal(0.0, measurement.noise.needle_lift, recording.samples)
             louder = replace(recording, needle_lift=recording.needle_lift + noise)
             squares += (self._innovations(replace(measurement, recording=louder), lag) - undisturbed) ** 2
-        mean = np.convolve(squares / DRAWS, np.full(AVERAGED, 1.0 / AVERAGED), mode="same")
+        mean = np.convolve(squares / NOISE_DRAWS, np.full(AVERAGED_SAMPLES, 1.0 / AVERAGED_SAMPLES), mode="same")
         self._cache[multiple] = variance = np.where(np.isfinite(mean), mean, 0.0)
         return variance

@@ -13,21 +13,18 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.hydraulics import CONTROL_REFERENCE
 from observer_rt.model.parameters import InjectorParameters
 
-SEEN_LATE = 0.5  # samples, on average, by which a command shows
+COMMAND_DELAY = 0.5  # samples, on average, by which a command shows
 
 
 def commands_of(recording: Recording) -> NDArray[np.float64]:
     """Starts and ends of energizing (k, 2), in samples: half a sample before the first that shows them."""
     is_on = np.asarray(recording.arrays["energizing"] > 0.5)
     edges = np.flatnonzero(np.diff(is_on, prepend=False, append=False)).astype(np.float64)
-    return np.asarray(edges.reshape(-1, 2) - SEEN_LATE)
+    return np.asarray(edges.reshape(-1, 2) - COMMAND_DELAY)
 
 
 def with_commanded_lift(injector: InjectorParameters, recordings: Sequence[Recording]) -> list[Recording]:
-    """Recordings with the lift by which an injector's needle would answer their commands.
-
-    Raises `UserError` where it answers none.
-    """
+    """Recordings with the lift by which a needle answers their commands. Raises `UserError` if it answers none."""
     results = [commanded_lift(injector, one, commands_of(one)) for one in recordings]
     if not any(one.needle_lift.any() for one in results):
         raise UserError(

@@ -26,16 +26,13 @@ SHORTEST_OPENING = 0.05e-3  # s
 
 @dataclass(frozen=True)
 class JudgedEvent:
-    """Openings closer than EVENT_GAP: x~ runs from sample `start`, innovations count in [counted, end).
-
-    clock: time and openings of the recording up to `start`.
-    """
+    """Openings closer than EVENT_GAP: x~ runs from sample `start`, innovations count in [counted, end)."""
 
     openings: tuple[Opening, ...]
     start: int
     counted: int
     end: int
-    clock: Clock = NO_CLOCK
+    clock: Clock = NO_CLOCK  # time and openings of the recording up to `start`
 
     def moved(self, by: int) -> "JudgedEvent":
         """The event some samples later."""

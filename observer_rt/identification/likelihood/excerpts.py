@@ -14,11 +14,12 @@ from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, copied, cut, followed
 from observer_rt.identification.likelihood import events, measurement
 from observer_rt.identification.likelihood.operating_points import operating_point
+from observer_rt.identification.likelihood.variants import PART_GAP, joined
 from observer_rt.identification.likelihood.white_noise import noise_level
 
 MOST_SAMPLES = 1 << 19  # stored of a recording: 5 s at 100 kHz, some 100 injections of a longer one
-BLOCK = 1 << 18  # samples looked at together
-STANDSTILL = 30e-3  # s stored after the last closing
+BLOCK_SAMPLES = 1 << 18  # samples looked at together
+STORED_STANDSTILL = 30e-3  # s stored after the last closing
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,7 @@ class _Excerpt:
     @property
     def samples(self) -> int:
         """Samples of the part and of the gap after it."""
-        return self.part.samples + round(measurement.APART * self.part.sample_rate)
+        return self.part.samples + round(PART_GAP * self.part.sample_rate)
 
 
 @dataclass
@@ -109,7 +110,7 @@ def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
     held: Chunk | None = None
     for chunk in chunks:
         held = chunk if held is None else followed(held, chunk)
-        if held.samples >= BLOCK:
+        if held.samples >= BLOCK_SAMPLES:
             end, begin = _ends(held)
             yield cut(held, 0, end)
             held = cut(held, begin, held.samples)
@@ -141,7 +142,7 @@ def _excerpt(block: Chunk, event: events.JudgedEvent, starts: Sequence[int]) -> 
         (start - margin for start in starts if start > last - round(events.LEAD * block.sample_rate)),
         default=block.samples,
     )
-    end = max(event.end + margin, min(following, last + round(STANDSTILL * block.sample_rate), block.samples))
+    end = max(event.end + margin, min(following, last + round(STORED_STANDSTILL * block.sample_rate), block.samples))
     begin = event.start - margin
     return _Excerpt(copied(cut(block, begin, end)), event.moved(-begin))
 
@@ -157,6 +158,6 @@ def _joined(
     names = ("rail_pressure", "needle_lift", "line_pressure", *source.optional)
     parts = [excerpt.part.signals for excerpt in excerpts] or [dict.fromkeys(names, np.zeros(0))]
     of = {"path": source.path, "meaning": source.meaning, "meter": source.meter, "notes": source.notes}
-    recording = measurement.joined(parts, source.sample_rate, **of)
+    recording = joined(parts, source.sample_rate, **of)
     openings = [opening for event in moved for opening in event.openings]
     return measurement.measurement_of(recording, openings, tuple(moved), injections)

@@ -16,47 +16,40 @@ Vector = NDArray[np.float64]
 Bounds = NDArray[np.int64]
 Run = Callable[[ShotDelays], tuple[Vector, Vector]]
 """Innovations (n,) and injection rate (n,) of a model whose shots have these delays."""
-STEP = 5e-6  # s, of a delay, for a slope
-LEAST, WIDEST, ROUNDS = 12e-6, 60e-6, 2  # s, standard deviations of the jitter between which it is looked for
-MOST = 5.0  # standard deviations, up to which a delay is followed
+DELAY_STEP = 5e-6  # s, of the finite difference by a delay
+LEAST_JITTER, WIDEST_JITTER = 12e-6, 60e-6  # s, standard deviations between which that of the jitter lies
+MOST_SIGMAS = 5.0  # standard deviations, up to which a delay is followed
+ROUNDS = 2  # in which delays are found, the second beginning where the first led
 
 
 class ShotJitter:
-    """Delays of the shots in one recording.
-
-    nominal_delays: of the k shots of every event by the nominal model [s] (k, 2); sigma: their standard deviation
-    [s]; by_shots: derivatives (n, columns) of the judged innovations by the delays of a shot of every event.
-    """
+    """Delays of the shots in one recording."""
 
     def __init__(self, commands: Sequence[Vector], counted: NDArray[np.bool_], bounds: Bounds) -> None:
         """commands: of every event (k, 2); counted: judged innovations; bounds (events + 1,): of events in these."""
-        self.nominal_delays = [np.zeros_like(of_event) for of_event in commands]
-        self.sigma = LEAST
-        self.by_shots = np.empty((0, 0))
+        self.nominal_delays = [np.zeros_like(of_event) for of_event in commands]  # (k, 2) by the nominal model [s]
+        self.sigma = LEAST_JITTER  # standard deviation of the delays [s]
+        self.by_shots = np.empty((0, 0))  # (n, columns) slopes of the judged innovations by a shot of every event
         self._counted, self._bounds = counted, bounds
 
     def observe(self, run: Run, innovation_sigma: float) -> None:
-        """Move the shots to where a run of the nominal model shows them, beside the mean of all events.
-
-        Their scatter is the jitter where it is larger than usual.
-        """
+        """Set the delays to those that a run of the nominal model shows beside their mean, sigma to their scatter."""
         here = run(self.nominal_delays)[0]
         self.by_shots = self._derivatives(run, here, self.nominal_delays)
-        moved = self.by_shots * (WIDEST / innovation_sigma)
+        moved = self.by_shots * (WIDEST_JITTER / innovation_sigma)
         z, on_time = here[self._counted] / innovation_sigma, np.zeros(moved.shape[1])
-        seen = WIDEST * np.array(likelier_delays(z, [on_time] * len(self.nominal_delays), moved, self._bounds))
+        seen = WIDEST_JITTER * np.array(likelier_delays(z, [on_time] * len(self.nominal_delays), moved, self._bounds))
         for delays, later in zip(self.nominal_delays, seen - np.mean(seen, axis=0), strict=True):
             delays += later[: delays.size].reshape(-1, 2)
         squares = sum(float(np.sum(delays**2)) for delays in self.nominal_delays)
-        self.sigma = max(LEAST, math.sqrt(squares / max(np.size(seen) - len(seen[0]), 1)))
+        self.sigma = max(LEAST_JITTER, math.sqrt(squares / max(np.size(seen) - len(seen[0]), 1)))
 
     def likely(
         self, run: Run, innovation_sigma: float, normalised: Callable[[Vector], Vector]
     ) -> tuple[list[Vector], Vector]:
-        """Likeliest delays (columns,) of every event beyond the nominal ones, in standard deviations, by a run.
+        """Likeliest delays (columns,) of every event beyond the nominal ones, in standard deviations.
 
-        normalised: makes judged innovations (n,) of those of the run. The second result says by what one standard
-        deviation of each delay moves them (n, columns).
+        Also, by what one standard deviation of each moves the judged innovations (n, columns), made by `normalised`.
         """
         delays = [np.zeros(self.by_shots.shape[1]) for _ in self.nominal_delays]
         shots: ShotDelays = self.nominal_delays
@@ -71,26 +64,24 @@ class ShotJitter:
 
     def shots(self, delays: Sequence[Vector]) -> ShotDelays:
         """Delays [s] of all shots with further ones (columns,) of every event, in standard deviations."""
-        moves = [self.sigma * np.clip(of_event, -MOST, MOST) for of_event in delays]
+        moves = [self.sigma * np.clip(of_event, -MOST_SIGMAS, MOST_SIGMAS) for of_event in delays]
         pairs = zip(self.nominal_delays, moves, strict=True)
         return [nominal + move[: nominal.size].reshape(-1, 2) for nominal, move in pairs]
 
     def _derivatives(self, run: Run, here: Vector, shots: ShotDelays) -> Vector:
         moved = [run(later)[0] - here for later in a_step_later(shots)]
-        return np.asarray(np.column_stack(moved)[self._counted] / STEP)
+        return np.asarray(np.column_stack(moved)[self._counted] / DELAY_STEP)
 
 
 def a_step_later(shots: ShotDelays) -> list[ShotDelays]:
-    """The delays of shots, each time with one delay of every event longer by `STEP`: column after column."""
+    """The delays of shots, each time with one delay of every event longer by `DELAY_STEP`: column after column."""
     columns = range(max((delays.size for delays in shots), default=0))
-    return [[one + STEP * (column == np.arange(one.size).reshape(-1, 2)) for one in shots] for column in columns]
+    numbers = [np.arange(of_event.size).reshape(-1, 2) for of_event in shots]
+    return [[one + DELAY_STEP * (column == n) for one, n in zip(shots, numbers, strict=True)] for column in columns]
 
 
 def likelier_delays(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> list[Vector]:
-    """Delays (columns,) of the shots of every event by innovations (n,) at others, in standard deviations.
-
-    moved (n, columns), bounds (events + 1,): as of `without_jitter`.
-    """
+    """Delays (columns,) of the shots of every event, in standard deviations, by innovations at others (n,)."""
     results = []
     for delay, first, end in zip(delays, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
         by_shots = moved[first:end]

@@ -12,12 +12,13 @@ from observer_rt.engine.reports.evidence import EvidenceKind
 from observer_rt.files.evidence_folder import SUFFIX, KeptEvent, read_evidence
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.likelihood.measurement import Measurement, joined, measurements
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.reading import refuse_sample_rates
+from observer_rt.identification.likelihood.variants import joined
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY
 
-FEWEST = 3  # events of a kind that a search can work with
+FEWEST_EVENTS = 3  # events of a kind that a search can work with
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +32,9 @@ class KeptEvidence:
 
 
 def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
-    """Events in a folder in the order of time; damaged files are named and left out.
+    """Events in a folder in the order of time. Raises `UserError` for a folder without events.
 
-    A daemon may write to the folder meanwhile: events that it drops before they are read are counted and left out.
-    Raises `UserError` for a folder without events.
+    Damaged files are left out and named; those that a daemon drops before they are read, too, and are counted.
     """
     events: list[KeptEvent] = []
     dropped = 0
@@ -63,8 +63,7 @@ def evidence_of_model(
 ) -> KeptEvidence:
     """Evidence of one model: its refused events, or if they are too few the doubtful ones, or else the good ones.
 
-    model_sha256: of the model, None for that of the newest event. Raises `UserError` if the model has no evidence, or
-    too little.
+    model_sha256: None for the model of the newest event. Raises `UserError` for a model without enough evidence.
     """
     option = f"--from-evidence {folder}"
     model = model_sha256 or str(events[-1].belief["model_sha256"])
@@ -77,10 +76,11 @@ def evidence_of_model(
         )
     for kind in EvidenceKind:
         chosen = [event for event in own if event.kind is kind]
-        if len(chosen) >= FEWEST:
+        if len(chosen) >= FEWEST_EVENTS:
             break
     else:
-        raise UserError(option, f"holds fewer than {FEWEST} events of a kind", "let the observer see more injections")
+        problem = f"holds fewer than {FEWEST_EVENTS} events of a kind"
+        raise UserError(option, problem, "let the observer see more injections")
     others = {other: sum(event.kind is other for event in own) for other in EvidenceKind if other is not kind}
     counts = ", ".join(f"{count} {other}" for other, count in others.items())
     say(console, f"{folder}: {len(chosen)} {kind} events are searched ({counts} events are not)")

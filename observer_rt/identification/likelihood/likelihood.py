@@ -11,15 +11,22 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import InputTerms, Seat
 from observer_rt.core.model.needle import NeedleLaw
-from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
+from observer_rt.engine.estimation.gain import GainSchedule
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood import jitter, windows
 from observer_rt.identification.likelihood.bounded_fit import Residuals
-from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time, smoothing_of
+from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time
 from observer_rt.identification.likelihood.events import MARGIN
-from observer_rt.identification.likelihood.measured_rate import METER_ERROR, MeasuredRate
+from observer_rt.identification.likelihood.healthy_innovations import expected_of
+from observer_rt.identification.likelihood.measured_rate import (
+    METER_ERROR,
+    MeasuredRate,
+    as_by_meter,
+    rate_as_recorded,
+)
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
+from observer_rt.identification.likelihood.rows import Rows
 from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel
@@ -54,10 +61,10 @@ class RecordingLikelihood:
     ) -> None:
         """nominal: model from which others differ little; healthy: mean innovation that is subtracted."""
         self.measurement = measurement
-        self._expected = None if healthy is None else windows.expected_of(healthy, measurement)
+        self._expected = None if healthy is None else expected_of(healthy, measurement)
         nominal = measurement.as_recorded(nominal)
         self._highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
-        self._rows = windows.Rows(measurement)
+        self._rows = Rows(measurement)
         rate = measurement.recording.sample_rate
         needed = substeps_needed(nominal.injector, rate, nominal.departures)
         self._substeps = max(needed, min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS))
@@ -72,10 +79,8 @@ class RecordingLikelihood:
         for _ in range(jitter.ROUNDS if self._jitter.nominal_delays else 0):
             self._jitter.observe(self._run(nominal), self._schedule(nominal).innovation_sigma)
         every = windows.phases(measurement, self._batch)
-        self.phases = every[self._rows.counted]
-        """(n,): of the counted innovations."""
-        self.rate_phases = np.zeros(0, np.int8)
-        """(m,): of the judged samples of the measured rate; (0,) without one."""
+        self.phases = every[self._rows.counted]  # (n,) of the judged innovations
+        self.rate_phases = np.zeros(0, np.int8)  # (m,) of the judged samples of a measured rate; (0,) without one
         self._rate: MeasuredRate | None = None
         if measurement.recording.injection_rate is not None:
             self.rate_phases = every[self._rows.rate_rows]
@@ -110,7 +115,7 @@ class RecordingLikelihood:
             z /= np.sqrt(variance)
             log_sigma += 0.5 * float(np.mean(np.log(variance)))
         masses = model.coefficients.density * self._rows.volumes(rate)
-        shown = windows.as_by_meter(self.measurement, rate)
+        shown = as_by_meter(self.measurement, rate)
         rate_z, volume_z, rate_log_sigma = np.zeros(0), np.zeros(0), 0.0
         if self._rate is not None:
             judged_rate = shown[self._rows.rate_rows + samples_late]
@@ -171,13 +176,10 @@ class RecordingLikelihood:
         setting = windows.setting_of(measurement, model, samples_late, substeps, self._schedule(model).gains[-1])
         delays = shots or self._jitter.nominal_delays
         innovation, rate = windows.followed(batch, setting, model.injector.needle_law, delays=delays)
-        return innovation, windows.rate_as_recorded(measurement, rate)
+        return innovation, rate_as_recorded(measurement, rate)
 
     def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
-        """Normalised judged innovations (n,) of the nominal model with a lag [s] of the lift undone.
-
-        measurement: this recording, or the same with other noise in its lift.
-        """
+        """Normalised judged innovations (n,) with a lag [s] of the lift undone, which may have other noise."""
         model = self._nominal.with_changes("inputs", lift_lag=lag)
         innovation, _ = self._predicted(model, self._inputs(measurement, model), 0, self._substeps_of(model))
         return np.asarray(innovation[self._rows.counted] / self._schedule(model).innovation_sigma)
@@ -193,16 +195,14 @@ class RecordingLikelihood:
         return max(self._substeps, substeps_needed(model.injector, rate, model.departures))
 
     def _schedule(self, model: EffectiveModel) -> GainSchedule:
-        c, sensor = self.measurement.coefficients_of(model), model.sensor
-        share = (sensor.delay / self.measurement.interval) % 1.0
-        key = (c.line, sensor.lag, share)
+        """Gains of x~ for a model; only the last, those of its steady state, are kept."""
+        share = (model.sensor.delay / self.measurement.interval) % 1.0
+        key = self.measurement.coefficients_of(model).line, model.sensor.lag, share
         schedule = self._gains.get(key)
         if schedule is None:
             if len(self._gains) > _MOST_GAINS:
                 self._gains.clear()
-            rate = self.measurement.recording.sample_rate
-            smoothing = smoothing_of(self.measurement.interval)
-            schedule = gain_schedule(c, self.measurement.noise, rate, sensor.lag, share, rail_smoothing=smoothing)
+            schedule = windows.schedule_of(self.measurement, model)
             schedule = replace(schedule, gains=schedule.gains[-1:].copy())  # hundreds of rows else, of each model
             self._gains[key] = schedule
         return schedule
@@ -227,22 +227,21 @@ class RecordingLikelihood:
         run, delays = self._run(nominal), self._jitter.nominal_delays
         _, rate = run(delays)
         _, other = self._run(shifted)(delays)
-        moved = windows.as_by_meter(self.measurement, other - rate)
+        moved = as_by_meter(self.measurement, other - rate)
         for shots in jitter.a_step_later(delays):
             _, other = run(shots)
-            steps = self._jitter.sigma / jitter.STEP
-            moved = np.hypot(moved, steps * windows.as_by_meter(self.measurement, other - rate))
-        moved = np.hypot(moved, METER_ERROR * (rate - windows.as_by_meter(self.measurement, rate)))
+            steps = self._jitter.sigma / jitter.DELAY_STEP
+            moved = np.hypot(moved, steps * as_by_meter(self.measurement, other - rate))
+        moved = np.hypot(moved, METER_ERROR * (rate - as_by_meter(self.measurement, rate)))
         return np.asarray(moved[self._rows.rate_rows + self._samples_late(nominal)], np.float64)
 
 
 def joint_likelihood(
     recordings: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None = None
 ) -> "JointLikelihood":
-    """Recordings, ready to be compared with models that depart from the nominal one.
+    """Recordings, ready to be compared with models near the nominal one, the healthy injector's mean subtracted.
 
-    healthy: mean innovation of the healthy injector by the nominal model, which is subtracted. Raises `UserError`
-    where the nominal model needs too many integration steps a sample.
+    Raises `UserError` where the nominal model needs too many integration steps a sample.
     """
     for measurement in recordings:
         rate = measurement.recording.sample_rate

@@ -7,12 +7,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.stream.state import noise_gain
+from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.windows import Rows
+from observer_rt.identification.likelihood.rows import Rows
 
 GAIN_ERROR = 0.005  # standard deviation of the gain
 METER_ERROR = 0.05  # of the time constants of the meter
 VOLUME_ERROR = 0.002  # of the integral over an event, beyond noise
+
+
+def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A modelled injection rate (n,) as it would be recorded: averaged over each period if samples are means."""
+    if not measurement.means:
+        return rate
+    beyond = np.concatenate([rate[:1], rate, rate[-1:]])
+    middle = 13.0 * (rate[1:] + rate[:-1]) - beyond[:-3] - beyond[3:]  # of the cubic through four samples
+    return np.append(rate[:1], middle / 24.0)
+
+
+def as_by_meter(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A modelled injection rate (n,) as the meter shows it; events lie so far apart that it rests before each."""
+    return shown_slowly(rate, measurement.interval, *(measurement.recording.meter or ()))
 
 
 class MeasuredRate:
@@ -29,8 +44,7 @@ class MeasuredRate:
         self._sigma = self._sigma_at(0.0)
 
     def residuals(self, rate: NDArray[np.float64], lift_lag: float) -> tuple[NDArray[np.float64], float]:
-        """Residuals (m + 1,) of a modelled rate (m,), and of the logarithm of their standard deviation the mean rise
-        by the lag of the lift [s]."""
+        """Residuals (m + 1,) of a modelled rate (m,), and the mean rise of log sigma by a lag of the lift [s]."""
         sigma = self._sigma_at(lift_lag) if lift_lag > 0.0 else self._sigma
         return _without_gain_error(self._rate, rate, sigma), float(np.mean(np.log(sigma / self._sigma)))
 
@@ -47,8 +61,7 @@ class MeasuredRate:
 def _without_gain_error(
     measured: NDArray[np.float64], modelled: NDArray[np.float64], sigma: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Normalised residuals (n + 1,) of measured values (n,): the gain error taken out, and appended in standard
-    deviations."""
+    """Normalised residuals (n + 1,) of measured values (n,) without the gain error, which is appended in sigmas."""
     residual, scale = (measured - modelled) / sigma, modelled / sigma
     gain = float(scale @ residual) / (float(scale @ scale) + GAIN_ERROR**-2)
     return np.append(residual - gain * scale, gain / GAIN_ERROR)

@@ -1,8 +1,7 @@
 """Measurements: recordings with their noise and events, and the refusal of recordings that cannot be judged."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +9,6 @@ from numpy.typing import NDArray
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
 from observer_rt.foundation.errors import UserError
@@ -32,24 +30,19 @@ from observer_rt.identification.likelihood.openings import Opening
 from observer_rt.identification.likelihood.white_noise import noise_level, white_noise
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import Coefficients, EffectiveModel, averaged
-from observer_rt.model.effects import sized
 
 PRESSURE_FLOOR, RATE_FLOOR = 0.005 * MEGAPASCAL, 0.01 * MM3_PER_MS  # least noise
 LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
-APART = 10e-3  # s between two parts of a recording: no sample belongs to both
 
 
 @dataclass(frozen=True)
 class FoundInjections:
-    """Injections of a recording of so many samples, some of them `missing`.
+    """Injections found in a recording."""
 
-    complete: injections that can be judged; left_out: others.
-    """
-
-    samples: int
-    missing: int
-    complete: int
-    left_out: tuple[LeftOut, ...]
+    samples: int  # of the recording
+    missing: int  # of these samples
+    complete: int  # injections that can be judged
+    left_out: tuple[LeftOut, ...]  # other injections
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,46 +175,3 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
     if recording.injection_rate is None:
         return levels, float("nan")
     return levels, max(noise_level(recording.injection_rate, shut, rate), RATE_FLOOR)
-
-
-def with_free_needle(recordings: Sequence[Measurement]) -> tuple[Measurement, ...]:
-    """Recordings for which every model has its own lift, where the lift was not measured."""
-    return tuple(replace(one, is_free=one.is_answered) for one in recordings)
-
-
-def with_healthy_offset(measured: Measurement, healthy: Healthy) -> Measurement:
-    """A recording with the offset that its line-pressure sensor had when the injector was healthy."""
-    if healthy.line_pressure_offset_MPa == 0.0:
-        return measured
-    offset = sized("line_pressure_sensor_offset", o=healthy.line_pressure_offset_MPa * MEGAPASCAL)
-    return replace(measured, stated=(*measured.stated, offset))
-
-
-def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 1.0) -> tuple[Measurement, ...]:
-    """Recordings in the rail sensor's units. gain: of the line-pressure sensor; level: of measured flows in them."""
-    result = []
-    for measurement in recordings:
-        line, rate = measurement.recording.line_pressure / (1.0 + gain), measurement.recording.injection_rate
-        rate = None if rate is None else rate / level
-        changed = replace(measurement.recording, line_pressure=line, injection_rate=rate)
-        result.append(replace(measurement, recording=changed))
-    return tuple(result)
-
-
-def noisier(measurement: Measurement, seed: int) -> Measurement:
-    """The recording with as much noise added as it has: the change of a result shows the uncertainty of it."""
-    random, recording, noise = np.random.default_rng(seed), measurement.recording, measurement.noise
-    louder: dict[str, Any] = {
-        name: getattr(recording, name) + random.normal(0.0, getattr(noise, name), recording.samples)
-        for name in ("rail_pressure", "needle_lift", "line_pressure")
-    }
-    return replace(measurement, recording=replace(recording, **louder))
-
-
-def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: float, **of: Any) -> Recording:
-    """One recording of the signals of several, by name, with a gap between any two; of: its further fields."""
-    gap = np.full(round(APART * sample_rate), np.nan)
-    signals: dict[str, Any] = {
-        name: np.concatenate([samples for part in parts for samples in (part[name], gap)]) for name in parts[0]
-    }
-    return Recording(np.arange(signals["needle_lift"].size) / sample_rate, **signals, **of)

@@ -9,18 +9,18 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gain import gain_schedule
 from observer_rt.foundation.documents import key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.likelihood import windows
-from observer_rt.identification.likelihood.channel_noise import smoothing_of
 from observer_rt.identification.likelihood.events import JudgedEvent
+from observer_rt.identification.likelihood.measured_rate import as_by_meter, rate_as_recorded
 from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.rows import Rows, in_mass_window
 from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import in_stable_cells, substeps_needed
 
-KEPT = 16  # runs of a recording: most models are asked for more than once
+MOST_RUNS = 16  # runs of a recording: most models are asked for more than once
 SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
 
 
@@ -60,7 +60,7 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
         if stored_model == model:
             return run
     run = _simulated(measurement, model)
-    kept[:] = [*kept[1 - KEPT :], (model, run)]
+    kept[:] = [*kept[1 - MOST_RUNS :], (model, run)]
     return run
 
 
@@ -71,15 +71,13 @@ def _simulated(measurement: Measurement, effective: EffectiveModel) -> tuple[Sim
     if model is None:
         raise ArithmeticError("no number of cells is stable for this line")
     c, sensor = measurement.coefficients_of(model), model.sensor
-    late = math.floor(sensor.delay / interval)
-    share, sample_rate = sensor.delay / interval - late, measurement.recording.sample_rate
-    rows = windows.Rows(measurement)
+    late, rows = math.floor(sensor.delay / interval), Rows(measurement)
     inputs = TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
     batch = windows.batch_of(measurement, rows, inputs, late, sensor.offset, c)
-    smoothing = smoothing_of(interval)
-    gains = gain_schedule(c, measurement.noise, sample_rate, sensor.lag, share, rail_smoothing=smoothing).gains
+    gain = windows.schedule_of(measurement, model).gains[-1]
+    sample_rate = measurement.recording.sample_rate
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
-    setting = windows.setting_of(measurement, model, late, substeps, gains[-1])
+    setting = windows.setting_of(measurement, model, late, substeps, gain)
     errors, rate = windows.followed(batch, setting, model.injector.needle_law, until_opening=True)
     pressure = (batch.output - errors) * c.pressure_scale + c.chamber_pressure
     result = []
@@ -87,8 +85,8 @@ def _simulated(measurement: Measurement, effective: EffectiveModel) -> tuple[Sim
         window = slice(*batch.bounds[number : number + 2])
         first = event.openings[0].first - event.start
         samples = rows.samples[window][first:]
-        recorded = windows.rate_as_recorded(measurement, rate[window])
-        shown = windows.as_by_meter(measurement, recorded)[first:]
+        recorded = rate_as_recorded(measurement, rate[window])
+        shown = as_by_meter(measurement, recorded)[first:]
         of_line = event, samples, pressure[window][first:]
         result.append(SimulatedInjection(*of_line, samples - late, recorded[first:], shown))
     return tuple(result)
@@ -96,7 +94,7 @@ def _simulated(measurement: Measurement, effective: EffectiveModel) -> tuple[Sim
 
 def mass(measurement: Measurement, injection: SimulatedInjection, density: float) -> float:
     """Injected mass of an event [kg]."""
-    inside = windows.in_mass_window(measurement, injection.event, injection.rate_samples)
+    inside = in_mass_window(measurement, injection.event, injection.rate_samples)
     return float(np.trapezoid(injection.rate[inside])) * measurement.interval * density
 
 
@@ -129,6 +127,6 @@ def measured_mass(measurement: Measurement, injection: SimulatedInjection, densi
     measured = measurement.recording.injection_rate
     if measured is None:
         return math.nan
-    inside = windows.in_mass_window(measurement, injection.event, injection.rate_samples)
+    inside = in_mass_window(measurement, injection.event, injection.rate_samples)
     late = (injection.rate - injection.shown_rate)[inside]
     return float(np.trapezoid(measured[injection.rate_samples[inside]] + late)) * measurement.interval * density

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from observer_rt.core.stream.stream import CONFIRM, FOOT, LOOK_BACK, dead_band
 from observer_rt.engine.stream.state import noise_gain
 
-RAMP = 8  # samples at most, through which the straight line of a ramp is laid
+MOST_RAMP_SAMPLES = 8  # samples at most, through which the straight line of a ramp is laid
 RAMP_TIME = 80e-6  # s, of these samples
-GRID = 2e-6  # s of lag, at whose multiples openings are looked for: between them nothing jumps
+LAG_GRID = 2e-6  # s of lag, at whose multiples openings are looked for: between them nothing jumps
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class Opening:
 
 def ramp_samples(sample_rate: float) -> int:
     """Samples through which the straight line of a ramp is laid; sample rate [Hz]."""
-    return min(max(round(RAMP_TIME * sample_rate), 2), RAMP)
+    return min(max(round(RAMP_TIME * sample_rate), 2), MOST_RAMP_SAMPLES)
 
 
-def find_openings(lift: NDArray[np.float64], noise: float, ramp: int = RAMP) -> list[Opening]:
+def find_openings(lift: NDArray[np.float64], noise: float, ramp: int = MOST_RAMP_SAMPLES) -> list[Opening]:
     """Openings in a measured lift [m] (n,) with white noise [m] of this standard deviation.
 
     ramp: samples through which the straight line of a ramp is laid.
@@ -90,10 +90,9 @@ def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float, ram
 
 
 def _ramp(lift: NDArray[np.float64], samples: int) -> Ramp:
-    """The straight line through the first samples of a ramp, level where they fall.
+    """The straight line through the first samples of a ramp but the very first, in its foot; level where they fall.
 
-    The very first sample, in the rounded foot, is left out. Of an opening shorter than two ramps the line goes
-    through the first half.
+    Of an opening shorter than two ramps the line goes through the first half.
     """
     first, end = (1, 1 + samples) if lift.size > 2 * samples else (0, max(2, math.ceil(lift.size / 2)))
     used = lift[first:end]
@@ -111,15 +110,15 @@ def without_lag(lift: NDArray[np.float64], sample_rate: float, lag: float) -> ND
 def openings_without_lag(
     lift: NDArray[np.float64], noise: float, recorded: Sequence[Opening], sample_rate: float, lag: float
 ) -> list[tuple[float, list[Opening]]]:
-    """Openings of a lift without lag [s]: those at the multiples of GRID below and above the lag, with their shares.
+    """Openings of a lift whose lag [s] is undone: those at the multiples of LAG_GRID beside it, with weights.
 
     noise: white, of the recorded lift [m]. Only openings that were recorded remain; they begin and end earlier.
     """
     restored, ramp = without_lag(lift, sample_rate, lag), ramp_samples(sample_rate)
-    below = math.floor(lag / GRID)
+    below = math.floor(lag / LAG_GRID)
     result = []
-    for multiple, share in ((below, 1.0 + below - lag / GRID), (below + 1, lag / GRID - below)):
-        near = multiple * GRID
+    for multiple, share in ((below, 1.0 + below - lag / LAG_GRID), (below + 1, lag / LAG_GRID - below)):
+        near = multiple * LAG_GRID
         openings = find_openings(without_lag(lift, sample_rate, near), noise * noise_gain(near * sample_rate), ramp)
         kept = [one for one in openings if any(one.first <= old.last and old.first <= one.last for old in recorded)]
         result.append((share, [opening_between(restored, one.first, one.last, ramp) for one in kept]))

@@ -12,7 +12,7 @@ from observer_rt.identification.likelihood.events import MARGIN, JudgedEvent, op
 from observer_rt.identification.likelihood.measurement import Measurement
 
 POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these
-SMOOTHED = 0.2e-3  # s beside a stretch that the smoothing of the rail pressure reaches to
+SMOOTHING_REACH = 0.2e-3  # s beside a stretch that the smoothing of the rail pressure reaches to
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ def _clusters(
 def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measurement:
     """A recording of some of the events, one stretch after another, without the samples between them."""
     recording = measurement.recording
-    margin = round((MARGIN + SMOOTHED) / measurement.interval) + 1
+    margin = round((MARGIN + SMOOTHING_REACH) / measurement.interval) + 1
     ordered = sorted(events, key=lambda event: event.start)
     last = recording.samples - 1
     stretches = [np.clip(np.arange(event.start - margin, event.end + margin), 0, last) for event in ordered]
@@ -95,10 +95,7 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
 
 
 def every_second_point(recordings: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Numbers of the recordings at every second operating point, and of the others.
-
-    Like the squares of a chessboard of rail pressures and durations: each half has all of both, if there are two.
-    """
+    """Numbers of the recordings at every second operating point, and at the others, as squares of a chessboard."""
     points = [operating_point(one.rail_pressure, one.duration) for one in recordings]
     pressures = sorted({pressure for pressure, _ in points})
     halves: tuple[list[int], list[int]] = [], []

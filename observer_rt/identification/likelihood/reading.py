@@ -17,8 +17,8 @@ from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
 
-_RATE_TOLERANCE = 1e-6  # relative
-_ALIKE = "give recordings that have a lift, or only such without one"
+_SAMPLE_RATE_TOLERANCE = 1e-6  # relative
+_LIFT_REMEDY = "give recordings that have a lift, or only such without one"
 
 
 def measured_recordings(
@@ -59,7 +59,7 @@ def _look_through(source: SignalStream, injector: InjectorParameters, console: C
     """Refuse a recording that cannot serve, and print doubts. is_answered: its lift follows from commands."""
     refuse_implausible(source.path, source.survey, source.names)
     if not is_answered:
-        refuse_without_lift(source, _ALIKE)
+        refuse_without_lift(source, _LIFT_REMEDY)
     refuse_dead(source.path, source.survey, source.names)
     refuse_perforated(source.path, source.survey)
     if "chamber_pressure" in source.optional:
@@ -72,7 +72,7 @@ def refuse_sample_rates(recordings: Sequence[Sampled]) -> None:
     """Raise `UserError` for recordings of different sample rates."""
     first = recordings[0]
     for other in recordings[1:]:
-        if abs(other.sample_rate - first.sample_rate) > _RATE_TOLERANCE * first.sample_rate:
+        if abs(other.sample_rate - first.sample_rate) > _SAMPLE_RATE_TOLERANCE * first.sample_rate:
             raise UserError(
                 str(other.path),
                 f"is sampled at {other.sample_rate:g} Hz, {first.path} at {first.sample_rate:g} Hz",

@@ -30,8 +30,7 @@ class Signal(StrEnum):
         return self.value.replace("_", " ")
 
 
-Pool = Mapping[Signal, PhaseStatistics]
-"""Statistics of the normalised residuals of each signal."""
+Pool = Mapping[Signal, PhaseStatistics]  # of the normalised residuals of each signal
 
 
 def statistics_by_signal(recorded: RecordingLikelihood, judged: JudgedModel) -> Pool:

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 _ORDER = 4  # differences: what physics does to a signal within four samples is far below the noise
 _ORDER_OF_PAIRS = 8  # differences of means of two samples, among which a line rings twice as fast
-_FINE = 80e3  # Hz, from which on pairs of samples are far above the higher waves of a line
-_COLOURED = 1.25  # times the level by samples, from which on the level by pairs is no chance
-_CLIP = 5.0  # standard deviations beyond which a difference is a kink or a spike
+_FINE_RATE = 80e3  # Hz, from which on pairs of samples are far above the higher waves of a line
+_COLOUR_RATIO = 1.25  # times the level by samples, from which on the level by pairs is no chance
+_CLIP_SIGMAS = 5.0  # standard deviations beyond which a difference is a kink or a spike
 _NORMAL_MEDIAN = 0.6745  # median of |z| of a standard normal z
 _ITERATIONS = 20
 FEWEST_DIFFERENCES = 200
@@ -24,7 +24,7 @@ def noise_level(values: NDArray[np.float64], chosen: NDArray[np.bool_], sample_r
     by_samples, even = white_noise(values, chosen), values.size // 2 * 2
     pairs = np.where(chosen, values, np.nan)[:even].reshape(-1, 2).mean(axis=1)
     by_pairs = math.sqrt(2.0) * white_noise(pairs, np.isfinite(pairs), _ORDER_OF_PAIRS)
-    return by_pairs if sample_rate >= _FINE and by_pairs > _COLOURED * by_samples else by_samples
+    return by_pairs if sample_rate >= _FINE_RATE and by_pairs > _COLOUR_RATIO * by_samples else by_samples
 
 
 def white_noise(values: NDArray[np.float64], chosen: NDArray[np.bool_], order: int = _ORDER) -> float:
@@ -39,7 +39,7 @@ def white_noise(values: NDArray[np.float64], chosen: NDArray[np.bool_], order: i
     # the median alone would be 1.5 % low on signals of few codes, enough to matter
     sigma = float(np.median(sizes)) / _NORMAL_MEDIAN or float(np.sqrt(np.mean(sizes**2)))
     for _ in range(_ITERATIONS):
-        kept = sizes[sizes <= _CLIP * sigma]
+        kept = sizes[sizes <= _CLIP_SIGMAS * sigma]
         clipped = float(np.sqrt(np.mean(kept**2))) if kept.size else sigma
         if math.isclose(clipped, sigma, rel_tol=1e-9):
             break

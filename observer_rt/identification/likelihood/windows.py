@@ -11,23 +11,20 @@ from observer_rt.core.learning.phases import phases_of
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.model.needle import NeedleLaw
-from observer_rt.engine.estimation.healthy_course import EventStretch, expected
+from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
-from observer_rt.files.signals.recording import shown_slowly
-from observer_rt.identification.likelihood.events import JudgedEvent, shut_mask
+from observer_rt.identification.likelihood.channel_noise import smoothing_of
+from observer_rt.identification.likelihood.events import shut_mask
 from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.rows import Rows
 from observer_rt.identification.likelihood.true_inputs import TrueInputs
-from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
 
 START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
-RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
-MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
 
-ShotDelays = Sequence[NDArray[np.float64]]
-"""Delays [s] (k, 2) of the k shots of every event."""
+ShotDelays = Sequence[NDArray[np.float64]]  # (k, 2) of the k shots of every event [s]
 
 
 class Batch(NamedTuple):
@@ -50,49 +47,6 @@ class Batch(NamedTuple):
         start, clock = self.starts[number], Clock(*self.clocks[number])
         commands = self.commands[number] if self.commands else NO_COMMANDS
         return Window(*signals, start, self.openings[number], self.knots[part], clock=clock, commands=commands)
-
-
-def in_mass_window(measurement: Measurement, event: JudgedEvent, samples: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Selects the samples (n,) of a recording over which an event's mass is summed."""
-    lead, tail = (round(t / measurement.interval) for t in (MASS_LEAD, MASS_TAIL))
-    inside = np.zeros(samples.size, np.bool_)
-    for opening in event.openings:
-        inside |= (samples >= opening.first - lead) & (samples <= opening.last + tail)
-    return inside
-
-
-class Rows:
-    """Rows of a batch that hold the samples of a recording."""
-
-    def __init__(self, measurement: Measurement) -> None:
-        events = measurement.events
-        self.samples = np.concatenate([np.arange(e.start, e.end) for e in events])
-        """(n,): the sample whose line pressure a row holds."""
-        self.bounds = np.concatenate(([0], np.cumsum([e.end - e.start for e in events])))
-        self.counted = np.concatenate([np.arange(e.start, e.end) >= e.counted for e in events])
-        """(n,): rows whose innovation is judged."""
-        self.counted_bounds = np.concatenate(([0], np.cumsum([e.end - e.counted for e in events])))
-        """(events + 1,): event i has the judged rows from counted_bounds[i] to counted_bounds[i + 1]."""
-        skipped = round(RATE_DELAY * measurement.recording.sample_rate)
-        near = np.zeros(self.samples.size, np.bool_)
-        for event, bound in zip(events, self.bounds, strict=False):
-            for opening in event.openings:
-                end = opening.last + 1 - int(measurement.means)
-                near[bound + opening.first - event.start + skipped : bound + end - event.start] = True
-        self.rate_rows = np.flatnonzero(near)
-        """(m,): rows at which a measured rate is judged, if the line pressure is not recorded late.
-
-        The needle is open there for RATE_DELAY or longer: how the sac begins to fill is uncertain, by the noise of
-        the lift and an orifice law that is smooth at low pressure. The mean in which the needle shuts does not count.
-        """
-        self.rate_samples = self.samples[self.rate_rows]
-        self._injecting = np.concatenate([in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events])
-        self._interval = measurement.interval
-
-    def volumes(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Volume of every event (w,) [m3] by the injection rate (n,) [m3/s] of its rows."""
-        inside = np.where(self._injecting, rate, 0.0)
-        return np.add.reduceat(inside, self.bounds[:-1]) * self._interval
 
 
 def batch_of(
@@ -135,6 +89,17 @@ def starts_of(measurement: Measurement, offset: float, c: Coefficients) -> NDArr
     return starts
 
 
+def schedule_of(measurement: Measurement, model: EffectiveModel) -> GainSchedule:
+    """Gains of x~ on a recording, whose line pressure a model's sensor shows late by some share of a sample."""
+    c, sensor, interval = measurement.coefficients_of(model), model.sensor, measurement.interval
+    share, rate, smoothing = (
+        (sensor.delay / interval) % 1.0,
+        measurement.recording.sample_rate,
+        smoothing_of(interval),
+    )
+    return gain_schedule(c, measurement.noise, rate, sensor.lag, share, rail_smoothing=smoothing)
+
+
 def setting_of(
     measurement: Measurement, model: EffectiveModel, samples_late: int, substeps: int, gain: NDArray[np.float64]
 ) -> Setting:
@@ -149,8 +114,8 @@ def followed(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normalised innovations (n,) and injection rate [m3/s] (n,) of x~ over all windows of a recording.
 
-    needle: answers the commands of the batch, if it has any; until_opening: gives those of x^ instead, which runs
-    open loop from the opening of its window on; delays: of the shots, those of jitter.
+    needle: answers the commands of the batch, if it has any; delays: of its shots, by jitter; until_opening: of x^
+    instead, which runs open loop from the opening of its window on.
     """
     learned = nothing_learned(setting.coefficients)
     innovation, rate = np.empty((2, batch.output.size))
@@ -164,47 +129,8 @@ def followed(
     return innovation, rate
 
 
-def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A modelled injection rate (n,) as it would be recorded: averaged over each period if samples are means."""
-    if not measurement.means:
-        return rate
-    beyond = np.concatenate([rate[:1], rate, rate[-1:]])
-    middle = 13.0 * (rate[1:] + rate[:-1]) - beyond[:-3] - beyond[3:]  # of the cubic through four samples
-    return np.append(rate[:1], middle / 24.0)
-
-
-def as_by_meter(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A modelled injection rate (n,) as the meter shows it; events lie so far apart that it rests before each."""
-    return shown_slowly(rate, measurement.interval, *(measurement.recording.meter or ()))
-
-
 def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:
     """`Phase` of every row of a batch (n,)."""
     edge, afterglow = (round(t / measurement.interval) for t in (EDGE, AFTERGLOW))
     windows = [batch.window(i) for i in range(len(measurement.events))]
     return np.concatenate([phases_of(window, edge, afterglow) for window in windows])
-
-
-def stretches(measurement: Measurement) -> tuple[EventStretch, ...]:
-    """Every event as a stretch of judged samples, with edges where the ramps of the lift meet 0."""
-    return tuple(
-        EventStretch(event.end - event.counted, measurement.interval, measurement.rail_pressure, _edges(event))
-        for event in measurement.events
-    )
-
-
-def expected_of(shape: HealthyShape, measurement: Measurement) -> NDArray[np.float64]:
-    """Mean innovation [Pa] of a healthy injector at the counted samples (n,) of a recording."""
-    return np.concatenate([expected(shape, stretch) for stretch in stretches(measurement)])
-
-
-def _edges(event: JudgedEvent) -> tuple[tuple[float, float], ...]:
-    edges = []
-    for opening in event.openings:
-        opens, shuts = float(opening.first), float(opening.last)
-        if opening.rising.slope > 0.0:
-            opens -= opening.rising.lift / opening.rising.slope
-        if opening.falling.slope > 0.0:
-            shuts += opening.falling.lift / opening.falling.slope
-        edges.append((opens - event.counted, shuts - event.counted))
-    return tuple(edges)

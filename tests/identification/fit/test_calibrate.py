@@ -94,13 +94,13 @@ def test_one_injection_tells_its_mass_the_better_the_more_of_it_the_line_shows(
     by_pressures: CalibrationResult,
 ) -> None:
     """1.1 ms at 100 MPa tell .29 % by an information limit that was computed elsewhere, with other terms known."""
-    shares = dict(zip(POINTS, by_pressures.told_shares, strict=True))
+    shares = dict(zip(POINTS, by_pressures.shares_by_pressures, strict=True))
     assert shares[100e6, 1.9e-3] == pytest.approx(0.0029, rel=0.2)
     most, least = (which(shares, key=lambda point: shares[point]) for which in (max, min))
     assert (most[0], least[0]) == (60e6, 140e6)
     quiet = simulations(POINTS[2:3], noise=SimulatedNoise(rail_pressure=0.01e6, line_pressure=0.015e6))
     alone = calibrate(NOMINAL, _measured(quiet), {}, lambda _: None, LUMPS[:1])
-    assert alone.told_shares[0] == pytest.approx(0.1 * shares[POINTS[2]], rel=0.5)
+    assert alone.shares_by_pressures[0] == pytest.approx(0.1 * shares[POINTS[2]], rel=0.5)
 
 
 def test_residuals_fall_to_noise(by_pressures: CalibrationResult) -> None:

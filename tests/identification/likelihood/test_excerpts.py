@@ -12,7 +12,7 @@ from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood.coverage import coverage
 from observer_rt.identification.likelihood.events import JudgedEvent, Lack
-from observer_rt.identification.likelihood.excerpts import BLOCK, measured
+from observer_rt.identification.likelihood.excerpts import BLOCK_SAMPLES, measured
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from tests.files.signals.generated import RepeatedRecording
 from tests.identification.discovery.hidden import recordings
@@ -57,7 +57,7 @@ def test_a_recording_that_is_not_too_long_is_taken_whole() -> None:
 
 
 def test_every_injection_of_a_long_one_is_found_whole() -> None:
-    times = 2 * BLOCK // PERIOD + 5
+    times = 2 * BLOCK_SAMPLES // PERIOD + 5
     kept = measured(RepeatedRecording(pair(), times), most=MOST)
     (expected,) = measurements([RepeatedRecording(pair(), times).collected()])
     assert kept.injections.complete == len(expected.events) == 2 * times

@@ -10,7 +10,7 @@ from observer_rt.core.stream.stream import LOOK_BACK, dead_band
 from observer_rt.files.signals.recording import Recording, shown_slowly
 from observer_rt.identification.likelihood.events import openings_of
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
-from observer_rt.identification.likelihood.openings import GRID, find_openings, openings_without_lag, without_lag
+from observer_rt.identification.likelihood.openings import LAG_GRID, find_openings, openings_without_lag, without_lag
 from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.effective import TRUE_INPUTS
 from observer_rt.model.effects import effective_model, sized
@@ -140,7 +140,7 @@ def test_the_opened_area_follows_the_lag_smoothly(lag: float) -> None:
     change = np.abs(np.maximum(ahead, 0.0) - np.maximum(here, 0.0)).max()
     # A_S/A_0 is 5e3 a metre; the lift changes by 2 m/s, noise included; a foot that moves by a sample within the grid
     # adds or takes what the needle travels in it: a jump would be a hundred times as much
-    assert change < (2.0 + 2.0 / RATE / GRID) * step * 5e3
+    assert change < (2.0 + 2.0 / RATE / LAG_GRID) * step * 5e3
 
 
 def test_an_event_that_was_recorded_keeps_its_area() -> None:

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.rows import Rows
 from observer_rt.identification.likelihood.true_inputs import TrueInputs
-from observer_rt.identification.likelihood.windows import Rows, batch_of, phases
+from observer_rt.identification.likelihood.windows import batch_of, phases
 from observer_rt.model.effective import TRUE_INPUTS
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.hidden import NOMINAL, recordings

@@ -16,11 +16,11 @@ from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.results import SearchOutcome
 from observer_rt.identification.discovery.search.search import Search
 from observer_rt.identification.discovery.search.verdict import name_effects
-from observer_rt.identification.likelihood.measurement import Measurement, with_healthy_offset
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import by_operating_point
+from observer_rt.identification.likelihood.variants import with_healthy_offset
 from observer_rt.model import effects
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.term import Term
 from tools.benchmarks.discovery.scoring import Misfit, misfit
 
@@ -73,7 +73,7 @@ def ask_outside(
 
     further, healthy: not given, without noise and with the true rate, with the hidden effect and without it.
     """
-    nominal = effective_model(load_injector(model))
+    nominal = effects.effective_model(load_injector(model))
     fitted = nominal.injector.baseline
     baseline = NOT_FITTED if fitted is None else healthy_of_fit(fitted, True)
     recordings = [with_healthy_offset(one, baseline) for one in recorded]

@@ -69,7 +69,7 @@ def _draw_overlay(axes: Sequence[Axes], overlay: Overlay, amended: str) -> None:
 def gap_figure(findings: Findings) -> str:
     """Gaps before and after at every operating point held out, side by side; the noise is a line."""
     points, amended = findings.gaps.points, bool(findings.shown.ids)
-    labels = [findings.places[point.recording].point.replace(", ", "\n") for point in points]
+    labels = [findings.cell_of_point[point.recording].point.replace(", ", "\n") for point in points]
     groups = [gap for gap in findings.gaps.by_name.values() if gap.measured or amended]
     with svg_figure(10.4, 3.1) as (figure, svg):
         for column, gap in enumerate(groups):
@@ -126,7 +126,7 @@ def residual_figure(findings: Findings) -> str:
                 axes.plot(x, after, "o", ms=4, color=FOUND, label=None if middles else label)
             if number in held_out:
                 axes.axvspan(x[0] - 0.7, x[-1] + 0.7, color="#eef1f4", lw=0, zorder=0)
-            middles[(x[0] + x[-1]) / 2.0] = findings.places[number].point.replace(", ", "\n")
+            middles[(x[0] + x[-1]) / 2.0] = findings.cell_of_point[number].point.replace(", ", "\n")
             start = x[-1] + 2.4
         floor = findings.gaps.by_name[LINE_PRESSURE].noise_floor
         axes.axhline(floor, color=MEASURED, lw=1.2, label="noise alone")

@@ -18,7 +18,7 @@ from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.injections import MassChange
 from observer_rt.identification.discovery.report import figures, text
 from observer_rt.identification.discovery.search import proposal
-from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
+from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT_EXCESS
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.laws import guess_words
 from observer_rt.identification.discovery.search.results import Cell, Discovery, SmallestVisible, Verdict
@@ -27,7 +27,7 @@ from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.effect import Equation
 from observer_rt.model.effects import VOCABULARY
 
-WORST = 10.0  # times the noise, from which on a cell is as red as it gets
+REDDEST_RATIO = 10.0  # times the noise, from which on a cell is as red as it gets
 _WHITE, _RED = (255, 246, 240), (176, 38, 28)
 _CALM = "#eef4f0"
 
@@ -96,13 +96,13 @@ def _shown(cell: Cell, equation: Equation | None) -> ShownCell:
     tip = f"{rms}, {cell.excess:.1f} standard deviations beyond noise"
     if equation is not None:
         tip += f"; equation: {equation.value.replace('_', ' ')}"
-    significant = cell.excess > SIGNIFICANT
-    ratio = max(ratio, math.sqrt(cell.colour)) if significant else ratio
+    stands_out = cell.excess > SIGNIFICANT_EXCESS
+    ratio = max(ratio, math.sqrt(cell.colour)) if stands_out else ratio
     digits = 2 if ratio < 2.0 else 1 if ratio < 100.0 else 0
-    ink = "#fff" if significant and ratio > 0.5 * WORST else "inherit"
-    share = min(1.0, max(0.0, math.log(max(ratio, 1.0)) / math.log(WORST)))
+    ink = "#fff" if stands_out and ratio > 0.5 * REDDEST_RATIO else "inherit"
+    share = min(1.0, max(0.0, math.log(max(ratio, 1.0)) / math.log(REDDEST_RATIO)))
     red = "rgb({}, {}, {})".format(*(round(w + share * (r - w)) for w, r in zip(_WHITE, _RED, strict=True)))
-    return ShownCell(f"{ratio:.{digits}f}", red if significant else _CALM, ink, tip)
+    return ShownCell(f"{ratio:.{digits}f}", red if stands_out else _CALM, ink, tip)
 
 
 # a name that a template is not given is an error

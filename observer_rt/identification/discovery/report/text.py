@@ -1,6 +1,7 @@
 """The answer in words, for the screen and the report."""
 
 import math
+from operator import attrgetter
 
 from observer_rt.engine.estimation.phases import PHASE_WORDS
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, sign
@@ -11,7 +12,7 @@ from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.results import Discovery, SmallestVisible, Verdict
 from observer_rt.model.effects import VOCABULARY
 
-MANY = 3.0  # times the noise: what a model leaves that does not explain recordings
+MOST_NOISE = 3.0  # times the noise, that a model which explains the recordings may leave
 
 
 def as_text(findings: Findings) -> str:
@@ -61,15 +62,12 @@ def _verdict_words(discovery: Discovery) -> str:
     unexplained = discovery.unexplained
     laws = [one.sentence for one in discovery.proposals]
     if discovery.verdict is Verdict.NONE:
-        most = max(discovery.before, key=lambda cell: cell.variance)
-        gaps = discovery.gaps.by_name.values() if isinstance(discovery, Findings) else ()
-        open_loop = max((gap.before / gap.noise_floor for gap in gaps if gap.measured), default=0.0)
-        times = max(math.sqrt(most.variance), open_loop)
-        if times > MANY:
-            where = f"{most.signal.words} {PHASE_WORDS[most.phase]} at {most.point}"
-            left = f"it leaves {times:.1f} times the noise, most in the {where}"
-            return f"no effect stands out, yet the model does not explain the recordings: {left}"
-        return "the model explains the recordings; no effect is missing"
+        if discovery.noise_ratio <= MOST_NOISE:
+            return "the model explains the recordings; no effect is missing"
+        most = max(discovery.before, key=attrgetter("variance"))
+        where = f"{most.signal.words} {PHASE_WORDS[most.phase]} at {most.point}"
+        left = f"it leaves {discovery.noise_ratio:.1f} times the noise, most in the {where}"
+        return f"no effect stands out, yet the model does not explain the recordings: {left}"
     if discovery.verdict is Verdict.UNKNOWN:
         words = "something is missing that no known effect explains"
         if unexplained is None:

@@ -17,10 +17,10 @@ from observer_rt.model.effective import EffectiveModel
 
 VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
 COLOUR_LIMIT = {Signal.LINE_PRESSURE: 2.0, Signal.INJECTION_RATE: 4.0}
-SIGNIFICANT = 5.0  # standard deviations
-REMAINDER = 0.06  # of what there was, that a fitted model may leave: a law is no more exact than it is
-EXACT = 1e-3  # of the same, that an exact model may leave: steps and samples are not finer
-MOST_LATE = 4.0  # mean square of the delays of shots that jitter, over their variance
+SIGNIFICANT_EXCESS = 5.0  # standard deviations beyond noise, from which on residuals are not noise alone
+REMAINDER_SHARE = 0.06  # of what there was, that a fitted model may leave: a law is no more exact than it is
+EXACT_SHARE = 1e-3  # of the same, that an exact model may leave: steps and samples are not finer
+MOST_DELAY_SQUARE = 4.0  # mean square of the delays of shots that jitter, over their variance
 
 
 def cells_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel], model: EffectiveModel) -> tuple[Cell, ...]:
@@ -76,14 +76,14 @@ class Worst:
 
 
 def worst(pool: Pool, healthy: Healthy = NOT_FITTED) -> Worst:
-    """Signal and phase at which a model is least adequate; residuals within SIGNIFICANT of noise are explained."""
+    """Signal and phase at which a model is least adequate; an excess below SIGNIFICANT_EXCESS counts as noise."""
     ranked = []
     for signal, statistics in pool.items():
         for phase in Phase:
             variance, colour = healthy_level(healthy, signal, phase)
             variance, colour = statistics.variance(phase) / variance, statistics.colour(phase) / colour
             ratio = max(variance / VARIANCE_LIMIT[signal], colour / COLOUR_LIMIT[signal])
-            if statistics.excess(phase) < SIGNIFICANT:
+            if statistics.excess(phase) < SIGNIFICANT_EXCESS:
                 ratio = min(ratio, 1.0)
             ranked.append(Worst(signal, phase, ratio))
     return max(ranked, key=lambda item: item.ratio)
@@ -94,7 +94,7 @@ class Adequacy:
 
     def __init__(self, fits: Fitter, healthy: Healthy) -> None:
         self._fits, self._healthy = fits, healthy
-        self.remainder = REMAINDER if healthy.appears else EXACT
+        self.remainder = REMAINDER_SHARE if healthy.appears else EXACT_SHARE
         """Share of the explained residuals that may be the model's own error."""
 
     def ratio(self, candidate: Candidate) -> float:
@@ -109,7 +109,7 @@ class Adequacy:
 
     def _lateness(self, candidate: Candidate) -> float:
         """Mean square delay of shots over its limit, above 1 if it is no jitter; 0 with a measured lift."""
-        return max(judged.delay_square for judged in self._fits.judged(candidate)) / MOST_LATE
+        return max(judged.delay_square for judged in self._fits.judged(candidate)) / MOST_DELAY_SQUARE
 
     def _is_remainder(self, pool: Pool) -> bool:
         """Whether the residuals of every phase fell so far that the rest may be the model's own error."""

@@ -23,15 +23,14 @@ DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it sca
 _STEP, _STEP_OF_TERM = 0.01, 5.0
 _SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
 MOST_STARTS = 2  # from which a search begins
-_EXPLAINED = 1.1  # variance of the residuals below which no second start is tried
+_EXPLAINED_VARIANCE = 1.1  # variance of the residuals below which no second start is tried
 PRICE = 10.0  # of -2 log L for each number fitted, log(n): which of two near-ties leads
-UNNAMED, FURTHER = 50.0, 50.0
+LAW_ODDS, FURTHER_ODDS = 50.0, 50.0
 """Prior odds, as -2 log L: of an explanation by a law without a name, and of every effect after the first."""
 _DIGITS = 8  # of printed values: far below any interval, free of conversion noise
 
 
-CandidateKey = tuple[tuple[str, ...], tuple[float, ...]]
-"""Ids of effects and their sizes."""
+CandidateKey = tuple[tuple[str, ...], tuple[float, ...]]  # ids of effects, and their sizes
 
 
 @dataclass(frozen=True)
@@ -129,17 +128,14 @@ def size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A combination of effects fitted to all recordings; the nominal model is the one without effects.
-
-    Those in a ranking, and of proposals, also have `half`, `moves` and `sizes_of_half`.
-    """
+    """A combination of effects fitted to all recordings; the nominal model is the one without effects."""
 
     hypothesis: Hypothesis
     sizes: tuple[float, ...]  # (p,) SI, effect after effect
     statistic: float  # -2 log L, constants left out
     spread: float = 1.0  # mean square of the residuals as the statistic counts it, 1 at least
     own_error: float = 0.0  # of -2 log L: what laws gain over a name that may be the fitted model's own error
-    half: tuple[float, ...] = ()  # (p,) half widths of the 95 % intervals
+    half: tuple[float, ...] = ()  # (p,) half widths of the 95 % intervals; as all below, of a ranking or a proposal
     sizes_of_half: tuple[float, ...] = ()  # fitted to every second operating point
     held_out: float = math.nan  # -2 log L so fitted and judged on the others; nan: not done, or in no ranking
     moves: Consequence = NO_CONSEQUENCE  # what it does to the model as given
@@ -148,7 +144,7 @@ class Candidate:
     def price(self) -> float:
         """-2 log L, what every number fitted costs, the prior odds, and what may be the model's own error."""
         numbers = PRICE * (len(self.sizes) + sum(self.hypothesis.numbers)) * self.spread
-        odds = UNNAMED * bool(self.terms) + FURTHER * max(len(self.ids) - 1, 0)
+        odds = LAW_ODDS * bool(self.terms) + FURTHER_ODDS * max(len(self.ids) - 1, 0)
         return self.statistic + numbers + odds + self.own_error
 
     @property
@@ -251,10 +247,7 @@ def minimum_from(
     max_iterations: int = MAX_ITERATIONS,
     second_if_stuck: bool = False,
 ) -> Minimum | None:
-    """Best fit from the most promising start, or two; None when the model has no solution at any of them.
-
-    second_if_stuck: a second start is tried only where the first fit got stuck.
-    """
+    """Best fit from the most promising start, or two (`second_if_stuck`: only then); None without a solution."""
     tried = [(start, residuals) for start in starts if (residuals := problem(start)) is not None]
     tried.sort(key=lambda item: item[1].statistic)
     best: Minimum | None = None
@@ -264,6 +257,6 @@ def minimum_from(
             best = minimum
         if best is None or (second_if_stuck and best.stuck):
             continue
-        if second_if_stuck or np.mean(best.residuals.z**2) < _EXPLAINED:
+        if second_if_stuck or np.mean(best.residuals.z**2) < _EXPLAINED_VARIANCE:
             break
     return best

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, lru_cache
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +30,14 @@ Floats = NDArray[np.float64]
 MOST_LAWS = 4  # made at once
 MOST_OF_CURVE = 3  # over one variable, each of another shape
 LOWEST, HIGHEST = 200.0, 0.4  # Hz, and share of the sample rate
-PADDED = 4  # zero padding: times as many frequencies as samples
-AROUND = 500.0  # Hz: width of the running median of the spectrum
-STANDS_OUT = 8.0  # times the median: least power of a line
-LARGEST = 5.0  # standard deviations: residuals are clipped, since transients would hide an oscillation
-APART = 50.0  # Hz: least distance of two lines
+ZERO_PADDING = 4  # times as many frequencies as samples
+MEDIAN_WIDTH = 500.0  # Hz: width of the running median of the spectrum
+LEAST_LINE_POWER = 8.0  # times the median: least power of a line
+CLIPPED_RESIDUAL = 5.0  # standard deviations: residuals are clipped, since transients would hide an oscillation
+LINE_DISTANCE = 50.0  # Hz: least distance of two lines
 MOST_LINES = 2
 GATES = (Variable.OPEN, Variable.CLOSED, Variable.OPENING, Variable.CLOSING)
-SWINGING = (TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, TermEquation.CHAMBER_PRESSURE)
+WAVE_EQUATIONS = (TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, TermEquation.CHAMBER_PRESSURE)
 """Equations that may hold an oscillating term; not outflows, since fuel would flow back half of the time."""
 
 
@@ -175,29 +176,34 @@ RINGING = Form(
 """Laws that ring after every opening."""
 
 
-@dataclass(frozen=True, eq=False)
-class FreeCurve:
-    """A curve in an equation over an axis, and a factor before it; scores: of its hats."""
+class Curve(NamedTuple):
+    """A curve in an equation over an axis, with a factor before it."""
 
     equation: TermEquation
     axis: Axis
     factor: str
+
+
+@dataclass(frozen=True, eq=False)
+class FreeCurve:
+    """A curve of any shape, and the scores of its hats."""
+
+    curve: Curve
     scores: Scores
 
     @property
     def knots(self) -> Floats:
         """Knots that the data determine (k,)."""
-        return np.array(self.axis.knots)[self.scores.numbers]
+        return np.array(self.curve.axis.knots)[self.scores.numbers]
 
 
-Score = Callable[[Sequence[Effect]], Scores]
-"""Scores of effects beside the model at hand."""
+Score = Callable[[Sequence[Effect]], Scores]  # of effects beside the model at hand
 
 
-def free_curves(curves: Sequence[tuple[TermEquation, Axis, str]], score: Score) -> list[FreeCurve]:
+def free_curves(curves: Sequence[Curve], score: Score) -> list[FreeCurve]:
     """Curves about a model, each hat linearised once."""
     parts = parts_of([axis.hats(equation, factor) for equation, axis, factor in curves], score)
-    return [FreeCurve(*curve, part) for curve, part in zip(curves, parts, strict=True) if part.numbers.size]
+    return [FreeCurve(curve, part) for curve, part in zip(curves, parts, strict=True) if part.numbers.size]
 
 
 def parts_of(groups: Sequence[Sequence[Effect]], score: Score) -> list[Scores]:
@@ -222,7 +228,7 @@ def made_to_measure(
 
 def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
     """The best form of every shape near a curve, with its gain."""
-    equation, axis, part, knots = curve.equation, curve.axis, curve.scores, curve.knots
+    (equation, axis, factor), part, knots = curve.curve, curve.scores, curve.knots
     laws_by_shape: dict[Shape, tuple[float, Effect]] = {}
     for form in axis.forms:
         tried = list(product(*form.numbers))
@@ -231,7 +237,7 @@ def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
         best = int(np.argmax(gains))
         law = form.over(axis)
         if form.shape not in laws_by_shape or gains[best] > laws_by_shape[form.shape][0]:
-            laws_by_shape[form.shape] = (float(gains[best]), term_effect(equation, curve.factor + law, tried[best]))
+            laws_by_shape[form.shape] = (float(gains[best]), term_effect(equation, factor + law, tried[best]))
     return sorted(laws_by_shape.values(), key=lambda item: -item[0])[:MOST_OF_CURVE]
 
 
@@ -250,7 +256,7 @@ def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Ef
     for frequency in frequencies:
         # a recording of length T resolves a frequency to 1/T
         numbers = FormNumber(frequency, frequency - 1.0 / longest, frequency + 1.0 / longest)
-        for equation in SWINGING:
+        for equation in WAVE_EQUATIONS:
             sine, cosine = (
                 term_effect(equation, "sin(6.283185307*A[Hz]*time + W)", (numbers, FormNumber(phase, -4.0, 4.0)))
                 for phase in (0.0, 0.5 * math.pi)
@@ -273,21 +279,22 @@ def lines(left: Sequence[NDArray[np.float64]], times: Sequence[NDArray[np.float6
 
     left: normalised residuals (n,) of each recording; times: theirs [s] (n,), whole numbers of intervals apart.
     """
-    size = 1 << math.ceil(math.log2(PADDED * max(one[-1] - one[0] for one in times) / interval))
+    size = 1 << math.ceil(math.log2(ZERO_PADDING * max(one[-1] - one[0] for one in times) / interval))
     power = np.zeros(size // 2 + 1)
     for values, when in zip(left, times, strict=True):
         grid = np.zeros(size)
-        grid[np.rint((when - when[0]) / interval).astype(np.int64)] = np.clip(values, -LARGEST, LARGEST)
+        samples = np.rint((when - when[0]) / interval).astype(np.int64)
+        grid[samples] = np.clip(values, -CLIPPED_RESIDUAL, CLIPPED_RESIDUAL)
         power += np.abs(np.fft.rfft(grid)) ** 2
     step = 1.0 / (size * interval)
     coarse = 8  # every 8th bin is enough for the median
-    background = np.repeat(median_filter(power[::coarse], max(3, round(AROUND / step / coarse))), coarse)
-    power = np.where(power > STANDS_OUT * background[: power.size], power, 0.0)
+    background = np.repeat(median_filter(power[::coarse], max(3, round(MEDIAN_WIDTH / step / coarse))), coarse)
+    power = np.where(power > LEAST_LINE_POWER * background[: power.size], power, 0.0)
     first, last = round(LOWEST / step), round(HIGHEST / (interval * step))
     power[:first] = power[last:] = 0.0
     frequencies: list[float] = []
     while len(frequencies) < MOST_LINES and power.any():
         top = int(np.argmax(power))
         frequencies.append(top * step)
-        power[max(0, top - round(APART / step)) : top + round(APART / step)] = 0.0
+        power[max(0, top - round(LINE_DISTANCE / step)) : top + round(LINE_DISTANCE / step)] = 0.0
     return frequencies

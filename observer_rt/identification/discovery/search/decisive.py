@@ -14,10 +14,7 @@ _BESIDE_SHUT_NEEDLE = {Component.SEAT, Component.LIFT_SENSOR, Component.CLOSED_E
 
 
 def decide_by(ids: Iterable[str], rate_measured: bool = False) -> tuple[Decisive, ...]:
-    """For every two of the effects, the measurement that would tell them apart.
-
-    rate_measured: the injection rate was measured already, and does not tell them apart.
-    """
+    """The measurement that would tell any two effects apart. rate_measured: one of the rate already does not."""
     pairs = combinations((VOCABULARY[name] for name in dict.fromkeys(ids)), 2)
     return _by_measurement((_measurement(*pair, rate_measured), (pair[0].id, pair[1].id)) for pair in pairs)
 

@@ -20,7 +20,7 @@ from observer_rt.identification.discovery.search.candidates import (
     equation_of,
     minimum_from,
 )
-from observer_rt.identification.discovery.search.scores import WHOLE, Scores, WeightedSlopes, bounds_of, scored
+from observer_rt.identification.discovery.search.scores import SWITCH_SIZE, Scores, WeightedSlopes, bounds_of, scored
 from observer_rt.identification.likelihood import appearance
 from observer_rt.identification.likelihood.bounded_fit import (
     MAX_ITERATIONS,
@@ -44,8 +44,8 @@ ROUGH_SHARE = 0.5  # of what the best single explains: those that leave more of 
 ALWAYS_REFINED = 4  # leaders
 LAW_ITERATIONS, FREED_ITERATIONS = 6, 8  # of a fit of laws, and with the numbers within them free
 MOST_NAMED = 3  # numbers within a law that has a name: a table has more
-SAME = 0.998  # cosine of two slopes of one equation, from which on they stand for one
-NEAR = 40.0  # of -2 log L beyond which a candidate takes nothing from the confidence in another
+SAME_COSINE = 0.998  # cosine of two slopes of one equation, from which on they stand for one
+NEAR_GAIN = 40.0  # of -2 log L beyond which a candidate takes nothing from the confidence in another
 
 KEPT_SAMPLES = 20_000_000  # judged ones that are kept, 160 MB of them, so that nothing is simulated twice
 LEAST_KEPT = 24  # judged models, however long recordings are
@@ -161,7 +161,7 @@ class Fitter:
 
         def slope_by(effect: Effect) -> WeightedSlopes | None:
             both, probed = about.hypothesis.with_effect(effect), list[tuple[float, WeightedSlopes]]()
-            for sizes in _probes(effect, both.ranges()[-1].step if effect.parameters else WHOLE):
+            for sizes in _probes(effect, both.ranges()[-1].step if effect.parameters else SWITCH_SIZE):
                 moved = self._problem(both)(np.append(about.theta, sizes[: len(effect.parameters)]))
                 if moved is not None:
                     slope = np.asarray(weights * (here.z - moved.z) / sizes[0], np.float32)
@@ -233,10 +233,9 @@ class Fitter:
     def fits_beside(
         self, about: Candidate, effects: Sequence[Effect], sizes: Sequence[float] | None = None
     ) -> list[Candidate]:
-        """A fit with each of the effects beside a candidate, the best first.
+        """A fit with each of the effects beside a candidate, the best first; only those near the best are refined.
 
-        sizes: of the effects' first parameters by their scores, further starts. Fits near the best are refined, the
-        others stay rough.
+        sizes: of the effects' first parameters by their scores, further starts.
         """
         tasks = []
         for number, effect in enumerate(effects):
@@ -248,7 +247,7 @@ class Fitter:
         rough = sorted(self._fitted_all(tasks, ROUGH_ITERATIONS), key=attrgetter("statistic"))
         if not rough:
             return []
-        limit = rough[0].statistic + max(NEAR, ROUGH_SHARE * (about.statistic - rough[0].statistic))
+        limit = rough[0].statistic + max(NEAR_GAIN, ROUGH_SHARE * (about.statistic - rough[0].statistic))
         most = max(ALWAYS_REFINED, sum(one.statistic <= limit for one in rough))
         refined = self._fitted_all([(one.hypothesis, [one.theta]) for one in rough[:most]], MAX_ITERATIONS)
         return sorted([*refined, *rough[most:]], key=attrgetter("price"))
@@ -288,13 +287,16 @@ def best_of_each(candidates: Sequence[Candidate], by: Callable[[Candidate], floa
 
 
 def _has_twins(hypothesis: Hypothesis, minimum: Minimum) -> bool:
-    """Whether two effects of one equation are one: with slopes alike, or a size at its bound."""
-    effects, theta = hypothesis.effects, minimum.theta
-    bounds = [(effect.parameters[0].lowest, effect.parameters[0].highest) for effect in effects]
-    for first, second in combinations(range(len(effects)), 2):
-        if equation_of(effects[first]) == equation_of(effects[second]):
+    """Whether two effects of one equation are one: with slopes of their first sizes alike, or one at its bound."""
+    ends = np.cumsum([len(effect.parameters) for effect in hypothesis.effects])
+    places = zip((int(end) for end in ends), hypothesis.effects, strict=True)
+    sized = [(end - len(effect.parameters), effect) for end, effect in places if effect.parameters]
+    for pair in combinations(sized, 2):
+        (first, effect), (second, other) = pair
+        if equation_of(effect) == equation_of(other):
             information = minimum.at.information
-            alike = SAME**2 * information[first, first] * information[second, second]
-            if information[first, second] ** 2 > alike or any(theta[i] in bounds[i] for i in (first, second)):
+            alike = SAME_COSINE**2 * information[first, first] * information[second, second]
+            at_bound = (minimum.theta[place] in bounds_of(one) for place, one in pair)
+            if information[first, second] ** 2 > alike or any(at_bound):
                 return True
     return False

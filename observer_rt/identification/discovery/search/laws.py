@@ -14,34 +14,26 @@ import numpy as np
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.learned_laws import LearnedLaw, leading
+from observer_rt.identification.discovery.search import curves
 from observer_rt.identification.discovery.search.adequacy import Adequacy
-from observer_rt.identification.discovery.search.candidates import UNNAMED, Candidate, Hypothesis, equation_of
-from observer_rt.identification.discovery.search.curves import (
-    CURVES,
-    Axis,
-    axis_of,
-    free_curves,
-    lines,
-    made_to_measure,
-    waves,
-)
-from observer_rt.identification.discovery.search.fits import SAME, Fitter
+from observer_rt.identification.discovery.search.candidates import LAW_ODDS, Candidate, Hypothesis, equation_of
+from observer_rt.identification.discovery.search.fits import SAME_COSINE, Fitter
 from observer_rt.identification.discovery.search.library import library, span_of
 from observer_rt.identification.discovery.search.scores import Scores, scored
 from observer_rt.identification.discovery.search.surfaces import products
-from observer_rt.identification.discovery.search.tables import NONE, tables, validated
+from observer_rt.identification.discovery.search.tables import NO_SYMMETRY, tables, validated
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import COMPONENTS, TermLaw, term_effect
 from observer_rt.model.terms.term import TermEquation
 from observer_rt.model.terms.variable import Variable
 
-MOST_TOGETHER = 3
-REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
+MOST_EFFECTS = 3  # of a candidate
+MOST_SINGLES, MOST_PAIRS = 5, 3  # of the best by score
 PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over the best single to be fitted
-SHORTLIST = 40  # of further laws that are linearised again
-SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
-OTHER_FORM = 5e-3  # share of what a name explains, which a curve beside it must gain: beside right names .001 at most
-TAILORED_FURTHER = 2  # most promising equations, in which laws of further terms are made to measure
+SHORTLIST_LENGTH = 40  # of further laws that are linearised again
+MOST_SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
+OTHER_FORM_SHARE = 5e-3  # of what a name explains, that a curve beside it must gain: beside right names .001 at most
+TAILORED_EQUATIONS = 2  # most promising equations, in which laws of further terms are made to measure
 _LOSSES = {TermEquation.LINE_FLOW, TermEquation.RAIL_PRESSURE}
 _ALIKE = (
     {TermEquation.LINE_FLOW, TermEquation.INERTANCE},
@@ -55,7 +47,7 @@ _ALIKE = (
     {TermEquation.STIFFNESS, TermEquation.INERTANCE},
 )
 """Equations of which some laws do the same to the line pressure, or nearly."""
-_EVERY = [(equation, *one) for equation, curves in CURVES.items() for one in curves]
+ALL_CURVES = [curves.Curve(equation, *one) for equation, over in curves.CURVES.items() for one in over]
 EQUATIONS = {NOZZLE: TermEquation.NOZZLE_FLOW, SEAT: TermEquation.SEAT_FLOW}
 VARIABLES = {
     "pressure_drop_MPa": Variable.SAC_PRESSURE,
@@ -99,7 +91,7 @@ class Laws:
     def _shortlist(self, about: Candidate, first: Scores) -> tuple[Effect, ...]:
         """Laws that promise most beside a candidate, by the slopes of the first pass."""
         again = scored(first.effects, first.numbers, first.slopes, self._fits.residuals(about))
-        promising = np.argsort(-again.validated)[: SHORTLIST + len(about.ids)]
+        promising = np.argsort(-again.validated)[: SHORTLIST_LENGTH + len(about.ids)]
         return tuple(first.effects[row] for row in promising)
 
     def fits_with(self, about: Candidate) -> list[Candidate]:
@@ -108,7 +100,7 @@ class Laws:
         fits = self._sharpened(self._added(about, scores, self._leaders(scores)))
         if fits and self._is_adequate(min(fits, key=attrgetter("price"))):
             return fits
-        if MOST_TOGETHER - len(about.ids) > 1:
+        if MOST_EFFECTS - len(about.ids) > 1:
             fits += self._sharpened(self._added(about, scores, self._pairs(scores)))
         return fits + (self._tailored(about, scores) if about.ids else self.made_alone)
 
@@ -122,7 +114,7 @@ class Laws:
 
     def _sharpened(self, fits: list[Candidate]) -> list[Candidate]:
         """The fits, and the best of them again with the numbers within their laws free."""
-        return fits + self._freed(sorted(fits, key=attrgetter("price"))[:SHARPENED])
+        return fits + self._freed(sorted(fits, key=attrgetter("price"))[:MOST_SHARPENED])
 
     def _freed(self, fits: Sequence[Candidate]) -> list[Candidate]:
         return [one for one in self._fits.map(self._fits.sharpened, fits) if one is not None]
@@ -130,13 +122,13 @@ class Laws:
     def _tailored(self, about: Candidate, scores: Scores) -> list[Candidate]:
         """Fits with an effect made for the residuals: a law, else a product, else a table."""
         score = partial(self._fits.scores, about)
-        curves = free_curves(_promising_curves(scores) if about.ids else _EVERY, score)
-        fits = self._fitted_beside(about, made_to_measure(curves, self._waves(about), score))
+        free = curves.free_curves(_promising_curves(scores) if about.ids else ALL_CURVES, score)
+        fits = self._fitted_beside(about, curves.made_to_measure(free, self._waves(about), score))
         is_pair_guessed = self._guess is not None and self._guess.is_surface
         if about.ids or (any(map(self._is_adequate, fits)) and not is_pair_guessed):
             return fits
         fits += self._products_alone
-        return fits if any(map(self._is_adequate, fits)) else fits + self._fitted_beside(about, tables(curves, score))
+        return fits if any(map(self._is_adequate, fits)) else fits + self._fitted_beside(about, tables(free, score))
 
     def _fitted_beside(self, about: Candidate, made: Sequence[Effect]) -> list[Candidate]:
         start = np.append(about.theta, 0.0)
@@ -146,8 +138,8 @@ class Laws:
         """Waves whose frequencies stand out of a candidate's residuals."""
         recordings = self._fits.likelihood.recordings
         left, times = [judged.z for judged in self._fits.judged(about)], [recorded.times for recorded in recordings]
-        frequencies = lines(left, times, recordings[0].measurement.interval)
-        return waves(frequencies, max(float(one[-1] - one[0]) for one in times))
+        frequencies = curves.lines(left, times, recordings[0].measurement.interval)
+        return curves.waves(frequencies, max(float(one[-1] - one[0]) for one in times))
 
     @cached_property
     def made_alone(self) -> list[Candidate]:
@@ -161,13 +153,10 @@ class Laws:
         return self._fitted_beside(self._nothing, products(partial(self._fits.scores, self._nothing), guessed))
 
     def stand_ins(self, best: Candidate) -> list[Candidate]:
-        """Laws that may be right instead of a single effect, alone, as far as they explain half of it.
-
-        Instead of a law, products that explain more by the odds against a law, too.
-        """
+        """Laws that alone explain half of what a single effect does; instead of a law, much better products, too."""
         law, pairs = best.hypothesis.effects[0].apply, list[Candidate]()
         if isinstance(law, TermLaw):
-            pairs = [pair for pair in self._products_alone if pair.price < best.price - UNNAMED]
+            pairs = [pair for pair in self._products_alone if pair.price < best.price - LAW_ODDS]
             made = self._instead_of_law(law)
         else:
             made = self._made_over(self._unlike(best))
@@ -178,26 +167,25 @@ class Laws:
 
     def _instead_of_law(self, law: TermLaw) -> list[Effect]:
         """Laws over its variable in other equations, and its form where the line pressure hardly tells it apart."""
-        axis = axis_of(law.law)
-        over = [curve for curve in _EVERY if curve[1] is axis and curve[0] is not law.equation]
+        axis = curves.axis_of(law.law)
+        over = [curve for curve in ALL_CURVES if curve.axis is axis and curve.equation is not law.equation]
         alike = [other for other in TermEquation if {law.equation, other} in _ALIKE]
         if self._fits.nominal.injector.line.model == "lump":  # what is lost along it is lost at its inlet
             alike = [other for other in alike if {law.equation, other} != _LOSSES]
         return [*self._made_over(over), *(term_effect(other, law.form, law.numbers) for other in alike)]
 
-    def _made_over(self, curves: list[tuple[TermEquation, Axis, str]]) -> list[Effect]:
+    def _made_over(self, chosen: Sequence[curves.Curve]) -> list[Effect]:
         """Laws made to measure over some curves."""
         score = partial(self._fits.scores, self._nothing)
-        return [*made_to_measure(free_curves(curves, score), (), score)] if curves else []
+        return curves.made_to_measure(curves.free_curves(chosen, score), (), score) if chosen else []
 
-    def _unlike(self, name: Candidate) -> list[tuple[TermEquation, Axis, str]]:
+    def _unlike(self, name: Candidate) -> list[curves.Curve]:
         """Curves at a name's place that gain a law's price beside it; beside a right name no form gains that much."""
-        own = [one for one in _EVERY if COMPONENTS[one[0]] is name.hypothesis.effects[0].component]
+        own = [one for one in ALL_CURVES if COMPONENTS[one.equation] is name.hypothesis.effects[0].component]
         explained = self._nothing.statistic - name.statistic
-        least = max(UNNAMED * name.spread, min(OTHER_FORM, self._is_adequate.remainder) * explained)
-        curves = free_curves(own, partial(self._fits.scores, name)) if own else []
-        more = (one for one in curves if validated(one, NONE, range(one.knots.size)) > least)
-        return [(one.equation, one.axis, one.factor) for one in more]
+        least = max(LAW_ODDS * name.spread, min(OTHER_FORM_SHARE, self._is_adequate.remainder) * explained)
+        free = curves.free_curves(own, partial(self._fits.scores, name)) if own else []
+        return [one.curve for one in free if validated(one, NO_SYMMETRY, range(one.knots.size)) > least]
 
     def _leaders(self, scores: Scores) -> list[tuple[int, ...]]:
         """Rows of the best single laws, a guessed one first; of laws of one equation that are alike only the best."""
@@ -205,11 +193,11 @@ class Laws:
         ranked = [row for row in np.argsort(-scores.validated).tolist() if scores.validated[row] > 0.0]
         guessed = [row for row in ranked if is_guessed(scores.effects[row], self._guess)]
         for row in (*guessed[:1], *ranked):
-            if len(leaders) == REFITTED:
+            if len(leaders) == MOST_SINGLES:
                 break
             if not any(
                 equation_of(scores.effects[row]) == equation_of(scores.effects[other])
-                and scores.cosine(row, other) > SAME
+                and scores.cosine(row, other) > SAME_COSINE
                 for (other,) in leaders
             ):
                 leaders.append((row,))
@@ -222,17 +210,17 @@ class Laws:
         worth = [
             (float(scores.gradient[[*pair]] @ scores.sizes(pair)), pair)
             for pair in combinations(np.argsort(-scores.gains).tolist(), 2)
-            if len({equations[row] for row in pair}) == 1 and scores.cosine(*pair) < SAME
+            if len({equations[row] for row in pair}) == 1 and scores.cosine(*pair) < SAME_COSINE
         ]
         worth.sort(reverse=True)
-        return [rows for gain, rows in worth[:REFITTED_PAIRS] if gain > limit]
+        return [rows for gain, rows in worth[:MOST_PAIRS] if gain > limit]
 
 
-def _promising_curves(scores: Scores) -> list[tuple[TermEquation, Axis, str]]:
+def _promising_curves(scores: Scores) -> list[curves.Curve]:
     """Curves in the equations whose laws promise most."""
     ranked = dict.fromkeys(equation_of(scores.effects[row]) for row in np.argsort(-scores.validated))
-    equations = [one for one in ranked if one in set(TermEquation)][:TAILORED_FURTHER]
-    return [curve for curve in _EVERY if curve[0] in equations]
+    equations = [one for one in ranked if one in set(TermEquation)][:TAILORED_EQUATIONS]
+    return [curve for curve in ALL_CURVES if curve.equation in equations]
 
 
 def is_guessed(effect: Effect, guess: Guess) -> bool:

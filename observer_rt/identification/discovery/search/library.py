@@ -19,8 +19,9 @@ from observer_rt.model.term_effect import LAWS_OF_EFFECTS, term_effect
 from observer_rt.model.terms.form import FormNumber
 from observer_rt.model.terms.term import TermEquation
 
-WITHIN = 4.0  # times what it is scored with, that a number within a law may become
-MEANS, MOVED = 1e-3, 8.0  # s of means, and range of these in standard deviations, from which on a rail moves
+NUMBER_RANGE = 4.0  # times what it is scored with, that a number within a law may become
+MEAN_TIME = 1e-3  # s, over which the rail pressure is averaged
+MOVED_SIGMAS = 8.0  # standard deviations, by which such means differ in an event where the rail moves
 MOST_BREAKS = 5  # injections after each of which something may be new
 
 _SHORT = {  # T and N: time and injection number, from 0 to 1 over the recordings
@@ -34,7 +35,7 @@ _SHORT = {  # T and N: time and injection number, from 0 to 1 over the recording
     "S": "((line_pressure - sac_pressure)/10)",
     "D": "((line_pressure - chamber_pressure)/100)",
 }
-SHAPED: Mapping[str, tuple[float, ...]] = {
+LAW_NUMBERS: Mapping[str, tuple[float, ...]] = {
     "ringing(line_pressure/1, A, W)": (5.0, 6.2, 7.6, 9.4),
     "X - lagged(X, A)": (0.02, 0.05, 0.1, 0.2),
     "lagged(X, A)*closed": (0.2, 0.6),
@@ -60,8 +61,7 @@ SHAPED: Mapping[str, tuple[float, ...]] = {
     "Q*abs(Q)*exp(-U/A)": (1.0,),
 }
 """Laws with a number A of their own, fitted, too, where they lead, and what it is where it is scored."""
-DAMPING = FormNumber(0.15, 0.02, 0.6)
-"""The number W of a law that rings."""
+DAMPING = FormNumber(0.15, 0.02, 0.6)  # the number W of a law that rings
 _OF_SEAT = (
     "X", "X^2", "exp(-X/A)", "max(X - A, 0)", "X > 0.93",
     "V", "abs(V)", "opening", "closing", "U", "exp(-U/A)", "T", "N", "B", "R", "X - lagged(X, A)",
@@ -133,7 +133,7 @@ def library(span: RecordingSpan) -> Iterator[Effect]:
 def numbers_of(law: str) -> list[tuple[FormNumber, ...]]:
     """The numbers within a law of the library, where it is scored."""
     further = (DAMPING,) if "W" in law else ()
-    shaped = (FormNumber(value, value / WITHIN, value * WITHIN) for value in SHAPED.get(law, ()))
+    shaped = (FormNumber(value, value / NUMBER_RANGE, value * NUMBER_RANGE) for value in LAW_NUMBERS.get(law, ()))
     return [(value, *further) for value in shaped] or [()]
 
 
@@ -160,8 +160,8 @@ def span_of(likelihood: JointLikelihood) -> RecordingSpan:
 
 def _rail_moves(measurement: Measurement) -> bool:
     """Whether means of the rail pressure differ within an injection by more than its noise lets them."""
-    block = max(1, round(MEANS / measurement.interval))
-    limit = MOVED * measurement.noise.rail_pressure / math.sqrt(block)
+    block = max(1, round(MEAN_TIME / measurement.interval))
+    limit = MOVED_SIGMAS * measurement.noise.rail_pressure / math.sqrt(block)
     for event in measurement.events:
         values = measurement.recording.rail_pressure[event.start : event.end]
         means = values[: values.size - values.size % block].reshape(-1, block).mean(axis=1)

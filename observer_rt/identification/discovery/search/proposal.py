@@ -163,10 +163,7 @@ class Proposal:
 
     @property
     def objection(self) -> Refusal | None:
-        """Objection to the terms, however much they explain.
-
-        Terms in several equations may have no numbers of their own within the laws: they would fit anything.
-        """
+        """Objection to the terms, however much they explain: many, or with free numbers, they would fit anything."""
         effects = self.candidate.hypothesis.effects
         laws = [effect.apply for effect in effects if isinstance(effect.apply, TermLaw)]
         if not self.candidate.within_bounds:

@@ -49,10 +49,7 @@ _MORE = "record more rail pressures and durations, or the injection rate as well
 def proposals_of(
     laws: Sequence[Candidate], fitter: Fitter, outcome: SearchOutcome, healthy: Healthy, held_out: HeldOutPoints
 ) -> tuple[Proposal, ...]:
-    """Proposals of laws that a search found.
-
-    If the first one has too many laws and yet is inadequate, the best of its laws alone is a further proposal.
-    """
+    """Proposals of laws that a search found; where the first has too many laws, the best of them alone, too."""
     if not laws:
         return ()
     nominal, adequate = fitter.nominal, Adequacy(fitter, healthy)
@@ -71,9 +68,8 @@ def proposals_of(
 
     made = [proposal(one) for one in laws]
     if not made[0].adequate and made[0].objection in (TOO_MANY, TOO_FREE):
-        first = made[0].candidate
-        pairs = zip(first.hypothesis.effects, first.sizes, strict=True)
-        alone = [(Hypothesis((effect,)), np.array([size])) for effect, size in pairs if is_term(effect)]
+        parts = made[0].candidate.parts
+        alone = [(Hypothesis((effect,)), sizes) for effect, sizes, _ in parts if is_term(effect)]
         made += [proposal(one) for one in sorted(fitter.laws(alone), key=attrgetter("price"))[:1]]
     numbered = [replace(one, number=number) for number, one in enumerate(made, start=1)]
     return with_parts(numbered, measured, nominal)

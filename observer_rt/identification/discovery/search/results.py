@@ -22,8 +22,8 @@ from observer_rt.model.effect import Equation, Likeness
 # of standard deviations by a steady gain: errors on independent plants are that much larger
 INTERVAL_MARGIN = 1.08
 TEMPER = 2.0  # divides -2 log L, for no model knows noise and line exactly: 12 behind are odds of 1 to 20
-HIGHEST = 0.96  # probability of all candidates together: of 43 that stood alone 3 were wrong
-SURE = 0.95  # probability from which on a name is an answer, and that the explanations left together hold
+HIGHEST_PROBABILITY = 0.96  # probability of all candidates together: of 43 that stood alone 3 were wrong
+SURE_PROBABILITY = 0.95  # probability from which on a name is an answer, and that the explanations left together hold
 
 
 class Verdict(StrEnum):
@@ -139,10 +139,10 @@ class SearchOutcome:
 
     @property
     def left(self) -> tuple[Candidate, ...]:
-        """The fewest explanations whose probabilities sum up to SURE, the most probable first."""
+        """The fewest explanations whose probabilities sum up to SURE_PROBABILITY, the most probable first."""
         candidates, sum_of = list[Candidate](), 0.0
         for candidate, probability in self.posterior:
-            if sum_of >= SURE * HIGHEST:
+            if sum_of >= SURE_PROBABILITY * HIGHEST_PROBABILITY:
                 break
             candidates.append(candidate)
             sum_of += probability
@@ -156,7 +156,7 @@ class SearchOutcome:
 def probabilities(behind: Sequence[float]) -> list[float]:
     """Probabilities of explanations that are behind the best by these amounts of -2 log L, prices included."""
     weights = [math.exp(min(0.0, -distance / (2.0 * TEMPER))) for distance in behind]
-    return [HIGHEST * weight / sum(weights) for weight in weights]
+    return [HIGHEST_PROBABILITY * weight / sum(weights) for weight in weights]
 
 
 @dataclass(frozen=True)
@@ -188,6 +188,11 @@ class Discovery:
     noise: Inside[NoiseLevels]
     smallest_visible: tuple[SmallestVisible, ...] = ()  # of every effect that has a size
     accepted: Annotated[int, key("accepted_proposal")] = 0  # the amended model has; 0: none
+
+    @property
+    def noise_ratio(self) -> float:
+        """How many times the noise the model as given leaves in its worst cell."""
+        return math.sqrt(max(cell.variance for cell in self.before))
 
     @property
     def proposals(self) -> tuple[Proposal, ...]:

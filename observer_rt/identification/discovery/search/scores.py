@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
 
-WHOLE = 1.0  # size of a switch
+SWITCH_SIZE = 1.0  # size of a switch
 WeightedSlopes = NDArray[np.float32]
 """Change of residuals by a size, in proportion to it, times the roots of their weights."""
 
@@ -75,7 +75,7 @@ class Scores:
 
 def bounds_of(effect: Effect) -> tuple[float, float]:
     """Bounds of an effect's first parameter; of a switch, 0 and 1."""
-    return (effect.parameters[0].lowest, effect.parameters[0].highest) if effect.parameters else (0.0, WHOLE)
+    return (effect.parameters[0].lowest, effect.parameters[0].highest) if effect.parameters else (0.0, SWITCH_SIZE)
 
 
 def scored(effects: Sequence[Effect], numbers: NDArray[np.int64], slopes: WeightedSlopes, here: Residuals) -> Scores:

@@ -14,23 +14,23 @@ import numpy as np
 
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.identification.discovery.search.adequacy import Adequacy
-from observer_rt.identification.discovery.search.candidates import UNNAMED, Candidate, Hypothesis
-from observer_rt.identification.discovery.search.fits import MOST_NAMED, NEAR, Fitter
+from observer_rt.identification.discovery.search.candidates import LAW_ODDS, Candidate, Hypothesis
+from observer_rt.identification.discovery.search.fits import MOST_NAMED, NEAR_GAIN, Fitter
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
-from observer_rt.identification.discovery.search.laws import MOST_TOGETHER, Guess, Laws
+from observer_rt.identification.discovery.search.laws import MOST_EFFECTS, Guess, Laws
 from observer_rt.identification.discovery.search.results import SearchOutcome, probabilities
 from observer_rt.identification.likelihood.appearance import least_gain
 from observer_rt.model.effect import Component, Effect, Likeness
 from observer_rt.model.effects import VOCABULARY, seen_in
 from observer_rt.model.effects.needle import BESIDE
 
-STARTS = 3  # candidates gone on from at once
-NAMES = 6  # refitted beside a candidate, of the best by score
+MOST_BASES = 3  # candidates to which effects are added at once
+REFITTED_NAMES = 6  # refitted beside a candidate, of the best by score
 WORTH_FITTING = 10.0  # gain by score from which on a further name is refitted
-PROMISED = 0.5  # of a gain that is needed: a score is linear, and not exact
-MOST_OF_IT = 0.5  # of what a name leaves, that a law must take to stand in its place beside a fitted model
-LED = 0.5  # of what the best explains, that a candidate must explain to be gone on from
-TIE = 16.0  # of -2 log L, within which fits explain as much
+PROMISED_SHARE = 0.5  # of a gain that is needed: a score is linear, and not exact
+LAW_CHARGE = 0.5  # of what a name leaves, that a law must take to stand in its place beside a fitted model
+BASE_SHARE = 0.5  # of what the best explains, that a candidate must explain for effects to be added to it
+TIED_GAIN = 16.0  # of -2 log L, within which fits explain as much
 # Of what is explained, that an effect must add; beside a fitted model.
 RELATIVE_GAIN, FITTED_GAIN = 1e-3, 0.02
 # Of what is left unexplained, that a further law must gain; that it keeps.
@@ -67,7 +67,7 @@ class Search:
         self.held_out = HeldOutPoints(fitter.likelihood, fitter.nominal)
 
     def run(self) -> SearchOutcome:
-        """See `SearchOutcome`."""
+        """Search for what explains the recordings: one name, then several effects or laws, then one law instead."""
         names = self._fitter.fits_beside(self._nothing, self._names)
         self._tried += names
         best = self._better(names, self._nothing) or self._nothing
@@ -94,10 +94,9 @@ class Search:
         return self._outcome(best, adequate)
 
     def _other_needles(self, best: Candidate) -> Iterator[Candidate]:
-        """What explains the recordings, too, where a needle whose lift was not recorded is at fault, or is not.
+        """Candidates as good by which a needle whose lift was not recorded is at fault instead, or is not.
 
-        Strokes are straight in the model: what the best gains beyond such a candidate may be the shape of a true
-        stroke, and does not count.
+        What the best gains beyond them does not count: true strokes are not as straight as those of the model.
         """
         for effect in best.hypothesis.effects:
             others = tuple(kept for kept in best.hypothesis.effects if kept is not effect)
@@ -120,16 +119,16 @@ class Search:
         names = [one for one in self._tried if len(one.ids) == 1 and not one.terms and one.plausible]
         left = [self._unexplained(one) for one in names if self._is_adequate(one)]
         if self._baseline.appears and left:
-            charge = MOST_OF_IT * min(left)
+            charge = LAW_CHARGE * min(left)
             self._tried = [replace(one, own_error=charge) if one.terms else one for one in self._tried]
 
     def _grown(self, best: Candidate) -> Candidate:
         """The best there is, from the best name alone, or nothing."""
-        if not self._is_adequate(best) or self._laws.promise(best) > UNNAMED * best.spread:
+        if not self._is_adequate(best) or self._laws.promise(best) > LAW_ODDS * best.spread:
             laws = self._laws.fits_with(self._nothing)
             best = min(best, self._better(laws, self._nothing) or best, key=self._rank)
             self._tried += laws
-        about, done = self._firsts(best), set[tuple[str, ...]]()
+        about, done = self._first_bases(best), set[tuple[str, ...]]()
         while about:
             grown = list[Candidate]()
             for base in about:
@@ -137,16 +136,16 @@ class Search:
                 for fits in self._larger_fits(base, best):
                     self._tried += fits
                     best = min(best, self._better(fits, base) or best, key=self._rank)
-                    grown += self._gone_on_from(fits, base)
-            left = [one for one in grown if one.ids not in done and len(one.ids) < MOST_TOGETHER]
+                    grown += self._next_bases(fits, base)
+            left = [one for one in grown if one.ids not in done and len(one.ids) < MOST_EFFECTS]
             ranked = sorted({one.ids: one for one in left}.values(), key=self._rank)
-            about = ranked[:STARTS]
+            about = ranked[:MOST_BASES]
             if all(one.terms for one in about):  # laws are free to stand for several names
                 about += [one for one in ranked if not one.terms][:1]
         return best
 
-    def _gone_on_from(self, fits: Sequence[Candidate], about: Candidate) -> list[Candidate]:
-        """The best fit where it gains something, and what it has more, by itself: the first may stand in for two."""
+    def _next_bases(self, fits: Sequence[Candidate], about: Candidate) -> list[Candidate]:
+        """Candidates to add effects to: the best fit if it gains something, and its effects as fitted alone."""
         best = self._without_idle(self._simplest(fits)) if fits else about
         if best.statistic >= about.statistic - self._threshold(about):
             return []
@@ -156,17 +155,17 @@ class Search:
     def _rank(self, candidate: Candidate) -> tuple[bool, float]:
         return not self._is_adequate(candidate), candidate.price
 
-    def _firsts(self, best: Candidate) -> list[Candidate]:
-        """First effects to go on from: the best, and where it does not explain all, or only by a law, others.
+    def _first_bases(self, best: Candidate) -> list[Candidate]:
+        """Effects to add to first: the best, and where it does not explain all, or only by a law, others.
 
         Each shares no equation with those before, and explains a good part of what the best does.
         """
         firsts = [best] if best.ids else []
         if self._is_adequate(best) and not best.terms:
             return firsts
-        least = self._nothing.statistic - LED * (self._nothing.statistic - best.statistic)
+        least = self._nothing.statistic - BASE_SHARE * (self._nothing.statistic - best.statistic)
         for fit in sorted(self._tried, key=attrgetter("price")):
-            if len(firsts) == STARTS or (best.ids and fit.statistic > least):
+            if len(firsts) == MOST_BASES or (best.ids and fit.statistic > least):
                 break
             if fit.ids and not any(fit.hypothesis.equations & other.hypothesis.equations for other in firsts):
                 firsts.append(self._without_idle(fit))
@@ -177,16 +176,16 @@ class Search:
 
         Only such as may come up to the best: about a candidate far behind it nothing is fitted, whatever it gains.
         """
-        arrears = PROMISED * (about.price - best.price - NEAR)
+        arrears = PROMISED_SHARE * (about.price - best.price - NEAR_GAIN)
         names = [one for one in self._names if one not in about.hypothesis.effects]
         scores, least = self._fitter.scores(about, names), max(WORTH_FITTING, arrears)
-        rows = [row for row in np.argsort(-scores.gains).tolist() if scores.gains[row] > least][:NAMES]
+        rows = [row for row in np.argsort(-scores.gains).tolist() if scores.gains[row] > least][:REFITTED_NAMES]
         sizes = [float(scores.sizes((row,))[0]) for row in rows]
         fits = self._fitter.fits_beside(about, [scores.effects[row] for row in rows], sizes)
         yield fits
         if any(map(self._is_adequate, fits[:1])) or (self._is_adequate(best) and best is not about):
             return
-        price = UNNAMED * about.spread if self._is_adequate(about) else -math.inf
+        price = LAW_ODDS * about.spread if self._is_adequate(about) else -math.inf
         if self._laws.promise(about) > max(arrears, price):
             yield self._laws.fits_with(about)
 
@@ -204,7 +203,7 @@ class Search:
                 return candidate
             if len(candidate.ids) == 1 and candidate.is_too_small:
                 # too small to matter, and yet it explains better than what would follow
-                limit = min(limit, candidate.statistic + TIE)
+                limit = min(limit, candidate.statistic + TIED_GAIN)
         return None
 
     def _pays(self, candidate: Candidate, smaller: Candidate) -> bool:
@@ -227,7 +226,7 @@ class Search:
         explained = self._nothing.statistic - candidate.statistic
         least = self._threshold(over)
         if candidate.terms:
-            return max(least, self._own(candidate), share * self._unexplained(over))
+            return max(least, self._own_error(candidate), share * self._unexplained(over))
         if not over.ids:
             return least
         return max(least, (FITTED_GAIN if self._baseline.appears else RELATIVE_GAIN) * explained)
@@ -237,7 +236,7 @@ class Search:
         samples = sum(int(one.phases.size + one.rate_phases.size) for one in self._fitter.likelihood.recordings)
         return (candidate.spread - 1.0) * samples
 
-    def _own(self, candidate: Candidate) -> float:
+    def _own_error(self, candidate: Candidate) -> float:
         """Share of a candidate's gain that may be the model's own error."""
         return self._is_adequate.remainder * (self._nothing.statistic - candidate.statistic)
 
@@ -258,12 +257,9 @@ class Search:
         return self._least_gain * candidate.spread
 
     def _simplest(self, fits: Sequence[Candidate]) -> Candidate:
-        """The best fit, or one of fewer effects and equations, or with a name, that leaves but the model's own error.
-
-        One that leaves nothing but noise comes before all that do not.
-        """
+        """The best fit, or one that explains as much by fewer effects, equations or numbers, adequate ones first."""
         best = min(fits, key=attrgetter("price"))
-        limit = best.price + max(self._own(best), TIE * best.spread)
+        limit = best.price + max(self._own_error(best), TIED_GAIN * best.spread)
         tied = sorted(
             (one for one in fits if one.price <= limit),
             key=lambda one: (
@@ -291,7 +287,7 @@ class Search:
         if best.terms:
             winner = next((one for one, _ in posterior if not one.terms), self._nothing)
         ratio = self._is_adequate.ratio(winner)
-        rivals = [one for one in self._alternatives(best) if one.statistic < best.statistic + TIE * best.spread]
+        rivals = [one for one in self._alternatives(best) if one.statistic < best.statistic + TIED_GAIN * best.spread]
         return SearchOutcome(
             self._nothing,
             winner,
@@ -305,10 +301,10 @@ class Search:
     def _alternatives(self, best: Candidate) -> list[Candidate]:
         """Explanations of no more effects that might be right instead, one by laws of each equation."""
         accepted = 0.0 if best.ids else self._threshold(best)
-        limit = best.price + NEAR + accepted
+        limit = best.price + NEAR_GAIN + accepted
         small = (one.statistic for one in self._tried if len(one.ids) == 1 and one.is_too_small)
         # single effects must come up to one that is too small to matter, where it explains better
-        most = math.inf if best.ids else min(small, default=math.inf) + TIE
+        most = math.inf if best.ids else min(small, default=math.inf) + TIED_GAIN
         once: dict[frozenset[str], Candidate] = {_class_of(best): best}
         for fit in sorted(self._tried, key=attrgetter("price")):
             explains = fit.price < limit and fit.statistic < most

@@ -14,9 +14,9 @@ from observer_rt.model.terms.form import LETTERS, FormNumber
 MOST_TABLES = 2  # made at once
 LEAST_KNOTS, MOST_KNOTS = 5, 12
 LEAST_PARTS = 4  # of the data, from which on one can be left out
-RIDGE = 1e-3  # of its information, that holds a knot that little depends on
+RIDGE_SHARE = 1e-3  # of its information, that holds a knot that little depends on
 MOST_TURNS = 0.7  # of the inner knots: a curve with more turns only joins the operating points
-LARGEST = 2.0  # times its first largest value, that a table may have elsewhere
+LARGEST_RATIO = 2.0  # times its first largest value, that a table may have elsewhere
 
 
 @dataclass(frozen=True)
@@ -29,19 +29,19 @@ class Symmetry:
     most: int = MOST_KNOTS  # knots
 
 
-NONE = Symmetry("table({u}, {pairs})", 0.0, -np.inf)
-EVEN = Symmetry("table(abs({u}), {pairs})", 1.0, 0.0)
+NO_SYMMETRY = Symmetry("table({u}, {pairs})", 0.0, -np.inf)
+EVEN_SYMMETRY = Symmetry("table(abs({u}), {pairs})", 1.0, 0.0)
 # Its knots stand twice in the law, which may not be longer.
-ODD = Symmetry(
+ODD_SYMMETRY = Symmetry(
     "(table(max({u}, 0), 0, 0, {pairs}) - table(max(-({u}), 0), 0, 0, {pairs}))", -1.0, 1e-9, MOST_KNOTS // 2
 )
 
 
 def tables(curves: Sequence[FreeCurve], score: Score) -> list[Effect]:
     """Tables near the curves that would gain most, but none over time, which could imitate any law."""
-    usable = (one for one in curves if one.axis is not SINCE)
+    usable = (one for one in curves if one.curve.axis is not SINCE)
     coarse = sorted(usable, key=_gain, reverse=True)[:MOST_TABLES]
-    finer = [(one.equation, _with_midpoints(one.axis), one.factor) for one in coarse]
+    finer = [one.curve._replace(axis=_with_midpoints(one.curve.axis)) for one in coarse]
     made = map(_simplest, free_curves(finer, score))
     return [one for one in made if one is not None]
 
@@ -55,25 +55,22 @@ def _with_midpoints(axis: Axis) -> Axis:
 def _gain(curve: FreeCurve) -> float:
     """Gain of a curve (-2 log L), its values within the bounds of its equation."""
     information, gradient = curve.scores.information, curve.scores.gradient
-    values = np.clip(_values(information, gradient), *curve.equation.bounds)
+    values = np.clip(_values(information, gradient), *curve.curve.equation.bounds)
     return float(2.0 * values @ gradient - values @ information @ values)
 
 
 def _values(information: Floats, gradient: Floats) -> Floats:
-    held = information + RIDGE * np.diag(np.diag(information))
+    held = information + RIDGE_SHARE * np.diag(np.diag(information))
     return np.asarray(np.linalg.lstsq(held, gradient, rcond=1e-12)[0])
 
 
 def _simplest(curve: FreeCurve) -> Effect | None:
-    """The table with the symmetry and knots that explain held-out residuals best, each knot at a price.
-
-    None if every table turns at too many knots.
-    """
+    """The table that explains held-out residuals best, each knot at a price; None if all turn at too many knots."""
     knots = curve.knots
     # the larger the residuals of the whole curve, the more a knot must gain
     price = PRICE * max(1.0, (curve.scores.left - _gain(curve)) / len(curve.scores.slopes))
     choices: list[tuple[float, Symmetry, list[int]]] = []
-    for symmetry in (NONE, EVEN, ODD) if (knots < 0.0).any() else (NONE,):
+    for symmetry in (NO_SYMMETRY, EVEN_SYMMETRY, ODD_SYMMETRY) if (knots < 0.0).any() else (NO_SYMMETRY,):
         kept = [number for number, knot in enumerate(knots.tolist()) if knot >= symmetry.first]
         while len(kept) >= min(LEAST_KNOTS, knots.size):
             if len(kept) <= symmetry.most and _is_smooth(_best_values(curve, symmetry, kept)):
@@ -103,9 +100,9 @@ def _best_values(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> F
 def _shapes(knots: Floats, symmetry: Symmetry, kept: Sequence[int]) -> Floats:
     """Values (k, m) at all knots of the curves that are 1 at one of the kept knots and 0 at the others."""
     places, values = knots[list(kept)], np.eye(len(kept))
-    if symmetry is ODD:
+    if symmetry is ODD_SYMMETRY:
         places, values = np.append(0.0, places), np.vstack((np.zeros(len(kept)), values))
-    if symmetry is not NONE:
+    if symmetry is not NO_SYMMETRY:
         places = np.concatenate((-places[::-1], places + 1e-12))
         values = np.vstack((symmetry.sign * values[::-1], values))
     return np.column_stack([np.interp(knots, places, one) for one in values.T])
@@ -141,7 +138,8 @@ def _table(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Effect:
         if number == largest:
             pairs.append(f"{knot:g}, 1")
             continue
-        numbers.append(FormNumber(round(float(values[number] / values[largest]), 4), -LARGEST, LARGEST))
+        numbers.append(FormNumber(round(float(values[number] / values[largest]), 4), -LARGEST_RATIO, LARGEST_RATIO))
         pairs.append(f"{knot:g}, {next(letters)}")
-    law = symmetry.form.format(u=curve.axis.over, pairs=", ".join(pairs))
-    return term_effect(curve.equation, curve.factor + law, tuple(numbers))
+    equation, axis, factor = curve.curve
+    law = symmetry.form.format(u=axis.over, pairs=", ".join(pairs))
+    return term_effect(equation, factor + law, tuple(numbers))

@@ -19,7 +19,7 @@ from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.laws import Guess
 from observer_rt.identification.discovery.search.proposals import proposals_of
 from observer_rt.identification.discovery.search.results import (
-    HIGHEST,
+    HIGHEST_PROBABILITY,
     INTERVAL_MARGIN,
     TEMPER,
     Cell,
@@ -41,7 +41,7 @@ from observer_rt.identification.likelihood.signals import Signal, pool_of
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 
-RANKED, MOST_PROPOSED = 10, 4  # candidates and laws listed
+MOST_RANKED, MOST_PROPOSED = 10, 4  # candidates and laws listed
 MASS_APART = 0.3 * MILLIGRAM  # kg of an injection, from which on laws that explain as much leave it open
 MODEL_SHARE = 0.01
 """Standard deviation of a size, as a share: a fitted model answers to an effect no more exactly than to an injection.
@@ -49,7 +49,7 @@ Found on seven plants of other equations than the model's, each with a discrepan
 METHOD = (
     f"share of exp(-X/(2 T)) among all explanations tried that are adequate, X = -2 log L + 10 a number fitted + 50 "
     f"for a law without a name + 50 for every effect after the first, T = {TEMPER} for what no model knows of noise "
-    f"and line; at most {HIGHEST}"
+    f"and line; at most {HIGHEST_PROBABILITY}"
 )
 WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
 
@@ -111,10 +111,7 @@ def healthy_baseline(
     remembered: Healthy = NOT_FITTED,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[Healthy, Discovery]:
-    """What healthy recordings leave unexplained, and the discovery on them: `none` for an adequate model.
-
-    remembered: the healthy injector by the model's own fit. Raises `RunError` as `name_effects`.
-    """
+    """The healthy injector by recordings and `remembered`, and discovery on them. Errors as of `name_effects`."""
     likelihood = joint_likelihood(recordings, nominal, remembered.shape)
     judged = likelihood.judge(nominal)
     if judged is None:
@@ -162,7 +159,7 @@ class _Verdict:
         else:
             sure = sum(laws) if verdict is Verdict.UNKNOWN else laws[0]
         if not outcome.posterior:
-            sure = HIGHEST * (1.0 - 0.5 / outcome.ratio)
+            sure = HIGHEST_PROBABILITY * (1.0 - 0.5 / outcome.ratio)
         return sure if self._baseline.adequate else min(sure, WITH_A_WRONG_MODEL)
 
     def discovery(self) -> Discovery:
@@ -233,11 +230,7 @@ class _Verdict:
         return min(one.statistic for one in smaller) - self._outcome.winner.statistic
 
     def _with_intervals(self, candidate: Candidate) -> Candidate:
-        """A candidate with the intervals of its sizes.
-
-        They rest on the information at the minimum, on the scatter of an effect's apparent size on the healthy
-        injector, and on how exact a fitted model is.
-        """
+        """A candidate with intervals of its sizes, by noise, the healthy injector's scatter and a fit's exactness."""
         variances = (INTERVAL_MARGIN * self._fitter.sigmas(candidate)) ** 2
         if self._baseline.appears:
             variances += (MODEL_SHARE * candidate.theta) ** 2
@@ -249,7 +242,7 @@ class _Verdict:
     def _ranking(self) -> tuple[Candidate, ...]:
         """Leaders by what they cost, the winner, its rivals and the nominal model among them, by -2 log L."""
         outcome = self._outcome
-        leaders = best_of_each(outcome.fitted, attrgetter("price"))[:RANKED]
+        leaders = best_of_each(outcome.fitted, attrgetter("price"))[:MOST_RANKED]
         shown = (*leaders, outcome.winner, *self._names, *outcome.left, outcome.nominal)
         chosen = {one.key: one for one in shown}.values()
         return tuple(

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from observer_rt.identification.discovery.search import curves
 from observer_rt.identification.discovery.search.candidates import equation_of
-from observer_rt.identification.discovery.search.curves import (
-    CURVES,
-    Score,
-    free_curves,
-    lines,
-    made_to_measure,
-    waves,
-)
 from observer_rt.identification.discovery.search.scores import Scores, scored
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
@@ -32,7 +25,7 @@ def measured(law: str) -> NDArray[np.float64]:
     return parse(law).at(VALUES) + SIGMA * noise
 
 
-def scoring(left: NDArray[np.float64]) -> Score:
+def scoring(left: NDArray[np.float64]) -> curves.Score:
     """Scores of terms in the residuals of a regression (COUNT,): each is its law at random moments."""
     here = Residuals(left / SIGMA, np.array([COUNT]), np.array([np.log(SIGMA)]))
     weights = here.roots
@@ -48,9 +41,9 @@ def scoring(left: NDArray[np.float64]) -> Score:
 
 
 def made(law: str, *equations: TermEquation) -> list[Effect]:
-    score, swings = scoring(measured(law)), waves([1200.0], 0.04)
-    every = [(equation, *one) for equation in equations for one in CURVES[equation]]
-    return made_to_measure(free_curves(every, score), swings, score)
+    score, swings = scoring(measured(law)), curves.waves([1200.0], 0.04)
+    every = [curves.Curve(equation, *one) for equation in equations for one in curves.CURVES[equation]]
+    return curves.made_to_measure(curves.free_curves(every, score), swings, score)
 
 
 @pytest.mark.parametrize(
@@ -99,10 +92,10 @@ def test_lines_stand_out_of_noise() -> None:
     times = [np.asarray(start + 1e-5 * np.arange(6000), np.float64) for start in (0.0, 0.04)]
     swings = [0.5 * np.sin(2.0 * np.pi * 2791.0 * one + 0.4) for one in times]
     left = [swing + noise.normal(size=swing.size) for swing in swings]
-    assert lines(left, times, 1e-5)[0] == pytest.approx(2791.0, abs=3.0)
-    assert lines([noise.normal(size=6000) for _ in range(8)], 4 * times, 1e-5) == []
+    assert curves.lines(left, times, 1e-5)[0] == pytest.approx(2791.0, abs=3.0)
+    assert curves.lines([noise.normal(size=6000) for _ in range(8)], 4 * times, 1e-5) == []
 
 
 def test_a_hum_is_of_rail_chamber_or_sensor_never_an_outflow() -> None:
-    where = {equation_of(one) for pair in waves([1200.0], 0.04) for one in pair}
+    where = {equation_of(one) for pair in curves.waves([1200.0], 0.04) for one in pair}
     assert where == {"rail_pressure", "chamber_pressure", "line_pressure_sensor"}

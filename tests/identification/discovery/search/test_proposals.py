@@ -8,11 +8,14 @@ from observer_rt.config.effects import term_domain
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
+from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.proposals import LEAST_CLOSED, seen_in, unsound, with_parts
+from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import Consequence, consequence
 from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.term_effect import term_effect
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.parser import parse
@@ -43,8 +46,7 @@ def test_a_law_is_sound_that_is_not_where_no_recording_was(equation: str, law: s
 
 
 def test_a_law_that_is_unsound_where_it_was_seen_is_refused() -> None:
-    term = Term(TermEquation.SEAT_FLOW, parse("-2*lift_rate"))
-    refusal = unsound([term], MODEL, SEEN)
+    refusal = unsound([Term(TermEquation.SEAT_FLOW, parse("-2*lift_rate"))], MODEL, SEEN)
     assert refusal is not None
     assert "1 + term is not above 0" in refusal.reason
 
@@ -77,8 +79,7 @@ def test_what_closes_most_of_the_gap_may_enter_in_part(measured: tuple[Measureme
     assert proposal.part.refusal is None
     assert proposal.may_enter
     assert LEAST_CLOSED < proposal.part.closed < 1.0
-    wider = MODEL.with_term(Term(TermEquation.NOZZLE_FLOW, parse("0.05")))
-    moved = consequence(measured, MODEL, wider)
+    moved = consequence(measured, MODEL, MODEL.with_term(Term(TermEquation.NOZZLE_FLOW, parse("0.05"))))
     share = proposal.part.mass_half * moved.line_pressure / proposal.part.left
     assert share == pytest.approx(0.05, rel=0.2)  # of a mass, by a nozzle of 5 % more
 
@@ -105,3 +106,11 @@ def test_nothing_is_accepted_in_part_that_explains_all_or_was_not_held_out(
 ) -> None:
     (proposal,) = with_parts([replace(_proposal(), **changes)], measured, MODEL)  # type: ignore[arg-type]
     assert proposal.part is None
+
+
+def test_laws_that_are_alike_are_no_fit_beside_an_effect_of_two_sizes_or_of_none() -> None:
+    fitter = Fitter(joint_likelihood(measurements(recordings()), MODEL), MODEL)
+    laws = [term_effect(TermEquation.NOZZLE_FLOW, law) for law in ("open*0.5", "open*0.8")]
+    for effect in (VOCABULARY["chamber_pressure_rise"], VOCABULARY["seat_outflow"]):
+        single, alike = Hypothesis((effect, laws[0])), Hypothesis((effect, *laws))
+        assert [one.ids for one in fitter.laws([(single, single.off), (alike, alike.off)])] == [single.ids]

@@ -7,7 +7,7 @@ from observer_rt.config.effects import term_domain
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.library import RecordingSpan, library, span_of
-from observer_rt.identification.discovery.search.results import HIGHEST, Discovery, Verdict, probabilities
+from observer_rt.identification.discovery.search.results import HIGHEST_PROBABILITY, Discovery, Verdict, probabilities
 from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.likelihood import JudgedModel, joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
@@ -58,7 +58,7 @@ def test_a_seat_that_is_narrow_at_some_lift_may_be_a_lift_that_reads_too_much_th
     result = _discovered(TermEquation.SEAT_FLOW, "-0.35*exp(-((needle_lift/max_lift - 0.466)/0.13)^2)")
     by_equation = {one.terms[0].equation: one for one in result.proposals}
     assert {TermEquation.SEAT_FLOW, TermEquation.NEEDLE_LIFT} <= set(by_equation)
-    assert sum(one.probability for one in result.proposals) <= HIGHEST
+    assert sum(one.probability for one in result.proposals) <= HIGHEST_PROBABILITY
 
 
 @pytest.mark.slow
@@ -88,8 +88,8 @@ def test_no_law_filters_the_noise_of_a_rail_at_rest() -> None:
 
 def test_what_is_twelve_behind_has_odds_of_one_to_twenty() -> None:
     first, second = probabilities([0.0, 12.0])
-    assert first == pytest.approx(0.95 * HIGHEST, abs=0.005)
-    assert first + second == pytest.approx(HIGHEST)
+    assert first == pytest.approx(0.95 * HIGHEST_PROBABILITY, abs=0.005)
+    assert first + second == pytest.approx(HIGHEST_PROBABILITY)
 
 
 def test_nothing_is_judged_twice_at_the_same_sizes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.identification.discovery.search.curves import CURVES, free_curves
+from observer_rt.identification.discovery.search.curves import CURVES, Curve, free_curves
 from observer_rt.identification.discovery.search.tables import LEAST_KNOTS, MOST_KNOTS, MOST_TURNS, tables
 from observer_rt.model.term_effect import TermLaw
 from observer_rt.model.terms.term import TermEquation
@@ -15,7 +15,7 @@ SPEED = "min(max(lift_rate, -0.5), 0.5)"
 
 def best_table(law: str) -> TermLaw:
     score = scoring(measured(law))
-    every = [(equation, *one) for equation, curves in CURVES.items() for one in curves]
+    every = [Curve(equation, *one) for equation, curves in CURVES.items() for one in curves]
     result = tables(free_curves(every, score), score)[0].apply
     assert isinstance(result, TermLaw)
     return result

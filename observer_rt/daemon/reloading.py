@@ -17,8 +17,8 @@ from observer_rt.daemon.control_socket import Message, Requests, control_socket,
 from observer_rt.daemon.injector_service import InjectorService
 from observer_rt.daemon.snapshot import SNAPSHOT
 from observer_rt.daemon.state_file import model_hash
-from observer_rt.foundation.console import SignalledEvent, StopRequest
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
+from observer_rt.foundation.stop_request import SignalledEvent, StopRequest
 from observer_rt.foundation.version import __version__
 
 Answer = Callable[[Message], Iterator[bytes]]

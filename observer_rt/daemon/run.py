@@ -20,10 +20,10 @@ from observer_rt.daemon.rights import REMEDY, Processors, hurry, leave_to_loops,
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.words import Topic
-from observer_rt.foundation.console import StopRequest, stop_on_signals
 from observer_rt.foundation.errors import ObserverError, UserError, file_errors
 from observer_rt.foundation.options import RunOptions
 from observer_rt.foundation.outputs import SERVICE_LOG, check_own_file
+from observer_rt.foundation.stop_request import StopRequest, stop_on_signals
 
 if TYPE_CHECKING:
     from observer_rt.daemon.evidence_keeper import EvidenceKeeper

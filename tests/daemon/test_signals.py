@@ -8,7 +8,7 @@ from types import FrameType
 from typing import Any, cast
 
 from observer_rt.daemon.injector_service import InjectorService, serve_beside
-from observer_rt.foundation.console import SignalledEvent, stop_on_signals
+from observer_rt.foundation.stop_request import SignalledEvent, stop_on_signals
 
 
 class SignalledService:

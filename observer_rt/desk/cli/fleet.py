@@ -7,9 +7,9 @@ from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.desk.cli.command import messages
-from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
+from observer_rt.foundation.console import results, say
 from observer_rt.foundation.options import Argument, BenchFile, Force, Injector, Json, Model, Option, State
-from observer_rt.foundation.outputs import check_output, make_folder
+from observer_rt.foundation.outputs import FIGURE_SUFFIXES, check_output, make_folder
 
 
 def batch(
@@ -41,7 +41,7 @@ def batch(
     from observer_rt.desk.fleet.job import Task
     from observer_rt.desk.fleet.path_pattern import INJECTOR_FROM, PathPattern
     from observer_rt.desk.fleet.recordings import recordings_in
-    from observer_rt.foundation.console import stop_on_signals
+    from observer_rt.foundation.stop_request import stop_on_signals
 
     chosen = load_bench(bench.absolute(), model and model.absolute(), off_bus=True).of(injector)
     names = None if injector_from is None else PathPattern.read(INJECTOR_FROM, injector_from)

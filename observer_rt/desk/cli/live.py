@@ -11,7 +11,7 @@ import typer
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, is_off_bus, load_bench
 from observer_rt.config.toml_file import read_toml
 from observer_rt.desk.cli.command import messages
-from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
+from observer_rt.foundation.console import results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.options import (
     Argument,
@@ -24,7 +24,7 @@ from observer_rt.foundation.options import (
     Option,
     RunOptions,
 )
-from observer_rt.foundation.outputs import check_output, make_folder
+from observer_rt.foundation.outputs import FIGURE_SUFFIXES, check_output, make_folder
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from observer_rt.config.effects import effect_named, effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import Recordings
-from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
+from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, UserError, require
 from observer_rt.foundation.options import Argument, Decoder, Force, FromChannel, Injector, Json, Option
-from observer_rt.foundation.outputs import check_output, make_folder
+from observer_rt.foundation.outputs import FIGURE_SUFFIXES, check_output, make_folder
 
 
 def fit(

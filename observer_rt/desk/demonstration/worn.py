@@ -31,7 +31,8 @@ from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.nominal import ComparedRate, NominalInjection
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
-from observer_rt.foundation.console import plain_table, stop_on_signals
+from observer_rt.foundation.console import plain_table
+from observer_rt.foundation.stop_request import stop_on_signals
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 
 FIGURES = "observer_rt.desk.evaluation.figures"

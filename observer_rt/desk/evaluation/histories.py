@@ -24,10 +24,10 @@ from observer_rt.engine.service.injector import doubt_about_fit
 from observer_rt.files.replay.framing import bench_for, clamped_in
 from observer_rt.files.signals.doubts import doubts, refuse_dead
 from observer_rt.files.signals.stream import SignalStream
-from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
+from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import replacing
-from observer_rt.foundation.outputs import LEARNED_STATE, check_output, make_folder
+from observer_rt.foundation.outputs import FIGURE_SUFFIXES, LEARNED_STATE, check_output, make_folder
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.parameters import InjectorParameters
 

@@ -23,8 +23,9 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.reading import Watching
 from observer_rt.desk.live_page.saver import Saver
 from observer_rt.desk.live_page.session import Session, pressed
-from observer_rt.foundation.console import say, stop_on_signals
+from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.stop_request import stop_on_signals
 
 _FILES = Path(__file__).parent / "static"
 _COOKIE = "observer_rt"

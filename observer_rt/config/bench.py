@@ -183,10 +183,8 @@ def _with_named_fuel(path: Path, document: dict[str, Any]) -> InjectorParameters
     parameters = validated(InjectorParameters, document, location, "injector")
     fluid, kept = parameters.fluid, {key: getattr(parameters.fluid, key) for key in stated}
     first = fluid.model_copy(update={"reference_temperature": fuels[name]["reference_temperature"]})
-    warmed = at_temperature(
-        parameters.model_copy(update={"fluid": first}), document["fluid"]["reference_temperature"]
-    )
-    return parameters.model_copy(update={"fluid": warmed.fluid.model_copy(update=kept)})
+    warm = at_temperature(parameters.model_copy(update={"fluid": first}), document["fluid"]["reference_temperature"])
+    return parameters.model_copy(update={"fluid": warm.fluid.model_copy(update=kept)})
 
 
 def exact_text(path: Path) -> str:

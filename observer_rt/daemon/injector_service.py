@@ -73,7 +73,7 @@ class InjectorService:
             from observer_rt.daemon.view import View, draw  # optional: --view
 
             title = " ".join(filter(None, ("observer_rt", injector.name)))
-            self.drawing = partial(draw, View(f"{title}: {self._buses}", self.snapshots.snapshot), console=screen)
+            self.drawing = partial(draw, View(f"{title}: {self._buses}", self.snapshots.take), console=screen)
         self._teller = EventLogger(log, notifier, bench_constants(injector).coefficients, injector.name)
 
     @property

@@ -91,9 +91,8 @@ def _locked(lock: Path, path: Path) -> int:
 
 
 def _no_lock(lock: Path, error: OSError) -> UserError:
-    return UserError(
-        str(lock), f"cannot be locked: {error.strerror}", "check its rights, or name a file on a local disk"
-    )
+    problem = f"cannot be locked: {error.strerror}"
+    return UserError(str(lock), problem, "check its rights, or name a file on a local disk")
 
 
 class UnsavedError(RunError):

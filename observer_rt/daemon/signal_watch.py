@@ -33,7 +33,7 @@ SURVEYS = 2  # in a row that find the same, before it is reported
 OUTSIDE_REMEDY = "correct the range in the database, or take all values: lenient = true in its [[dbc]]"
 SWAPPED = "swapped"  # what is wrong with two signals together
 LASTING = 20  # looks with another rate and a contradicted model before the rate is reported
-ENOUGH_FRAMES = 100  # frames whose stamps determine a rate
+MIN_FRAMES = 100  # whose stamps determine a rate
 _FROZEN = "is frozen: the same value all the time while another input shows an injection"
 
 Samples = Mapping[Role, NDArray[np.float64]]
@@ -250,9 +250,7 @@ class RateWatch:
 
     def look(self, timing: Sequence[MessageTiming], reason: Reason) -> Iterator[Notice]:
         """Notices of a look; reason: why the service is not valid."""
-        off = [
-            clock for clock in timing if abs(clock.drift) >= LARGEST_DRIFT and clock.jitter.frames >= ENOUGH_FRAMES
-        ]
+        off = [clock for clock in timing if abs(clock.drift) >= LARGEST_DRIFT and clock.jitter.frames >= MIN_FRAMES]
         self._looks = self._looks + 1 if off and reason is Reason.MODEL_INADEQUATE else 0
         if not off:
             self.reported = ""

@@ -20,7 +20,7 @@ from observer_rt.files.signals.csv_table import CsvTable
 from observer_rt.files.signals.mapped_signals import MappedSignals
 from observer_rt.files.signals.mdf4_table import Mdf4Table
 from observer_rt.files.signals.naming import in_words, layout_of
-from observer_rt.files.signals.recording import BESIDE, SHOTS_SUFFIX, Recording
+from observer_rt.files.signals.recording import COMPANION_SUFFIXES, SHOTS_SUFFIX, Recording
 from observer_rt.files.signals.shots import take_shots
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.files.signals.table import SignalFormat
@@ -111,7 +111,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
     kind = _format_of(path, SIGNALS)
-    if path.name.endswith(BESIDE):
+    if path.name.endswith(COMPANION_SUFFIXES):
         problem = "is the truth behind a simulated recording, or the shots beside a recording, no recording itself"
         raise UserError(str(path), problem, "leave it out; shots are read with the recording beside them")
     with file_errors(path):

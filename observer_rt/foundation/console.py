@@ -36,15 +36,17 @@ def plain_table(
     right: Collection[int] = (),
     folds: Collection[int] | None = None,
     gap: int = 2,
+    title: str | None = None,
 ) -> Table:
-    """A table without lines. right: columns of numbers; folds: columns that a narrow terminal breaks, None: all."""
-    table = Table(box=None, padding=(0, gap, 0, 0), pad_edge=False)
+    """A table without lines. right: columns of numbers; folds: columns that a narrow terminal breaks, None: all.
+
+    gap: blanks between two columns.
+    """
+    table = Table(box=None, padding=(0, gap, 0, 0), pad_edge=False, title=title, title_justify="left")
     for column, heading in enumerate(headings):
-        justify: Literal["left", "right"] = "right" if column in right else "left"
+        side: Literal["left", "right"] = "right" if column in right else "left"
         is_fixed = folds is not None and column not in folds
-        table.add_column(
-            Text(heading), justify=justify, no_wrap=is_fixed, overflow="ellipsis" if is_fixed else "fold"
-        )
+        table.add_column(Text(heading), justify=side, no_wrap=is_fixed, overflow="ellipsis" if is_fixed else "fold")
     for row in rows:
         table.add_row(*(cell if isinstance(cell, Text) else Text(visible(cell)) for cell in row))
     return table

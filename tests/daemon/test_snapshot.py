@@ -157,11 +157,11 @@ def test_before_the_interface_is_there(path: Path) -> None:
     bench = load_bench(path)
     snapshots = SnapshotKeeper(bench)
     snapshots.hear(Notice(Topic.LINK, "waiting for the interface: can5 is away\n  remedy: plug it in"))
-    status = snapshots.snapshot().status
+    status = snapshots.take().status
     assert (status.state, status.level) == ("STARTING", StatusLevel.WAITING)
     (fault,) = status.faults
     assert (fault.what, fault.remedy) == ("waiting for the interface: can5 is away", "plug it in")
-    assert "can5 is away" in "\n".join(drawn(View("title", snapshots.snapshot)))
+    assert "can5 is away" in "\n".join(drawn(View("title", snapshots.take)))
 
 
 def test_a_request_that_is_none_is_refused(path: Path) -> None:

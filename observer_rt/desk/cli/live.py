@@ -1,4 +1,4 @@
-"""Commands of the live observer: `demo`, `run`, `check`, `monitor` and `take-over`."""
+"""Commands of the live observer: `demo`, `run`, `check` and `monitor`."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -13,17 +13,7 @@ from observer_rt.config.toml_file import read_toml
 from observer_rt.desk.cli.command import messages
 from observer_rt.foundation.console import results, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.options import (
-    Argument,
-    BenchFile,
-    Force,
-    FromChannel,
-    Injector,
-    Json,
-    Model,
-    Option,
-    RunOptions,
-)
+from observer_rt.foundation.options import BenchFile, Force, FromChannel, Injector, Json, Model, Option, RunOptions
 from observer_rt.foundation.outputs import FIGURE_SUFFIXES, check_output, make_folder
 
 
@@ -165,33 +155,3 @@ def monitor(
 
     chosen = load_bench(bench).of(injector)
     serve_page(chosen, address, port, out, messages)
-
-
-def take_over(
-    amended: Annotated[Path | None, Argument("Amended injector file that `discover` wrote.", "AMENDED")] = None,
-    bench: Annotated[Path | None, Option("Bench file that is to name it.")] = None,
-    undo: Annotated[bool, Option("Instead: have the bench file name what it named before the last step.")] = False,
-    accept_changes: Annotated[
-        bool, Option("Take it over although it also changes parameters that the file in force states otherwise.")
-    ] = False,
-    injector: Injector = None,
-) -> None:
-    """Have a bench use an amended model, or undo that; the daemon that serves it reads it between two injections."""
-    from observer_rt.desk import take_over as taking
-
-    if bench is None:
-        raise UserError("--bench", "is missing", "name the bench file that the daemon serves")
-    if (amended is None) != undo:
-        problem = "is missing" if amended is None else "and --undo exclude each other"
-        raise UserError("AMENDED", problem, "give one of them")
-    name = injector or ""
-    done = taking.undo(bench, name) if amended is None else taking.take_over(bench, name, amended, accept_changes)
-    before, words = done.step.before or "the nominal injector", done.step.as_text
-    say(results(), f"{bench}: " + (f"{done.step.after} -> {before}" if undo else f"{before} -> {words}"))
-    for change in done.changes:
-        say(results(), f"  {change}")
-    if done.answer is not None:
-        unsaved = done.answer.get("unsaved")
-        say(messages, "the daemon has it in force" + (f"\nwarning: {unsaved}" if unsaved else ""))
-    else:
-        say(messages, "no daemon is found by this bench file: one that serves it all the same reads it at SIGUSR1")

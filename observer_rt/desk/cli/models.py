@@ -1,4 +1,4 @@
-"""Commands that find out what a model should be: `fit`, `discover` and `effects`."""
+"""Commands that make a model, and put it into force: `fit`, `discover`, `effects` and `take-over`."""
 
 import sys
 import time
@@ -161,3 +161,33 @@ def effects(
         print(dumps(effect_list.as_json(chosen), indent=2))
     else:
         results().print(effect_list.as_table(chosen, in_detail=bool(ids)), highlight=False)
+
+
+def take_over(
+    amended: Annotated[Path | None, Argument("Amended injector file that `discover` wrote.", "AMENDED")] = None,
+    bench: Annotated[Path | None, Option("Bench file that is to name it.")] = None,
+    undo: Annotated[bool, Option("Instead: have the bench file name what it named before the last step.")] = False,
+    accept_changes: Annotated[
+        bool, Option("Take it over although it also changes parameters that the file in force states otherwise.")
+    ] = False,
+    injector: Injector = None,
+) -> None:
+    """Have a bench use an amended model, or undo that; the daemon that serves it reads it between two injections."""
+    from observer_rt.desk import take_over as taking
+
+    if bench is None:
+        raise UserError("--bench", "is missing", "name the bench file that the daemon serves")
+    if (amended is None) != undo:
+        problem = "is missing" if amended is None else "and --undo exclude each other"
+        raise UserError("AMENDED", problem, "give one of them")
+    name = injector or ""
+    done = taking.undo(bench, name) if amended is None else taking.take_over(bench, name, amended, accept_changes)
+    before, words = done.step.before or "the nominal injector", done.step.as_text
+    say(results(), f"{bench}: " + (f"{done.step.after} -> {before}" if undo else f"{before} -> {words}"))
+    for change in done.changes:
+        say(results(), f"  {change}")
+    if done.answer is not None:
+        unsaved = done.answer.get("unsaved")
+        say(messages, "the daemon has it in force" + (f"\nwarning: {unsaved}" if unsaved else ""))
+    else:
+        say(messages, "no daemon is found by this bench file: one that serves it all the same reads it at SIGUSR1")

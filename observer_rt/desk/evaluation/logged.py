@@ -19,7 +19,7 @@ from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.channels import InputFrames, chosen_channels
 from observer_rt.files.formats import is_log, open_recording
-from observer_rt.files.signals.recording import BESIDE, Chunk
+from observer_rt.files.signals.recording import COMPANION_SUFFIXES, Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
@@ -271,7 +271,7 @@ def open_source(
 
 def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
     """The files without truths and shots beside recordings, which `*.csv` catches, too."""
-    kept = [path for path in paths if not path.name.endswith(BESIDE)]
+    kept = [path for path in paths if not path.name.endswith(COMPANION_SUFFIXES)]
     if kept and len(kept) < len(paths):
         say(console, f"left out: {len(paths) - len(kept)} files beside recordings, truths or shots")
     return kept or list(paths)

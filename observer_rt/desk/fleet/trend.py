@@ -32,10 +32,7 @@ _SURE, _LEAST_SIGMA = 1.959964, 1e-4  # standard deviations of a recording's 95 
 _STEPS = 1001  # days at which a limit is looked for; odd: the last recording's is one
 _LIMIT = re.compile(r"(?P<name>\w+)=(?P<size>[+-]?\d*\.?\d+)(?P<percent>\s*%)?")
 _COLUMNS = {name: indicator.columns for name, indicator in zip(QUANTITIES, WEAR, strict=True)}  # value, interval
-NEEDED = (
-    *("injector", "file", "sha256", "time", "time_from", "number", "valid"),
-    *chain.from_iterable(_COLUMNS.values()),
-)
+NEEDED = ("injector", "file", "sha256", "time", "time_from", "number", "valid", *chain(*_COLUMNS.values()))
 """Columns of a batch's rows that a trend is made of."""
 _DAY, _MONTH = 86400.0, 30.4375  # s; days
 _HOW = f"say where their paths have the time: {TIME_FROM} PATTERN, such as '_(\\d{{8}}_\\d{{6}})'"
@@ -203,10 +200,8 @@ def _date_json(trend: InjectorTrend, limit: Limit) -> dict[str, Any]:
     course = trend.courses.get(limit.name)
     if course is None or course.line is None:
         return {}
-    days = course.line.reaches(limit)
-    low, date, high = (
-        (trend.times[0] + timedelta(days=day)).isoformat() if math.isfinite(day) else None for day in days
-    )
+    days, first = course.line.reaches(limit), trend.times[0]
+    low, date, high = ((first + timedelta(days=d)).isoformat() if math.isfinite(d) else None for d in days)
     return {"reached": days[1] <= float(course.line.days[-1]), "date": date, "ci95": [low, high]}
 
 

@@ -31,7 +31,7 @@ _FILES = Path(__file__).parent / "static"
 _COOKIE = "observer_rt"
 _ALIVE_EVERY = 0.5  # s after which a browser gets at least an empty message
 _LOOK_EVERY = 10  # ms: whether something is new and a browser through with the last drawing
-_PATIENCE = 5.0  # s for the headers of a request, and until the next one
+_TIMEOUT = 5.0  # s for the headers of a request, and until the next one
 _LONGEST = 1000  # bytes of what a browser says
 _STOP_EVERY = 0.1  # s between two looks at the stop signal
 
@@ -126,9 +126,7 @@ async def _serve(handlers: list[Any], address: str, port: int, console: Console)
             f"--port {port}: {address} cannot be listened at ({error.strerror})\n"
             "  remedy: choose another port, or --port 0 for any that is free"
         ) from error
-    server = HTTPServer(
-        application, idle_connection_timeout=_PATIENCE, body_timeout=_PATIENCE, max_body_size=_LONGEST
-    )
+    server = HTTPServer(application, idle_connection_timeout=_TIMEOUT, body_timeout=_TIMEOUT, max_body_size=_LONGEST)
     server.add_sockets(sockets)
     with stop_on_signals() as stop:
         asked = "" if token is None else f"?token={token}"

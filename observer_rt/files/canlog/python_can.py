@@ -89,9 +89,8 @@ class PythonCanLog(TextLogReader):
 
 def _log_frame(message: can.Message, stamp: int, is_fd: bool, channel: object) -> LogFrame:
     flags = message.is_extended_id, is_fd, message.bitrate_switch, message.error_state_indicator
-    return LogFrame(
-        Frame(message.arbitration_id, bytes(message.data), stamp, *flags), str(channel), not message.is_rx
-    )
+    frame = Frame(message.arbitration_id, bytes(message.data), stamp, *flags)
+    return LogFrame(frame, str(channel), not message.is_rx)
 
 
 def _nanoseconds(seconds: float) -> int:

@@ -116,11 +116,9 @@ class Device:
     def frames(self, chunk: Chunk) -> Iterator[BusFrame]:
         """Frames of a chunk of the stretch begun, as `chunks` gives them, stamped as received."""
         for framed, stamps in self._stamped(chunk):
-            for number, stamp, payload in zip(
-                framed.numbers.tolist(), stamps.tolist(), framed.payloads(), strict=True
-            ):
+            for number, stamp, data in zip(framed.numbers.tolist(), stamps.tolist(), framed.payloads(), strict=True):
                 layout = self._layouts[number]
-                frame = Frame(layout.frame_id, payload, stamp, layout.is_extended, layout.is_fd)
+                frame = Frame(layout.frame_id, data, stamp, layout.is_extended, layout.is_fd)
                 yield BusFrame(layout.bus, frame)
 
     def blocks(self, chunk: Chunk) -> Iterator[FrameBlock]:

@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from observer_rt.bus.database.lookup import database_hash
-from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.bus.links.opening import BusDownError
+from observer_rt.bus.links.link import BusDownError, Link, LinkDownError
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.bench import Bench

@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable
 
 from observer_rt.bus.can_frame import EXTENDED_FLAG, EXTENDED_MASK, FD_MTU, HEADER_BYTES
+from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.links.link import LONGEST_WAIT, Link
-from observer_rt.bus.links.opening import DescriptorLink
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.core.frames.frames import SLOTS
 from observer_rt.daemon.port import RETRY

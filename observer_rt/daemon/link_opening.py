@@ -6,8 +6,9 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
 from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.bus.links.opening import IdleLink, first_heard, open_link
+from observer_rt.bus.links.opening import first_heard, open_link
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.arrivals import message_text, watched_messages

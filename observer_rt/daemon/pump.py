@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from observer_rt.bus.can_frame import FD_MTU, HEADER_BYTES
-from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.bus.links.opening import BusDownError
+from observer_rt.bus.links.link import BusDownError, Link, LinkDownError
 from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.core.frames.frames import ERRORS, PUMP_BUS, WAIT_MS, WAITING, PumpLoop

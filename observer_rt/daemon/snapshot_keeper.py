@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.links.opening import IdleLink
+from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.config.bench import Bench
 from observer_rt.daemon import snapshot
 from observer_rt.daemon.arrivals import inputs_of

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from observer_rt.bus.links.opening import IdleLink
+from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.config.signals import in_words
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_watch import ABOUT_INPUTS, LASTING, REPORTED_AFTER

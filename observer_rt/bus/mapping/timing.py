@@ -11,7 +11,7 @@ from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import INDEX_BITS, USUAL_INDEX, MessageLayout, find_signal
-from observer_rt.bus.mapping.output_messages import frame_time
+from observer_rt.bus.frame_time import frame_time
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.signals import Role

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.frame_time import frame_time
 from observer_rt.bus.links.opening import require_interface
 from observer_rt.bus.mapping.bench_map import BenchMap, in_common
 from observer_rt.bus.mapping.bus_map import message_timing
-from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.bus.mapping.output_signals import RESULTS
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import RESULT_IDS

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
+from observer_rt.bus.links.link import BLOCK_FRAMES, BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.injector_sections import Meaning
@@ -149,7 +149,7 @@ class LoggedSignals(SignalStream):
         for frames in self.frames:
             held.append(frames)
             is_due = watch is not None and watch.is_due(frames.frame.stamp_ns)
-            if is_due or len(held) == AT_ONCE or not core.processed:
+            if is_due or len(held) == BLOCK_FRAMES or not core.processed:
                 yield held
                 held = []
         if held:

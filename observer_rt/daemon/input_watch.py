@@ -78,8 +78,8 @@ class _Use(NamedTuple):
 class MessageWatch:
     """Reports troubles of single messages by their arrivals; silence of all inputs together is reported once."""
 
-    def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
-        keys = bus.inputs.messages["key"].tolist()
+    def __init__(self, bus_map: BusMap, arrivals: Arrivals) -> None:
+        keys = bus_map.inputs.messages["key"].tolist()
         self._rows = {source: keys.index(source.layout.key) for source in arrivals.sources}
         self._arrivals = arrivals
         self._uses = {source: _Use() for source in arrivals.sources}
@@ -183,8 +183,8 @@ class FrameWatch:
 class SenderWatch:
     """Reports another sender of our identifiers when it begins, and when it is silent again."""
 
-    def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
-        self._bus = bus
+    def __init__(self, bus_map: BusMap, arrivals: Arrivals) -> None:
+        self._bus_map = bus_map
         self._arrivals = arrivals
         self._is_contested = False
 
@@ -196,24 +196,24 @@ class SenderWatch:
             text = f"the other sender is silent after {frames} frames"
             yield Notice(Topic.SENDER, text, is_over=True)
         elif self._is_contested and not before:
-            names = ", ".join(message_text(self._bus, layout) for layout, _ in self._arrivals.foreign)
+            names = ", ".join(message_text(self._bus_map, layout) for layout, _ in self._arrivals.foreign_messages)
             yield Notice(Topic.SENDER, f"another node sends {names}\n  remedy: {OTHER_SENDER}")
 
 
 class InputWatch:
     """Reports faults of the inputs of a core, by message and identifier."""
 
-    def __init__(self, injector: BenchInjector, bus: BusMap, core: Core) -> None:
-        self.arrivals = Arrivals(bus)
+    def __init__(self, injector: BenchInjector, bus_map: BusMap, core: Core) -> None:
+        self.arrivals = Arrivals(bus_map)
         rate = injector.sample_rate
         self._core = core
-        self._messages = MessageWatch(bus, self.arrivals)
-        self._useless = FrameWatch(self.arrivals, rate, partial(_odd_lengths, bus, core))
-        self._senders = SenderWatch(bus, self.arrivals)
-        self._values = ValueWatch(bus, configured_noise(injector), self.arrivals.sources, injector.has_lift)
+        self._messages = MessageWatch(bus_map, self.arrivals)
+        self._useless = FrameWatch(self.arrivals, rate, partial(_odd_lengths, bus_map, core))
+        self._senders = SenderWatch(bus_map, self.arrivals)
+        self._values = ValueWatch(bus_map, configured_noise(injector), self.arrivals.sources, injector.has_lift)
         self._units, self._rate = UnitWatch(self.arrivals.sources), RateWatch(rate)
         self._lift = LiftWatch()
-        self.ranges = RangeWatch(bus, injector.config.signals)
+        self.ranges = RangeWatch(bus_map, injector.config.signals)
         self._seen = 0
         self._frames = 0
 
@@ -226,7 +226,7 @@ class InputWatch:
         notices += self.ranges.look(core.parts["receiver"])
         has_frames = core.frames_taken > self._frames
         self._frames = core.frames_taken
-        if has_frames and self.arrivals.is_complete and not self.arrivals.stale(now):
+        if has_frames and self.arrivals.is_complete and not self.arrivals.stale_messages(now):
             samples = core.inputs(self._seen, MOST_SAMPLES)
             self._seen = core.processed
             notices += self._values.look(core.newest, samples)
@@ -239,13 +239,13 @@ class InputWatch:
         return (*self._units.reported.values(), *filter(None, [self._rate.reported]))
 
 
-def _odd_lengths(bus: BusMap, core: Core) -> str:
+def _odd_lengths(bus_map: BusMap, core: Core) -> str:
     """Describes messages whose frames came with a wrong length, with the length of the last such frame."""
     lengths = core.parts["receiver"]["odd_length"].tolist()
-    came = dict(zip(bus.inputs.messages["key"].tolist(), lengths, strict=False))
+    came = dict(zip(bus_map.inputs.messages["key"].tolist(), lengths, strict=False))
     return ", ".join(
-        f"{message_text(bus, layout)} with {came[layout.key]} bytes for {layout.length}"
-        for layout in bus.received
+        f"{message_text(bus_map, layout)} with {came[layout.key]} bytes for {layout.length}"
+        for layout in bus_map.received
         if came.get(layout.key, -1) >= 0
     )
 

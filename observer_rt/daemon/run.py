@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.injector_service import InjectorService, serve_beside
+from observer_rt.daemon.injector_service import InjectorService, serve_in_thread
 from observer_rt.daemon.keeper import UnsavedError, keeper_of, kept_files
 from observer_rt.daemon.log import ServiceLog
 from observer_rt.daemon.notifier import Notifier
@@ -69,7 +69,7 @@ class Serving:
                 return None
             with self.reloading.watching(bench, service) as (ended, successor):
                 try:
-                    serve_beside(service, ended, service.drawing)
+                    serve_in_thread(service, ended, service.drawing)
                 except UnsavedError as error:
                     if self.stop.is_set() or successor() is None:
                         raise

@@ -158,7 +158,7 @@ class SnapshotKeeper:
         state, reasons = daemon.standing(now)
         faults = tuple(replace(fault, since=fault.since + ahead) for fault in faults_of(daemon, now, state, reasons))
         return replace(
-            self._of_state((daemon.looked or now) + ahead, state, reasons, faults),
+            self._of_state((daemon.last_look or now) + ahead, state, reasons, faults),
             lost=daemon.dropped + daemon.core.counters.lost_samples,
             buses=tuple(
                 snapshot.BusStatus(port.label, port.down.partition(REMEDY)[0])

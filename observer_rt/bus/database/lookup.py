@@ -12,11 +12,10 @@ from cantools.database.can import Database, Message, Signal
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, frame_key
 from observer_rt.core.frames.frames import PROFILE_1, PROFILE_5, PROTECTION, UNPROTECTED
 from observer_rt.foundation.errors import UserError, nearest
-from observer_rt.foundation.units import factor_of
+from observer_rt.foundation.units import NANOSECONDS_PER_MS, factor_of
 
 PROFILES = (PROFILE_1, PROFILE_5)
 
-NANOSECONDS_PER_MILLISECOND = 1_000_000
 USUAL_INDEX = "SampleIndex"  # where the bench file names none
 INDEX_BITS = 32
 NOT_AVAILABLE_NAMES = ("sna", "not_available", "signal_not_available", "value_not_available")
@@ -86,7 +85,7 @@ class MessageLayout:
             length=message.length,
             samples_per_frame=_integer_attribute(message, "SamplesPerFrame") or None,
             sample_period_ns=_integer_attribute(message, "SamplePeriodNs") or None,
-            cycle_time_ns=(message.cycle_time or 0) * NANOSECONDS_PER_MILLISECOND or None,
+            cycle_time_ns=(message.cycle_time or 0) * NANOSECONDS_PER_MS or None,
             e2e_profile=e2e_profile,
             e2e_data_id=e2e_data_id if e2e_profile is not None else None,
             bus=bus,

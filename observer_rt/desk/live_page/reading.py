@@ -12,7 +12,7 @@ from typing import Any
 
 from observer_rt.config.bench import Bench
 from observer_rt.daemon import snapshot
-from observer_rt.daemon.control_socket import connected, socket_places
+from observer_rt.daemon.control_socket import daemon_connection, socket_places
 from observer_rt.foundation.errors import REMEDY, ObserverError
 from observer_rt.foundation.units import NANOSECONDS
 
@@ -106,7 +106,7 @@ class DaemonReader:
             failures = []
             for file in self._places:
                 try:
-                    if (daemon := connected(file)) is not None:
+                    if (daemon := daemon_connection(file)) is not None:
                         self._follow(daemon)
                 except ObserverError as error:
                     failures.append(str(error))

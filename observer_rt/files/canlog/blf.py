@@ -18,10 +18,10 @@ from can.io import blf as layout
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_FLAG, EXTENDED_MASK, length_of
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import MICROSECOND, LogFormat, LogFrame, LogReader, LogWriter, lost_note
+from observer_rt.files.canlog.can_log import LogFormat, LogFrame, LogReader, LogWriter, lost_note
 from observer_rt.files.canlog.text_log import other_kind
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import NANOSECONDS
+from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS, NANOSECONDS_PER_US
 
 LOST = struct.Struct("<LLqL")  # queue, -, time, number of events
 TYPE_OVERRUN, TYPE_LOST_BEGIN, TYPE_LOST_END = 91, 125, 126
@@ -30,7 +30,6 @@ FRAME_TYPES = (layout.CAN_MESSAGE, layout.CAN_MESSAGE2, layout.CAN_FD_MESSAGE, l
 SENT, REQUESTED, DIRECTION = 1, 2, 0xF
 FD_64_REMOTE, FD_64_SHIFT = 0x10, 12  # among the flags of CAN_FD_MESSAGE_64, those of CAN FD begin there
 READABLE = "give a complete BLF file"
-MILLISECOND = 1_000_000  # ns
 OLDEST_START = 631_152_000 * NANOSECONDS  # 1990: an earlier time is no date in BLF, and is counted from 0
 FASTEST_PACKING = 1  # of zlib: a fifth larger than its default, three times faster
 _MARK = b"LOBJ"
@@ -81,7 +80,7 @@ class BlfLog(LogReader):
             if any(fields[14:22]):
                 self.remarks.append("its start is no date: times count from 1970")
             return 0, fields[12]
-        return int(moment.timestamp()) * NANOSECONDS + millisecond * MILLISECOND, fields[12]
+        return int(moment.timestamp()) * NANOSECONDS + millisecond * NANOSECONDS_PER_MS, fields[12]
 
     def _parts(self, file: BinaryIO) -> Iterator[bytes]:
         """The objects, unpacked, in pieces that end anywhere."""
@@ -223,7 +222,7 @@ class BlfWriter(LogWriter):
     """Writer by python-can: stamps are float seconds there, off by less than 1 us. Channels count from 1."""
 
     def __init__(self, path: Path, start_ns: int) -> None:
-        super().__init__(path, start_ns // MILLISECOND * MILLISECOND if start_ns >= OLDEST_START else 0)
+        super().__init__(path, start_ns // NANOSECONDS_PER_MS * NANOSECONDS_PER_MS if start_ns >= OLDEST_START else 0)
         self._writer = _FlushedBlf(path, compression_level=FASTEST_PACKING)
         self._writer.start_timestamp = self._writer.stop_timestamp = self._start / NANOSECONDS
 
@@ -256,4 +255,4 @@ class BlfWriter(LogWriter):
             self._writer.stop()
 
 
-BLF = LogFormat(".blf", BlfLog, BlfWriter, stamp_step=MICROSECOND)
+BLF = LogFormat(".blf", BlfLog, BlfWriter, stamp_step=NANOSECONDS_PER_US)

@@ -14,9 +14,10 @@ from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, Table, TablePart, Values, find_columns
 from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS, NANOSECONDS_PER_US
 
 READABLE = "give a complete Parquet file"
-_NANOSECONDS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}  # in a unit of stamps
+_NANOSECONDS = {"s": NANOSECONDS, "ms": NANOSECONDS_PER_MS, "us": NANOSECONDS_PER_US, "ns": 1}  # by units of stamps
 
 
 class ArrowTable(Table):
@@ -38,7 +39,7 @@ class ArrowTable(Table):
             moments = (_moments(batch.column(0)) for batch in self._batches([self.mapped[TIME].column]))
             stamped = (moment[moment != NO_MOMENT] for moment in moments)
             self._origin = next((int(moment[0]) for moment in stamped if moment.size), 0)
-            self.origin = self._origin / 1e9
+            self.origin = self._origin / NANOSECONDS
 
     @abstractmethod
     def _batches(self, names: Sequence[str]) -> Iterator[Any]:

@@ -32,8 +32,8 @@ def faults_of(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason])
 def _silence(daemon: Daemon, now: int) -> list[Fault]:
     """One fault for all silent messages of buses that are up: they mostly share a device or cable."""
     arrivals = daemon.arrivals
-    heard = [source for source in arrivals.sources if daemon.ports[source.layout.bus].is_up]
-    ages = {source: arrivals.silence(source, now) for source in heard}
+    audible = [source for source in arrivals.sources if daemon.ports[source.layout.bus].is_up]
+    ages = {source: arrivals.silence(source, now) for source in audible}
     silent = {source: age for source, age in ages.items() if age > max(REPORTED_AFTER, source.patience)}
     if not silent:
         return []

@@ -106,8 +106,8 @@ class InputFrames:
         if channel is not None and channel not in channels:
             raise UserError(OPTION, f"{self.path} has no channel {channel}", f"it has {', '.join(channels)}")
         layouts = [layout for layout in self._bus_map.received if layout.bus == bus]
-        wanted = ", ".join(f"{layout.name} ({_as_text(layout.frame_id, layout.is_extended)})" for layout in layouts)
-        present = ", ".join(_as_text(*identifier) for identifier in others[:8])
+        wanted = ", ".join(f"{one.name} ({_identifier_text(one.frame_id, one.is_extended)})" for one in layouts)
+        present = ", ".join(_identifier_text(*identifier) for identifier in others[:8])
         where, remedy = "", "give --bench with the file the log was recorded by"
         groups = {_parameter_group(identifier): identifier for identifier, is_extended in others if is_extended}
         for layout in layouts:
@@ -124,7 +124,7 @@ class InputFrames:
         raise UserError(str(self.path), f"holds no frame of {wanted}{where}; it has {present}", remedy)
 
 
-def _as_text(identifier: int, is_extended: bool) -> str:
+def _identifier_text(identifier: int, is_extended: bool) -> str:
     """An identifier, with its size where its number does not tell."""
     return f"0x{identifier:X}" + (" of 29 bits" if is_extended and identifier <= STANDARD_MASK else "")
 

@@ -35,8 +35,8 @@ def batch(
     json: Json = False,
 ) -> None:
     """Evaluate thousands of recordings in parallel: a table with one row per injection, resumed where it stopped."""
-    from observer_rt.desk.evaluation.histories import begun_with
-    from observer_rt.desk.fleet.batch import connected, evaluate_all, print_counts, settings_of
+    from observer_rt.desk.evaluation.histories import starting_knowledge
+    from observer_rt.desk.fleet.batch import dask_client, evaluate_all, print_counts, settings_of
     from observer_rt.desk.fleet.dataset import Dataset
     from observer_rt.desk.fleet.job import Task
     from observer_rt.desk.fleet.path_pattern import INJECTOR_FROM, PathPattern
@@ -48,10 +48,10 @@ def batch(
     paths = recordings_in(sources)
     make_folder("--out", out)
     learning = not no_learning
-    knowledge = begun_with("--state", state, chosen.injector.parameters, partial(say, messages))
+    knowledge = starting_knowledge("--state", state, chosen.injector.parameters, partial(say, messages))
     dataset = Dataset(out, settings_of(chosen, state, learning, injector_from))
     task = Task(chosen, Path.cwd(), knowledge, learning, names)
-    with stop_on_signals() as stop, connected(scheduler, workers) as client:
+    with stop_on_signals() as stop, dask_client(scheduler, workers) as client:
         counts = evaluate_all(client, stop, task, paths, dataset, messages)
     print_counts(dataset, counts, json, messages)
 

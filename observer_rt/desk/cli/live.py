@@ -122,7 +122,7 @@ def check(
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.desk.check import given_files
-    from observer_rt.desk.check.bench_rules import checkup, of_each
+    from observer_rt.desk.check.bench_rules import checkup, for_each_injector
     from observer_rt.desk.check.findings import Level, as_json_document, as_table
 
     is_alone = bench == EXAMPLE_BENCH and model is None and state is None
@@ -130,7 +130,7 @@ def check(
     chosen = load_bench(bench, model, off_bus=is_layout).of(injector)
     findings = [] if is_layout else checkup(chosen, state)
     if log is not None:
-        findings += of_each(chosen, lambda alone: given_files.log_findings(alone, log, from_channel))
+        findings += for_each_injector(chosen, lambda alone: given_files.log_findings(alone, log, from_channel))
     if recording is not None:
         findings += given_files.recording_findings(chosen, recording)
     if json:

@@ -34,7 +34,7 @@ def fit(
     json: Json = False,
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
-    from observer_rt.desk.evaluation.logged import without_truths
+    from observer_rt.desk.evaluation.logged import without_companions
     from observer_rt.desk.identification_inputs import measured_files
     from observer_rt.desk.library.fit import fitted_model, weighed_masses
     from observer_rt.engine.service.injector import calibration_of
@@ -52,7 +52,7 @@ def fit(
     for name, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
         if path is not None:
             check_output(name, path, force, suffixes=suffixes)
-    paths = provenance.without_copies(without_truths(recordings, messages), messages)
+    paths = provenance.without_copies(without_companions(recordings, messages), messages)
     most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: a mass is the mean of all injections
     measured = measured_files(paths, start, decoder, from_channel, messages, most)
     weighed = weighed_masses(measured, mass, start)

@@ -269,7 +269,7 @@ def open_source(
     return source
 
 
-def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
+def without_companions(paths: Sequence[Path], console: Console) -> list[Path]:
     """The files without truths and shots beside recordings, which `*.csv` catches, too."""
     kept = [path for path in paths if not path.name.endswith(COMPANION_SUFFIXES)]
     if kept and len(kept) < len(paths):
@@ -277,7 +277,7 @@ def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
     return kept or list(paths)
 
 
-def in_runs(sources: Sequence[SignalStream]) -> list[list[SignalStream]]:
+def observer_runs(sources: Sequence[SignalStream]) -> list[list[SignalStream]]:
     """Sources of one history, apart where one observer could not go on: an observer is a run.
 
     Recordings are sent by a device of our own, one after another. A log goes on from that before it where its first

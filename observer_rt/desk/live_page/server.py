@@ -22,7 +22,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.reading import Watching
 from observer_rt.desk.live_page.saver import Saver
-from observer_rt.desk.live_page.session import Session, pressed
+from observer_rt.desk.live_page.session import Session, read_button
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.stop_request import stop_on_signals
@@ -70,7 +70,7 @@ class _Channel(_GuardedHandler, WebSocketHandler):
 
     async def on_message(self, message: str | bytes) -> None:
         """A button was pressed, or something drawn. The next message waits until others had their turn."""
-        match pressed(message):
+        match read_button(message):
             case None:
                 self.close(1008, "not of this page")
                 return

@@ -44,16 +44,16 @@ class BlfLog(LogReader):
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         with self.path.open("rb") as file:
-            start, stated = self._begin(file)
+            start, stated = self._read_heading(file)
             data, number = b"", 0
             for part in self._parts(file):
                 self._position = file.tell()
                 data += part
                 position = 0
-                while (block := self._next(data, position, number + 1)) is not None:
+                while (block := self._next_object(data, position, number + 1)) is not None:
                     begin, position = block
                     number += 1
-                    entry = self._object(data[begin:position], number, start)
+                    entry = self._object_frame(data[begin:position], number, start)
                     if entry is not None:
                         yield number, entry
                 data = data[position:]
@@ -62,7 +62,7 @@ class BlfLog(LogReader):
             elif stated > number and not self.remarks:
                 self.remarks.append(f"its heading counts {stated} objects, {number} are in it")
 
-    def _begin(self, file: BinaryIO) -> tuple[int, int]:
+    def _read_heading(self, file: BinaryIO) -> tuple[int, int]:
         """Read the heading: start [ns since 1970], number of objects, 0 where it was not completed."""
         data = file.read(layout.FILE_HEADER_STRUCT.size)
         if not data.startswith(b"LOGG"):
@@ -116,7 +116,7 @@ class BlfLog(LogReader):
             raise UserError(location, f"is damaged: {len(data)} bytes instead of {size}", READABLE)
         return data
 
-    def _next(self, data: bytes, position: int, number: int) -> tuple[int, int] | None:
+    def _next_object(self, data: bytes, position: int, number: int) -> tuple[int, int] | None:
         """Start and end of the next whole object; None if it is not all there yet."""
         start = data.find(_MARK, position)
         between = data[position : start if start >= 0 else None].lstrip(b"\0")  # some tools pad with many
@@ -129,7 +129,7 @@ class BlfLog(LogReader):
             self.refuse(number, f"{size} bytes are no length of an object", READABLE)
         return (start, start + size) if start + size <= len(data) else None
 
-    def _object(self, data: bytes, number: int, start: int) -> LogFrame | None:
+    def _object_frame(self, data: bytes, number: int, start: int) -> LogFrame | None:
         """The data frame of an object, if it is one that was on the bus; stamps count from `start` [ns]."""
         _, header_size, version, _, kind = _HEAD.unpack_from(data)
         if kind in ERROR_TYPES:

@@ -73,16 +73,16 @@ class ParquetTable(ArrowTable, FileTable):
     """A Parquet file."""
 
     def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
-        with _opened(path) as file:
+        with _open_parquet(path) as file:
             super().__init__(path, config, file.schema_arrow, is_own)
 
     @staticmethod
     def headings(path: Path) -> Sequence[Heading]:
-        with _opened(path) as file:
+        with _open_parquet(path) as file:
             return headings_of(file.schema_arrow)
 
     def _batches(self, names: Sequence[str]) -> Iterator[Any]:
-        with _opened(self.path) as file:
+        with _open_parquet(self.path) as file:
             # one thread: those of a pool would keep 25 MB, and are no faster for so few rows
             for batch in file.iter_batches(SAMPLES_AT_ONCE, columns=list(names), use_threads=False):
                 yield batch.select(list(names))
@@ -118,7 +118,7 @@ def _moments(column: Any) -> NDArray[np.int64]:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def _open_parquet(path: Path) -> Iterator[Any]:
     """A file to read. Raises `UserError` for a damaged one."""
     with path.open("rb"):  # whose errors are the usual ones; pyarrow reads its own files faster
         pass

@@ -117,7 +117,8 @@ RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
     ),
 )
 """Fields of an evaluated injection, those of its report first."""
-SHOWN: Mapping[str, Field[InjectionResult]] = {shown.name: shown for shown in (*RESULT_FIELDS, MASS_BOUND)}
+_SCREEN_FIELDS: tuple[Field[InjectionResult], ...] = (*RESULT_FIELDS, MASS_BOUND)
+SHOWN: Mapping[str, Field[InjectionResult]] = {shown.name: shown for shown in _SCREEN_FIELDS}
 """Fields of an evaluated injection on the screen, by name."""
 
 

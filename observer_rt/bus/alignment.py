@@ -32,19 +32,17 @@ class Alignment(NamedTuple):
     recorded: NDArray[np.void]  # (RECORDED_RING,) RECORDED
 
 
-def make_alignment(
-    relations: Sequence[GridRelation | None], closed_lift: float, recorded: NDArray[np.void]
-) -> Alignment:
-    """Empty alignment of messages on the grid (None, or in part) and others that follow it.
+def make_alignment(relations: Sequence[GridRelation | None], closed_lift: float, ring: NDArray[np.void]) -> Alignment:
+    """Empty alignment of messages by their relations to the grid, None where all of a message is on it.
 
-    `closed_lift` [m] bounds the lift of a closed needle; `recorded`: the ring it writes to, of the observer.
+    closed_lift: largest lift [m] of a closed needle; ring: of the observer, to which samples are written.
     """
     alignment = Alignment(
         np.zeros(1, core.ALIGNMENT),
         np.zeros(core.MAX_INPUTS, core.STREAM),
         np.zeros(core.MAX_INPUTS, core.FOLLOWER),
         np.zeros(core.SLOTS, core.SLOT),
-        recorded,
+        ring,
     )
     memory = alignment.memory[0]
     memory["stream_count"] = len(relations)
@@ -60,7 +58,7 @@ def make_alignment(
 
 
 def indices_of(alignment: Alignment, field: Literal["first_index", "next_index"]) -> list[int]:
-    """The index on the grid at which each stream began, or up to which it has sent its samples; -1: it has not."""
+    """Index on the grid at which each stream began, or up to which it has sent samples; -1: it has sent none."""
     count = int(alignment.memory[0]["stream_count"])
     return [
         int(stream[field] if stream["seen"] else -1)
@@ -88,7 +86,10 @@ class Timekeeping(NamedTuple):
 
 
 def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leading: int) -> Timekeeping:
-    """Memory of all messages before the first frame; `samples` of every role in one frame of each message."""
+    """Memory of all messages before the first frame.
+
+    timing: rows TIMING; samples: of every role in one frame of each message; leading: number of the grid's message.
+    """
     memory = np.zeros(1, core.TIMEKEEPING)
     memory["leading"] = leading
     memory["by_stamps"] = bool(

@@ -18,7 +18,7 @@ from typing import Any
 from observer_rt.config import bench_file
 from observer_rt.config.injector_sections import InjectorConfig
 from observer_rt.config.signals import with_exact_sensors
-from observer_rt.config.toml_file import place_in, read_toml, validated
+from observer_rt.config.toml_file import location_in, read_toml, validated
 from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.foundation.files import file_hash
@@ -44,7 +44,7 @@ Content = Mapping[str, Any]
 class BenchInjector:
     """Injector of a bench: its sections of the bench file, and the parameters in the file it names.
 
-    is_lift_dead: its lift sensor, so that the needle goes by commands until it is alive again.
+    is_lift_dead: whether its lift sensor has failed, so that the needle goes by commands.
     """
 
     file: bench_file.BenchFile
@@ -98,7 +98,7 @@ class BenchInjector:
 
 @dataclass(frozen=True)
 class Bench:
-    """A bench file with the files it names: what every command starts from. `config`: its buses."""
+    """A bench file with the files it names, from which every command starts; config: its shared sections."""
 
     path: Path
     config: bench_file.BusesConfig
@@ -172,7 +172,7 @@ def _with_named_fuel(path: Path, document: dict[str, Any]) -> InjectorParameters
 
     A `reference_temperature` stated is that of the fuel, whose other values are taken there.
     """
-    stated, location = document.get("fluid"), place_in(path)
+    stated, location = document.get("fluid"), location_in(path)
     if not isinstance(stated, dict) or "fuel" not in stated:
         return validated(InjectorParameters, document, location, "injector")
     fuels, name = read_toml(FUELS), str(stated["fuel"])
@@ -183,14 +183,12 @@ def _with_named_fuel(path: Path, document: dict[str, Any]) -> InjectorParameters
     parameters = validated(InjectorParameters, document, location, "injector")
     fluid, kept = parameters.fluid, {key: getattr(parameters.fluid, key) for key in stated}
     first = fluid.model_copy(update={"reference_temperature": fuels[name]["reference_temperature"]})
-    warmed = at_temperature(
-        parameters.model_copy(update={"fluid": first}), document["fluid"]["reference_temperature"]
-    )
-    return parameters.model_copy(update={"fluid": warmed.fluid.model_copy(update=kept)})
+    warm = at_temperature(parameters.model_copy(update={"fluid": first}), document["fluid"]["reference_temperature"])
+    return parameters.model_copy(update={"fluid": warm.fluid.model_copy(update=kept)})
 
 
 def exact_text(path: Path) -> str:
-    """A bench or injector file as one of a simulation, whose sensors and geometry are known exactly."""
+    """Text of a bench or injector file with accuracies of 0 %, as of a simulation."""
     return re.sub(r"(?m)^(\w+_percent) = [\d.]+", r"\1 = 0.0", path.read_text(encoding="utf-8"))
 
 
@@ -209,7 +207,8 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, off_bus: b
     shared = read_toml(path)
     if off_bus and is_off_bus(shared):
         shared = _completed(shared, read_toml(EXAMPLE_BENCH))
-    stated = validated(_InjectorNames, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
+    named = {"injectors": shared.pop("injectors", {})}
+    stated = validated(_InjectorNames, named, location_in(path), "bench").injectors
     buses = bench_file.read_buses(path, shared)
     files = [
         bench_file.BenchFile(path, name, number, shared, own)
@@ -231,7 +230,7 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, off_bus: b
 
 
 def _completed(stated: Mapping[str, Any], by: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables with what they leave out, by others."""
+    """Tables, with the keys that they leave out taken from others."""
     result = {**by, **stated}
     for key in stated.keys() & by.keys():
         if isinstance(stated[key], Mapping) and isinstance(by[key], Mapping):

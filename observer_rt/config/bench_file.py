@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field
 
 from observer_rt.config.injector_sections import InjectorConfig, OutputsConfig
-from observer_rt.config.toml_file import place_in, unknown_key, validated
+from observer_rt.config.toml_file import location_in, unknown_key, validated
 from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
 
@@ -146,7 +146,7 @@ def read_buses(path: Path, document: dict[str, Any]) -> BusesConfig:
         if key not in sections:
             raise unknown_key(f"{path}: {key}", key, sections)
     stated = {key: document.pop(key) for key in BusesConfig.model_fields if key in document}
-    return validated(BusesConfig, stated, place_in(path), "bench")
+    return validated(BusesConfig, stated, location_in(path), "bench")
 
 
 @dataclass(frozen=True)

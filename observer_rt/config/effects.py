@@ -1,4 +1,4 @@
-"""Effects and terms as users write them, in files and on the command line: found, tried, or refused by name."""
+"""Effects and terms as users name them, in files and on the command line: looked up, checked, refused by name."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING

@@ -15,11 +15,11 @@ from observer_rt.foundation.files import file_hash, replacing
 from observer_rt.model.parameters import EffectInForce
 from observer_rt.model.terms.in_force import TermInForce
 
-_PAIR = 2  # numbers that still stand in a line of their own
+_PAIR = 2  # numbers of a list that still counts as short
 
 
 class InjectorFile(NamedTuple):
-    """An injector file that another is made of: its name, SHA-256 and text."""
+    """An injector file from which another is made: its name, SHA-256 and text."""
 
     name: str
     sha256: str
@@ -27,7 +27,7 @@ class InjectorFile(NamedTuple):
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Raises `UserError` for what cannot be changed as text."""
+        """Read a file. Raises `UserError` for one that cannot be changed as text."""
         text = path.read_text(encoding="utf-8")
         try:
             tomlkit.parse(text)
@@ -37,9 +37,9 @@ class InjectorFile(NamedTuple):
 
     @contextmanager
     def changed(self, path: Path) -> Iterator[tomlkit.TOMLDocument]:
-        """The content to be changed, which is then written to another file, as a file that loads.
+        """Yield the content to be changed, which is then written to a path.
 
-        Raises `RunError` when it would not be taken back; what was there is then unchanged.
+        Raises `RunError` for a content that would not load; the file that was there is then unchanged.
         """
         document = tomlkit.parse(self.text)
         yield document
@@ -52,7 +52,7 @@ class InjectorFile(NamedTuple):
 
 
 def inline(entry: Mapping[str, Any]) -> InlineTable:
-    """Content in one line."""
+    """A mapping as a table in one line."""
     table = tomlkit.inline_table()
     for key, value in entry.items():
         table.append(key, inline(value) if isinstance(value, Mapping) else value)

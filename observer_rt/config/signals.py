@@ -1,7 +1,7 @@
-"""Signals that carry the observer's inputs, as a bench file states them; where their delays and lags are undone.
+"""Signals that carry the observer's inputs, as a bench file states them, and the effects of their delays and lags.
 
 For samples of a bus `bus/alignment.py` undoes the delay of each message that carries the lift or the rail pressure;
-all else is given to the model, as effects.
+the model gets all other delays and lags as effects.
 """
 
 import math
@@ -21,11 +21,11 @@ from observer_rt.model.parameters import InjectorParameters, Positive
 from observer_rt.model.surroundings import CHAMBER_PRESSURES, TEMPERATURES, Surroundings
 
 MOST_APART_US = 60.0  # of filter delays of two channels, in recordings
-_UNDONE = {"filter_delay_us": 0.0, "lag_us": 0.0}
+_NO_DELAYS = {"filter_delay_us": 0.0, "lag_us": 0.0}
 
 
 class Role(StrEnum):
-    """The signals the observer lives on."""
+    """Roles of the signals that the observer needs."""
 
     RAIL_PRESSURE = "rail_pressure"
     NEEDLE_LIFT = "needle_lift"
@@ -33,7 +33,7 @@ class Role(StrEnum):
 
 
 class OptionalRole(StrEnum):
-    """Slow signals the observer makes use of where a bench has them."""
+    """Roles of slow signals that the observer uses where a bench has them."""
 
     LEARNING_ENABLE = "learning_enable"
     MEASURED_MASS = "measured_mass"
@@ -45,11 +45,11 @@ class OptionalRole(StrEnum):
 class OptionalSignal:
     """Description of an optional role, for the bus and for `check`.
 
-    use: purpose of its values; possible: lowest and highest value [SI]; wrong: what a signal is whose range lies
-    outside these. expires: a value counts for a time only. usual: value [SI] in frames made of recordings; if not
-    always, then only where a frame cannot mark it as not available. units: factors to SI, or origins: zeros of the
-    scales [K]; neither: a plain number. shown: the unit of screens; without one the range is not shown. step: change
-    [SI] of one of the `Surroundings` below which the model stays.
+    use: purpose of its values; possible: lowest and highest value [SI]; wrong: words for a signal whose range lies
+    outside these. expires: whether a value counts for a time only. usual: value [SI] in frames made of recordings;
+    unless `always`, only where a frame cannot mark it as not available. units: factors to SI, or origins: zeros of
+    the scales [K]; neither: a plain number. shown: the unit of screens; without one the range is not shown. step:
+    change [SI] of one of the `Surroundings` below which the model stays as it is.
     """
 
     use: str
@@ -218,9 +218,9 @@ class SignalsConfig(Section):
         return self
 
     def of(self, role: Role) -> SignalConfig:
-        """The mapping of a role; a lift that is not measured has that of the line pressure, and nobody reads it."""
+        """The mapping of a role; a lift that is not measured gets that of the line pressure, and is never read."""
         mapping: SignalConfig | None = getattr(self, role.value)
-        return mapping or self.line_pressure.model_copy(update=_UNDONE)
+        return mapping or self.line_pressure.model_copy(update=_NO_DELAYS)
 
     @property
     def optional(self) -> tuple[tuple[OptionalRole, SlowSignalConfig], ...]:
@@ -235,7 +235,7 @@ class SignalsConfig(Section):
 
 
 def undone_in_alignment(signals: SignalsConfig, role: Role) -> float:
-    """Delay [s] by which samples of lift or rail pressure are moved with their message: the lift's, if it has one."""
+    """Delay [s] by which samples of a role are moved with their message: the lift's, if the message carries it."""
     lift, own = signals.of(Role.NEEDLE_LIFT), signals.of(role)
     together = (own.message, own.link) == (lift.message, lift.link)
     return (lift if together else own).filter_delay_us * MICROSECOND
@@ -251,7 +251,8 @@ def effects_after_alignment(signals: SignalsConfig) -> tuple[SizedEffect, ...]:
 def effects_on_one_raster(signals: SignalsConfig, location: Callable[[str], str]) -> tuple[SizedEffect, ...]:
     """Effects of delays and lags in recordings that are compared with models, on one raster: against the lift.
 
-    location: of a key in its file. Raises `UserError` for a delay that the samples beside an injection do not bridge.
+    location: gives the place of a key in its file. Raises `UserError` for delays that differ by more than
+    `MOST_APART_US`.
     """
     lift = signals.of(Role.NEEDLE_LIFT).filter_delay_us
     for role in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE):
@@ -268,20 +269,20 @@ def effects_on_one_raster(signals: SignalsConfig, location: Callable[[str], str]
 
 def as_sent(signals: SignalsConfig) -> SignalsConfig:
     """Signals without delays and lags."""
-    return _changed(signals, lambda _: _UNDONE)
+    return _with_changes(signals, lambda _: _NO_DELAYS)
 
 
 def as_observed(signals: SignalsConfig) -> SignalsConfig:
     """Signals as an observer's evidence has them: only the line pressure is still delayed."""
-    return _changed(signals, lambda role: {} if role is Role.LINE_PRESSURE else _UNDONE)
+    return _with_changes(signals, lambda role: {} if role is Role.LINE_PRESSURE else _NO_DELAYS)
 
 
 def with_exact_sensors(signals: SignalsConfig) -> SignalsConfig:
     """Signals of pressure sensors without an error of the gain, as those of a simulation."""
-    return _changed(signals, lambda _: {"accuracy_percent": 0.0})
+    return _with_changes(signals, lambda _: {"accuracy_percent": 0.0})
 
 
-def _changed(signals: SignalsConfig, change: Callable[[Role], dict[str, float]]) -> SignalsConfig:
+def _with_changes(signals: SignalsConfig, change: Callable[[Role], dict[str, float]]) -> SignalsConfig:
     stated = {role: mapping for role in Role if (mapping := getattr(signals, role.value)) is not None}
     return signals.model_copy(
         update={role.value: mapping.model_copy(update=change(role)) for role, mapping in stated.items()}

@@ -1,4 +1,4 @@
-"""TOML files of the user: read, validated, refused with file, key, remedy and what may stand there instead."""
+"""TOML files of the user: read and validated; errors name file, key, remedy, and what may stand there instead."""
 
 import json
 import re
@@ -24,7 +24,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 
 def validated(model: type[_Model], document: Mapping[str, Any], location_of: Callable[..., str], kind: str) -> _Model:
-    """A document as a model. kind: of the complete example that `run --print-example-<kind>` prints.
+    """A document as a model; kind: as in `run --print-example-<kind>`, which prints a complete example.
 
     Types are strict: no text for a number, no number for a switch. location_of: gives the location of an entry by the
     keys that lead to it. Raises `UserError` naming location, problem and remedy.
@@ -65,7 +65,7 @@ def _section_in(annotation: Any) -> type[BaseModel] | None:
     return next((section for section in sections if section is not None), None)
 
 
-def place_in(path: Path) -> Callable[..., str]:
+def location_in(path: Path) -> Callable[..., str]:
     """Function by which `validated` names the places of a file."""
     return lambda *location: f"{path}: {'.'.join(map(str, location)) or 'file'}"
 

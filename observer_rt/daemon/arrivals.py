@@ -42,13 +42,14 @@ class FrameCount:
 class Arrivals:
     """Counts frames by their identifiers. Times [ns] are of the caller's clock."""
 
-    def __init__(self, bus: BusMap) -> None:
-        self.sources = tuple(watched_input(bus, layout) for layout in bus.received)
-        self.watched = watched_messages(bus)
+    def __init__(self, bus_map: BusMap) -> None:
+        self.sources = tuple(watched_input(bus_map, layout) for layout in bus_map.received)
+        self.watched = watched_messages(bus_map)
         """Messages whose frames are counted."""
         self._counts = {layout.key: FrameCount(0, 0) for layout in self.watched}
-        inputs = {layout.key for layout in bus.received}  # one that is shared by mistake, `check` reports
-        self._own = tuple((layout, self._counts[layout.key]) for layout in bus.sent if layout.key not in inputs)
+        inputs = {layout.key for layout in bus_map.received}  # one that is shared by mistake, `check` reports
+        results = [layout for layout in bus_map.sent if layout.key not in inputs]
+        self._own_counts = [(layout, self._counts[layout.key]) for layout in results]
         self._begin = 0
 
     def begin(self, now: int) -> None:
@@ -62,7 +63,7 @@ class Arrivals:
             count.frames += 1
             count.last = now
 
-    def set(self, layout: MessageLayout, frames: int, last: int) -> None:
+    def set_count(self, layout: MessageLayout, frames: int, last: int) -> None:
         """Sets how many frames of a message came so far, and when the last one did."""
         count = self._counts[layout.key]
         count.frames, count.last = frames, last
@@ -94,7 +95,7 @@ class Arrivals:
         """Time since the last frame with a role [s]; nan: none came yet."""
         return self.age(next(source for source in self.sources if role.value in source.roles), now)
 
-    def stale(self, now: int) -> list[WatchedMessage]:
+    def stale_messages(self, now: int) -> list[WatchedMessage]:
         """Messages with samples that stay away."""
         return [s for s in self.sources if s.streams and self.silence(s, now) > s.patience]
 
@@ -104,22 +105,22 @@ class Arrivals:
         return all(self.count_of(source).frames for source in self.sources if source.streams)
 
     @property
-    def foreign(self) -> tuple[tuple[MessageLayout, FrameCount], ...]:
+    def foreign_messages(self) -> tuple[tuple[MessageLayout, FrameCount], ...]:
         """Messages that we send and that others sent, too, with what came of them."""
-        return tuple((layout, count) for layout, count in self._own if count.frames)
+        return tuple((layout, count) for layout, count in self._own_counts if count.frames)
 
     @property
     def foreign_frames(self) -> int:
         """Frames that others sent under our identifiers."""
-        return sum(count.frames for _, count in self._own)
+        return sum(count.frames for _, count in self._own_counts)
 
     def is_contested(self, now: int) -> bool:
         """Whether another node sends under our identifiers now."""
-        return any(count.frames and now - count.last < CONTESTED * NANOSECONDS for _, count in self._own)
+        return any(count.frames and now - count.last < CONTESTED * NANOSECONDS for _, count in self._own_counts)
 
     def as_text(self, now: int) -> str:
         """Messages that stay away, with their ages; of all where none does."""
-        shown = self.stale(now) or self.sources
+        shown = self.stale_messages(now) or self.sources
         ages = ((source.text, self.age(source, now)) for source in shown)
         return ", ".join(
             f"{text}: {'no frame yet' if math.isnan(age) else f'last frame {age_text(age)}'}" for text, age in ages
@@ -133,29 +134,29 @@ def age_text(age: float) -> str:
     return f"{age * 1e3:.0f} ms ago" if age < 1.0 else f"{age:.1f} s ago"
 
 
-def watched_input(bus: BusMap, layout: MessageLayout) -> WatchedMessage:
+def watched_input(bus_map: BusMap, layout: MessageLayout) -> WatchedMessage:
     """An input message with what it carries."""
-    streams = tuple(number for number in range(len(bus.inputs.streams)) if layout_of(bus, number) == layout)
-    bits = [int(bus.inputs.streams[number]["roles"]) for number in streams]
+    streams = tuple(number for number in range(len(bus_map.inputs.streams)) if layout_of(bus_map, number) == layout)
+    bits = [int(bus_map.inputs.streams[number]["roles"]) for number in streams]
     roles = [role.value for carried in bits for place, role in enumerate(ROLES) if carried >> place & 1]
     patience = [STALE] if streams else []
-    for message in bus.slow:
+    for message in bus_map.slow:
         if message.layout == layout:
             roles += [signal.role.value for signal in message.signals]
             patience += [signal.timeout for signal in message.signals]
-    if bus.energizing is not None and bus.energizing.layout == layout:
+    if bus_map.energizing is not None and bus_map.energizing.layout == layout:
         from observer_rt.bus.mapping.optional_inputs import slow_timeout  # optional: [signals.energizing]
 
         roles.append("energizing")
-        if bus.energizing.cycle is not None:
-            patience.append(slow_timeout(None, round(bus.energizing.cycle * NANOSECONDS)))
-    text = f"{message_text(bus, layout)} ({', '.join(roles)})"
+        if bus_map.energizing.cycle is not None:
+            patience.append(slow_timeout(None, round(bus_map.energizing.cycle * NANOSECONDS)))
+    text = f"{message_text(bus_map, layout)} ({', '.join(roles)})"
     return WatchedMessage(layout, text, tuple(roles), streams, min(patience, default=math.inf))
 
 
 def inputs_of(arrivals: Arrivals, timing: Sequence[MessageTiming], now: int) -> tuple[InputStatus, ...]:
     """All input messages at a time [ns]; timing: of all streams."""
-    stale = arrivals.stale(now)
+    stale = arrivals.stale_messages(now)
     inputs = []
     for source in arrivals.sources:
         age, is_stale = arrivals.age(source, now), source in stale
@@ -179,14 +180,14 @@ def lateness(timing: Sequence[MessageTiming]) -> str:
     return text
 
 
-def watched_messages(bus: BusMap) -> tuple[MessageLayout, ...]:
+def watched_messages(bus_map: BusMap) -> tuple[MessageLayout, ...]:
     """Messages whose frames tell of faults: inputs, results, which nobody else sends, and twins of the inputs.
 
     A twin has an identifier of the other size, 11 bits or 29, by which no message is known.
     """
-    own = (*bus.received, *bus.sent)
+    own = (*bus_map.received, *bus_map.sent)
     keys = {layout.key for layout in own}
-    twins = (_twin(layout) for layout in bus.received if layout.frame_id <= STANDARD_MASK)
+    twins = (_twin(layout) for layout in bus_map.received if layout.frame_id <= STANDARD_MASK)
     return (*own, *(twin for twin in twins if twin.key not in keys))
 
 
@@ -194,6 +195,6 @@ def _twin(layout: MessageLayout) -> MessageLayout:
     return replace(layout, is_extended=not layout.is_extended)
 
 
-def message_text(bus: BusMap, layout: MessageLayout) -> str:
+def message_text(bus_map: BusMap, layout: MessageLayout) -> str:
     """Describes a message with its identifier."""
-    return f"{bus.name_of(layout)} 0x{layout.frame_id:X}"
+    return f"{bus_map.name_of(layout)} 0x{layout.frame_id:X}"

@@ -79,7 +79,7 @@ def control_socket(kept: Path, requests: Requests, say: Callable[[str], None] = 
                         path.unlink()
 
 
-def connected(kept: Path) -> socket.socket | None:
+def daemon_connection(kept: Path) -> socket.socket | None:
     """Connection to the daemon that keeps a file; None: there is no such daemon.
 
     Raises `UserError` for a daemon that may not be asked, `RunError` for one that takes no requests.
@@ -111,7 +111,7 @@ def ask(kept: Path, request: Message) -> Message | None:
 
     Raises `UserError` for a daemon that refuses, or may not be asked, `RunError` for one that does not answer.
     """
-    if (daemon := connected(kept)) is None:
+    if (daemon := daemon_connection(kept)) is None:
         return None
     try:
         with daemon, daemon.makefile("rwb") as stream:

@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from observer_rt.bus.database.lookup import database_hash
-from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.bus.links.opening import BusDownError
+from observer_rt.bus.links.link import BusDownError, Link, LinkDownError
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.bench import Bench
@@ -42,7 +41,7 @@ class Daemon:
     def __init__(
         self,
         bench: Bench,
-        bus: BusMap,
+        bus_map: BusMap,
         links: Sequence[Link],
         knowledge: Knowledge | None = None,
         listeners: Sequence[Listener] = (),
@@ -58,14 +57,14 @@ class Daemon:
         to claim its rights. evidence_kept: events kept so far; for the status.
         """
         self._links = links
-        self._bus = bus
+        self._bus_map = bus_map
         self._on_thread = on_thread
         self._latency: Callable[[], Latency | None] = lambda: None
         self._tell = fan_out(listeners)
         self._on_alive = on_alive
         self._failed_writes = failed_writes
         self._evidence_kept = evidence_kept
-        with_inputs = {layout.bus for layout in bus.received}
+        with_inputs = {layout.bus for layout in bus_map.received}
         self.ports = tuple(
             Port(named.label, named.config.channel, link, number in with_inputs, self._tell)
             for number, (named, link) in enumerate(zip(bench.config.buses, links, strict=True))
@@ -73,20 +72,20 @@ class Daemon:
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning", initializer=drop_priority)
         self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
         self._injector = bench.injector
-        self.core = Core(bench.injector, bus, knowledge, self._executor, listeners=listeners)
-        self._watch = InputWatch(bench.injector, bus, self.core)
+        self.core = Core(bench.injector, bus_map, knowledge, self._executor, listeners=listeners)
+        self._watch = InputWatch(bench.injector, bus_map, self.core)
         self.arrivals = self._watch.arrivals
         """Arrivals of all input messages, by the monotonic clock, and of others under our identifiers."""
         self._state_watch = StateWatch(self.arrivals)
         self._restarts = 0  # of measuring devices
-        self._status_writer = FrameWriter(bus.results_of(per_injection=False))
+        self._status_writer = FrameWriter(bus_map.results_of(per_injection=False))
         self._status_period = round(bench.injector.config.outputs.status_period_ms * 1e6)
         self._hashes = (int(model_hash(bench.injector.parameters)[:8], 16), database_hash(bench.databases))
         self._is_waiting = False  # whether results wait for room on some bus
-        self._down: list[int] = []  # buses
+        self._buses_down: list[int] = []  # buses
         self._frames_seen = 0
         self._last_input = 0
-        self.looked = 0
+        self.last_look = 0
         """When the loop last looked at its state, by the monotonic clock [ns]; 0: it has not begun."""
         self.ready = threading.Event()
 
@@ -99,10 +98,11 @@ class Daemon:
         self._last_input = self._next_status = self._next_look = time.monotonic_ns()
         self.arrivals.begin(self._last_input)
         touch(self.core.compiled.pipeline)
-        port = self.ports[self._bus.sent[0].bus]  # of all results
-        self._pump = FramePump(self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._on_thread)
+        bus_map = self._bus_map
+        port = self.ports[bus_map.sent[0].bus]  # of all results
+        self._pump = FramePump(self._links, self.core, bus_map, self.arrivals, port.count_unsent, self._on_thread)
         self._latency = self._pump.latency
-        for idle in set(range(len(self.ports))) - buses_of(self._bus):
+        for idle in set(range(len(self.ports))) - buses_of(bus_map):
             self._pump.leave_out(idle)
         self.ready.set()
         try:
@@ -119,37 +119,37 @@ class Daemon:
         try:
             results = self._pump.serve(RETRY if self._is_waiting else RECEIVE_TIMEOUT)
         except BusDownError as error:
-            self._lose(error.bus, error)
+            self._lose_bus(error.bus, error)
             return
         now = time.monotonic_ns()
         self.core.second_sender.note(self.arrivals.is_contested(now))
         if self.core.frames_taken != self._frames_seen:
             self._frames_seen, self._last_input = self.core.frames_taken, now
         if results or self._is_waiting:
-            self._post(results)
+            self._send_results(results)
         if now >= self._next_status:
             self._next_status = now + self._status_period
-            self._post(self._status(now))
+            self._send_results(self._status(now))
             for port in self.ports:
                 port.tell(now)
         if now >= self._next_look:
             self._next_look = now + LOOK_PERIOD
-            self._look(now)
-        for bus in list(self._down):
-            if self.ports[bus].mend(self._menders):
-                self._down.remove(bus)
+            self._inspect(now)
+        for bus in list(self._buses_down):
+            if self.ports[bus].try_reconnect(self._menders):
+                self._buses_down.remove(bus)
                 self._pump.take_back(bus)
                 self.arrivals.begin(now)
 
-    def _look(self, now: int) -> None:
+    def _inspect(self, now: int) -> None:
         """Looks for faults of the inputs, and for the state; inputs on a bus that is down are not judged."""
-        slept, self.looked = (now - self.looked) / NANOSECONDS if self.looked else 0.0, now
+        slept, self.last_look = (now - self.last_look) / NANOSECONDS if self.last_look else 0.0, now
         if slept > ASLEEP:  # what came meanwhile may be lost, and is no fault of the inputs
             self.arrivals.begin(now)
             remedy = "was it stopped or the computer suspended? else give it a processor"
             text = f"this process stood still for {slept:.1f} s\n  remedy: {remedy}"
             self._tell(Notice(Topic.INPUT, text))
-        if not self._down:
+        if not self._buses_down:
             for notice in self._watch.look(now):
                 self._tell(notice)
         before, self._restarts = self._restarts, self.core.counters.restarts
@@ -161,31 +161,31 @@ class Daemon:
         if self._pump.goes_round():
             self._on_alive()
 
-    def _post(self, frames: Sequence[OutputFrame]) -> None:
+    def _send_results(self, frames: Sequence[OutputFrame]) -> None:
         """Posts results to their buses, behind those that wait there."""
         for bus, port in enumerate(self.ports):
             try:
                 port.post((frame for frame in frames if frame.bus == bus), self._pump.sender(bus))
             except LinkDownError as error:
-                self._lose(bus, error)
+                self._lose_bus(bus, error)
         self._is_waiting = any(port.is_waiting for port in self.ports)
 
-    def _lose(self, bus: int, error: LinkDownError) -> None:
+    def _lose_bus(self, bus: int, error: LinkDownError) -> None:
         """Go on without a link that failed, until the link is up again."""
         self._pump.leave_out(bus)
-        self._down.append(bus)
+        self._buses_down.append(bus)
         self.ports[bus].go_down(error)
         self._last_input = 0  # what came before is past
 
     def _finish(self) -> None:
         """Publish complete results, and a last status frame, as far as the links take them."""
-        self._post(self._pump.finish())
-        self._post(self._status(time.monotonic_ns()))
+        self._send_results(self._pump.finish())
+        self._send_results(self._status(time.monotonic_ns()))
         for bus, port in enumerate(self.ports):
             try:
                 port.drain(LAST_FRAMES, self._pump.sender(bus))
             except LinkDownError as error:
-                self._lose(bus, error)
+                self._lose_bus(bus, error)
 
     def state(self, now: int) -> tuple[State, Reason]:
         """State and its most severe reason at a monotonic time [ns]."""
@@ -194,11 +194,11 @@ class Daemon:
 
     def standing(self, now: int) -> tuple[State, tuple[Reason, ...]]:
         """State and all its reasons, the most severe first, at a monotonic time [ns]."""
-        is_down = any(self.ports[bus].has_inputs for bus in self._down)
+        is_down = any(self.ports[bus].has_inputs for bus in self._buses_down)
         condition = ServiceCondition(
             has_frames=self._frames_seen > 0,
             is_cut_off=is_down or now - self._last_input > INPUT_TIMEOUT * NANOSECONDS,
-            is_stale=bool(self.arrivals.stale(now)),
+            is_stale=bool(self.arrivals.stale_messages(now)),
         )
         state, reason = state_of_service(self.core.state, condition)
         if self.arrivals.is_contested(now):

@@ -99,7 +99,7 @@ class EvidenceKeeper:
     @contextmanager
     def keeping(self) -> Iterator[None]:
         """While it lasts, events are written."""
-        thread = threading.Thread(target=self._write, name="evidence", daemon=True)
+        thread = threading.Thread(target=self._write_events, name="evidence", daemon=True)
         thread.start()
         try:
             yield
@@ -120,7 +120,7 @@ class EvidenceKeeper:
         except queue.Full:
             self.lost += 1
 
-    def _write(self) -> None:
+    def _write_events(self) -> None:
         """Hand waiting events to the process, which is started anew should it have ended."""
         process: subprocess.Popen[bytes] | None = None
         while (queued := self._waiting.get()) is not None:
@@ -140,7 +140,7 @@ class EvidenceKeeper:
                 answer = _answer_of(process, event.packed()) or "failed its process ended"
             except OSError as error:
                 answer = f"failed {error}"
-            self._note(answer)
+            self._take_answer(answer)
         if process is not None:
             assert process.stdin is not None
             with suppress(OSError):
@@ -148,7 +148,7 @@ class EvidenceKeeper:
             with suppress(subprocess.TimeoutExpired):
                 process.wait(LAST_EVENTS)
 
-    def _note(self, answer: str) -> None:
+    def _take_answer(self, answer: str) -> None:
         verdict, _, why = answer.partition(" ")
         self.kept += verdict == "kept"
         if verdict == "kept" and self._lost_together:

@@ -7,17 +7,17 @@ import time
 from collections.abc import Callable
 
 from observer_rt.bus.can_frame import EXTENDED_FLAG, EXTENDED_MASK, FD_MTU, HEADER_BYTES
+from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.links.link import LONGEST_WAIT, Link
-from observer_rt.bus.links.opening import DescriptorLink
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
-from observer_rt.core.frames.frames import SLOTS
+from observer_rt.core.frames.frames import SLOTS as SAMPLE_SLOTS
 from observer_rt.daemon.port import RETRY
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
 
 ROOM = 1 << 14  # bytes: some twenty frames; more wait in the driver
 RESULTS_ROOM = 1 << 17  # bytes: some 170; rates of more wait in the loop, which gives up the oldest
-FAR = SLOTS // 4  # samples, of those that may wait for another message
+FAR_AHEAD = SAMPLE_SLOTS // 4  # samples, of those that may wait for another message
 PAUSE = 0.5  # s without a new sample, after which nothing waits for a message any more, whatever else its bus brings
 NO_INDEX = -2  # instead of the sample index of a stream
 _STAMPED = struct.Struct("=IBB2x64sq")  # struct canfd_frame, its stamp behind it [ns]
@@ -26,10 +26,10 @@ _STAMPED = struct.Struct("=IBB2x64sq")  # struct canfd_frame, its stamp behind i
 class Pace:
     """Keeps fed buses abreast: stamps by arrival do not tell the order of frames that waited in several drivers."""
 
-    def __init__(self, core: Core, bus: BusMap, is_silent: Callable[[int], bool]) -> None:
+    def __init__(self, core: Core, bus_map: BusMap, is_silent: Callable[[int], bool]) -> None:
         """is_silent: whether no frame of a bus is on its way, which then holds up no other."""
         self._core = core
-        self._buses = [layout_of(bus, stream).bus for stream in range(len(bus.inputs.streams))]
+        self._buses = [layout_of(bus_map, stream).bus for stream in range(len(bus_map.inputs.streams))]
         self._are_several = len(set(self._buses)) > 1
         self._is_silent = is_silent
         # by stream: sample index, and since when [s]
@@ -49,7 +49,7 @@ class Pace:
             start = min((index for index in self._core.begun_at if index >= 0), default=-1)
         own = max((index for of, (index, _) in streams if of == bus), default=-1)
         return any(
-            FAR < own - max(index, start) < SLOTS and now - since < PAUSE and not self._is_silent(of)
+            FAR_AHEAD < own - max(index, start) < SAMPLE_SLOTS and now - since < PAUSE and not self._is_silent(of)
             for of, (index, since) in streams
             if of != bus
         )
@@ -76,7 +76,8 @@ class Feeder(DescriptorLink):
         self._has_answered = False
         self._is_empty = False
         self._ended = threading.Event()
-        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._bring, self._send_on)]
+        targets = self._receive_frames, self._send_results
+        self._threads = [threading.Thread(target=target, daemon=True) for target in targets]
         for thread in self._threads:
             thread.start()
 
@@ -113,7 +114,7 @@ class Feeder(DescriptorLink):
         super().close()
         self._other_end.close()
 
-    def _bring(self) -> None:
+    def _receive_frames(self) -> None:
         """Brings frames from the link to the loop."""
         try:
             while not self._ended.is_set():
@@ -129,7 +130,7 @@ class Feeder(DescriptorLink):
         except Exception as error:  # whatever it is, the pump must hear of it
             self._fail(error)
 
-    def _send_on(self) -> None:
+    def _send_results(self) -> None:
         """Sends results to the link, until the last; those left over are for `end` to return."""
         while data := self._other_end.recv(FD_MTU):
             identifier, length = struct.unpack_from("=IB", data)

@@ -64,7 +64,7 @@ class InjectorService:
         )
         if learned is not None:
             log.say(Topic.KEPT, f"what was learned from {learned.state.events} events goes on in force")
-        self._announce()
+        self._log_start()
         self._evidence = evidence
         self.snapshots = SnapshotKeeper(bench)
         self.drawing: Callable[[Event], None] | None = None
@@ -73,7 +73,7 @@ class InjectorService:
             from observer_rt.daemon.view import View, draw  # optional: --view
 
             title = " ".join(filter(None, ("observer_rt", injector.name)))
-            self.drawing = partial(draw, View(f"{title}: {self._buses}", self.snapshots.snapshot), console=screen)
+            self.drawing = partial(draw, View(f"{title}: {self._buses}", self.snapshots.take), console=screen)
         self._teller = EventLogger(log, notifier, bench_constants(injector).coefficients, injector.name)
 
     @property
@@ -107,7 +107,7 @@ class InjectorService:
         with ExitStack() as stack:
             opening = LinkOpening(self._bench, self._bus, self._tell, stop, self._notifier.alive)
             try:
-                opening.tell_other_senders()
+                opening.report_other_senders()
                 links = [stack.enter_context(link) for link in opening.links()]
             except StoppedError:
                 self._log.say(Topic.STOP, "stopped while it waited for the interface")
@@ -126,7 +126,7 @@ class InjectorService:
             self.snapshots.watch(daemon)
             self._daemon = daemon
             self._log.say(Topic.START, "ready")
-            stack.callback(self._farewell, daemon)  # whatever fails: the link, or the last write
+            stack.callback(self._log_summary, daemon)  # whatever fails: the link, or the last write
             if self._evidence is not None:
                 self._evidence.watch(daemon.core)
                 stack.enter_context(self._evidence.keeping())
@@ -143,7 +143,7 @@ class InjectorService:
         links = self._bench.config.buses
         return ", ".join(f"{links[n].config.interface} {links[n].label}" for n in sorted(buses_of(self._bus)))
 
-    def _announce(self) -> None:
+    def _log_start(self) -> None:
         injector, bus, say = self._bench.injector, self._bus, self._log.say
         constants = bench_constants(injector)
         inputs, outputs = (
@@ -163,7 +163,7 @@ class InjectorService:
         if doubt := doubt_about_fit(injector):
             say(Topic.START, f"warning: {doubt.text}; remedy: {doubt.remedy}")
 
-    def _farewell(self, daemon: Daemon) -> None:
+    def _log_summary(self, daemon: Daemon) -> None:
         say, core = self._log.say, daemon.core
         for timing in core.timing:
             say(Topic.STOP, timing.as_text())
@@ -192,7 +192,7 @@ class InjectorService:
         )
 
 
-def serve_beside(service: InjectorService, stop: Event, meanwhile: Callable[[Event], None] | None) -> None:
+def serve_in_thread(service: InjectorService, stop: Event, meanwhile: Callable[[Event], None] | None) -> None:
     """Serve in a thread of its own until `stop` is set, or it ends, which sets it; raises what ended it.
 
     meanwhile: is done in this thread until then.

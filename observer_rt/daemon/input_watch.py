@@ -19,7 +19,7 @@ from observer_rt.engine.words import COUNTERS, TOPICS, Topic, is_good, named
 from observer_rt.foundation.units import NANOSECONDS
 
 REPORTED_AFTER = 2.0  # s without a frame, or with useless ones only, after which it is reported
-LOOKS = 10  # the frames of so many looks are judged together
+LOOKS = 10  # whose frames are judged together
 OTHER_SENDER = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
 # Counters of useless frames, and the share of all input frames that is reported; of frames out of sequence a larger
 # one, for lost frames disturb their order, too.
@@ -40,11 +40,14 @@ MOST_SAMPLES = 1024  # of a look, which the loop waits for
 # s that a state must last to be reported: a source that sends windows changes it at each of them.
 LASTING = 1.0
 ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)  # reasons when messages stay away
-_Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
 
 
 class Trouble(Enum):
-    """Trouble with a message: text of its beginning, remedy, text of its end."""
+    """Trouble with a message. begun: text when it begins, with the remedy; over: text when it is over."""
+
+    def __init__(self, problem: str, remedy: str, over: str) -> None:
+        self.begun = f"{problem}\n  remedy: {remedy}"
+        self.over = over
 
     SILENT = "no frame comes", "check the device that sends it, its cable and identifier", "comes again"
     OTHER_SIZE = (
@@ -63,19 +66,9 @@ class Trouble(Enum):
         "its frames can be used again",
     )
 
-    @property
-    def begun(self) -> str:
-        """Text when the trouble begins, with the remedy."""
-        return f"{self.value[0]}\n  remedy: {self.value[1]}"
-
-    @property
-    def over(self) -> str:
-        """Text when the trouble is over."""
-        return self.value[2]
-
 
 class _Use(NamedTuple):
-    """Progress of a message's samples, with how many of its frames, and when that was last new [ns]."""
+    """Last change of the progress of a message's samples: with how many of its frames it came, and when [ns]."""
 
     progress: tuple[int, ...] = ()
     frames: int = 0
@@ -83,15 +76,15 @@ class _Use(NamedTuple):
 
 
 class MessageWatch:
-    """Looks at the arrivals now and then; when no input comes at all, that is said once."""
+    """Reports troubles of single messages by their arrivals; silence of all inputs together is reported once."""
 
-    def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
-        keys = bus.inputs.messages["key"].tolist()
+    def __init__(self, bus_map: BusMap, arrivals: Arrivals) -> None:
+        keys = bus_map.inputs.messages["key"].tolist()
         self._rows = {source: keys.index(source.layout.key) for source in arrivals.sources}
         self._arrivals = arrivals
         self._uses = {source: _Use() for source in arrivals.sources}
         self._sampled = {source for source in arrivals.sources if source.streams}
-        self._all_silent_until = 0  # 0: they were not since the messages were judged one by one
+        self._all_silent_until = 0  # ns
         self._are_all_silent = False
         self.reported: dict[WatchedMessage, Trouble] = {}
         """Troubles in force."""
@@ -142,10 +135,10 @@ class MessageWatch:
 
 
 class FrameWatch:
-    """Watches the counters: the share of the frames that is useless and why, and samples that are lost at once."""
+    """Reports, by the counters, a large share of useless frames with its cause, and many samples lost at once."""
 
     def __init__(self, arrivals: Arrivals, rate: float, lengths: Callable[[], str] = lambda: "") -> None:
-        """rate: of samples [Hz]; lengths: which messages came with another length than theirs, in words."""
+        """rate: of samples [Hz]; lengths: gives the messages that came with a wrong length, in words."""
         self._arrivals = arrivals
         self._rate = rate
         self._lengths = lengths
@@ -190,8 +183,8 @@ class FrameWatch:
 class SenderWatch:
     """Reports another sender of our identifiers when it begins, and when it is silent again."""
 
-    def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
-        self._bus = bus
+    def __init__(self, bus_map: BusMap, arrivals: Arrivals) -> None:
+        self._bus_map = bus_map
         self._arrivals = arrivals
         self._is_contested = False
 
@@ -203,24 +196,24 @@ class SenderWatch:
             text = f"the other sender is silent after {frames} frames"
             yield Notice(Topic.SENDER, text, is_over=True)
         elif self._is_contested and not before:
-            names = ", ".join(message_text(self._bus, layout) for layout, _ in self._arrivals.foreign)
+            names = ", ".join(message_text(self._bus_map, layout) for layout, _ in self._arrivals.foreign_messages)
             yield Notice(Topic.SENDER, f"another node sends {names}\n  remedy: {OTHER_SENDER}")
 
 
 class InputWatch:
     """Reports faults of the inputs of a core, by message and identifier."""
 
-    def __init__(self, injector: BenchInjector, bus: BusMap, core: Core) -> None:
-        self.arrivals = Arrivals(bus)
+    def __init__(self, injector: BenchInjector, bus_map: BusMap, core: Core) -> None:
+        self.arrivals = Arrivals(bus_map)
         rate = injector.sample_rate
         self._core = core
-        self._messages = MessageWatch(bus, self.arrivals)
-        self._useless = FrameWatch(self.arrivals, rate, partial(_odd_lengths, bus, core))
-        self._senders = SenderWatch(bus, self.arrivals)
-        self._values = ValueWatch(bus, configured_noise(injector), self.arrivals.sources, injector.has_lift)
+        self._messages = MessageWatch(bus_map, self.arrivals)
+        self._useless = FrameWatch(self.arrivals, rate, partial(_odd_lengths, bus_map, core))
+        self._senders = SenderWatch(bus_map, self.arrivals)
+        self._values = ValueWatch(bus_map, configured_noise(injector), self.arrivals.sources, injector.has_lift)
         self._units, self._rate = UnitWatch(self.arrivals.sources), RateWatch(rate)
         self._lift = LiftWatch()
-        self.ranges = RangeWatch(bus, injector.config.signals)
+        self.ranges = RangeWatch(bus_map, injector.config.signals)
         self._seen = 0
         self._frames = 0
 
@@ -233,7 +226,7 @@ class InputWatch:
         notices += self.ranges.look(core.parts["receiver"])
         has_frames = core.frames_taken > self._frames
         self._frames = core.frames_taken
-        if has_frames and self.arrivals.is_complete and not self.arrivals.stale(now):
+        if has_frames and self.arrivals.is_complete and not self.arrivals.stale_messages(now):
             samples = core.inputs(self._seen, MOST_SAMPLES)
             self._seen = core.processed
             notices += self._values.look(core.newest, samples)
@@ -246,15 +239,23 @@ class InputWatch:
         return (*self._units.reported.values(), *filter(None, [self._rate.reported]))
 
 
-def _odd_lengths(bus: BusMap, core: Core) -> str:
-    """Describes messages that came with another length than theirs, with the last one."""
+def _odd_lengths(bus_map: BusMap, core: Core) -> str:
+    """Describes messages whose frames came with a wrong length, with the length of the last such frame."""
     lengths = core.parts["receiver"]["odd_length"].tolist()
-    came = dict(zip(bus.inputs.messages["key"].tolist(), lengths, strict=False))
+    came = dict(zip(bus_map.inputs.messages["key"].tolist(), lengths, strict=False))
     return ", ".join(
-        f"{message_text(bus, layout)} with {came[layout.key]} bytes for {layout.length}"
-        for layout in bus.received
+        f"{message_text(bus_map, layout)} with {came[layout.key]} bytes for {layout.length}"
+        for layout in bus_map.received
         if came.get(layout.key, -1) >= 0
     )
+
+
+class _Standing(NamedTuple):
+    """State of the service with its reasons, and lasting faults of the inputs in words."""
+
+    service: State
+    reasons: tuple[Reason, ...]
+    causes: tuple[str, ...]
 
 
 class StateWatch:
@@ -262,21 +263,22 @@ class StateWatch:
 
     def __init__(self, arrivals: Arrivals) -> None:
         self._arrivals = arrivals
-        self._now: _Standing | None = None
+        self._current: _Standing | None = None
         self.since = 0
         """When the state became what it is [ns]."""
         self._reported: _Standing | None = None
 
     def look(self, now: int, state: tuple[State, tuple[Reason, ...]], causes: tuple[str, ...] = ()) -> list[Notice]:
-        """Notices at a time [ns]; state: with all its reasons; causes: known to be wrong with the inputs."""
-        what, why = state
-        standing = (what, why, () if is_good(what) else causes)
-        if standing != self._now:
-            self._now, self.since = standing, now
+        """Notices at a time [ns]; state: with all its reasons; causes: lasting faults of the inputs, in words."""
+        service, reasons = state
+        standing = _Standing(service, reasons, () if is_good(service) else causes)
+        if standing != self._current:
+            self._current, self.since = standing, now
         if standing == self._reported or now - self.since < LASTING * NANOSECONDS:
             return []
         self._reported = standing
-        text = "; ".join([named(what), *(named(reason) for reason in why if reason.name != what.name), *standing[2]])
-        if not is_good(what) and any(reason in ABOUT_INPUTS for reason in why):
+        words = [named(reason) for reason in reasons if reason.name != service.name]
+        text = "; ".join([named(service), *words, *standing.causes])
+        if not is_good(service) and any(reason in ABOUT_INPUTS for reason in reasons):
             text += f"; {self._arrivals.as_text(now)}"
-        return [Notice(Topic.STATE, text, is_good(what))]
+        return [Notice(Topic.STATE, text, is_good(service))]

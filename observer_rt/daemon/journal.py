@@ -17,7 +17,7 @@ from observer_rt.engine.reports.injection_report import FIELDS, InjectionReport,
 from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import is_at
-from observer_rt.foundation.units import MILLIGRAM, NANOSECONDS
+from observer_rt.foundation.units import MILLIGRAM, NANOSECONDS, NANOSECONDS_PER_MS
 from observer_rt.foundation.version import __version__
 
 APPLICATION_ID = 0x4F425254  # "OBRT", in the file's header
@@ -74,7 +74,7 @@ class JournalWriter:
         """Injections of this run in files that were removed or moved away meanwhile."""
         self._path = path
         self._tell = tell
-        self._told_lost = 0
+        self._reported_lost = 0
         injector, now = bench.injector, time.time_ns()
         self._c = injector.coefficients
         self._run = now // 1000
@@ -108,8 +108,8 @@ class JournalWriter:
 
     def write(self) -> None:
         """Write waiting entries, at first the run itself. Raises `RunError`; entries not written wait on."""
-        if self.lost != self._told_lost:
-            self._told_lost = self.lost
+        if self.lost != self._reported_lost:
+            self._reported_lost = self.lost
             self._tell(f"warning: {self.name}: {self.lost} injections lost so far, for want of room to keep them")
         with contextlib.suppress(PermissionError):  # which the next transaction reports
             if self._identity is not None and not is_at(self._path, self._identity):
@@ -142,7 +142,7 @@ class JournalWriter:
             with contextlib.suppress(sqlite3.OperationalError):  # while somebody reads
                 # then whoever may read the file can, even where nothing can be made beside it
                 connection.execute("PRAGMA journal_mode = DELETE")
-        self._give_up()
+        self._disconnect()
         removed = f"; {self.removed} more were in a journal that was removed" if self.removed else ""
         return f"{total} injections in the journal {self._path}, {self.written} of this run{removed}"
 
@@ -153,7 +153,7 @@ class JournalWriter:
             "  remedy: none is needed if that was meant: a new one is begun"
         )
         self.removed, self.written = self.removed + self.written, 0
-        self._give_up()
+        self._disconnect()
         self._is_begun = False
 
     @contextlib.contextmanager
@@ -166,12 +166,12 @@ class JournalWriter:
             with self._connection as connection:
                 yield connection
         except (sqlite3.Error, OSError) as error:
-            self._give_up()
+            self._disconnect()
             is_damaged = isinstance(error, sqlite3.DatabaseError) and not isinstance(error, sqlite3.OperationalError)
             advice = "; move the file away, and a new one is begun" if is_damaged else ""
             raise RunError(f"{self._path}: the journal cannot be written: {error}{advice}") from error
 
-    def _give_up(self) -> None:
+    def _disconnect(self) -> None:
         """Close the connection: the next write begins with its own."""
         if self._connection is not None:
             with contextlib.suppress(sqlite3.Error):
@@ -182,7 +182,7 @@ class JournalWriter:
 def utc(unix_ns: int) -> str:
     """Writes a Unix time [ns] as SQLite and people read it, to the millisecond."""
     seconds, fraction = divmod(unix_ns, NANOSECONDS)
-    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{fraction // 1_000_000:03d}"
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{fraction // NANOSECONDS_PER_MS:03d}"
 
 
 def require_journal(path: Path) -> None:

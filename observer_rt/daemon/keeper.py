@@ -91,9 +91,8 @@ def _locked(lock: Path, path: Path) -> int:
 
 
 def _no_lock(lock: Path, error: OSError) -> UserError:
-    return UserError(
-        str(lock), f"cannot be locked: {error.strerror}", "check its rights, or name a file on a local disk"
-    )
+    problem = f"cannot be locked: {error.strerror}"
+    return UserError(str(lock), problem, "check its rights, or name a file on a local disk")
 
 
 class UnsavedError(RunError):
@@ -109,7 +108,7 @@ class RetryingWriter:
         self._file = file
         self._interval = interval
         self._tell = tell
-        self._since = 0  # failures before those that go on
+        self._failures_before = 0  # failures before those that go on
         self._reported = ""
 
     def attempt(self) -> None:
@@ -128,9 +127,9 @@ class RetryingWriter:
                 )
         else:
             if self._reported:
-                failed = self.failures - self._since
+                failed = self.failures - self._failures_before
                 self._tell(f"{self._file.name} is written again, after {failed} failed attempts")
-                self._since, self._reported = self.failures, ""
+                self._failures_before, self._reported = self.failures, ""
 
     def finish(self) -> str:
         """Write a last time; returns the problem, empty where there was none."""
@@ -174,7 +173,7 @@ class Keeper:
         files = (file for file in (state, self._journal) if file is not None)
         self._writers = [RetryingWriter(file, interval, self._tell) for file in files]
         stop = threading.Event()
-        thread = threading.Thread(target=self._write, args=(interval, stop), name="keeping")
+        thread = threading.Thread(target=self._write_repeatedly, args=(interval, stop), name="keeping")
         thread.start()
         try:
             yield
@@ -185,7 +184,7 @@ class Keeper:
             if problems:
                 raise UnsavedError("\n".join(problems))
 
-    def _write(self, interval: float, stop: threading.Event) -> None:
+    def _write_repeatedly(self, interval: float, stop: threading.Event) -> None:
         """Write again and again, `interval` seconds from begin to begin, until stopped."""
         wait = 0.0
         while not stop.wait(wait):

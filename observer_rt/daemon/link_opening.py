@@ -6,8 +6,9 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
 from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.bus.links.opening import IdleLink, first_heard, open_link
+from observer_rt.bus.links.opening import first_heard, open_link
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.arrivals import message_text, watched_messages
@@ -31,7 +32,7 @@ class LinkOpening:
     """
 
     bench: Bench
-    bus: BusMap
+    bus_map: BusMap
     tell: Listener
     stop: threading.Event
     on_alive: Callable[[], None]
@@ -41,32 +42,32 @@ class LinkOpening:
 
         A bus of other injectors only is neither opened nor waited for.
         """
-        used = buses_of(self.bus)
+        used = buses_of(self.bus_map)
         for number, named in enumerate(self.bench.config.buses):
             if number not in used:
                 yield IdleLink()
                 continue
             # where only results are sent they are read all the same: a link that reads nothing gets no error frames
-            link = self._when_there(number, watched_messages(self.bus), len(used) > 1)
+            link = self._wait_for_link(number, watched_messages(self.bus_map), len(used) > 1)
             yield link
             on = f"{named.label}: " if len(used) > 1 else ""
             self.tell(Notice(Topic.START, f"{on}time stamps: {link.stamp_source}", is_over=True))
             for warning in link.warnings:
                 self.tell(Notice(Topic.LINK, warning))
 
-    def tell_other_senders(self) -> None:
+    def report_other_senders(self) -> None:
         """Listen a moment, before anything is sent, for other nodes that send the messages of this service."""
         with ExitStack() as stack, suppress(LinkDownError):  # which the daemon waits for
             links = {}
-            for number in {layout.bus for layout in self.bus.sent}:
-                links[number] = stack.enter_context(self._when_there(number, self.bus.sent, False))
+            for number in {layout.bus for layout in self.bus_map.sent}:
+                links[number] = stack.enter_context(self._wait_for_link(number, self.bus_map.sent, False))
             if sender := first_heard(links, self.stop):
                 on = sender.bus, sender.frame.frame_id
-                layout = next(layout for layout in self.bus.sent if (layout.bus, layout.frame_id) == on)
-                text = f"another node sends {message_text(self.bus, layout)} already\n  remedy: {OTHER_SENDER}"
+                layout = next(layout for layout in self.bus_map.sent if (layout.bus, layout.frame_id) == on)
+                text = f"another node sends {message_text(self.bus_map, layout)} already\n  remedy: {OTHER_SENDER}"
                 self.tell(Notice(Topic.SENDER, text))
 
-    def _when_there(self, number: int, messages: Iterable[MessageLayout], computer_time: bool) -> Link:
+    def _wait_for_link(self, number: int, messages: Iterable[MessageLayout], computer_time: bool) -> Link:
         """The link of a bus, opened once its interface is there; it reads those of these messages that are on it.
 
         computer_time: as of `open_link`.
@@ -91,6 +92,6 @@ class LinkOpening:
                 raise StoppedError
 
 
-def buses_of(bus: BusMap) -> frozenset[int]:
+def buses_of(bus_map: BusMap) -> frozenset[int]:
     """Numbers of the buses that something is read from or sent to."""
-    return frozenset(layout.bus for layout in (*bus.received, *bus.sent))
+    return frozenset(layout.bus for layout in (*bus_map.received, *bus_map.sent))

@@ -52,13 +52,13 @@ class ServiceLog(AbstractContextManager["ServiceLog"]):
         """
         self._is_journal = is_journal(console.file, environment)
         self._hidden = QUIET_TOPICS if quiet else frozenset[Topic]()
-        self._screen = _Outlet(partial(_show, console))
+        self._screen = _Outlet(partial(_show_line, console))
         self._file = self._records = None
         if file is not None:
-            write = partial(_append, WatchedFileHandler(file, encoding="utf-8"))
+            write = partial(_append_line, WatchedFileHandler(file, encoding="utf-8"))
             self._file = _Outlet(write, partial(self._tell_loss, f"lines for {file}"))
         if stream is not None:
-            self._records = _Outlet(partial(_write, stream), partial(self._tell_loss, "records on stdout"))
+            self._records = _Outlet(partial(_write_line, stream), partial(self._tell_loss, "records on stdout"))
 
     def say(self, topic: Topic, text: str, is_over: bool = False) -> None:
         """Logs a line; its level is that of the topic, `is_over`: of something that is well again or normal."""
@@ -113,21 +113,21 @@ def _now() -> str:
     return datetime.now(UTC).astimezone().isoformat(timespec="milliseconds")
 
 
-def _show(console: Console, line: str) -> None:
+def _show_line(console: Console, line: str) -> None:
     """Print a line onto the console, above the view where there is one."""
     if console.is_terminal:
         say(console, line)
     else:  # rich takes half a millisecond a line, in which no injector is attended to
-        _write(console.file, line)
+        _write_line(console.file, line)
 
 
-def _append(file: WatchedFileHandler, line: str) -> None:
+def _append_line(file: WatchedFileHandler, line: str) -> None:
     file.reopenIfNeeded()
     assert file.stream is not None
-    _write(file.stream, line)
+    _write_line(file.stream, line)
 
 
-def _write(stream: IO[str], line: str) -> None:
+def _write_line(stream: IO[str], line: str) -> None:
     stream.write(f"{line}\n")
     stream.flush()
 
@@ -188,7 +188,7 @@ class EventLogger:
         """Log a report or a notice; states and links go to systemd, too."""
         match news:
             case InjectionReport():
-                self._log.say(Topic.INJECTION, line(news) + self._offset(news))
+                self._log.say(Topic.INJECTION, injection_line(news) + self._offset(news))
                 record = injection_record(news, self._c, has_energizing=news.commanded is not None)
                 self._log.record(self._named | record)
             case MeasuredMass():
@@ -208,7 +208,7 @@ class EventLogger:
         return f", line pressure reads {offset:+.2f} MPa off"
 
 
-def line(report: InjectionReport) -> str:
+def injection_line(report: InjectionReport) -> str:
     """Describes an injection on one line."""
     reasons = [*map(named, report.reasons)]
     if Reason.OUTSIDE_LEARNED_RANGE in report.reasons:

@@ -52,7 +52,7 @@ class Port:
         self._condition, self._dropped, self._reported_unsent = link.condition, link.dropped, 0
         self._next_report = 0
         self._is_reported = False
-        self._last_outage = ("", -SILENCE)  # what was the matter, and when
+        self._last_outage = ("", -SILENCE)  # its reason, and when [s]
 
     @property
     def is_waiting(self) -> bool:
@@ -73,7 +73,7 @@ class Port:
     def post(self, frames: Iterable[OutputFrame], by: Link) -> None:
         """Send results as there is room; while the link is down they are given up. Raises as `Link.try_send`.
 
-        by: the link, or what sends for it. Nothing is sent twice, whatever is raised.
+        by: the link, or another that sends for it. Nothing is sent twice, whatever is raised.
         """
         self._waiting.extend(frames)
         if not self.is_up:
@@ -88,7 +88,7 @@ class Port:
         self.unsent += frames
 
     def drain(self, patience: float, by: Link) -> None:
-        """Send what waits, for at most `patience` [s]; give up the rest. Raises as `post`."""
+        """Send waiting results, for at most `patience` [s]; give up the rest. Raises as `post`."""
         end = time.monotonic() + patience
         self._flush(by)
         while self._waiting and time.monotonic() < end:
@@ -97,12 +97,12 @@ class Port:
         self.discard()
 
     def discard(self) -> None:
-        """Give up all that waits."""
+        """Give up all waiting results."""
         self.unsent += len(self._waiting)
         self._waiting.clear()
 
     def _flush(self, by: Link) -> None:
-        """Sends what waits as far as there is room."""
+        """Send waiting results as far as there is room."""
         waiting = self._waiting
         while waiting:
             frame = waiting[0]
@@ -111,7 +111,7 @@ class Port:
             waiting.popleft()
 
     def tell(self, now: int) -> None:
-        """Report changes, at a monotonic time [ns]; at most one report in a `PERIOD`."""
+        """Report changes of the link at a monotonic time [ns], at most once in a `PERIOD`."""
         if not self.is_up or now < self._next_report:
             return
         is_well = self.link.condition.state is BusState.ACTIVE
@@ -141,7 +141,7 @@ class Port:
             self._tell(notice)
 
     def go_down(self, error: LinkDownError) -> None:
-        """Takes the failed link for down until `mend`. What waits is given up: it would be too old for anybody."""
+        """Take the failed link for down until `try_reconnect` succeeds; results that wait are given up as too old."""
         self.is_up = False
         self._due = time.monotonic() + RECONNECT_PERIOD
         self.outages += 1
@@ -149,8 +149,8 @@ class Port:
         self.discard()
         self._is_reported = self._tell_outage(str(error))
 
-    def mend(self, executor: Executor) -> bool:
-        """Tries to reconnect, in the executor, when that is due; returns whether the link is up again.
+    def try_reconnect(self, executor: Executor) -> bool:
+        """Try to reconnect, in the executor, when that is due; returns whether the link is up again.
 
         Raises `RunError` for a link that failed for good.
         """

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from observer_rt.bus.can_frame import FD_MTU, HEADER_BYTES
-from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.bus.links.opening import BusDownError
+from observer_rt.bus.links.link import BusDownError, Link, LinkDownError
 from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.core.frames.frames import ERRORS, PUMP_BUS, WAIT_MS, WAITING, PumpLoop
@@ -35,7 +34,7 @@ class FramePump:
         self,
         links: Sequence[Link],
         core: Core,
-        bus: BusMap,
+        bus_map: BusMap,
         arrivals: Arrivals,
         on_unsent: Callable[[int], None] = lambda count: None,
         on_thread: Callable[[], object] = lambda: None,
@@ -45,14 +44,14 @@ class FramePump:
         self._ends: dict[int, SocketCanLink] = {}  # what the loop reads and writes, by bus
         self._core = core
         self._fed = {number for number, link in enumerate(links) if not isinstance(link, SocketCanLink)}
-        with_samples = {layout.bus for layout in bus.input_layouts}
+        with_samples = {layout.bus for layout in bus_map.input_layouts}
         if self._fed & with_samples:  # then all that have, so that none gets ahead
             self._fed |= with_samples
-        self._pace = Pace(core, bus, self._is_silent)
+        self._pace = Pace(core, bus_map, self._is_silent)
         self._arrivals = arrivals
         self._on_unsent = on_unsent
         self._on_thread = on_thread
-        self._rate = bus.rate.layout if bus.rate else None
+        self._rate = bus_map.rate.layout if bus_map.rate else None
         self._pump = make_pump(len(links), arrivals.watched, self._rate)
         self._compiled = PumpLoop(*self._pump)
         self._errors_read = [0] * len(links)
@@ -62,7 +61,7 @@ class FramePump:
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._closing = threading.Lock()
         self._is_closed = False
-        core.call_when_learned(self._look)
+        core.call_when_learned(self._wake_server)
         self._readable = select.poll()
         self._readable.register(self._wake, select.POLLIN)
         self._waits, self._may_go_on = threading.Event(), threading.Event()
@@ -83,8 +82,8 @@ class FramePump:
             os.eventfd_read(self._wake)
         if self._failure is not None:
             raise self._failure
-        self._note_what_came()
-        failure = self._failed()
+        self._take_counts()
+        failure = self._bus_failure()
         if self._waits.is_set():
             frames = self._core.answer()
             self._waits.clear()
@@ -95,7 +94,7 @@ class FramePump:
             raise failure
         return frames
 
-    def _look(self) -> None:
+    def _wake_server(self) -> None:
         """Have `serve` attend at once; from another thread, which may outlive the pump."""
         with self._closing:
             if not self._is_closed:
@@ -147,7 +146,7 @@ class FramePump:
     def finish(self) -> Sequence[OutputFrame]:
         """Ends the frames: returns results that wait for room, and complete ones, for the caller to send."""
         self._stop()
-        self._note_what_came()
+        self._take_counts()
         fed = [frame for feeder in self._feeders for frame in feeder.end()]
         return [*fed, *self._waiting_results(), *self._core.finish()]
 
@@ -201,11 +200,11 @@ class FramePump:
             memory["first_waiting"] += 1
             yield output_frame(self._rate, frame[HEADER_BYTES : HEADER_BYTES + int(frame[4])].tobytes())
 
-    def _note_what_came(self) -> None:
+    def _take_counts(self) -> None:
         """Takes over arrivals, error frames, lost frames and results given up, as the loop has counted them."""
         pump = self._pump
         for layout, arrival in zip(self._arrivals.watched, pump.arrivals, strict=True):
-            self._arrivals.set(layout, int(arrival["frames"]), int(arrival["last"]))
+            self._arrivals.set_count(layout, int(arrival["frames"]), int(arrival["last"]))
         for number, link in self._ends.items():
             state = pump.buses[number]
             link.note_dropped(int(state["overflows"]))
@@ -219,7 +218,7 @@ class FramePump:
             self._on_unsent(unsent - self._unsent)
             self._unsent = unsent
 
-    def _failed(self) -> Exception | None:
+    def _bus_failure(self) -> Exception | None:
         """Failure that the loop met on a bus that is served; None without one."""
         for number, end in self._ends.items():
             code = int(self._pump.buses[number]["failure"])

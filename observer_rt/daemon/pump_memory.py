@@ -12,7 +12,7 @@ from observer_rt.core.frames.frames import ARRIVAL, ERROR_FRAME, ERRORS, PUMP, P
 from observer_rt.foundation.units import MICROSECOND, NANOSECOND
 
 SHORTEST = 1024  # ns, where the first of the octaves begins that are counted in quarters
-MOST = 0.999  # of the rates, that `Latency.p999` is about
+QUANTILE = 0.999  # of the rates, that `Latency.p999` is about
 
 
 class Pump(NamedTuple):
@@ -58,7 +58,7 @@ def latency_of(memory: np.void) -> Latency | None:
     total, largest = int(counts.sum()), int(memory["largest_latency"])
     if not total:
         return None
-    bin_number = int(np.searchsorted(np.cumsum(counts), MOST * total))
+    bin_number = int(np.searchsorted(np.cumsum(counts), QUANTILE * total))
     octave, quarter = divmod(bin_number + 1, 4)
     end = SHORTEST * 2**octave * (1.0 + 0.25 * quarter) if bin_number + 1 < counts.size else largest
     return Latency(min(end, largest) * NANOSECOND, largest * NANOSECOND)

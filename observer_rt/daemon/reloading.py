@@ -17,8 +17,8 @@ from observer_rt.daemon.control_socket import Message, Requests, control_socket,
 from observer_rt.daemon.injector_service import InjectorService
 from observer_rt.daemon.snapshot import SNAPSHOT
 from observer_rt.daemon.state_file import model_hash
-from observer_rt.foundation.console import SignalledEvent, StopRequest
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
+from observer_rt.foundation.stop_request import SignalledEvent, StopRequest
 from observer_rt.foundation.version import __version__
 
 Answer = Callable[[Message], Iterator[bytes]]
@@ -35,14 +35,14 @@ _LONGEST = 45.0  # s until an answer
 
 
 @dataclass(frozen=True)
-class _Wish:
-    """Request to read the bench file; model: SHA-256 of the model that it is to name for the injector."""
+class _ReloadRequest:
+    """Request to read the bench file again; model: SHA-256 of the model that the file is to name."""
 
     model: str
     answer: "Future[Message]" = field(default_factory=Future)
 
-    def is_met_by(self, bench: Bench) -> bool:
-        """Whether the file does; if not, the request is refused."""
+    def accept_or_refuse(self, bench: Bench) -> bool:
+        """Whether the file names that model; else the request is answered by the refusal."""
         injector = bench.injector
         if (named := model_hash(injector.parameters)) == self.model:
             return True
@@ -65,8 +65,8 @@ class Reloading:
         self._stop = stop
         self._read_again = read_again
         self._say = say
-        self._waiting: deque[_Wish] = deque()
-        self._taken: Sequence[_Wish] = ()  # whose bench is being read and made ready
+        self._waiting: deque[_ReloadRequest] = deque()
+        self._taken: Sequence[_ReloadRequest] = ()  # whose bench is being read and made ready
         self._socket = stack.enter_context(ExitStack())
         self._places: tuple[Path, ...] = ()
         self._snapshot: Answer = lambda _: iter(())  # before a bench is served
@@ -106,7 +106,7 @@ class Reloading:
             is_signalled = self._stop.reload.is_set()
             self._stop.reload.clear()
             after = self._read_again()
-            self._taken = [wish for wish in self._taken if wish.is_met_by(after)]
+            self._taken = [request for request in self._taken if request.accept_or_refuse(after)]
             if not (self._taken or is_signalled):
                 return
             if not (changed := changes(content, content_of(after))):
@@ -152,22 +152,22 @@ class Reloading:
 
     def refuse(self, error: ObserverError) -> None:
         """Answer the requests for a bench that cannot be served."""
-        for wish in self._taken:
-            if not wish.answer.done():
-                wish.answer.set_exception(error)
+        for request in self._taken:
+            if not request.answer.done():
+                request.answer.set_exception(error)
         self._taken = ()
 
     def _settle(self, bench: Bench, model: str) -> None:
         """Answer the requests for the bench that is served now."""
-        for wish in self._taken:
+        for request in self._taken:
             answer = {"model": model, "version": __version__, "bench": str(bench.path.absolute())}
-            wish.answer.set_result(answer | {"unsaved": self.unsaved})
+            request.answer.set_result(answer | {"unsaved": self.unsaved})
         self._taken, self.unsaved = (), ""
 
     def _reload(self, request: Message) -> Message:
-        wish = _Wish(str(request.get("model")))
-        self._waiting.append(wish)
+        asked = _ReloadRequest(str(request.get("model")))
+        self._waiting.append(asked)
         try:
-            return wish.answer.result(_LONGEST)
+            return asked.answer.result(_LONGEST)
         except TimeoutError:
             raise RunError(f"the bench file was not taken over within {_LONGEST:g} s") from None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.injector_service import InjectorService, serve_beside
+from observer_rt.daemon.injector_service import InjectorService, serve_in_thread
 from observer_rt.daemon.keeper import UnsavedError, keeper_of, kept_files
 from observer_rt.daemon.log import ServiceLog
 from observer_rt.daemon.notifier import Notifier
@@ -20,10 +20,10 @@ from observer_rt.daemon.rights import REMEDY, Processors, hurry, leave_to_loops,
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.words import Topic
-from observer_rt.foundation.console import StopRequest, stop_on_signals
 from observer_rt.foundation.errors import ObserverError, UserError, file_errors
 from observer_rt.foundation.options import RunOptions
 from observer_rt.foundation.outputs import SERVICE_LOG, check_own_file
+from observer_rt.foundation.stop_request import StopRequest, stop_on_signals
 
 if TYPE_CHECKING:
     from observer_rt.daemon.evidence_keeper import EvidenceKeeper
@@ -69,7 +69,7 @@ class Serving:
                 return None
             with self.reloading.watching(bench, service) as (ended, successor):
                 try:
-                    serve_beside(service, ended, service.drawing)
+                    serve_in_thread(service, ended, service.drawing)
                 except UnsavedError as error:
                     if self.stop.is_set() or successor() is None:
                         raise

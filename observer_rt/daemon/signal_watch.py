@@ -33,7 +33,7 @@ SURVEYS = 2  # in a row that find the same, before it is reported
 OUTSIDE_REMEDY = "correct the range in the database, or take all values: lenient = true in its [[dbc]]"
 SWAPPED = "swapped"  # what is wrong with two signals together
 LASTING = 20  # looks with another rate and a contradicted model before the rate is reported
-ENOUGH_FRAMES = 100  # frames whose stamps determine a rate
+MIN_FRAMES = 100  # whose stamps determine a rate
 _FROZEN = "is frozen: the same value all the time while another input shows an injection"
 
 Samples = Mapping[Role, NDArray[np.float64]]
@@ -47,7 +47,7 @@ class _Findings:
         """names: what begins a notice."""
         self._looks = looks
         self._names = names
-        self._since: dict[str, int] = {}  # looks in a row that differ from the report
+        self._streaks: dict[str, int] = {}  # looks in a row that differ from the report
         self.reported: dict[str, str] = {}
         """Faults in force, in words with their remedy."""
 
@@ -55,8 +55,8 @@ class _Findings:
         """Notices; faults: of this look, by their keys in `names`."""
         for key, name in self._names.items():
             is_found, is_reported = key in faults, key in self.reported
-            self._since[key] = self._since.get(key, 0) + 1 if is_found != is_reported else 0
-            if self._since[key] < self._looks:
+            self._streaks[key] = self._streaks.get(key, 0) + 1 if is_found != is_reported else 0
+            if self._streaks[key] < self._looks:
                 continue
             if is_found:
                 self.reported[key] = f"{name} {faults[key]}"
@@ -112,12 +112,12 @@ class ValueWatch:
     """Looks some ten times a second at the newest values, and at the samples since it looked last."""
 
     def __init__(
-        self, bus: BusMap, noise: NoiseLevels, sources: Sequence[WatchedMessage], has_lift: bool = True
+        self, bus_map: BusMap, noise: NoiseLevels, sources: Sequence[WatchedMessage], has_lift: bool = True
     ) -> None:
         self._watched = []
         for role in ROLES if has_lift else (Role.RAIL_PRESSURE, Role.LINE_PRESSURE):
-            limits = role_range(bus, role)
-            step = role_resolution(bus, role, limits.highest)
+            limits = role_range(bus_map, role)
+            step = role_resolution(bus_map, role, limits.highest)
             self._watched.append(_WatchedRole(role, limits, step, getattr(noise, role.value)))
         names = _names(sources)
         self._odd, self._frozen = _Findings(LOOKS, names), _Findings(1, names)
@@ -155,8 +155,8 @@ class ValueWatch:
 class RangeWatch:
     """Reports once, for each signal, values that are missing because they lie outside its declared range."""
 
-    def __init__(self, bus: BusMap, signals: SignalsConfig) -> None:
-        self._bus, self._signals = bus, signals
+    def __init__(self, bus_map: BusMap, signals: SignalsConfig) -> None:
+        self._bus_map, self._signals = bus_map, signals
         self._reported: set[Role] = set()
 
     def look(self, receiver: np.void) -> Iterator[Notice]:
@@ -173,8 +173,9 @@ class RangeWatch:
         for role, lowest, count in zip(ROLES, receiver["lowest"].tolist(), receiver["outside"].tolist(), strict=True):
             if count < fewest:
                 continue
-            limits, factor = role_range(self._bus, role), role_factor(self._bus, role)
-            names, message = self._signals.of(role).names, self._bus.input_layouts[message_of(self._bus, role)].name
+            limits, factor = role_range(self._bus_map, role), role_factor(self._bus_map, role)
+            names = self._signals.of(role).names
+            message = self._bus_map.input_layouts[message_of(self._bus_map, role)].name
             others = {Role.RAIL_PRESSURE, Role.LINE_PRESSURE} - {role}
             is_wrong = len(others) == 1 and highest[others.pop()] > limits.highest < highest[role]
             words[role] = (
@@ -193,7 +194,7 @@ class UnitWatch:
         names = {**_names(sources), SWAPPED: "rail_pressure and line_pressure: each"}
         self._findings = _Findings(SURVEYS, names)
         self._mixed_up: str | None = None  # as long as no injection tells
-        self._begin()
+        self._restart()
 
     @property
     def reported(self) -> Mapping[str, str]:
@@ -203,10 +204,10 @@ class UnitWatch:
     def look(self, newest: NDArray[np.float64], samples: Samples) -> Iterator[Notice]:
         """Notices; newest (3,) [SI]: last value of every role; samples: since the last look."""
         for role, value in zip(ROLES, newest.tolist(), strict=True):
-            _take(self._survey, role, np.array([value]))
-        _take(self._survey, Role.NEEDLE_LIFT, samples[Role.NEEDLE_LIFT])
+            _take_values(self._survey, role, np.array([value]))
+        _take_values(self._survey, Role.NEEDLE_LIFT, samples[Role.NEEDLE_LIFT])
         for role in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE):
-            _take(self._swings, role, samples[role])
+            _take_values(self._swings, role, samples[role])
         self._looks += 1
         if self._looks < SURVEYED:
             return
@@ -216,15 +217,15 @@ class UnitWatch:
             self._mixed_up = "\n  remedy: ".join(swapped(self._swings) or ())
         if not odd and self._mixed_up:
             odd = {SWAPPED: self._mixed_up}
-        self._begin()
+        self._restart()
         yield from self._findings.look(odd)
 
-    def _begin(self) -> None:
+    def _restart(self) -> None:
         self._survey, self._swings = (Survey({role.value: SignalSurvey() for role in ROLES}) for _ in range(2))
         self._looks = 0
 
 
-def _take(survey_of_all: Survey, role: Role, values: NDArray[np.float64]) -> None:
+def _take_values(survey_of_all: Survey, role: Role, values: NDArray[np.float64]) -> None:
     """Take in values (n,) that need not follow each other: their differences carry no meaning."""
     values = values[np.isfinite(values)]
     if values.size:
@@ -250,9 +251,7 @@ class RateWatch:
 
     def look(self, timing: Sequence[MessageTiming], reason: Reason) -> Iterator[Notice]:
         """Notices of a look; reason: why the service is not valid."""
-        off = [
-            clock for clock in timing if abs(clock.drift) >= LARGEST_DRIFT and clock.jitter.frames >= ENOUGH_FRAMES
-        ]
+        off = [clock for clock in timing if abs(clock.drift) >= LARGEST_DRIFT and clock.jitter.frames >= MIN_FRAMES]
         self._looks = self._looks + 1 if off and reason is Reason.MODEL_INADEQUATE else 0
         if not off:
             self.reported = ""

@@ -10,21 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.links.opening import IdleLink
+from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.config.bench import Bench
+from observer_rt.daemon import snapshot
 from observer_rt.daemon.arrivals import inputs_of
 from observer_rt.daemon.daemon import Daemon
-from observer_rt.daemon.snapshot import (
-    KEPT,
-    WITH_CURVES,
-    BusStatus,
-    Fault,
-    ShownInjection,
-    Snapshot,
-    Status,
-    StatusLevel,
-    StatusLine,
-)
 from observer_rt.daemon.status_lines import faults_of, figure_lines, link_lines
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import WITH_BOUND, InjectionReport, Output, none_if_nan, row_of
@@ -58,14 +48,14 @@ class SnapshotKeeper:
         self._run = time.time_ns()
         self._noise, self._noise_due = "", 0  # in words, and when to look at it again [ns]
         self._daemon: Daemon | None = None  # before it runs
-        self._notice: Fault | None = None  # why it does not run yet
+        self._notice: snapshot.Fault | None = None  # why it does not run yet
         # The loop appends news and the samples of the last injections; a client's thread takes them out.
-        self._news: deque[tuple[InjectionReport | MeasuredMass, int]] = deque(maxlen=KEPT)
-        self._samples: deque[tuple[InjectionReport, NDArray[np.void]]] = deque(maxlen=WITH_CURVES)
+        self._news: deque[tuple[InjectionReport | MeasuredMass, int]] = deque(maxlen=snapshot.KEPT)
+        self._samples: deque[tuple[InjectionReport, NDArray[np.void]]] = deque(maxlen=snapshot.WITH_CURVES)
         self._lock = threading.Lock()  # of clients only
         self._learned: tuple[Knowledge | None, tuple[Mapping[str, Any], ...]] = None, ()  # and curves of it
         self._count = 0
-        self._kept: deque[tuple[InjectionReport, ShownInjection]] = deque(maxlen=KEPT)
+        self._kept: deque[tuple[InjectionReport, snapshot.ShownInjection]] = deque(maxlen=snapshot.KEPT)
 
     def watch(self, daemon: Daemon) -> None:
         """Make snapshots of this daemon from now on."""
@@ -81,20 +71,20 @@ class SnapshotKeeper:
             self._news.append((news, now))
         elif isinstance(news, Notice) and news.topic is Topic.LINK:
             what, _, remedy = news.text.partition(REMEDY)
-            self._notice = None if news.is_over else Fault(what, now, remedy)
+            self._notice = None if news.is_over else snapshot.Fault(what, now, remedy)
 
-    def snapshot(self, since: int = 0, with_laws: bool = False) -> Snapshot:
-        """State now, and all injections kept after the `since`-th; with_laws: and the curves of what was learned."""
+    def take(self, since: int = 0, with_laws: bool = False) -> snapshot.Snapshot:
+        """State now, and all injections kept after the `since`-th; with_laws: also the curves of the learned laws."""
         with self._lock:
             self._take_in()
             injections = [shown for _, shown in self._kept if shown.count > since]
-            return Snapshot(self._status(with_laws), tuple(injections))
+            return snapshot.Snapshot(self._status(with_laws), tuple(injections))
 
     def answer(self, request: Mapping[str, Any]) -> Iterator[bytes]:
         """Answer a request for injections that are new to a client.
 
-        A client states the `run` and the injection `since` which it wants news, and how long it waits: `wait` [s];
-        and whether it wants the curves of what was learned, too: `laws`.
+        request: the `run` and the injection `since` which the client wants news, its longest `wait` [s] for them, and
+        whether it also wants the curves of the learned `laws`.
         """
         since, wait = int(request.get("since", 0)), min(float(request.get("wait", 0.0)), LONGEST_WAIT)
         if request.get("run") != self._run:
@@ -102,10 +92,10 @@ class SnapshotKeeper:
         end = time.monotonic() + wait
         while not self._news and self._count <= since and time.monotonic() < end:
             time.sleep(_POLL_INTERVAL)
-        return self.snapshot(since, bool(request.get("laws"))).pieces()
+        return self.take(since, bool(request.get("laws"))).pieces()
 
     def _take_in(self) -> None:
-        """Make the entries of new injections, and drop the curves of all but the last WITH_CURVES."""
+        """Make the entries of new injections, and drop the curves of older ones."""
         pending = [self._news.popleft() for _ in range(len(self._news))]
         samples = {id(report): rows for report, rows in list(self._samples)}  # which come before the news
         for news, moment in pending:
@@ -117,11 +107,11 @@ class SnapshotKeeper:
                 continue
             self._count += 1
             self._kept.append((news, self._shown(news, samples.get(id(news)), moment)))
-            if len(self._kept) > WITH_CURVES:
-                report, shown = self._kept[-1 - WITH_CURVES]
-                self._kept[-1 - WITH_CURVES] = report, replace(shown, curves={})
+            if len(self._kept) > snapshot.WITH_CURVES:
+                report, shown = self._kept[-1 - snapshot.WITH_CURVES]
+                self._kept[-1 - snapshot.WITH_CURVES] = report, replace(shown, curves={})
 
-    def _shown(self, report: InjectionReport, rows: NDArray[np.void] | None, moment: int) -> ShownInjection:
+    def _shown(self, report: InjectionReport, rows: NDArray[np.void] | None, moment: int) -> snapshot.ShownInjection:
         """Entry of an injection; rows: its samples (n,), None when they are no longer remembered."""
         compared = () if rows is None else self._references(report, rows)
         values = {
@@ -134,7 +124,7 @@ class SnapshotKeeper:
         }
         masses = {model.name: none_if_nan(model.mass / MILLIGRAM) for model in compared}
         curves = {} if rows is None else self._curves(report, rows, compared)
-        return ShownInjection(self._count, moment, values, masses, curves)
+        return snapshot.ShownInjection(self._count, moment, values, masses, curves)
 
     def _curves(
         self, report: InjectionReport, rows: NDArray[np.void], compared: Sequence[ComparedRate]
@@ -157,21 +147,21 @@ class SnapshotKeeper:
         }
         return {name: values.astype(np.float32) for name, values in curves.items()}
 
-    def _status(self, with_laws: bool) -> Status:
+    def _status(self, with_laws: bool) -> snapshot.Status:
         daemon = self._daemon
         if daemon is None:
             notices = () if self._notice is None else (self._notice,)
-            lines = tuple(StatusLine(notice.what, StatusLevel.BAD) for notice in notices)
+            lines = tuple(snapshot.StatusLine(notice.what, snapshot.StatusLevel.BAD) for notice in notices)
             return replace(self._of_state(time.time_ns(), State.STARTING, (), notices), lines=lines)
         now = time.monotonic_ns()
         ahead = time.time_ns() - now  # offset of the wall clock from the monotonic clock [ns]
         state, reasons = daemon.standing(now)
         faults = tuple(replace(fault, since=fault.since + ahead) for fault in faults_of(daemon, now, state, reasons))
         return replace(
-            self._of_state((daemon.looked or now) + ahead, state, reasons, faults),
+            self._of_state((daemon.last_look or now) + ahead, state, reasons, faults),
             lost=daemon.dropped + daemon.core.counters.lost_samples,
             buses=tuple(
-                BusStatus(port.label, port.down.partition(REMEDY)[0])
+                snapshot.BusStatus(port.label, port.down.partition(REMEDY)[0])
                 for port in daemon.ports
                 if not isinstance(port.link, IdleLink)
             ),
@@ -180,17 +170,17 @@ class SnapshotKeeper:
             learned=self._laws(daemon.core.knowledge) if with_laws else (),
         )
 
-    def _lines(self, daemon: Daemon, now: int) -> Iterator[StatusLine]:
+    def _lines(self, daemon: Daemon, now: int) -> Iterator[snapshot.StatusLine]:
         """Lines of a daemon at a monotonic time [ns]; the noise is looked at every few seconds."""
         if daemon.arrivals.is_contested(now):
             text = f"another node sends our results: {daemon.arrivals.foreign_frames} frames"
-            yield StatusLine(text, StatusLevel.BAD)
+            yield snapshot.StatusLine(text, snapshot.StatusLevel.BAD)
         yield from link_lines(daemon)
         yield from figure_lines(daemon)
         if (white := daemon.core.standstill.noise) is not None:
             if now >= self._noise_due:
                 self._noise, self._noise_due = noise_text(white, daemon.core.slow_noise), now + NOISE_EVERY
-            yield StatusLine(f"noise: {self._noise}")
+            yield snapshot.StatusLine(f"noise: {self._noise}")
 
     def _laws(self, knowledge: Knowledge) -> tuple[Mapping[str, Any], ...]:
         """Curves of what was learned, worked out once for each event."""
@@ -201,15 +191,17 @@ class SnapshotKeeper:
             self._learned = knowledge, tuple(law.columns for law in laws if not law.is_surface)
         return self._learned[1]
 
-    def _of_state(self, moment: int, state: State, reasons: Sequence[Reason], faults: tuple[Fault, ...]) -> Status:
-        level = StatusLevel.BAD
+    def _of_state(
+        self, moment: int, state: State, reasons: Sequence[Reason], faults: tuple[snapshot.Fault, ...]
+    ) -> snapshot.Status:
+        level = snapshot.StatusLevel.BAD
         if state in (State.STARTING, State.WAITING_FOR_DATA):  # a fault once it lasts
-            level = StatusLevel.WAITING
+            level = snapshot.StatusLevel.WAITING
         elif is_good(state):
             is_well = self._calibration.is_calibrated and (not reasons or reasons[0] is Reason.JUMPED)
-            level = StatusLevel.GOOD if is_well else StatusLevel.WAITING
+            level = snapshot.StatusLevel.GOOD if is_well else snapshot.StatusLevel.WAITING
         words = named(reasons[0]) if reasons else STATES[state].what
         if is_good(state) and not self._calibration.is_calibrated:
             words += f"; {self._calibration.as_text()}"
         names = tuple(reason.name for reason in reasons)
-        return Status(self._run, moment, state.name, names, words, level, self._model, faults=faults)
+        return snapshot.Status(self._run, moment, state.name, names, words, level, self._model, faults=faults)

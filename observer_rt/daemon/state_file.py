@@ -23,7 +23,7 @@ from observer_rt.engine.stream.standstill import RestingLift
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import replacing
 from observer_rt.foundation.outputs import LEARNED_STATE, refuse_other_kind
-from observer_rt.foundation.records import Count, NotAsExpectedError, kept_names, plain, restored
+from observer_rt.foundation.records import Count, NotAsExpectedError, from_plain, kept_names, to_plain
 from observer_rt.foundation.version import __version__
 from observer_rt.model.parameters import InjectorParameters
 
@@ -110,14 +110,14 @@ def save_knowledge(path: Path, knowledge: Knowledge, model: InjectorParameters) 
         raise RunError(f"{path}: what was learned is not saved, for {problem}")
     arrays = ArrayTexts()
     try:
-        content = plain(
+        content = to_plain(
             _Content(
                 __version__,
                 model_hash(model),
                 SCALARS.names,
                 knowledge.phi_version,
                 knowledge.in_force,
-                dict(_finite_parts(plain(knowledge.state), arrays)),
+                dict(_finite_parts(to_plain(knowledge.state), arrays)),
                 knowledge.lift,
                 tuple(arrays.texts),
             )
@@ -211,17 +211,17 @@ def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
         if document["sha256"] != _digest(document["content"]):
             raise _UnusableError("it was changed or damaged: its content does not match its checksum")
         start = no_state(LARGEST_NOISE, model.scaling.pressure)  # before any event
-        content = restored(_Content, document["content"], SimpleNamespace(in_force=start.learned.theta))
+        content = from_plain(_Content, document["content"], SimpleNamespace(in_force=start.learned.theta))
         if (other := content.model_sha256) != (this := model_hash(model)):
             raise _UnusableError(
                 f"it was learned for another injector model, SHA-256 {other[:8]}... instead of {this[:8]}..."
             )
         values = ArrayTexts(content.arrays).put_in(content.state)
         hints = get_type_hints(LearningState, include_extras=True)
-        fields = {name: restored(hints[name], values[name], getattr(start, name), name) for name in _WHOLE}
+        fields = {name: from_plain(hints[name], values[name], getattr(start, name), name) for name in _WHOLE}
         for name in values.keys() & set(kept_names(LearningState)) - set(_WHOLE):
             with suppress(NotAsExpectedError):
-                fields[name] = restored(hints[name], values[name], getattr(start, name), name)
+                fields[name] = from_plain(hints[name], values[name], getattr(start, name), name)
         state = replace(start, **fields)
         if content.columns != SCALARS.names:
             raise _UnusableError("it is of a version that learned other parameters")

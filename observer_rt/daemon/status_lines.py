@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from observer_rt.bus.links.opening import IdleLink
+from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.config.signals import in_words
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_watch import ABOUT_INPUTS, LASTING, REPORTED_AFTER
@@ -32,9 +32,8 @@ def faults_of(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason])
 def _silence(daemon: Daemon, now: int) -> list[Fault]:
     """One fault for all silent messages of buses that are up: they mostly share a device or cable."""
     arrivals = daemon.arrivals
-    ages = {
-        source: arrivals.silence(source, now) for source in arrivals.sources if daemon.ports[source.layout.bus].is_up
-    }
+    audible = [source for source in arrivals.sources if daemon.ports[source.layout.bus].is_up]
+    ages = {source: arrivals.silence(source, now) for source in audible}
     silent = {source: age for source, age in ages.items() if age > max(REPORTED_AFTER, source.patience)}
     if not silent:
         return []

@@ -8,7 +8,7 @@ from rich.console import Console
 from observer_rt.config.bench import NOMINAL_INJECTOR, Bench, load_injector
 from observer_rt.config.signals import effects_on_one_raster
 from observer_rt.daemon.state_file import model_hash
-from observer_rt.desk.evaluation.logged import open_source, without_truths
+from observer_rt.desk.evaluation.logged import open_source, without_companions
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.discover import DiscoveryTask
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
@@ -50,7 +50,7 @@ def task_of_recordings(
     """
     start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
     injector = load_injector(start)
-    paths = without_copies(without_truths(recordings, console), console)
+    paths = without_copies(without_companions(recordings, console), console)
     measured = measured_files([*paths, *without_copies(healthy, console)], injector, decoder, from_channel, console)
     return start, DiscoveryTask(injector, measured[: len(paths)], measured[len(paths) :], hashes(paths))
 

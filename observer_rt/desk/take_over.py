@@ -42,8 +42,8 @@ MOST = 100  # kept events that are learned from, the newest; a hundredth of a se
 _AMENDED = "_amended_"  # in the name of a copy, before its number
 HISTORY = ".taken_over.json"  # behind the name of the bench file
 _MARK = "\ufeff"  # at the beginning of files by some editors
-_OF_A_FINDING = frozenset({"effects", "terms", "remainder"})
-_OF_A_FIT = "baseline"
+_FINDING_KEYS = frozenset({"effects", "terms", "remainder"})
+_FIT_KEY = "baseline"
 
 
 @dataclass(frozen=True)
@@ -78,12 +78,13 @@ def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = 
     `UserError` without that, for a model that cannot be loaded, or is the one in force, and `UserError` or `RunError`
     for a daemon that does not take it.
     """
-    with _alone(path):
+    with _locked_folder(path):
         bench = load_bench(path).of(injector or None)
         bench_injector, model = bench.injector, load_injector(amended)
-        if model == bench_injector.parameters:
+        before = bench_injector.parameters
+        if model == before:
             raise UserError(str(amended), "is the model in force already", "name another one")
-        changes = (*parameter_changes(bench_injector.parameters, model), *_lost(bench_injector.parameters, model))
+        changes = (*parameter_changes(before, model), *_lost_entries(before, model))
         if changes and not accepts_changes:
             raise UserError(
                 str(amended),
@@ -92,12 +93,12 @@ def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = 
                 "by --accept-changes",
             )
         done = steps(path)
-        copy = _copied(bench, amended, {Path(step.after).name for step in done})
+        copy = _copy_amended(bench, amended, {Path(step.after).name for step in done})
         try:
-            time, before = datetime.now().isoformat(timespec="seconds"), bench_injector.config.model.file
+            time, file = datetime.now().isoformat(timespec="seconds"), bench_injector.config.model.file
             after = os.path.relpath(copy, path.parent)
-            step = TakeOver(injector, before, after, time, learn_beforehand(bench, copy))
-            return StepOutcome(step, changes, _in_force(path, injector, after, [*done, step]))
+            step = TakeOver(injector, file, after, time, learn_beforehand(bench, copy))
+            return StepOutcome(step, changes, _put_into_force(path, injector, after, [*done, step]))
         except BaseException:
             copy.unlink(missing_ok=True)
             learned_beside(copy).unlink(missing_ok=True)
@@ -109,7 +110,7 @@ def undo(path: Path, injector: str = "") -> StepOutcome:
 
     Raises `UserError` where the present injector file was not taken over, otherwise as `take_over`.
     """
-    with _alone(path):
+    with _locked_folder(path):
         bench_injector, done = load_bench(path).of(injector or None).injector, steps(path)
         own = [step for step in done if step.injector == injector]
         # A step that was interrupted, or undone by hand.
@@ -120,13 +121,13 @@ def undo(path: Path, injector: str = "") -> StepOutcome:
             raise UserError(f"{path}", problem, "name the injector file by hand: [model] file")
         last = own.pop()
         remaining = [step for step in done if step.injector != injector or step in own]
-        answer = _in_force(path, injector, last.before, remaining)
+        answer = _put_into_force(path, injector, last.before, remaining)
         after = load_bench(path).of(injector or None).injector.parameters
         return StepOutcome(last, tuple(parameter_changes(bench_injector.parameters, after)), answer)
 
 
 @contextmanager
-def _alone(path: Path) -> Iterator[None]:
+def _locked_folder(path: Path) -> Iterator[None]:
     """Keep other processes from taking a model over for a bench file of the same folder."""
     with file_errors(path.parent):
         folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
@@ -138,7 +139,7 @@ def _alone(path: Path) -> Iterator[None]:
         os.close(folder)
 
 
-def _copied(bench: Bench, amended: Path, used: set[str]) -> Path:
+def _copy_amended(bench: Bench, amended: Path, used: set[str]) -> Path:
     """Copy of an amended file, named after the injector and by a number that no file has or had."""
     injector = bench.injector
     folder = injector.parameters_path.parent if injector.config.model.file is not None else bench.path.parent
@@ -160,21 +161,21 @@ def _copied(bench: Bench, amended: Path, used: set[str]) -> Path:
             return copy
 
 
-def _in_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOver]) -> Message | None:
+def _put_into_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOver]) -> Message | None:
     """Have the bench file name an injector file, and a running daemon read it, or neither; returns its answer.
 
     done: the history afterwards. It is written first, for `undo` passes over an interrupted step.
     """
     before, history = path.read_bytes(), steps(path)
-    after = naming(path, before, injector, file)
+    after = naming_injector_file(path, before, injector, file)
     try:
-        note_steps(path, done)
+        write_steps(path, done)
         replace_text(path, after)
         return _reload(load_bench(path).of(injector or None))
     except BaseException:
         if path.read_bytes() == after:  # by nobody else meanwhile
             replace_text(path, before)
-        note_steps(path, history)
+        write_steps(path, history)
         raise
 
 
@@ -206,7 +207,7 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
     parameters, learning = load_injector(amended), bench.injector.config.learning.enabled
     mended = bench.with_sections(signals=as_observed(bench.injector.config.signals))
     try:
-        events = [HeldSignals(event.recording) for event in _kept_with(bench.injector)]
+        events = [HeldSignals(event.recording) for event in _kept_events(bench.injector)]
         if not events:
             return 0
         history = evaluate(mended.with_parameters(parameters), events, learning=learning, traces=())
@@ -220,7 +221,7 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
     return knowledge.state.events
 
 
-def _kept_with(injector: BenchInjector) -> Sequence[KeptEvent]:
+def _kept_events(injector: BenchInjector) -> Sequence[KeptEvent]:
     """Events that were kept with this model, the oldest first. Raises `UserError` for a folder without any.
 
     None where the bench measures surroundings, which evidence does not hold.
@@ -232,7 +233,7 @@ def _kept_with(injector: BenchInjector) -> Sequence[KeptEvent]:
     return [event for event in kept if event.belief["model_sha256"] == model][-MOST:]
 
 
-def naming(path: Path, content: bytes, injector: str, file: str | None) -> bytes:
+def naming_injector_file(path: Path, content: bytes, injector: str, file: str | None) -> bytes:
     """Content of a bench file that names an injector file for one of its injectors; None: the package's file.
 
     Raises `UserError` for a text that cannot be changed.
@@ -276,7 +277,7 @@ def steps(path: Path) -> list[TakeOver]:
             raise UserError(str(history), "is no history of models taken over", "move it away") from None
 
 
-def note_steps(path: Path, done: Sequence[TakeOver]) -> None:
+def write_steps(path: Path, done: Sequence[TakeOver]) -> None:
     """Note the steps that were taken."""
     history = path.with_name(path.name + HISTORY)
     if not done:
@@ -290,9 +291,9 @@ def parameter_changes(before: BaseModel, after: BaseModel, prefix: str = "") -> 
     """Parameters that differ, such as `line.length 0.16 m -> 0.15 m`. prefix: section of both, with a dot."""
     for key, field in type(before).model_fields.items():
         old, new = getattr(before, key), getattr(after, key)
-        if old == new or key in _OF_A_FINDING:
+        if old == new or key in _FINDING_KEYS:
             continue
-        if key == _OF_A_FIT:
+        if key == _FIT_KEY:
             yield f"{key}: that of another fit"
         elif isinstance(old, BaseModel):
             yield from parameter_changes(old, new, f"{prefix}{key}.")
@@ -309,16 +310,16 @@ def _shown(value: object, unit: str) -> str:
     return f"{value:.12g} {unit}".rstrip()
 
 
-def _lost(before: InjectorParameters, after: InjectorParameters) -> Iterator[str]:
+def _lost_entries(before: InjectorParameters, after: InjectorParameters) -> Iterator[str]:
     """Effects and terms in force that the other file leaves out or states otherwise."""
     stated: list[EffectInForce | TermInForce] = [*before.effects, *before.terms]
     kept: list[EffectInForce | TermInForce] = [*after.effects, *after.terms]
     for entry in stated:
-        if _stated(entry) not in map(_stated, kept):
+        if _physics_of(entry) not in map(_physics_of, kept):
             yield f"{entry.words} is left out, or stated otherwise"
 
 
-def _stated(entry: EffectInForce | TermInForce) -> tuple[object, ...]:
+def _physics_of(entry: EffectInForce | TermInForce) -> tuple[object, ...]:
     """The physics of an effect or term, without its origin."""
     if isinstance(entry, TermInForce):
         size = entry.coefficient

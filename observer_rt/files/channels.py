@@ -54,13 +54,13 @@ class InputFrames:
     one message come from several channels and none was chosen.
     """
 
-    def __init__(self, path: Path, bus: BusMap, channels: Mapping[int, str | None]) -> None:
+    def __init__(self, path: Path, bus_map: BusMap, channels: Mapping[int, str | None]) -> None:
         """channels: of the log, by bus, as by `chosen_channels`."""
         self.path = path
-        self._bus = bus
+        self._bus_map = bus_map
         self._channels = channels
         self._wanted: dict[tuple[int, bool], list[tuple[int, str]]] = {}
-        for layout in bus.received:
+        for layout in bus_map.received:
             if layout.bus in channels:
                 identifier = layout.frame_id, layout.is_extended
                 self._wanted.setdefault(identifier, []).append((layout.bus, layout.name))
@@ -87,14 +87,14 @@ class InputFrames:
                 yield BusFrame(bus, frame)
                 break
         received = {bus for bus, _ in channel_of}
-        for bus in sorted({layout.bus for layout in self._bus.input_layouts} - received):
+        for bus in sorted({layout.bus for layout in self._bus_map.input_layouts} - received):
             self._refuse_empty(bus, list(channels), sorted(others))
 
     def notes(self) -> list[str]:
         """Notes of the reader of the log after the last reading."""
         notes = self.log.notes()
         if len(self._channels) > 1:
-            pairs = (f"{channel} is {self._bus.labels[bus]}" for bus, channel in sorted(self._channels.items()))
+            pairs = (f"{channel} is {self._bus_map.labels[bus]}" for bus, channel in sorted(self._channels.items()))
             notes.append(f"{self.path}: channel {', '.join(pairs)}")
         return notes
 
@@ -105,9 +105,9 @@ class InputFrames:
         channel = self._channels[bus]
         if channel is not None and channel not in channels:
             raise UserError(OPTION, f"{self.path} has no channel {channel}", f"it has {', '.join(channels)}")
-        layouts = [layout for layout in self._bus.received if layout.bus == bus]
-        wanted = ", ".join(f"{layout.name} ({_as_text(layout.frame_id, layout.is_extended)})" for layout in layouts)
-        present = ", ".join(_as_text(*identifier) for identifier in others[:8])
+        layouts = [layout for layout in self._bus_map.received if layout.bus == bus]
+        wanted = ", ".join(f"{one.name} ({_identifier_text(one.frame_id, one.is_extended)})" for one in layouts)
+        present = ", ".join(_identifier_text(*identifier) for identifier in others[:8])
         where, remedy = "", "give --bench with the file the log was recorded by"
         groups = {_parameter_group(identifier): identifier for identifier, is_extended in others if is_extended}
         for layout in layouts:
@@ -119,12 +119,12 @@ class InputFrames:
             elif (layout.frame_id, not layout.is_extended) in others:
                 remedy += f"; or correct the size of the identifier of {layout.name}, 11 or 29 bits, in the database"
         if len(self._channels) > 1:
-            where = f" on channel {channel}, which is taken for {self._bus.labels[bus]}"
+            where = f" on channel {channel}, which is taken for {self._bus_map.labels[bus]}"
             remedy += f", or say which channel is which bus by {OPTION}"
         raise UserError(str(self.path), f"holds no frame of {wanted}{where}; it has {present}", remedy)
 
 
-def _as_text(identifier: int, is_extended: bool) -> str:
+def _identifier_text(identifier: int, is_extended: bool) -> str:
     """An identifier, with its size where its number does not tell."""
     return f"0x{identifier:X}" + (" of 29 bits" if is_extended and identifier <= STANDARD_MASK else "")
 

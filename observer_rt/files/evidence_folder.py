@@ -124,12 +124,12 @@ class EvidenceFolder:
         cell = f"{evidence.kind}_{operating_point(evidence)}_{evidence.belief['model_sha256'][:MODEL_DIGITS]}"
         name = f"{cell}_{time:%Y%m%dT%H%M%S%f}{SUFFIX}"
         kept = [path.name for path in self._own(f"{cell}_*{SUFFIX}")]
-        staying = _staying([*kept, name], self._limits.per_point)
-        if name not in staying:
+        kept_names = _kept_names([*kept, name], self._limits.per_point)
+        if name not in kept_names:
             return ""
         with replacing(self._path / name) as part:
             write_evidence(part, evidence, time.isoformat(timespec="milliseconds"))
-        for dropped in set(kept) - set(staying):
+        for dropped in set(kept) - set(kept_names):
             (self._path / dropped).unlink(missing_ok=True)
         self._make_room(name)
         return name
@@ -147,12 +147,12 @@ class EvidenceFolder:
                 return
             most, count = cells.most_common(1)[0]
             names = [path.name for path in sizes if path.name.startswith(f"{most}_") and path.name != newest]
-            (dropped,) = set(names) - set(_staying(names, count - 1))
+            (dropped,) = set(names) - set(_kept_names(names, count - 1))
             (self._path / dropped).unlink(missing_ok=True)
             del sizes[self._path / dropped]
 
 
-def _staying(names: list[str], most: int) -> list[str]:
+def _kept_names(names: list[str], most: int) -> list[str]:
     """The files of one cell to be kept, `most` of them: the newest, or those of good events with the lowest lots."""
     if names[0].startswith(f"{EvidenceKind.GOOD}_"):
         return sorted(names, key=lambda name: hashlib.sha256(name.encode()).digest())[:most]

@@ -20,15 +20,14 @@ from observer_rt.files.signals.csv_table import CsvTable
 from observer_rt.files.signals.mapped_signals import MappedSignals
 from observer_rt.files.signals.mdf4_table import Mdf4Table
 from observer_rt.files.signals.naming import in_words, layout_of
-from observer_rt.files.signals.recording import BESIDE, SHOTS_SUFFIX, Recording
+from observer_rt.files.signals.recording import COMPANION_SUFFIXES, SHOTS_SUFFIX, Recording
 from observer_rt.files.signals.shots import take_shots
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.files.signals.table import SignalFormat
 from observer_rt.files.signals.table_signals import EvenSignals, TableSignals
 from observer_rt.files.signals.table_writers import PRINTED, SI, WrittenColumn, recording_writer
-from observer_rt.foundation.console import check_suffix
 from observer_rt.foundation.errors import UserError, file_errors
-from observer_rt.foundation.files import replacing
+from observer_rt.foundation.files import check_suffix, replacing
 from observer_rt.foundation.units import MILLISECOND
 
 Format = LogFormat | SignalFormat
@@ -89,19 +88,19 @@ def is_log(path: Path) -> bool:
 
 def open_log(path: Path) -> LogReader:
     """The reader of a log; nothing is read before it is iterated. Raises `UserError` for an unknown suffix."""
-    return _of(path, LOGS).reader(path)
+    return _format_of(path, LOGS).reader(path)
 
 
 def open_writer(path: Path, start_ns: int) -> LogWriter:
     """The writer of a log that begins at a time [ns]. Raises `UserError` for a suffix that cannot be written."""
-    writer = _of(path, [kind for kind in LOGS if kind.writer is not None]).writer
+    writer = _format_of(path, [kind for kind in LOGS if kind.writer is not None]).writer
     assert writer is not None
     return writer(path, start_ns)
 
 
 def stamp_step(path: Path) -> int:
     """Whole number of ns to which a log of this suffix is stamped. Raises `UserError` for an unknown one."""
-    return _of(path, LOGS).stamp_step
+    return _format_of(path, LOGS).stamp_step
 
 
 def open_recording(path: Path, injector: BenchInjector | None = None, density: float | None = None) -> SignalStream:
@@ -111,8 +110,8 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
     headings say which column is which. density: of the fuel [kg/m3], for rates of mass; None: the injector's.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
-    kind = _of(path, SIGNALS)
-    if path.name.endswith(BESIDE):
+    kind = _format_of(path, SIGNALS)
+    if path.name.endswith(COMPANION_SUFFIXES):
         problem = "is the truth behind a simulated recording, or the shots beside a recording, no recording itself"
         raise UserError(str(path), problem, "leave it out; shots are read with the recording beside them")
     with file_errors(path):
@@ -193,7 +192,7 @@ def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
         raise
 
 
-def _of(path: Path, kinds: Sequence[F]) -> F:
+def _format_of(path: Path, kinds: Sequence[F]) -> F:
     """The format of a file by its suffix."""
     _check_suffix(path, suffixes_of(kinds))
     return next(kind for kind in kinds if path.suffix.lower() == kind.suffix)

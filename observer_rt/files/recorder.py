@@ -133,7 +133,7 @@ class _Log:
             begin_stream(self._path, self._force)
             self._writer = open_writer(self._path, frame.stamp_ns - LATEST_FRAME)
             self.paths.append(self._path)
-        self._say_lost(self._writer)
+        self._note_lost(self._writer)
         self._writer.write(LogFrame(frame, channel))
 
     def flush(self) -> None:
@@ -142,11 +142,11 @@ class _Log:
 
     def close(self) -> None:
         if self._writer is not None:
-            self._say_lost(self._writer)
+            self._note_lost(self._writer)
             self._writer.close()
             self._writer = None
 
-    def _say_lost(self, writer: LogWriter) -> None:
+    def _note_lost(self, writer: LogWriter) -> None:
         if self.lost:
             writer.write_lost(self.lost)
             self.lost = 0

@@ -76,9 +76,7 @@ def signals_of(
         layout = layout_of(name, headings_of(held.schema))
         notes = [f"{name}: {in_words(layout)}"]
     elif not isinstance(layout, RecordingConfig):
-        layout = validated(
-            RecordingConfig, layout, lambda *keys: f"{name}, layout {'.'.join(map(str, keys))}", "bench"
-        )
+        layout = validated(RecordingConfig, layout, lambda *key: f"{name}, layout {'.'.join(map(str, key))}", "bench")
     mapped = HeldTable(name, layout, held)
     mapped.density = density
     stream = MappedSignals(mapped, 0.0)

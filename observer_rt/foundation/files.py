@@ -1,6 +1,6 @@
-"""Files read and written: hashes, encodings, and replacement in one step.
+"""Files read and written: suffixes, hashes, encodings, and replacement in one step.
 
-A file is written beside its place and renamed, so whenever the program ends, the old or the new file is whole.
+A file is written under another name in its folder and then renamed, so that the old or the new one is always whole.
 """
 
 import codecs
@@ -8,15 +8,22 @@ import hashlib
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from observer_rt.foundation.errors import RunError, UserError, file_errors
 
 
+def check_suffix(location: str, path: Path, suffixes: Collection[str]) -> None:
+    """Raise `UserError` at `location` for a file whose suffix is not one of these."""
+    suffix = path.suffix.lower()
+    if suffix not in suffixes:
+        raise UserError(location, f"unknown kind of file '{suffix}'", f"known suffixes: {', '.join(suffixes)}")
+
+
 def is_at(path: Path, file: os.stat_result) -> bool:
-    """Whether a file that was opened is the one that is there now."""
+    """Whether the file of a path is the one that was opened; file: its `os.fstat`."""
     try:
         return os.path.samestat(path.stat(), file)
     except FileNotFoundError:
@@ -42,7 +49,7 @@ def encoding_of(begin: bytes) -> str:
 
 @contextmanager
 def replacing(target: Path) -> Iterator[Path]:
-    """A new file beside the target, which takes its place once it is complete and on the disk, and else is gone.
+    """A new file in the folder of the target, which replaces it once complete and on the disk, else is deleted.
 
     A link stays a link. Raises OSError, and `UserError` for a device or a pipe, which must not be replaced.
     """
@@ -67,7 +74,7 @@ def replacing(target: Path) -> Iterator[Path]:
 
 
 def write_text(target: Path, text: str) -> None:
-    """Write a whole file. Raises `UserError`, `RunError`; what was there is then unchanged."""
+    """Write a whole file. Raises `UserError` or `RunError`; the file that was there is then unchanged."""
     with file_errors(target), replacing(target) as part:
         part.write_text(text, encoding="utf-8")
 

@@ -11,10 +11,11 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
-from observer_rt.foundation.console import FIGURE_SUFFIXES, check_suffix
 from observer_rt.foundation.errors import UserError, file_errors, require
+from observer_rt.foundation.files import check_suffix
 
-_LOOKED_AT = 4096  # bytes of a file, from its beginning
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+_HEAD = 4096  # bytes of a file's beginning, by which its kind is known
 IN_A_CALL = "give force=True"
 """How a user of the library asks for what --force is on the command line."""
 
@@ -41,7 +42,7 @@ INJECTOR_FILE = _kind("an injector file", rb"^\[(fluid|line|seat|nozzle|chamber)
 BENCH_FILE = _kind("a bench file", rb"^\[{1,2}(dbc|link|links|signals|outputs|recording|injectors)[].]")
 TABLE = _kind("a table of samples", rb"\A(\xef\xbb\xbf)?time_s,")
 FINDINGS = _kind("the findings of `discover`", rb'\A\{\s*"schema":\s*\d')
-REPRODUCED = _kind("a table of `reproduce`", rb"\Av_H,x3_mse_")
+REPRODUCTION = _kind("a table of `reproduce`", rb"\Av_H,x3_mse_")
 _BY_SUFFIX = {
     ".csv": TABLE,
     ".parquet": _kind("a Parquet file", rb"\APAR1"),
@@ -56,23 +57,23 @@ _BY_SUFFIX = {
     ".svg": _kind("an SVG figure", rb"\A\s*<(\?xml|svg)"),
     ".pdf": _kind("a PDF figure", rb"\A%PDF"),
 }
-_KNOWN = (LEARNED_STATE, JOURNAL, SERVICE_LOG, BENCH_FILE, FINDINGS, *_BY_SUFFIX.values())
+_KINDS = (LEARNED_STATE, JOURNAL, SERVICE_LOG, BENCH_FILE, FINDINGS, *_BY_SUFFIX.values())
 
 
 def refuse_other_kind(option: str, path: Path, wanted: FileKind | None = None) -> None:
     """Raise `UserError` naming the option where a file is there that we would not have written.
 
     wanted: by default what its suffix stands for; an unknown suffix, of an installed format, may hold anything.
-    A file of nothing, or of zeros as a crash leaves it, is in nobody's way.
+    An empty file, or one of zeros as a crash leaves it, may be replaced.
     """
     wanted = wanted or _BY_SUFFIX.get(path.suffix.lower())
     if wanted is None or not path.is_file():
         return
     with file_errors(path), path.open("rb") as file:
-        content = file.read(_LOOKED_AT)
+        content = file.read(_HEAD)
     if not content.strip(b"\0") or wanted.beginning.search(content):
         return
-    actual = next((kind.name for kind in _KNOWN if kind.beginning.search(content)), "something else")
+    actual = next((kind.name for kind in _KINDS if kind.beginning.search(content)), "something else")
     problem = f"holds {actual}, not {wanted.name}, and stays as it is"
     raise UserError(f"{option} {path}", problem, "name another file, or move this one away")
 

@@ -31,19 +31,19 @@ def kept_names(kind: type) -> Iterator[str]:
     return (field.name for field in fields(kind) if field.metadata.get("kept", True))
 
 
-def plain(value: Any) -> Any:
+def to_plain(value: Any) -> Any:
     """Convert a value to numbers, lists, mappings and arrays; JSON then holds the arrays as lists."""
     if is_dataclass(value):
-        return {name: plain(getattr(value, name)) for name in kept_names(type(value))}
+        return {name: to_plain(getattr(value, name)) for name in kept_names(type(value))}
     if isinstance(value, frozenset):
         return sorted(value)
     if isinstance(value, tuple):
-        return [plain(each) for each in value]
+        return [to_plain(each) for each in value]
     return value
 
 
-def restored(hint: Any, value: Any, like: Any = None, location: str = "") -> Any:
-    """Convert what `plain` made of a value back to its type, `hint`. Raises `NotAsExpectedError`.
+def from_plain(hint: Any, value: Any, like: Any = None, location: str = "") -> Any:
+    """Convert a value that `to_plain` gave back to its type, `hint`. Raises `NotAsExpectedError`.
 
     like: a value whose arrays have the expected shapes; None accepts any shape. location: of the value in the file.
     """
@@ -56,7 +56,7 @@ def restored(hint: Any, value: Any, like: Any = None, location: str = "") -> Any
     args = get_args(hint)
     if get_origin(hint) is tuple and args[-1] is ... and is_dataclass(args[0]) and isinstance(value, list):
         likes = like or (None,)
-        return tuple(restored(args[0], each, likes[0], f"{location}.{i}") for i, each in enumerate(value))
+        return tuple(from_plain(args[0], each, likes[0], f"{location}.{i}") for i, each in enumerate(value))
     if not is_dataclass(hint):
         try:
             return _adapter(hint).validate_json(json.dumps(value), strict=True)
@@ -67,7 +67,7 @@ def restored(hint: Any, value: Any, like: Any = None, location: str = "") -> Any
     if not isinstance(value, Mapping) or not value.keys() <= set(names):
         raise NotAsExpectedError(f"{location}: its names must be among {', '.join(names)}")
     fields = {
-        name: restored(hints[name], value[name], getattr(like, name, None), f"{location}.{name}".lstrip("."))
+        name: from_plain(hints[name], value[name], getattr(like, name, None), f"{location}.{name}".lstrip("."))
         for name in names
         if name in value
     }

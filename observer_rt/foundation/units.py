@@ -13,6 +13,8 @@ MILLISECOND = 1e-3  # s
 MICROSECOND = 1e-6  # s
 NANOSECOND = 1e-9  # s
 NANOSECONDS = 1_000_000_000  # in a second: whole, as stamps are
+NANOSECONDS_PER_MS = 1_000_000
+NANOSECONDS_PER_US = 1_000
 MM3_PER_MS = 1e-6  # m3/s
 CUBIC_MILLIMETRE = 1e-9  # m3
 MILLIGRAM = 1e-6  # kg
@@ -20,15 +22,7 @@ ZERO_CELSIUS = 273.15  # K
 Z_95 = 1.96  # standard deviations from the mean to either end of a 95 % interval
 
 # Units a bus database or a measurement file may state, by quantity: value_si = value * factor.
-PRESSURE_UNITS = {
-    "Pa": 1.0,
-    "hPa": 1e2,
-    "kPa": 1e3,
-    "MPa": MEGAPASCAL,
-    "mbar": 1e2,
-    "bar": 1e5,
-    "psi": 6894.757293168,
-}
+PRESSURE_UNITS = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "mbar": 1e2, "bar": 1e5, "psi": 6894.757293168}
 LENGTH_UNITS = {"m": 1.0, "mm": MILLIMETRE, "um": MICROMETRE, "µm": MICROMETRE, "μm": MICROMETRE}
 MASS_UNITS = {"kg": 1.0, "g": 1e-3, "mg": MILLIGRAM, "mg/stroke": MILLIGRAM}
 TIME_UNITS = {"s": 1.0, "ms": MILLISECOND, "us": MICROSECOND, "µs": MICROSECOND, "μs": MICROSECOND, "ns": NANOSECOND}

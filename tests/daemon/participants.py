@@ -119,7 +119,7 @@ class HeardDaemon(Daemon):
         loaded = bench if isinstance(bench, Bench) else load_bench(bench)
         bus = map_bus(loaded)
         self.notes, self.snapshots = Notes(), SnapshotKeeper(loaded, references)
-        self.view = View("title of the view", self.snapshots.snapshot)
+        self.view = View("title of the view", self.snapshots.take)
         super().__init__(loaded, bus, links, listeners=(self.notes, self.snapshots.hear), **options)
         self.snapshots.watch(self)
         self.messages = self.notes.messages

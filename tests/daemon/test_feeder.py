@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.links.link import Frame, LinkDownError
-from observer_rt.bus.links.opening import BusDownError
+from observer_rt.bus.links.link import BusDownError, Frame, LinkDownError
 from observer_rt.config.bench import load_bench
 from observer_rt.core.frames.frames import LATENCIES, PUMP
 from observer_rt.daemon.pump_memory import latency_of

@@ -39,7 +39,7 @@ def messages_of_looks(
     for _ in range(looks):
         for source in arrivals.sources:
             frames = arrivals.count_of(source).frames
-            arrivals.set(source.layout, frames + step.get("frames", 0), 0)
+            arrivals.set_count(source.layout, frames + step.get("frames", 0), 0)
         vars(counters).update({name: getattr(counters, name) + more for name, more in step.items()})
         texts += [notice.text for notice in watch.look(replace(counters), is_explained)]
     return texts

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.links.opening import DescriptorLink
+from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.daemon import Daemon

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.daemon.log import line
+from observer_rt.daemon.log import injection_line
 from observer_rt.engine.reports.injection_report import FIELDS, Output, row_of
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import contested
@@ -117,10 +117,10 @@ def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
     said = [(int(s["Valid"]), int(s["State"]), int(s["Reason"])) for s in summaries]
     assert said == [(each.valid, each.state, each.reason) for each in notes.injections]
     assert [each.reasons for each in notes.injections] == [(), (), (), (), (OTHER,), (OTHER,), (), ()]
-    contested_one = notes.injections[4]
-    assert contested_one.state is State.DEGRADED
-    assert line(contested_one).endswith("not valid: SECOND_SENDER: another node sends what only this observer should")
-    row = row_of(FIELDS, Output.JOURNAL, contested_one, daemon.core.compiled.observer.constants.coefficients)
+    odd = notes.injections[4]
+    assert odd.state is State.DEGRADED
+    assert injection_line(odd).endswith("not valid: SECOND_SENDER: another node sends what only this observer should")
+    row = row_of(FIELDS, Output.JOURNAL, odd, daemon.core.compiled.observer.constants.coefficients)
     assert (row["valid"], row["reasons"], row["state"]) == (0, "SECOND_SENDER", "DEGRADED")
 
 

@@ -7,8 +7,8 @@ import time
 from types import FrameType
 from typing import Any, cast
 
-from observer_rt.daemon.injector_service import InjectorService, serve_beside
-from observer_rt.foundation.console import SignalledEvent, stop_on_signals
+from observer_rt.daemon.injector_service import InjectorService, serve_in_thread
+from observer_rt.foundation.stop_request import SignalledEvent, stop_on_signals
 
 
 class SignalledService:
@@ -25,7 +25,7 @@ class SignalledService:
 def test_a_signal_that_does_not_interrupt_the_wait_for_the_service_is_heard() -> None:
     service, ended = SignalledService(), SignalledEvent()
     with stop_on_signals() as stop, stop.setting(ended):
-        serve_beside(cast(InjectorService, service), ended, None)
+        serve_in_thread(cast(InjectorService, service), ended, None)
     assert service.was_stopped
 
 

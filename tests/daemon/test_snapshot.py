@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.daemon.control_socket import connected, control_socket, socket_places
+from observer_rt.daemon.control_socket import control_socket, daemon_connection, socket_places
 from observer_rt.daemon.snapshot import SNAPSHOT, WITH_CURVES, Snapshot, StatusLevel, line_of, read_snapshot
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
@@ -31,7 +31,7 @@ def path(tmp_path: Path) -> Path:
 def asked(path: Path, run: int = 0, since: int = 0, wait: float = 0.0) -> Snapshot:
     """The answer to a client at the socket that the bench file leads to."""
     file, *_ = socket_places(load_bench(path).injector)
-    daemon = connected(file)
+    daemon = daemon_connection(file)
     assert daemon is not None
     with daemon, daemon.makefile("rwb") as stream:
         stream.write(line_of({"request": SNAPSHOT, "run": run, "since": since, "wait": wait, "laws": True}))
@@ -157,11 +157,11 @@ def test_before_the_interface_is_there(path: Path) -> None:
     bench = load_bench(path)
     snapshots = SnapshotKeeper(bench)
     snapshots.hear(Notice(Topic.LINK, "waiting for the interface: can5 is away\n  remedy: plug it in"))
-    status = snapshots.snapshot().status
+    status = snapshots.take().status
     assert (status.state, status.level) == ("STARTING", StatusLevel.WAITING)
     (fault,) = status.faults
     assert (fault.what, fault.remedy) == ("waiting for the interface: can5 is away", "plug it in")
-    assert "can5 is away" in "\n".join(drawn(View("title", snapshots.snapshot)))
+    assert "can5 is away" in "\n".join(drawn(View("title", snapshots.take)))
 
 
 def test_a_request_that_is_none_is_refused(path: Path) -> None:

@@ -24,7 +24,7 @@ from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.engine.stream.standstill import HeldRail
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.records import plain
+from observer_rt.foundation.records import to_plain
 from observer_rt.model.effective import LAG_UNIT
 from observer_rt.model.parameters import LineOutflow
 from tests.daemon.samples import PRESSURE_SCALE, damage, some_knowledge
@@ -65,7 +65,7 @@ class StateFile:
     def holds(self, knowledge: Knowledge) -> bool:
         """Whether it is restored."""
         restored = self.load().knowledge
-        return restored is not None and agree(plain(restored), plain(knowledge))
+        return restored is not None and agree(to_plain(restored), to_plain(knowledge))
 
     def rewrite(self, change: Change) -> bytes:
         """Change it, its checksum right all the same: what it holds then."""
@@ -119,7 +119,7 @@ def test_a_damaged_file_is_restored_equal_or_set_aside(state: StateFile, data: s
         assert kept.read_bytes() == content
         kept.unlink()
     else:
-        assert agree(plain(restored.knowledge), plain(knowledge))
+        assert agree(to_plain(restored.knowledge), to_plain(knowledge))
         assert state.path.exists()
 
 
@@ -261,7 +261,7 @@ def test_the_offset_bound_is_in_pascal(state: StateFile) -> None:
     save_knowledge(state.path, knowledge, other)
     restored = load_knowledge(state.path, other).knowledge
     assert restored is not None
-    assert agree(plain(restored), plain(knowledge))
+    assert agree(to_plain(restored), to_plain(knowledge))
 
 
 def test_what_could_not_be_restored_does_not_replace_a_good_file(state: StateFile) -> None:

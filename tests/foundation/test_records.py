@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.engine.stream.state import Reason
-from observer_rt.foundation.records import NOT_KEPT, NotAsExpectedError, plain, restored
+from observer_rt.foundation.records import NOT_KEPT, NotAsExpectedError, from_plain, to_plain
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class TrackedState:
 
 
 def through_a_file(value: object) -> Any:
-    return json.loads(json.dumps(plain(value), allow_nan=False, default=np.ndarray.tolist))
+    return json.loads(json.dumps(to_plain(value), allow_nan=False, default=np.ndarray.tolist))
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -53,14 +53,14 @@ some_sums = st.builds(Sums, st.lists(finite, min_size=3, max_size=3).map(np.arra
     )
 )
 def test_what_goes_through_a_file_comes_back_to_the_bit(followed: TrackedState) -> None:
-    result = restored(TrackedState, through_a_file(followed), TrackedState())
+    result = from_plain(TrackedState, through_a_file(followed), TrackedState())
     assert result.sums.values.tobytes() == followed.sums.values.tobytes()
     assert (result.levels, result.columns) == (followed.levels, followed.columns)
     assert through_a_file(result) == through_a_file(followed)
 
 
 def test_what_is_of_one_run_is_not_kept() -> None:
-    assert "of_this_run" not in plain(TrackedState(of_this_run=3))
+    assert "of_this_run" not in to_plain(TrackedState(of_this_run=3))
 
 
 @pytest.mark.parametrize(
@@ -78,8 +78,8 @@ def test_what_is_of_one_run_is_not_kept() -> None:
 )
 def test_what_is_none_of_a_field_is_named(change: dict[str, Any], location: str) -> None:
     with pytest.raises(NotAsExpectedError, match=f"^{location}: "):
-        restored(TrackedState, through_a_file(TrackedState()) | change, TrackedState())
+        from_plain(TrackedState, through_a_file(TrackedState()) | change, TrackedState())
 
 
 def test_what_an_older_file_does_not_tell_is_as_before_any_event() -> None:
-    assert restored(TrackedState, {"sums": {"count": 7}}, TrackedState()).sums.count == 7
+    assert from_plain(TrackedState, {"sums": {"count": 7}}, TrackedState()).sums.count == 7

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from cantools.database.can import Database, Message
 
-from observer_rt.bus.database.dbc_file import load_database, overlooked
+from observer_rt.bus.database.dbc_file import load_database, overlooked_faults
 from observer_rt.bus.database.lookup import find_message
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
@@ -42,16 +42,16 @@ class BenchDatabases:
         ]
 
     def find(self, location: str, name: str, link: str | None) -> BusMessage:
-        """The first message of this name; `link` names its bus, of whose databases it is taken if one has it.
+        """The first message of this name; link: its bus, whose databases are looked through before the others.
 
         Raises `UserError` at `location`, a key of the bench file, with what the database has instead.
         """
-        bus, in_order = None, self._databases
+        bus, candidates = None, self._databases
         if link is not None:
             bus = self._config.bus_number(link)
-            in_order = sorted(self._databases, key=lambda database: database.bus != bus)
-        with_name = (database for database in in_order if any(m.name == name for m in database.content.messages))
-        database = next(with_name, in_order[0])
+            candidates = sorted(self._databases, key=lambda database: database.bus != bus)
+        with_name = (database for database in candidates if any(m.name == name for m in database.content.messages))
+        database = next(with_name, candidates[0])
         with locating(location):
             return BusMessage(find_message(database.content, name), database.bus if bus is None else bus)
 
@@ -60,10 +60,10 @@ class BenchDatabases:
         for database in self._databases:
             yield from ((database.path, BusMessage(message, database.bus)) for message in database.content.messages)
 
-    def overlooked(self) -> tuple[str, ...]:
+    def overlooked_faults(self) -> tuple[str, ...]:
         """Faults of databases that were read leniently."""
         paths = (database.path for database in self._databases if database.lenient)
-        return tuple(f"{path}: {complaint}" for path in paths for complaint in overlooked(path))
+        return tuple(f"{path}: {complaint}" for path in paths for complaint in overlooked_faults(path))
 
 
 @contextmanager

@@ -27,8 +27,8 @@ from observer_rt.bus.database.lookup import find_signal, reserved_codes
 from observer_rt.core.frames import frames as core
 from observer_rt.foundation.errors import UserError
 
-ABOUT_AN_END = 0.01  # of a declared range, by which noise may leave it
-_J1939_VALUES = 0xFB  # most significant byte of the first code that is none, of what is not an enumeration
+RANGE_MARGIN = 0.01  # of a declared range, by which noise may leave it
+_J1939_NO_VALUE = 0xFB  # most significant byte of the first code that is no value, except in enumerations
 _FLOAT_KIND = {32: core.FLOAT32, 64: core.FLOAT64}
 _LARGEST_FLOAT = {32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.float64).max)}
 
@@ -88,7 +88,7 @@ def _set_position(signal: Signal, row: np.void) -> None:
 def _set_limits(signal: Signal, row: np.void, is_j1939: bool) -> None:
     """Lowest and highest raw value by the declared range and by the field, both float64 the field holds.
 
-    A range in which no code lies is passed over: by the field alone.
+    A declared range in which no code lies counts as none.
     """
     row["least"], row["most"] = -math.inf, math.inf
     lowest, highest = _field_range(signal)
@@ -99,7 +99,7 @@ def _set_limits(signal: Signal, row: np.void, is_j1939: bool) -> None:
     declared_lowest, declared_highest = _declared_range(signal)
     first, last = max(lowest, declared_lowest), min(highest, declared_highest)
     if first <= last:
-        margin = ABOUT_AN_END * (last - first)
+        margin = RANGE_MARGIN * (last - first)
         row["least"] = first - margin if first > lowest else row["least"]
         row["most"] = min(last + margin, row["most"]) if last < highest else row["most"]
         lowest, highest = first, last
@@ -137,7 +137,7 @@ def _largest_value(signal: Signal, is_j1939: bool) -> int | None:
         return None
     largest = code = (1 << signal.length - signal.is_signed) - 1
     if is_j1939 and not signal.is_signed:
-        code = (_J1939_VALUES << signal.length - 8) - 1
+        code = (_J1939_NO_VALUE << signal.length - 8) - 1
     while code in (signal.choices or {}):
         code -= 1
     return code if 0 < code < largest else None

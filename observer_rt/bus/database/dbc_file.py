@@ -11,7 +11,7 @@ from observer_rt.bus.can_frame import EXTENDED_MASK, STANDARD_MASK
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import encoding_of
 
-_KEPT = 16  # databases
+_CACHED = 16  # databases
 _LENIENT = "or read it all the same: lenient = true in its [[dbc]]"
 # Messages of cantools: where it stopped, an attribute, or signals and message by name.
 _AT_LINE = re.compile(r"at line (\d+)")
@@ -28,17 +28,13 @@ _CONVERT = "make a DBC of it: `canconvert {} {}.dbc`, of canmatrix, reads ARXML,
 _EXTENDED = 1 << 31  # of an identifier in a DBC file
 _UNSENT = "3221225472"  # of VECTOR__INDEPENDENT_SIG_MSG, signals in no message, which cantools leaves out
 _TEXT = r'"(?:\\.|[^"\\])*+"'
-_MESSAGE_LINES = re.compile(
-    r"^[ \t]*BO_[ \t]+(\d+)[ \t]+(\w+)[ \t]*:.*\n?((?:[ \t]*(?:SG_[ \t].*)?\n)*)", re.MULTILINE
-)
+_MESSAGE_LINES = re.compile(r"(?m)^[ \t]*BO_[ \t]+(\d+)[ \t]+(\w+)[ \t]*:.*\n?((?:[ \t]*(?:SG_[ \t].*)?\n)*)")
 _BIT_TIMING = re.compile(r"^([ \t]*BS_[ \t]*:)[ \t]*\d+[ \t]*:[ \t]*\d+[ \t]*,[ \t]*\d+;?", re.MULTILINE)
 _BARE_DEFAULT = re.compile(rf"^([ \t]*BA_DEF_DEF_[ \t]+{_TEXT}[ \t]+)([A-Za-z_]\w*)([ \t]*;)", re.MULTILINE)
 _SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
 _SIZE = re.compile(r"^[ \t]*(?:BO_[ \t]+\d+|SG_)[ \t]+(\w+)[^:\n]*:[ \t]*(\d+)(?:[ \t]*\|[ \t]*(\d+))?", re.MULTILINE)
 _LARGEST = 1 << 15  # bytes of a message, and bits of it: far beyond any bus, but cantools makes an object of each
-_SIGNAL_VALUES = re.compile(
-    rf"^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;", re.MULTILINE
-)
+_SIGNAL_VALUES = re.compile(rf"(?m)^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;")
 _IDENTIFIED = re.compile(rf"{_TEXT}|\b(BO_|SG_|VAL_|BO_TX_BU_|SIG_VALTYPE_|SIG_GROUP_|SG_MUL_VAL_)([ \t]+)(\d+)\b")
 
 
@@ -46,7 +42,7 @@ def load_database(path: Path, lenient: bool = False) -> Database:
     """Load a bus database, a DBC file.
 
     Signals that overlap or do not fit their message, and what decoding does not need, are refused unless `lenient`:
-    see `overlooked`; that takes values outside the declared ranges, too.
+    see `overlooked_faults`; that takes values outside the declared ranges, too.
 
     Raises `UserError`: no such file, not readable, not a bus database, or not correct.
     """
@@ -78,7 +74,7 @@ def _loaded(path: Path, lenient: bool) -> tuple[Database, tuple[str, ...]]:
     return _load(path, lenient, stat.st_mtime_ns, stat.st_size)
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED)
 def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Database, tuple[str, ...]]:
     """Load a database, cached by the state of its file: to read one takes as long as seconds of a recording."""
     text = _BIT_TIMING.sub(r"\1", _text_of(path))
@@ -100,7 +96,7 @@ def _text_of(path: Path) -> str:
     return re.sub("\r\n?", "\n", content.decode(encoding_of(content), errors="replace"))
 
 
-def overlooked(path: Path) -> list[str]:
+def overlooked_faults(path: Path) -> list[str]:
     """Faults that are passed over in a database that is read leniently; of overlaps the first of every message."""
     database, set_right = _loaded(path, lenient=True)
     complaints = list(set_right)

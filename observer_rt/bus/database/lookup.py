@@ -1,4 +1,4 @@
-"""Bus databases looked up: messages, signals, their units, layout attributes, and end-to-end protection."""
+"""Look-up in bus databases: messages, signals, their units, layout attributes, and end-to-end protection."""
 
 import hashlib
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -12,11 +12,10 @@ from cantools.database.can import Database, Message, Signal
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, frame_key
 from observer_rt.core.frames.frames import PROFILE_1, PROFILE_5, PROTECTION, UNPROTECTED
 from observer_rt.foundation.errors import UserError, nearest
-from observer_rt.foundation.units import factor_of
+from observer_rt.foundation.units import NANOSECONDS_PER_MS, factor_of
 
 PROFILES = (PROFILE_1, PROFILE_5)
 
-NANOSECONDS_PER_MILLISECOND = 1_000_000
 USUAL_INDEX = "SampleIndex"  # where the bench file names none
 INDEX_BITS = 32
 NOT_AVAILABLE_NAMES = ("sna", "not_available", "signal_not_available", "value_not_available")
@@ -86,7 +85,7 @@ class MessageLayout:
             length=message.length,
             samples_per_frame=_integer_attribute(message, "SamplesPerFrame") or None,
             sample_period_ns=_integer_attribute(message, "SamplePeriodNs") or None,
-            cycle_time_ns=(message.cycle_time or 0) * NANOSECONDS_PER_MILLISECOND or None,
+            cycle_time_ns=(message.cycle_time or 0) * NANOSECONDS_PER_MS or None,
             e2e_profile=e2e_profile,
             e2e_data_id=e2e_data_id if e2e_profile is not None else None,
             bus=bus,
@@ -116,7 +115,7 @@ def find_message(database: Database, name: str) -> Message:
 
 
 def signal_names(message: Message, pattern_or_list: str | Sequence[str]) -> tuple[str, ...]:
-    """Names of the signals a mapping means, in sample order.
+    """Names of the signals of a mapping, in sample order.
 
     A list names them one by one; text with a replacement field, such as `"RailPressure_{:02d}"`, means all
     signals it produces with 0, 1, 2, ... (or 1, 2, ...); text without one names a single signal.
@@ -217,7 +216,7 @@ def _nearest(name: str, names: Sequence[str]) -> str:
 
 
 def from_unit(location: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]) -> float:
-    """Factor from a signal's unit to SI, by `unit` of the bench file, or else as the database states it.
+    """Factor from a signal's unit to SI; unit: of the bench file, which goes before that of the database.
 
     Raises `UserError` naming `location` of the bench file for a unit that is neither in `units` nor a number of one.
     """
@@ -237,10 +236,7 @@ def stated_unit(message: Message, signal: str, unit: str | None) -> str:
 def unknown_unit(
     location: str, message: Message, stated: str, own: str | None, units: Iterable[str], others: str = ""
 ) -> UserError:
-    """The error for a unit that is not one of `units`, from the database or the bench file (`own`).
-
-    others: what else there could be.
-    """
+    """The error for a unit that is not one of `units`; own: that of the bench file, if any; others: more choices."""
     choices = f"one of {', '.join(units)}{others}"
     if own:
         return UserError(f"{location}.unit", f"{own!r} is no unit of this quantity", f"write {choices}")

@@ -58,7 +58,7 @@ def conditions_of(message: Message, name: str) -> Conditions:
 
 
 def _multiplexer_ids(message: Message, signal: Signal) -> set[int] | None:
-    """Values of its selector under which a signal is sent, None: always. It may be repeated for each of them."""
+    """Values of its selector under which a signal is sent, None: always. A database may repeat it for each value."""
     repeated = [other for other in message.signals if other.name == signal.name]
     if any(_field(other) != _field(signal) for other in repeated):
         problem = f"is defined {len(repeated)} times, in different ways"
@@ -77,10 +77,8 @@ def _field(signal: Signal) -> tuple[object, ...]:
 
 
 def are_exclusive(first: Conditions, second: Conditions) -> bool:
-    """Whether no frame meets both."""
-    return any(
-        mine.selector == yours.selector and not mine.values & yours.values for mine in first for yours in second
-    )
+    """Whether no frame meets both sets of conditions."""
+    return any(one.selector == other.selector and not one.values & other.values for one in first for other in second)
 
 
 def frame_kinds(conditions: Iterable[Conditions]) -> tuple[Mapping[str, int], ...]:

@@ -1,4 +1,4 @@
-"""The one protocol every CAN connection follows; its frames, one by one and as blocks in arrays."""
+"""Protocol of every CAN connection, and its frames: one by one, and as blocks in arrays."""
 
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,8 +13,8 @@ from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.links.controller import BusCondition
 from observer_rt.foundation.errors import RunError
 
-LONGEST_WAIT = 0.02  # s that a reading thread is deaf to its end
-AT_ONCE = 256  # frames of a block: they bring far fewer samples than the observer remembers
+LONGEST_WAIT = 0.02  # s until a reading thread notices that it is to end
+BLOCK_FRAMES = 256  # which bring far fewer samples than the observer remembers
 
 
 class Frame(NamedTuple):
@@ -59,6 +59,14 @@ class StampSource(StrEnum):
 
 class LinkDownError(RunError):
     """The interface went down or away; `Link.reconnect` reports when it is back."""
+
+
+class BusDownError(LinkDownError):
+    """The interface of one bus went down or away."""
+
+    def __init__(self, bus: int, error: LinkDownError) -> None:
+        self.bus = bus
+        super().__init__(str(error))
 
 
 class Link(Protocol):
@@ -151,7 +159,7 @@ class FrameBlock(NamedTuple):
 
 
 def block_of(frames: Sequence[BusFrame]) -> FrameBlock:
-    """The frames in arrays."""
+    """Block of frames with their buses."""
     return FrameBlock(
         np.array([frame_key(frame.frame_id, frame.is_extended, bus) for bus, frame in frames], np.int64),
         np.array([frame.stamp_ns for _, frame in frames], np.int64),
@@ -161,7 +169,7 @@ def block_of(frames: Sequence[BusFrame]) -> FrameBlock:
 
 
 def blocks_of(frames: Iterable[BusFrame]) -> Iterator[FrameBlock]:
-    """Blocks of all frames, so many at a time that none waits long."""
+    """Blocks of all frames in order, of at most `BLOCK_FRAMES`."""
     remaining = iter(frames)
-    while batch := list(islice(remaining, AT_ONCE)):
+    while batch := list(islice(remaining, BLOCK_FRAMES)):
         yield block_of(batch)

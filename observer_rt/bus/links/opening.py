@@ -1,7 +1,5 @@
-"""Opening of links, also after an outage; links over a descriptor, idle links; listening for other senders."""
+"""Opening of links by interface and channel, also after an outage; listening for other senders."""
 
-import os
-import socket
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -9,15 +7,16 @@ from contextlib import suppress
 from ctypes.util import find_library
 from importlib.util import find_spec
 
-from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
-from observer_rt.bus.links.socketcan import SocketCanLink, StampReader
-from observer_rt.foundation.errors import RunError, UserError, did_you_mean
+from observer_rt.bus.links.descriptor import DescriptorLink
+from observer_rt.bus.links.link import BusFrame, Link, LinkDownError
+from observer_rt.bus.links.socketcan import SocketCanLink
+from observer_rt.foundation.errors import UserError, did_you_mean
 
-_OURS = ("socketcan", "descriptor")
+_OWN_INTERFACES = ("socketcan", "descriptor")  # served without python-can
 LISTENING = 0.5  # s; a windowed source pauses for about a tenth
 _TURN = 0.02  # s, of one bus among several
 RECONNECT_PERIOD = 0.1  # s between tries
-# What drivers of python-can need besides: a package, by what is imported; a library of the vendor; Windows.
+# Needs of python-can's drivers: the module to import and the package that has it; a vendor's library; Windows.
 _PACKAGES = {
     "udp_multicast": ("msgpack", "msgpack"),
     **dict.fromkeys(("slcan", "serial", "robotell", "seeedstudio"), ("serial", "pyserial")),
@@ -28,53 +27,9 @@ _LIBRARIES = {"pcan": "pcanbasic", "kvaser": "canlib"}
 _FOR_WINDOWS = ("etas", "ixxat", "nican", "nixnet", "systec", "usb2can", "vector")
 
 
-class DescriptorLink(SocketCanLink):
-    """Link over one end of a pair of sockets that keep messages apart (AF_UNIX, SOCK_SEQPACKET or SOCK_DGRAM).
-
-    Each message is a `struct canfd_frame` or `struct can_frame`. `channel`: the descriptor's number, which stays open
-    when the link is closed.
-    """
-
-    def _connect(self) -> None:
-        try:
-            self._socket = socket.socket(fileno=os.dup(int(self._channel)))
-        except (ValueError, OSError) as error:
-            remedy = "give the number of one that was handed to this process"
-            raise UserError("link.channel", f"{self._channel!r} is not the descriptor of a socket", remedy) from error
-        self._socket.setblocking(False)
-        self._stamps = StampReader(self._socket, self._channel, computer_time=True)
-
-    def receive(self, timeout_s: float) -> Frame | None:
-        # No kernel chooses here: a frame that nobody wants ends the wait early, which callers must expect anyway.
-        frame = super().receive(timeout_s)
-        wanted = self._receive_ids
-        if frame is None or wanted is None or (frame.frame_id, frame.is_extended) in wanted:
-            return frame
-        return None
-
-    def failure(self, error: OSError) -> Exception:
-        failure = super().failure(error)
-        if isinstance(failure, LinkDownError):  # nothing that comes back
-            return RunError(f"the other end of descriptor {self._channel} was closed")
-        return failure
-
-
-class IdleLink(DescriptorLink):
-    """Never brings a frame, and never fails: one end of a pair of sockets that nobody writes to."""
-
-    def __init__(self) -> None:
-        ours, self._other_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with ours:
-            super().__init__(str(ours.fileno()), True, [])
-
-    def close(self) -> None:
-        super().close()
-        self._other_end.close()
-
-
 def require_interface(location: str, name: str) -> None:
     """Raise `UserError` for an unknown interface; location: where the user states it."""
-    if name in _OURS:
+    if name in _OWN_INTERFACES:
         return
     import can  # only for those who use one of its drivers
 
@@ -128,9 +83,10 @@ def open_link(
 
 
 def first_heard(links: Mapping[int, Link], stop: threading.Event) -> BusFrame | None:
-    """The first frame within a moment on links that receive what will be sent; None: nobody else sends it.
+    """The first frame of another node within `LISTENING` on links, by bus; None: nobody else sends.
 
-    links: by bus; `stop` ends it early. Raises `RunError` when a link fails.
+    links: they receive only the messages that will be sent; `stop` ends the listening early. Raises `RunError` when a
+    link fails.
     """
     end = time.monotonic() + LISTENING
     while time.monotonic() < end and not stop.is_set():
@@ -142,17 +98,9 @@ def first_heard(links: Mapping[int, Link], stop: threading.Event) -> BusFrame | 
 
 
 def reconnect(link: Link, stop: threading.Event) -> bool:
-    """Try again and again to reconnect a link that is down; False: `stop` was set before it is back."""
+    """Try to reconnect a link that is down until it is back, or `stop` is set: False."""
     while not stop.wait(RECONNECT_PERIOD):
         with suppress(LinkDownError):
             link.reconnect()
             return True
     return False
-
-
-class BusDownError(LinkDownError):
-    """The interface of one bus went down or away."""
-
-    def __init__(self, bus: int, error: LinkDownError) -> None:
-        self.bus = bus
-        super().__init__(str(error))

@@ -17,11 +17,11 @@ from observer_rt.foundation.errors import RunError, UserError
 SEND_TIMEOUT_S = 0.5  # how long a driver may wait for a place in its queue
 _IP_MULTICAST_ALL, _IPV6_MULTICAST_ALL = 49, 29  # of linux/in.h and linux/in6.h, which Python does not name
 
-MOST_OWN = 4096  # frames sent, about a second of results, that may come back
+MOST_OWN = 4096  # frames remembered as sent: about a second of results
 
 
 class OwnFrames:
-    """Frames sent lately: some interfaces give them back to their sender, and each once is no other's."""
+    """Frames sent lately, by which those that an interface gives back to their sender are recognised."""
 
     def __init__(self) -> None:
         self._sent: dict[tuple[int, bool, bytes], int] = {}  # how often, the oldest first
@@ -34,7 +34,7 @@ class OwnFrames:
             del self._sent[next(iter(self._sent))]
 
     def forget(self, frame_id: int, is_extended: bool, payload: bytes) -> bool:
-        """Forget a frame that comes back, or was not sent after all, once; False: none such is remembered."""
+        """Forget one sending of a frame, which came back or failed; False: no such frame is remembered."""
         key = frame_id, is_extended, payload
         left = self._sent.pop(key, 0) - 1
         if left > 0:
@@ -53,7 +53,7 @@ def _refuse_other_groups(bus: can.BusABC) -> None:
 
 
 class PythonCanLink(Link):
-    """Time stamps are as good as python-can's float seconds: 0.24 us at best."""
+    """Link over a bus of python-can, whose stamps are float seconds: 0.24 us at best."""
 
     def __init__(
         self,

@@ -48,7 +48,7 @@ _FD_FRAME = struct.Struct("=IBB2x64s")
 _FILTER = struct.Struct("=II")
 _COUNT = struct.Struct("=I")
 _ANCILLARY_BYTES = ANCILLARY_BYTES + socket.CMSG_SPACE(_COUNT.size)
-_TOLD_ERRORS = controller.ErrorClass.CONTROLLER | controller.ErrorClass.BUS_OFF | controller.ErrorClass.RESTARTED
+_ERROR_CLASSES = controller.ErrorClass.CONTROLLER | controller.ErrorClass.BUS_OFF | controller.ErrorClass.RESTARTED
 
 
 class StampReader:
@@ -142,7 +142,7 @@ class SocketCanLink(link.Link):
             self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
         self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, _filters(self._receive_ids))
         if self._receive_ids is None or self._receive_ids:  # else nobody would ever read them
-            self._socket.setsockopt(socket.SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, int(_TOLD_ERRORS))
+            self._socket.setsockopt(socket.SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, int(_ERROR_CLASSES))
             self._warnings = self._size_receive_buffer()
         self._socket.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
         self._stamps = StampReader(self._socket, self._channel, self._computer_time)

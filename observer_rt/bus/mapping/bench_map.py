@@ -29,18 +29,18 @@ class BenchMap:
     injectors: tuple[BusMap, ...]
     database_messages: tuple[KnownMessage, ...]
     """All messages of all databases, used or not."""
-    overlooked: tuple[str, ...]
+    overlooked_faults: tuple[str, ...]
     """Faults of databases that were read leniently."""
 
     @cached_property
     def received(self) -> tuple[MessageLayout, ...]:
         """Every message that some injector reads something from, once."""
-        return _once(layout for bus in self.injectors for layout in bus.received)
+        return _unique(layout for bus in self.injectors for layout in bus.received)
 
     @cached_property
     def sent(self) -> tuple[MessageLayout, ...]:
         """Every message that some injector's results go out in, once."""
-        return _once(layout for bus in self.injectors for layout in bus.sent)
+        return _unique(layout for bus in self.injectors for layout in bus.sent)
 
     @property
     def layouts(self) -> tuple[MessageLayout, ...]:
@@ -61,12 +61,12 @@ def map_bench(bench: Bench) -> BenchMap:
             KnownMessage(message.name, frame_key(message.frame_id, message.is_extended_frame, bus), path, bus)
             for path, (message, bus) in databases
         ),
-        databases.overlooked(),
+        databases.overlooked_faults(),
     )
 
 
-def in_common(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]:
-    """Messages, numbers and files that several injectors share although they must not, with the names of these."""
+def shared_resources(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]:
+    """Messages, numbers and files that several injectors must not share but do, each with the injectors' names."""
     owners: dict[str, list[str]] = {}
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         for layout in bus.sent:
@@ -76,8 +76,8 @@ def in_common(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]
         for key, file in (("file", injector.state), ("journal", injector.journal)):
             if file is not None:
                 owners.setdefault(f"state.{key} = {file}", []).append(injector.name)
-    return ((what, names) for what, names in owners.items() if len(names) > 1)
+    return ((resource, names) for resource, names in owners.items() if len(names) > 1)
 
 
-def _once(layouts: Iterable[MessageLayout]) -> tuple[MessageLayout, ...]:
+def _unique(layouts: Iterable[MessageLayout]) -> tuple[MessageLayout, ...]:
     return tuple({(layout.name, layout.bus, layout.frame_id): layout for layout in layouts}.values())

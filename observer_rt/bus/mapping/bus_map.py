@@ -54,7 +54,7 @@ class BusMap:
 
     @property
     def tells_commands(self) -> bool:
-        """Whether the bus tells to the sample when the injector is energized."""
+        """Whether the bus carries to the sample when the injector is energized."""
         return self.energizing is not None and self.energizing.tells_samples
 
     @property
@@ -78,8 +78,8 @@ class BusMap:
         return f"{layout.name} on {self.labels[layout.bus]}" if len(self.labels) > 1 else layout.name
 
 
-def message_timing(bus: BusMap, number: int) -> np.void:
-    """TIMING of an input message: its streams share index and rate."""
+def timing_row(bus: BusMap, number: int) -> np.void:
+    """Row TIMING of an input message, whose streams share index and rate."""
     group = bus.inputs.groups[int(bus.inputs.messages[number]["first_group"])]
     timing: np.void = bus.inputs.timing[int(group["stream"])]
     return timing
@@ -118,7 +118,7 @@ def map_injector(injector: BenchInjector, databases: BenchDatabases) -> BusMap:
         location = injector.location(f"outputs.{key}")
         message, number = databases.find(location, getattr(outputs, key), outputs.link)
         with locating(location):
-            return compile_message(_moved(message, getattr(outputs, f"{key}_id")), bus=number)
+            return compile_message(_renumbered(message, getattr(outputs, f"{key}_id")), bus=number)
 
     return BusMap(
         inputs=inputs,
@@ -136,7 +136,7 @@ def map_injector(injector: BenchInjector, databases: BenchDatabases) -> BusMap:
     )
 
 
-def _moved(message: Message, identifier: int | None) -> Message:
+def _renumbered(message: Message, identifier: int | None) -> Message:
     """The message under another identifier, if one is given."""
     if identifier is None:
         return message
@@ -174,11 +174,11 @@ def _map_inputs(
     signals = injector.config.signals
     if not signals.optional and signals.energizing is None:
         return tables.inputs(timing), tuple(layouts), ()
-    from observer_rt.bus.mapping.optional_inputs import map_optional, say_nothing  # few benches have any
+    from observer_rt.bus.mapping.optional_inputs import fill_blank_frames, map_optional  # few benches have any
 
     slow = map_optional(injector, databases, tables, timing)
     inputs = tables.inputs(timing)
-    say_nothing(inputs, slow)
+    fill_blank_frames(inputs, slow)
     return inputs, tuple(layouts), slow
 
 

@@ -1,6 +1,5 @@
 """Relation of the samples of each input message to the grid of the alignment."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,10 +31,8 @@ class GridRelation(NamedTuple):
     """Whether its samples are at places of the grid; else they lie between them."""
 
 
-def grid_relations(
-    injector: BenchInjector, timing: NDArray[np.void], roles: Sequence[int]
-) -> list[GridRelation | None]:
-    """Relation of each message to the grid, None where all of it is on it; `roles` (bits) of each.
+def grid_relations(injector: BenchInjector, timing: NDArray[np.void], roles: list[int]) -> list[GridRelation | None]:
+    """Relation of each message to the grid, None where all of it is on it; timing, roles (bits): of each message.
 
     The value of a mean is that of half a sample period earlier, a filtered value that of the stated delay earlier.
     The line pressure stays where it is: the model's is averaged and delayed instead.

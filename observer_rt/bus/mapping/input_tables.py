@@ -71,7 +71,7 @@ def require_one_rate(
     injector: BenchInjector, streams: Sequence[tuple[BusMessage, list[Role]]], steps: Sequence[int]
 ) -> None:
     """Raise `UserError` if a stream of a message is slower than its other streams; `steps`: of the index."""
-    names = [(found.message.name, found.bus) for found, _ in streams]
+    names = [(source.message.name, source.bus) for source, _ in streams]
     for name, (_, roles), ratio in zip(names, streams, steps, strict=True):
         if ratio > 1 and names.count(name) > 1:
             problem = f"{name[0]} carries other signals under the same sample index"
@@ -161,15 +161,13 @@ class InputTables:
             self._add_signals(optional, entry.table, entry.selection)
             self._optional.append(optional)
 
-    def _add_signals(
-        self, row: NDArray[np.void], signals: NDArray[np.void], selection: multiplexing.Selection
-    ) -> None:
-        """Add the signals of a row, and the conditions that a frame with them meets."""
-        row["first_signal"], row["signal_count"] = _rows(self._signals), len(signals)
+    def _add_signals(self, row: NDArray[np.void], table: NDArray[np.void], selection: multiplexing.Selection) -> None:
+        """Add the table of a row's signals, and the conditions that a frame with them meets."""
+        row["first_signal"], row["signal_count"] = _rows(self._signals), len(table)
         row["first_condition"], row["condition_count"] = _rows(self._conditions), len(selection.conditions)
         conditions = selection.conditions.copy()
         conditions["selector"] += _rows(self._selectors)
-        self._signals.append(signals)
+        self._signals.append(table)
         self._selectors.append(selection.selectors)
         self._conditions.append(conditions)
 

@@ -1,9 +1,7 @@
-"""Optional inputs, from bench file and bus database: which frames carry them, and how.
+"""Optional inputs, from bench file and bus database: the frames and signals that carry them.
 
-The energizing of the injector on the bus: the signals that carry it, and its reading from a frame.
-
-Either a level, 0 while the injector is not energized, one or several samples a frame; or a duration, one value a
-frame, 0 without energizing.
+The energizing of the injector is either a level, 0 while the injector is not energized, one or several samples a
+frame; or a duration, one value a frame, 0 without energizing.
 """
 
 import math
@@ -55,7 +53,7 @@ class SlowSignal(input_tables.OptionalInput):
 
     @property
     def timeout(self) -> float:
-        """After which a value counts no longer [s]."""
+        """Time for which a value counts [s]."""
         return float(self.row["timeout"])
 
     @property
@@ -75,19 +73,19 @@ class EnergizingLayout(input_tables.OptionalInput):
 
     layout: lookup.MessageLayout
     index: str | None
-    """The signal with the index of the frame's first sample; None: placed by its stamp."""
+    """The signal with the index of the frame's first sample; None: frames are placed by their stamps."""
     is_level: bool
-    """Else a duration."""
+    """Whether the signals are levels; else a duration."""
     delay: float
-    """s from a frame's last sample to its stamp."""
+    """Time from a frame's last sample to its stamp [s]."""
     cycle: float | None
     """Time from frame to frame [s], None: it is sent on an event."""
     window: float
-    """s from the start of energizing, within which the needle opens."""
+    """Time from the start of energizing within which the needle opens [s]."""
 
     @property
     def tells_samples(self) -> bool:
-        """Whether it tells to the sample when the injector is energized, other than a level from time to time."""
+        """Whether start and end of the energizing are known to the sample, unlike those of a level sent seldom."""
         return self.index is not None and (not self.is_level or len(self.names) > 1 or self.cycle is None)
 
     def reading(self, values: NDArray[np.float64], stamp: int, follows: bool) -> "EnergizingSignal":
@@ -106,11 +104,11 @@ class EnergizingSignal(NamedTuple):
     first: int | None
     """Index of its first sample, modulo 2^32; None: the message has none."""
     taken: int
-    """ns, by the clock of the stamps, when its last sample was taken."""
+    """Time at which its last sample was taken, by the clock of the stamps [ns]."""
     values: NDArray[np.float64]
     """(samples,) levels, or the duration [s]; nan: not available."""
     follows: bool | None
-    """Whether, by its protection, no frame was lost since the reading before; None: without one."""
+    """Whether no frame was lost since the reading before, by the E2E protection; None: without protection."""
 
 
 class SlowMessage(NamedTuple):
@@ -129,7 +127,7 @@ class SlowMessage(NamedTuple):
 def map_optional(
     injector: BenchInjector, databases: BenchDatabases, tables: input_tables.InputTables, timing: NDArray[np.void]
 ) -> tuple[SlowMessage, ...]:
-    """Add the optional inputs to the tables: the messages that carry them; timing: of all streams.
+    """Add the optional inputs to the tables; returns the messages that carry them. timing: of all streams.
 
     Raises `UserError` naming bench file and key.
     """
@@ -208,7 +206,7 @@ def _energizing(
     layout: lookup.MessageLayout,
     grid: np.void,
 ) -> EnergizingLayout:
-    """Compile the mapping; link: its bus; grid: `timing.TIMING` of the line pressure's message."""
+    """Compile the mapping of the energizing; link: its bus; grid: row TIMING of the line pressure's message."""
     location = injector.location("signals.energizing")
     roles = map(injector.config.signals.of, Role)
     companions = [mapping for mapping in roles if mapping.message == message.name]  # roles that it carries too
@@ -280,8 +278,8 @@ def _index(
     return name
 
 
-def say_nothing(inputs: input_tables.Inputs, slow: Sequence[SlowMessage]) -> None:
-    """Fill frames made of recordings with the defaults of the optional inputs: a recording has no energizing."""
+def fill_blank_frames(inputs: input_tables.Inputs, slow: Sequence[SlowMessage]) -> None:
+    """Put the defaults of the optional inputs into the blank frames that recordings are encoded in."""
     for message in slow:
         for row in inputs.messages[inputs.messages["key"] == message.layout.key]:
             first = int(row["first_kind"])

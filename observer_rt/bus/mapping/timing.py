@@ -11,7 +11,7 @@ from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import INDEX_BITS, USUAL_INDEX, MessageLayout, find_signal
-from observer_rt.bus.mapping.output_messages import frame_time
+from observer_rt.bus.frame_time import frame_time
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.signals import Role
@@ -51,7 +51,7 @@ def map_timing(
             "set sampling.rate_hz to the line pressure's rate",
         )
     for number, (row, (message, roles)) in enumerate(zip(rows, messages, strict=True)):
-        same_base = _agreed(injector, message, roles, "time_base")[1] == grid.time_base
+        same_base = _common_value(injector, message, roles, "time_base")[1] == grid.time_base
         both_indexed = row["numbering"] == rows[leading]["numbering"] == frames.Numbering.INDEX
         if number == leading or (same_base and both_indexed and row["steps"] == 1):
             row["joining"] = frames.Joining.INDEX
@@ -67,8 +67,8 @@ def number_signal(injector: BenchInjector, message: Message, roles: Sequence[Rol
 
     Raises `UserError` naming bench file and key when the message has no such signal, or one that cannot serve.
     """
-    index_location, index = _agreed(injector, message, roles, "index")
-    location, counter = _agreed(injector, message, roles, "counter")
+    index_location, index = _common_value(injector, message, roles, "index")
+    location, counter = _common_value(injector, message, roles, "counter")
     names = {signal.name for signal in message.signals}
     if index is None and counter is None and USUAL_INDEX in names:
         index = USUAL_INDEX
@@ -128,7 +128,7 @@ def _map_message(
     row["tolerance"] = TOLERANCE
     if tuple(roles) == (Role.RAIL_PRESSURE,):
         row["tolerance"] = max(RAIL_TOLERANCE, SLOW_TOLERANCE * row["interval"])
-    _, delay = _agreed(injector, message, roles, "delay_us")
+    _, delay = _common_value(injector, message, roles, "delay_us")
     on_bus = time_on_bus(layout, link)
     row["delay"] = on_bus if delay is None else delay * MICROSECOND
     row["shortest"] = SHORTEST * on_bus
@@ -145,7 +145,7 @@ def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
 def _steps(injector: BenchInjector, message: Message, roles: Sequence[Role]) -> int:
     """Samples of the grid from one sample of the message to its next."""
     rate = injector.sample_rate
-    location, stated = _agreed(injector, message, roles, "rate_hz")
+    location, stated = _common_value(injector, message, roles, "rate_hz")
     if stated is None:
         return 1
     ratio: float = rate / stated
@@ -163,7 +163,7 @@ def _steps(injector: BenchInjector, message: Message, roles: Sequence[Role]) -> 
 
 
 def _set_hold(injector: BenchInjector, message: Message, roles: Sequence[Role], samples: int, row: np.void) -> None:
-    location, stated = _agreed(injector, message, roles, "max_hold_ms")
+    location, stated = _common_value(injector, message, roles, "max_hold_ms")
     cycle = samples * float(row["interval"])
     if row["steps"] == 1:
         if stated is not None:
@@ -177,7 +177,7 @@ def _set_hold(injector: BenchInjector, message: Message, roles: Sequence[Role], 
         raise UserError(location, problem, "make it longer than that")
     if hold > longest:
         raise UserError(
-            location if stated is not None else _agreed(injector, message, roles, "rate_hz")[0],
+            location if stated is not None else _common_value(injector, message, roles, "rate_hz")[0],
             f"samples would have to wait {hold / MILLISECOND:g} ms for it, at most {longest / MILLISECOND:.3g} are "
             f"possible at {injector.sample_rate:g} Hz",
             "state a shorter max_hold_ms" if cycle <= longest else "a faster signal of the rail pressure is needed",
@@ -185,7 +185,7 @@ def _set_hold(injector: BenchInjector, message: Message, roles: Sequence[Role], 
     row["hold"] = hold
 
 
-def _agreed(injector: BenchInjector, message: Message, roles: Sequence[Role], key: str) -> tuple[str, Any]:
+def _common_value(injector: BenchInjector, message: Message, roles: Sequence[Role], key: str) -> tuple[str, Any]:
     """Place in the bench file, and value, of a key that a message's roles have in common; None if none states it."""
     stated = {role: value for role in roles if (value := getattr(injector.config.signals.of(role), key)) is not None}
     first = next(iter(stated), roles[0])

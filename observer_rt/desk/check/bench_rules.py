@@ -28,7 +28,7 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     """
     findings = bench_findings(bench, state)
     is_sound = not any(finding.error for finding in findings)
-    masses = of_each(bench, lambda alone: mass_findings(alone.injector)) if is_sound else []
+    masses = for_each_injector(bench, lambda alone: mass_findings(alone.injector)) if is_sound else []
     return findings + masses + machine_findings(bench)
 
 
@@ -56,25 +56,25 @@ def bench_findings(
     def injector_findings(alone: Bench) -> list[Finding]:
         bench_injector = alone.injector
         files = (state, journal) if bench_injector is chosen else (None, None)
-        beyond = plausibility_findings(bench_injector.parameters)
-        return [*_injector_file(bench_injector), *_effects(bench_injector), *_kept(bench_injector, *files), *beyond]
+        findings = _injector_file(bench_injector) + _effects(bench_injector) + _learned_state(bench_injector, *files)
+        return findings + plausibility_findings(bench_injector.parameters)
 
-    findings += of_each(bench, injector_findings)
+    findings += for_each_injector(bench, injector_findings)
     try:
         mapped = map_bench(bench)
         maps = {one.name: bus for one, bus in zip(bench.injectors, mapped.injectors, strict=True)}
-        findings += of_each(
+        findings += for_each_injector(
             bench, lambda alone: mapping_findings(alone.injector, maps[alone.injector.name], mapped.database_messages)
         )
         findings += buses_findings(bench, mapped)
-        findings += of_each(bench, lambda alone: time_findings(maps[alone.injector.name]))
+        findings += for_each_injector(bench, lambda alone: time_findings(maps[alone.injector.name]))
     except UserError as error:
         findings.append(failed("mapping", error))
-    findings += of_each(bench, lambda alone: observer_findings(alone.injector))
+    findings += for_each_injector(bench, lambda alone: observer_findings(alone.injector))
     return findings
 
 
-def of_each(bench: Bench, findings_of: Callable[[Bench], list[Finding]]) -> list[Finding]:
+def for_each_injector(bench: Bench, findings_of: Callable[[Bench], list[Finding]]) -> list[Finding]:
     """Findings about every injector, with its name where there are several."""
     return [
         replace(finding, text=f"{alone.injector.name}: {finding.text}") if alone.injector.name else finding
@@ -98,7 +98,7 @@ def _injector_file(injector: BenchInjector) -> Iterator[Statement]:
 
 
 @ruled("learned state")
-def _kept(injector: BenchInjector, state: Path | None, journal: Path | None) -> Iterator[Statement]:
+def _learned_state(injector: BenchInjector, state: Path | None, journal: Path | None) -> Iterator[Statement]:
     """Findings about the learned state and the journal, as `run` would take them."""
     path = kept_files(injector, state, journal).state
     if path is None:

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.frame_time import frame_time
 from observer_rt.bus.links.opening import require_interface
-from observer_rt.bus.mapping.bench_map import BenchMap, in_common
-from observer_rt.bus.mapping.bus_map import message_timing
-from observer_rt.bus.mapping.output_messages import frame_time
+from observer_rt.bus.mapping.bench_map import BenchMap, shared_resources
+from observer_rt.bus.mapping.bus_map import timing_row
 from observer_rt.bus.mapping.output_signals import RESULTS
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import RESULT_IDS
@@ -27,7 +27,7 @@ _LOAD_REMEDY = "state the rates this bus has, sample slower, or spread the messa
 
 def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
     """All findings about the buses, those of their load where every message fits its kind of frame."""
-    findings = _links(bench) + _carried(bench, mapped) + _results(bench, mapped)
+    findings = _links(bench) + _contents(bench, mapped) + _results(bench, mapped)
     findings += _identifiers(bench, mapped) + _databases(mapped) + _frames(bench, mapped)
     if any(finding.topic == "frames" and finding.error for finding in findings):
         return findings
@@ -49,8 +49,8 @@ def _links(bench: Bench) -> Iterator[Statement]:
 
 
 @ruled("buses")
-def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
-    """Lists inputs and results of each bus, where there are several; warns of inputs with too rough stamps."""
+def _contents(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
+    """Lists inputs and results of each of several buses; warns of stamps that are too rough for a bus's inputs."""
     links = bench.config.buses
     if len(links) == 1:
         return
@@ -81,11 +81,11 @@ def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
 @ruled("outputs")
 def _results(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
     """Refuses results that share a message or, of several injectors, what distinguishes them."""
-    for what, names in in_common(bench, mapped):
+    for resource, names in shared_resources(bench, mapped):
         is_of_one = len(set(names)) == 1
         owners = f"{len(names)} results" if is_of_one else " and ".join(names)
         location = f"{bench.path}: {'outputs' if is_of_one else 'injectors'}"
-        yield UserError(location, f"{owners} share {what}", "give each its own")
+        yield UserError(location, f"{owners} share {resource}", "give each its own")
 
 
 @ruled("identifiers")
@@ -125,7 +125,7 @@ def _databases(mapped: BenchMap) -> Iterator[Statement]:
         files = [str(message.path) for message in of_bus or named]
         if len(files) > 1:
             yield warning(f"{layout.name} is in {' and in '.join(files)}", "the first is used, rename the other")
-    for text in mapped.overlooked:
+    for text in mapped.overlooked_faults:
         yield warning(f"overlooked: {text}")
 
 
@@ -195,7 +195,7 @@ def _traffic(bench: Bench, mapped: BenchMap) -> Iterator[tuple[MessageLayout, fl
     by_frame = {bus.input_layouts[number].key: (bus, number) for bus, number in sources}  # a shared one counts once
     for bus, number in by_frame.values():
         message, layout = bus.inputs.messages[number], bus.input_layouts[number]
-        rate = 1 / float(message_timing(bus, number)["interval"])
+        rate = 1 / float(timing_row(bus, number)["interval"])
         frames, (always, in_windows) = int(message["kind_count"]), _blocks(int(message["samples"]), rate)
         yield layout, frames * always, frames * in_windows
     sampled = {layout for bus in mapped.injectors for layout in bus.input_layouts}

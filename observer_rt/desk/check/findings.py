@@ -34,7 +34,7 @@ _STYLES = {Level.OK: "green", Level.WARNING: "yellow", Level.ERROR: "bold red"}
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at."""
+    """Result of one check: its topic, its level, and a text with the remedy where there is one."""
 
     topic: str
     level: Level
@@ -44,7 +44,7 @@ class Finding:
 
 
 Statement = str | UserError | Finding
-"""What a rule yields: a text where all is well, an error at a key of the bench file, or a finding."""
+"""Result of a rule: a text where all is well, an error at a key of the bench file, or a finding."""
 
 
 def ruled(topic: str) -> Callable[[Callable[P, Iterator[Statement]]], Callable[P, list[Finding]]]:
@@ -112,7 +112,5 @@ def as_json_document(findings: Sequence[Finding]) -> dict[str, Any]:
         "schema": SCHEMA,
         "warnings": sum(finding.level is Level.WARNING for finding in findings),
         "errors": sum(finding.level is Level.ERROR for finding in findings),
-        "findings": [
-            {"topic": finding.topic, "level": str(finding.level), "text": finding.text} for finding in findings
-        ],
+        "findings": [{"topic": f.topic, "level": str(f.level), "text": f.text} for f in findings],
     }

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.mapping import bus_map
 from observer_rt.bus.mapping.bench_map import KnownMessage
+from observer_rt.bus.mapping.bus_map import BusMap, layout_of, timing_row
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.role_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.bus.mapping.timing import LINE_SLOPE, TOLERANCE
@@ -36,7 +36,7 @@ _NUMBERED = {
 
 
 @ruled("mapping")
-def _inputs(injector: BenchInjector, bus: bus_map.BusMap) -> Iterator[Statement]:
+def _inputs(injector: BenchInjector, bus: BusMap) -> Iterator[Statement]:
     """Every input with its message and range, the optional ones behind the others."""
     for role in ROLES:
         yield _mapping(injector, bus, role)
@@ -86,13 +86,13 @@ def _energizing(energizing: "EnergizingLayout") -> Iterator[Statement]:
         yield warning(text, topic="time")
 
 
-def mapping_findings(injector: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]) -> list[Finding]:
+def mapping_findings(injector: BenchInjector, bus: BusMap, messages: Sequence[KnownMessage]) -> list[Finding]:
     """All findings about the mapping of an injector; messages: the messages of all databases."""
     return _inputs(injector, bus) + _protection(injector, bus) + _sample_periods(injector, bus, messages)
 
 
 @ruled("protection")
-def _protection(injector: BenchInjector, bus: bus_map.BusMap) -> Iterator[Statement]:
+def _protection(injector: BenchInjector, bus: BusMap) -> Iterator[Statement]:
     """Lists the inputs with and without end-to-end protection."""
     limits = injector.config.e2e
     protected = [layout for layout in bus.received if layout.e2e_profile is not None]
@@ -105,7 +105,7 @@ def _protection(injector: BenchInjector, bus: bus_map.BusMap) -> Iterator[Statem
         yield f"not protected: {', '.join(bare)}; a damaged frame cannot be distinguished from a good one"
 
 
-def _mapping(injector: BenchInjector, bus: bus_map.BusMap, role: Role) -> Finding:
+def _mapping(injector: BenchInjector, bus: BusMap, role: Role) -> Finding:
     if role is Role.NEEDLE_LIFT and not injector.has_lift:
         return graded(True, WITHOUT_LIFT)
     number = message_of(bus, role)
@@ -118,9 +118,7 @@ def _mapping(injector: BenchInjector, bus: bus_map.BusMap, role: Role) -> Findin
     noise: float = getattr(configured_noise(injector), role.value)
     factors = units.LENGTH_UNITS if is_lift else units.PRESSURE_UNITS
     code = role_factor(bus, role)
-    coded = next(
-        (name for name, known in factors.items() if known == code), f"units of {code:g} {next(iter(factors))}"
-    )
+    coded = next((name for name, si in factors.items() if si == code), f"units of {code:g} {next(iter(factors))}")
     samples, frames = int(message["samples"]), int(message["kind_count"])
     division = "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
     if frames > 1:
@@ -136,14 +134,12 @@ def _mapping(injector: BenchInjector, bus: bus_map.BusMap, role: Role) -> Findin
 
 
 @ruled("sampling")
-def _sample_periods(
-    injector: BenchInjector, bus: bus_map.BusMap, messages: Sequence[KnownMessage]
-) -> Iterator[Statement]:
+def _sample_periods(injector: BenchInjector, bus: BusMap, messages: Sequence[KnownMessage]) -> Iterator[Statement]:
     rate = injector.sample_rate
     yield f"{rate:g} Hz, a sample every {units.NANOSECONDS / rate:.6g} ns"
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
-        expected = units.NANOSECONDS * float(bus_map.message_timing(bus, number)["interval"])
+        expected = units.NANOSECONDS * float(timing_row(bus, number)["interval"])
         refusing = injector if _is_of_the_user(layout, messages) else None
         yield from _periods(layout, int(message["samples"]), int(message["kind_count"]), expected, refusing)
     for sent in (bus.rate, bus.corrected):
@@ -184,10 +180,10 @@ def _periods(
 
 
 @ruled("time")
-def time_findings(bus: bus_map.BusMap) -> Iterator[Statement]:
+def time_findings(bus: BusMap) -> Iterator[Statement]:
     """One finding for each input message, warnings where something of its time cannot be seen."""
     for stream, timing in enumerate(bus.inputs.timing):
-        name = bus.name_of(bus_map.layout_of(bus, stream))
+        name = bus.name_of(layout_of(bus, stream))
         yield f"{name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
         if timing["numbering"] == Numbering.STAMPS:
             seen = "lost frames are seen, and results valid, only while its jitter stays below a quarter of its cycle"

@@ -61,15 +61,13 @@ def _fuel(injector: BenchInjector) -> Iterator[Statement]:
 @ruled("integration")
 def _integration(injector: BenchInjector) -> Iterator[Statement]:
     """Steps that integrate a sample, and how near the limits they are."""
-    substeps = bench_constants(injector).substeps
+    steps = bench_constants(injector).substeps
     model, rate = effective_model(injector.parameters), injector.sample_rate
     if stepping := model.coefficients.line.stepping(1.0 / rate):
-        yield f"{substeps} steps a sample at {rate:g} Hz; {stepping}"
+        yield f"{steps} steps a sample at {rate:g} Hz; {stepping}"
         return
     fastest = fastest_rate(model.injector, model.coefficients)
-    yield (
-        f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {rate:g} Hz, for a fastest rate of {fastest:.3g} 1/s"
-    )
+    yield f"{steps} steps a sample (at most {MAX_SUBSTEPS}) at {rate:g} Hz, for a fastest rate of {fastest:.3g} 1/s"
 
 
 @ruled("fitted model")

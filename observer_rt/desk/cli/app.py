@@ -136,7 +136,7 @@ COMMANDS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "run": ("live", "--bench bench.toml --state learned.json --journal injections.sqlite --view"),
         "check": ("live", "--bench bench.toml --recording mine.csv"),
         "monitor": ("live", "--bench bench.toml"),
-        "take-over": ("live", "missing/amended.toml --bench bench.toml"),
+        "take-over": ("models", "missing/amended.toml --bench bench.toml"),
         "record": ("logs", "--bench bench.toml --out bus.blf --duration 3600"),
         "replay": ("logs", "recording.csv --bench bench.toml --speed 0.1"),
     },

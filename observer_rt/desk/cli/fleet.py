@@ -7,9 +7,9 @@ from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.desk.cli.command import messages
-from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
+from observer_rt.foundation.console import results, say
 from observer_rt.foundation.options import Argument, BenchFile, Force, Injector, Json, Model, Option, State
-from observer_rt.foundation.outputs import check_output, make_folder
+from observer_rt.foundation.outputs import FIGURE_SUFFIXES, check_output, make_folder
 
 
 def batch(
@@ -35,23 +35,23 @@ def batch(
     json: Json = False,
 ) -> None:
     """Evaluate thousands of recordings in parallel: a table with one row per injection, resumed where it stopped."""
-    from observer_rt.desk.evaluation.histories import begun_with
-    from observer_rt.desk.fleet.batch import connected, evaluate_all, print_counts, settings_of
+    from observer_rt.desk.evaluation.histories import starting_knowledge
+    from observer_rt.desk.fleet.batch import dask_client, evaluate_all, print_counts, settings_of
     from observer_rt.desk.fleet.dataset import Dataset
     from observer_rt.desk.fleet.job import Task
     from observer_rt.desk.fleet.path_pattern import INJECTOR_FROM, PathPattern
     from observer_rt.desk.fleet.recordings import recordings_in
-    from observer_rt.foundation.console import stop_on_signals
+    from observer_rt.foundation.stop_request import stop_on_signals
 
     chosen = load_bench(bench.absolute(), model and model.absolute(), off_bus=True).of(injector)
     names = None if injector_from is None else PathPattern.read(INJECTOR_FROM, injector_from)
     paths = recordings_in(sources)
     make_folder("--out", out)
     learning = not no_learning
-    knowledge = begun_with("--state", state, chosen.injector.parameters, partial(say, messages))
+    knowledge = starting_knowledge("--state", state, chosen.injector.parameters, partial(say, messages))
     dataset = Dataset(out, settings_of(chosen, state, learning, injector_from))
     task = Task(chosen, Path.cwd(), knowledge, learning, names)
-    with stop_on_signals() as stop, connected(scheduler, workers) as client:
+    with stop_on_signals() as stop, dask_client(scheduler, workers) as client:
         counts = evaluate_all(client, stop, task, paths, dataset, messages)
     print_counts(dataset, counts, json, messages)
 

@@ -1,4 +1,4 @@
-"""Commands of the live observer: `demo`, `run`, `check`, `monitor` and `take-over`."""
+"""Commands of the live observer: `demo`, `run`, `check` and `monitor`."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -11,20 +11,10 @@ import typer
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, is_off_bus, load_bench
 from observer_rt.config.toml_file import read_toml
 from observer_rt.desk.cli.command import messages
-from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
+from observer_rt.foundation.console import results, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.options import (
-    Argument,
-    BenchFile,
-    Force,
-    FromChannel,
-    Injector,
-    Json,
-    Model,
-    Option,
-    RunOptions,
-)
-from observer_rt.foundation.outputs import check_output, make_folder
+from observer_rt.foundation.options import BenchFile, Force, FromChannel, Injector, Json, Model, Option, RunOptions
+from observer_rt.foundation.outputs import FIGURE_SUFFIXES, check_output, make_folder
 
 
 @dataclass(frozen=True)
@@ -132,7 +122,7 @@ def check(
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.desk.check import given_files
-    from observer_rt.desk.check.bench_rules import checkup, of_each
+    from observer_rt.desk.check.bench_rules import checkup, for_each_injector
     from observer_rt.desk.check.findings import Level, as_json_document, as_table
 
     is_alone = bench == EXAMPLE_BENCH and model is None and state is None
@@ -140,7 +130,7 @@ def check(
     chosen = load_bench(bench, model, off_bus=is_layout).of(injector)
     findings = [] if is_layout else checkup(chosen, state)
     if log is not None:
-        findings += of_each(chosen, lambda alone: given_files.log_findings(alone, log, from_channel))
+        findings += for_each_injector(chosen, lambda alone: given_files.log_findings(alone, log, from_channel))
     if recording is not None:
         findings += given_files.recording_findings(chosen, recording)
     if json:
@@ -165,33 +155,3 @@ def monitor(
 
     chosen = load_bench(bench).of(injector)
     serve_page(chosen, address, port, out, messages)
-
-
-def take_over(
-    amended: Annotated[Path | None, Argument("Amended injector file that `discover` wrote.", "AMENDED")] = None,
-    bench: Annotated[Path | None, Option("Bench file that is to name it.")] = None,
-    undo: Annotated[bool, Option("Instead: have the bench file name what it named before the last step.")] = False,
-    accept_changes: Annotated[
-        bool, Option("Take it over although it also changes parameters that the file in force states otherwise.")
-    ] = False,
-    injector: Injector = None,
-) -> None:
-    """Have a bench use an amended model, or undo that; the daemon that serves it reads it between two injections."""
-    from observer_rt.desk import take_over as taking
-
-    if bench is None:
-        raise UserError("--bench", "is missing", "name the bench file that the daemon serves")
-    if (amended is None) != undo:
-        problem = "is missing" if amended is None else "and --undo exclude each other"
-        raise UserError("AMENDED", problem, "give one of them")
-    name = injector or ""
-    done = taking.undo(bench, name) if amended is None else taking.take_over(bench, name, amended, accept_changes)
-    before, words = done.step.before or "the nominal injector", done.step.as_text
-    say(results(), f"{bench}: " + (f"{done.step.after} -> {before}" if undo else f"{before} -> {words}"))
-    for change in done.changes:
-        say(results(), f"  {change}")
-    if done.answer is not None:
-        unsaved = done.answer.get("unsaved")
-        say(messages, "the daemon has it in force" + (f"\nwarning: {unsaved}" if unsaved else ""))
-    else:
-        say(messages, "no daemon is found by this bench file: one that serves it all the same reads it at SIGUSR1")

@@ -12,9 +12,10 @@ from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.bench_file import refuse_shared_channels, values_by_bus
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import RECORDED, Recording
-from observer_rt.foundation.console import progress_bar, results, say, stop_on_signals
+from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.options import Argument, BenchFile, Decoder, Force, FromChannel, Injector, Json, Option
+from observer_rt.foundation.stop_request import stop_on_signals
 
 Channel = Annotated[
     tuple[str, ...],

@@ -1,4 +1,4 @@
-"""Commands that find out what a model should be: `fit`, `discover` and `effects`."""
+"""Commands that make a model, and put it into force: `fit`, `discover`, `effects` and `take-over`."""
 
 import sys
 import time
@@ -12,10 +12,10 @@ from observer_rt.config.effects import effect_named, effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import Recordings
-from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
+from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, UserError, require
 from observer_rt.foundation.options import Argument, Decoder, Force, FromChannel, Injector, Json, Option
-from observer_rt.foundation.outputs import check_output, make_folder
+from observer_rt.foundation.outputs import FIGURE_SUFFIXES, check_output, make_folder
 
 
 def fit(
@@ -34,7 +34,7 @@ def fit(
     json: Json = False,
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
-    from observer_rt.desk.evaluation.logged import without_truths
+    from observer_rt.desk.evaluation.logged import without_companions
     from observer_rt.desk.identification_inputs import measured_files
     from observer_rt.desk.library.fit import fitted_model, weighed_masses
     from observer_rt.engine.service.injector import calibration_of
@@ -52,7 +52,7 @@ def fit(
     for name, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
         if path is not None:
             check_output(name, path, force, suffixes=suffixes)
-    paths = provenance.without_copies(without_truths(recordings, messages), messages)
+    paths = provenance.without_copies(without_companions(recordings, messages), messages)
     most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: a mass is the mean of all injections
     measured = measured_files(paths, start, decoder, from_channel, messages, most)
     weighed = weighed_masses(measured, mass, start)
@@ -161,3 +161,33 @@ def effects(
         print(dumps(effect_list.as_json(chosen), indent=2))
     else:
         results().print(effect_list.as_table(chosen, in_detail=bool(ids)), highlight=False)
+
+
+def take_over(
+    amended: Annotated[Path | None, Argument("Amended injector file that `discover` wrote.", "AMENDED")] = None,
+    bench: Annotated[Path | None, Option("Bench file that is to name it.")] = None,
+    undo: Annotated[bool, Option("Instead: have the bench file name what it named before the last step.")] = False,
+    accept_changes: Annotated[
+        bool, Option("Take it over although it also changes parameters that the file in force states otherwise.")
+    ] = False,
+    injector: Injector = None,
+) -> None:
+    """Have a bench use an amended model, or undo that; the daemon that serves it reads it between two injections."""
+    from observer_rt.desk import take_over as taking
+
+    if bench is None:
+        raise UserError("--bench", "is missing", "name the bench file that the daemon serves")
+    if (amended is None) != undo:
+        problem = "is missing" if amended is None else "and --undo exclude each other"
+        raise UserError("AMENDED", problem, "give one of them")
+    name = injector or ""
+    done = taking.undo(bench, name) if amended is None else taking.take_over(bench, name, amended, accept_changes)
+    before, words = done.step.before or "the nominal injector", done.step.as_text
+    say(results(), f"{bench}: " + (f"{done.step.after} -> {before}" if undo else f"{before} -> {words}"))
+    for change in done.changes:
+        say(results(), f"  {change}")
+    if done.answer is not None:
+        unsaved = done.answer.get("unsaved")
+        say(messages, "the daemon has it in force" + (f"\nwarning: {unsaved}" if unsaved else ""))
+    else:
+        say(messages, "no daemon is found by this bench file: one that serves it all the same reads it at SIGUSR1")

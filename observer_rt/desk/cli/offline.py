@@ -6,11 +6,11 @@ from typing import Annotated
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.cli.command import messages
 from observer_rt.desk.recording_options import SIGNALS, EvaluateOptions
-from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
+from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import write_text
 from observer_rt.foundation.options import Force, Option
-from observer_rt.foundation.outputs import REPRODUCED, check_output, make_folder
+from observer_rt.foundation.outputs import FIGURE_SUFFIXES, REPRODUCTION, check_output, make_folder
 from observer_rt.foundation.units import MICROMETRE, MICROSECOND, MILLISECOND
 
 MAX_SAMPLES = 20_000_000  # of a simulation, that a machine of 4 GiB can hold with their truth
@@ -115,7 +115,7 @@ def reproduce(out: Annotated[Path, Option("Folder for figures and table.", "DIR"
     table = out / "table.csv"
     for path in figures:
         check_output("--out", path, force, suffixes=FIGURE_SUFFIXES)
-    check_output("--out", table, force, REPRODUCED)
+    check_output("--out", table, force, REPRODUCTION)
     with progress_bar(messages, "reproducing", 1.0) as progress:
         study = run_study(load_bench().exact, progress)
     draw_figure_3(figures[0], study)

@@ -77,7 +77,7 @@ def hidden_effect(seed: int, outside: bool) -> HiddenEffect:
 
 
 class LoopResult(NamedTuple):
-    """What happened in a demonstration."""
+    """Result of a demonstration."""
 
     hidden: HiddenEffect
     injections: pd.DataFrame  # a row each: columns of the journal, `true` [mg], `error` [%], `amended`
@@ -137,7 +137,7 @@ class EffectDemo:
         return record(operation, self.hidden.departure, SAMPLE_RATE, seed)
 
     def _play(self, bench: Bench, scenes: Sequence[BenchRecording]) -> None:
-        """Injections, refused; the question; the answer taken over; injections again."""
+        """Send injections, which are refused; search the effect and take it over; send injections again."""
         link = bench.config.link
         self._wait_until_ready(1)
         with open_link(link.interface, link.channel, link.fd, []) as player:
@@ -157,7 +157,7 @@ class EffectDemo:
         time.sleep(QUIET)
 
     def _wait_until_ready(self, times: int) -> None:
-        """Until the log has said it so many times. Raises `RunError` where that takes too long."""
+        """Wait until the log has said so many times that the daemon is ready. Raises `RunError` after `_START`."""
         patience = time.monotonic() + _START
         while time.monotonic() < patience:
             log = self.folder / LOG
@@ -202,9 +202,8 @@ def loop_table(result: LoopResult) -> Table:
         )
         for row in result.injections.itertuples()
     )
-    table = plain_table(headings, rows, right=range(len(headings)), gap=1)
-    table.title, table.title_justify = "Injected mass from the daemon's journal", "left"
-    return table
+    title = "Injected mass from the daemon's journal"
+    return plain_table(headings, rows, range(len(headings)), gap=1, title=title)
 
 
 def write_loop_figure(result: LoopResult, path: Path) -> None:

@@ -5,11 +5,10 @@ import math
 import threading
 import time
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib import import_module
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,7 +30,8 @@ from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.nominal import ComparedRate, NominalInjection
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
-from observer_rt.foundation.console import plain_table, stop_on_signals
+from observer_rt.foundation.console import plain_table
+from observer_rt.foundation.stop_request import stop_on_signals
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 
 FIGURES = "observer_rt.desk.evaluation.figures"
@@ -43,7 +43,7 @@ _QUIET = 1.0  # s without a frame after which the bus has nothing more to say
 
 
 class DemoResult(NamedTuple):
-    """What was published on a link: rates of some injections [m3/s], masses of all."""
+    """Results published on a link: rates of some injections [m3/s], masses of all."""
 
     curves: Mapping[int, RateCurves]
     masses: tuple[MassRow, ...]
@@ -53,22 +53,17 @@ class DemoResult(NamedTuple):
 def mass_table(result: DemoResult) -> Table:
     """Masses and their errors, injection by injection."""
     headings = ("injection", "true [mg]", "nominal [mg]", "error", "observer [mg]", "error", "valid")
-    table = plain_table(headings, map(_cells, result.masses), right=range(len(headings)), gap=1)
-    table.title, table.title_justify = f"Injected mass as published on {result.link}", "left"
-    return table
+    title = f"Injected mass as published on {result.link}"
+    rows = [[*_cells(row)] for row in result.masses]
+    return plain_table(headings, rows, range(len(headings)), gap=1, title=title)
 
 
-def _cells(row: MassRow) -> Sequence[str]:
+def _cells(row: MassRow) -> Iterator[str]:
     true = row.reference or math.nan
-    masses = (
-        (f"{mass / MILLIGRAM:.2f}", f"{100 * (mass / true - 1):+.2f} %") for mass in (row.nominal, row.estimated)
-    )
-    return (
-        str(row.number),
-        f"{true / MILLIGRAM:.2f}",
-        *chain.from_iterable(masses),
-        "yes" if row.valid else "not yet",
-    )
+    yield from (str(row.number), f"{true / MILLIGRAM:.2f}")
+    for mass in (row.nominal, row.estimated):
+        yield from (f"{mass / MILLIGRAM:.2f}", f"{100 * (mass / true - 1):+.2f} %")
+    yield "yes" if row.valid else "not yet"
 
 
 def demo_link() -> LinkConfig:
@@ -103,7 +98,7 @@ class Demo:
         ends = self.link.interface, self.link.channel, self.link.fd
         on = f"{self.link.interface} {self.link.channel}"
         snapshots = SnapshotKeeper(self.bench, lambda report, _: self._compared[report.number])
-        view = View(f"observer_rt demo: {on}", snapshots.snapshot)
+        view = View(f"observer_rt demo: {on}", snapshots.take)
         stop, done = threading.Event(), threading.Event()
         inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]
         with contextlib.ExitStack() as stack:
@@ -162,7 +157,7 @@ class Demo:
 
 
 def write_figure(result: DemoResult, wear: float, path: Path) -> None:
-    """The demonstration's picture."""
+    """Draw rates and masses of a demonstration, format by suffix."""
     from observer_rt.desk.evaluation.figures import Picture, plot_injections
 
     title = f"An injector with a worn nozzle (v_H = {wear:+.2f}), over CAN"
@@ -177,7 +172,7 @@ def _on_link(bench: Bench, link: LinkConfig) -> Bench:
 
 
 def _wait_until_quiet(daemon: Daemon, interrupted: threading.Event) -> None:
-    """Until the daemon has processed all it received."""
+    """Wait until the daemon has processed no further sample for a while, or `interrupted` is set."""
     seen, since = -1, time.monotonic()
     while time.monotonic() - since < _QUIET and not interrupted.wait(0.05):
         processed = daemon.core.processed

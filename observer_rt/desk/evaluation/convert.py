@@ -53,10 +53,8 @@ def _signals(
     """Convert the signals of a recording or log; a file that was split gives a file for each stretch."""
     stream = open_source(source, bench, from_channels, console)
     if isinstance(stream, LoggedSignals) and (lost := stream.counters.lost_samples):
-        say(
-            console,
-            f"{source}: {lost} samples are missing, and have empty cells: frames were lost, or without a value",
-        )
+        gaps = f"{lost} samples are missing, and have empty cells: frames were lost, or without a value"
+        say(console, f"{source}: {gaps}")
     targets = _numbered(target, len(stream.stretches), force)
     with progress_bar(console, f"converting {source.name}", stream.samples) as progress:
         done = 0

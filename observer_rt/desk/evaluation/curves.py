@@ -3,7 +3,6 @@
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +11,7 @@ from observer_rt.core.model.needle import NeedleStroke, lift_of_stroke
 from observer_rt.desk.evaluation.trace import InjectionSamples, Signal, trace_of
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, ShownIndicator
 from observer_rt.engine.learning.indicators import Estimate
-from observer_rt.engine.reports.injection_report import (
-    FIELDS,
-    MASS_BOUND,
-    Field,
-    InjectionReport,
-    Output,
-    injection_record,
-)
+from observer_rt.engine.reports.injection_report import FIELDS, MASS_BOUND, Field, InjectionReport, Output
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95
@@ -125,17 +117,9 @@ RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
     ),
 )
 """Fields of an evaluated injection, those of its report first."""
-SHOWN: Mapping[str, Field[InjectionResult]] = {
-    **{shown.name: shown for shown in RESULT_FIELDS},
-    MASS_BOUND.name: MASS_BOUND,
-}
-"""All that is shown of one on the screen."""
-
-
-def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficients) -> dict[str, Any]:
-    """One injection of the JSON document."""
-    compared = {compared.name: compared.of(result, c) for compared in RESULT_FIELDS[len(FIELDS) :]}
-    return {**injection_record(result, c, has_energizing), **compared}
+_SCREEN_FIELDS: tuple[Field[InjectionResult], ...] = (*RESULT_FIELDS, MASS_BOUND)
+SHOWN: Mapping[str, Field[InjectionResult]] = {shown.name: shown for shown in _SCREEN_FIELDS}
+"""Fields of an evaluated injection on the screen, by name."""
 
 
 def injection_result(

@@ -83,7 +83,7 @@ class Evaluation:
             if last.number == measured.report.number:
                 self.injections[-1] = replace(last, measured_mass=measured.mass)
 
-    def take_passed(self, passed: Trace) -> None:
+    def take_samples(self, passed: Trace) -> None:
         """Append samples to the trace."""
         if self.writer is not None:
             self.writer.write(trace_arrays(passed))

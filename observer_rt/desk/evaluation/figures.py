@@ -225,9 +225,7 @@ def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture],
     if len(recordings) > 1:
         title = f"{len(recordings)} recordings; pale: {reference}, dashed: nominal model"
         titles = [picture.title for picture in recordings]
-        handles = [
-            Line2D([], [], color=RECORDINGS[i % len(RECORDINGS)], label=title) for i, title in enumerate(titles)
-        ]
+        handles = [Line2D([], [], color=RECORDINGS[i % len(RECORDINGS)], label=name) for i, name in enumerate(titles)]
         longest = max(map(len, titles)) + _HANDLE
         ncols = int(np.clip(_LETTERS * figure.get_figwidth() // longest, 1, COLUMNS))
         figure.legend(

@@ -39,7 +39,7 @@ _DIGITS = 5
 
 @dataclass(frozen=True, eq=False)
 class _HealthyEvent:
-    """One event as the learner had it."""
+    """One event with what the learner estimated it by."""
 
     window: Window
     setting: Setting
@@ -55,11 +55,9 @@ class _HealthyEvent:
 class _Listener(Learner):
     """A learner that also keeps the events from which it learns."""
 
-    def __init__(
-        self, collected: list[_HealthyEvent], _: BenchInjector, constants: Constants, start: Knowledge
-    ) -> None:
+    def __init__(self, events: list[_HealthyEvent], _: BenchInjector, constants: Constants, start: Knowledge) -> None:
         super().__init__(constants, start)
-        self._collected = collected
+        self._events = events
 
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
@@ -70,7 +68,7 @@ class _Listener(Learner):
         outcome = super().learn(window, standstill, in_force, constants)
         setting = setting_of(constants or self._constants, outcome.schedule)
         sigma = outcome.schedule.innovation_sigma
-        self._collected.append(_HealthyEvent(window, setting, sigma, theta, covariance))
+        self._events.append(_HealthyEvent(window, setting, sigma, theta, covariance))
         return outcome
 
 

@@ -14,7 +14,7 @@ from observer_rt.daemon.keeper import sole_writer
 from observer_rt.daemon.state_file import model_hash, restored_knowledge, save_knowledge
 from observer_rt.desk.evaluation.evaluate import bench_for_all, evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation
-from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs, open_source, without_truths
+from observer_rt.desk.evaluation.logged import LoggedSignals, observer_runs, open_source, without_companions
 from observer_rt.desk.evaluation.observer_run import Progress
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
 from observer_rt.desk.evaluation.trace import SUFFIXES, TRACE_SUFFIX
@@ -24,27 +24,27 @@ from observer_rt.engine.service.injector import doubt_about_fit
 from observer_rt.files.replay.framing import bench_for, clamped_in
 from observer_rt.files.signals.doubts import doubts, refuse_dead
 from observer_rt.files.signals.stream import SignalStream
-from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
+from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import replacing
-from observer_rt.foundation.outputs import LEARNED_STATE, check_output, make_folder
+from observer_rt.foundation.outputs import FIGURE_SUFFIXES, LEARNED_STATE, check_output, make_folder
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.parameters import InjectorParameters
 
 
 def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
-    paths, stated = without_truths(options.recordings, console), bench.injector.parameters
+    paths, stated = without_companions(options.recordings, console), bench.injector.parameters
     c, traces = bench.injector.coefficients, _traces(paths, options)
     _refuse_early(paths, traces, options)
-    knowledge = begun_with("--state", options.state, stated, partial(say, console))
+    knowledge = starting_knowledge("--state", options.state, stated, partial(say, console))
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
     look_over(bench, sources, console)
     with (
         ExitStack() as stack,
         progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress,
     ):
-        evaluations, knowledge = run_by_run(
+        evaluations, knowledge = evaluate_runs(
             bench,
             sources,
             knowledge,
@@ -121,7 +121,7 @@ def look_over(bench: Bench, sources: Sequence[SignalStream], console: Console) -
             say(console, f"warning: {source.path}, {warning}")
 
 
-def run_by_run(
+def evaluate_runs(
     bench: Bench,
     sources: Sequence[SignalStream],
     knowledge: Knowledge | None,
@@ -137,7 +137,7 @@ def run_by_run(
     curves_of, traces: as of `evaluate`.
     Also returns the knowledge at the end of the last run. Raises `UserError` for a history of several sample rates.
     """
-    runs = in_runs(sources) if chain else [[source] for source in sources]
+    runs = observer_runs(sources) if chain else [[source] for source in sources]
     if chain:
         bench_for_all(bench, sources)
     learning = learning and bench.injector.config.learning.enabled
@@ -160,7 +160,7 @@ def run_by_run(
     return evaluations, current
 
 
-def begun_with(
+def starting_knowledge(
     location: str, path: Path | None, parameters: InjectorParameters, tell: Callable[[str], None]
 ) -> Knowledge | None:
     """Learned state that a user names, with a message of what became of it; None without one.

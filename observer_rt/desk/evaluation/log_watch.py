@@ -17,8 +17,8 @@ MOST_NOTES = 20
 class LogWatch:
     """Is given every frame of a log after the core; the first stamp is the begin."""
 
-    def __init__(self, injector: BenchInjector, bus: BusMap, core: Core) -> None:
-        self._core, self._watch = core, InputWatch(injector, bus, core)
+    def __init__(self, injector: BenchInjector, bus_map: BusMap, core: Core) -> None:
+        self._core, self._watch = core, InputWatch(injector, bus_map, core)
         self._first: int | None = None
         self._next = 0
         self._now = 0

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
+from observer_rt.bus.links.link import BLOCK_FRAMES, BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.injector_sections import Meaning
@@ -19,7 +19,7 @@ from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.channels import InputFrames, chosen_channels
 from observer_rt.files.formats import is_log, open_recording
-from observer_rt.files.signals.recording import BESIDE, Chunk
+from observer_rt.files.signals.recording import COMPANION_SUFFIXES, Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
@@ -149,7 +149,7 @@ class LoggedSignals(SignalStream):
         for frames in self.frames:
             held.append(frames)
             is_due = watch is not None and watch.is_due(frames.frame.stamp_ns)
-            if is_due or len(held) == AT_ONCE or not core.processed:
+            if is_due or len(held) == BLOCK_FRAMES or not core.processed:
                 yield held
                 held = []
         if held:
@@ -269,15 +269,15 @@ def open_source(
     return source
 
 
-def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
+def without_companions(paths: Sequence[Path], console: Console) -> list[Path]:
     """The files without truths and shots beside recordings, which `*.csv` catches, too."""
-    kept = [path for path in paths if not path.name.endswith(BESIDE)]
+    kept = [path for path in paths if not path.name.endswith(COMPANION_SUFFIXES)]
     if kept and len(kept) < len(paths):
         say(console, f"left out: {len(paths) - len(kept)} files beside recordings, truths or shots")
     return kept or list(paths)
 
 
-def in_runs(sources: Sequence[SignalStream]) -> list[list[SignalStream]]:
+def observer_runs(sources: Sequence[SignalStream]) -> list[list[SignalStream]]:
     """Sources of one history, apart where one observer could not go on: an observer is a run.
 
     Recordings are sent by a device of our own, one after another. A log goes on from that before it where its first

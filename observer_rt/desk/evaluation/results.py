@@ -11,11 +11,11 @@ from rich.console import Console
 from rich.table import Table
 
 from observer_rt.core.stream.stream import FURTHEST_ZERO
-from observer_rt.desk.evaluation.curves import SHOWN, InjectionResult, in_words, injection_json
+from observer_rt.desk.evaluation.curves import RESULT_FIELDS, SHOWN, InjectionResult, in_words
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
 from observer_rt.engine.learning.learned_laws import furthest
-from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned
+from observer_rt.engine.reports.injection_report import FIELDS, WEAR, Field, beyond_learned, injection_record
 from observer_rt.engine.service.noise import SIGNALS
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.console import plain_table, say
@@ -99,7 +99,7 @@ def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
         "spikes": evaluation.counters.spikes,
         "bridged_samples": evaluation.counters.bridged_samples,
         "checks": [vars(check) for check in checks(evaluation, c)],
-        "injections": [injection_json(result, evaluation.has_energizing, c) for result in injections],
+        "injections": [_injection_json(result, evaluation.has_energizing, c) for result in injections],
         "summary": {
             "valid_share": valid / len(injections) if injections else 0.0,
             "adoptions": evaluation.counters.adoptions,
@@ -110,6 +110,11 @@ def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
         "learned": [law.columns for law in evaluation.learned if not law.is_surface],
         "learned_surfaces": [law.columns for law in evaluation.learned if law.is_surface],
     }
+
+
+def _injection_json(result: InjectionResult, has_energizing: bool, c: Coefficients) -> dict[str, Any]:
+    compared = {field.name: field.of(result, c) for field in RESULT_FIELDS[len(FIELDS) :]}
+    return {**injection_record(result, c, has_energizing), **compared}
 
 
 def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:

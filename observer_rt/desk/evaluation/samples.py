@@ -167,7 +167,7 @@ class HistorySamples:
             holes = np.flatnonzero(np.diff(here.number) > 1) + 1
             for part in (trace_of(rows) for rows in np.split(here, holes) if count):
                 self._hand_over_unknown(run, int(part.number[0]))
-                run.sink.take_passed(part)
+                run.sink.take_samples(part)
                 self._handed_over += part.size
             self._hand_over_unknown(run, stop)
             self._held = slice(self._held.start + count, self._held.stop)
@@ -177,7 +177,7 @@ class HistorySamples:
         while self._handed_over < end:
             stop = min(end, self._handed_over + SAMPLES_AT_ONCE)
             times = run.times(np.arange(self._handed_over, stop))
-            run.sink.take_passed(unknown(self._handed_over, times))
+            run.sink.take_samples(unknown(self._handed_over, times))
             self._handed_over = stop
 
     def _append(self, samples: Trace) -> None:

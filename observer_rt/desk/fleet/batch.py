@@ -14,7 +14,7 @@ from rich.console import Console
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.desk.fleet.dataset import Dataset
-from observer_rt.desk.fleet.job import FailedFile, Task, evaluated
+from observer_rt.desk.fleet.job import FailedFile, Task, evaluate_file
 from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, RunError
 from observer_rt.foundation.files import file_hash
@@ -38,7 +38,7 @@ _WAIT = 0.5  # s to a look at Ctrl-C
 
 
 @contextmanager
-def connected(address: str | None, workers: int | None) -> Iterator[Any]:
+def dask_client(address: str | None, workers: int | None) -> Iterator[Any]:
     """A `distributed.Client` of workers. address: of their scheduler; None: some are started here, one a CPU unless
     stated.
 
@@ -91,7 +91,7 @@ class EvaluatedFiles:
 def evaluate_all(
     client: Any, stop: threading.Event, task: Task, paths: Sequence[Path], dataset: Dataset, console: Console
 ) -> EvaluatedFiles:
-    """Rows of all files into the dataset. client: of `connected`; stop: set when the user wants no more.
+    """Rows of all files into the dataset. client: of `dask_client`; stop: set when the user wants no more.
 
     Raises `InterruptionError` when it is interrupted.
     """
@@ -137,7 +137,7 @@ class _Jobs:
         if self._dataset.is_done(sha256) or sha256 in self._begun:
             self.counts.skipped += 1
             return
-        job = self._client.submit(evaluated, self._task, path, sha256, pure=False, retries=_RETRIES)
+        job = self._client.submit(evaluate_file, self._task, path, sha256, pure=False, retries=_RETRIES)
         self.running[job] = path, sha256
         self._begun.add(sha256)
 

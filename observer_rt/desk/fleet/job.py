@@ -57,7 +57,7 @@ class FailedFile(NamedTuple):
     problem: str
 
 
-def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | FailedFile:
+def evaluate_file(task: Task, path: Path, sha256: str) -> pa.Table | FailedFile:
     """The file's injections as rows of `SCHEMA`, of every injector of the bench."""
     try:
         rows = (row for alone in task.bench.per_injector for row in _rows(task, path, sha256, alone))

@@ -28,17 +28,14 @@ from observer_rt.foundation.errors import UserError
 Signal = NDArray[np.float64]
 FEWEST = 4  # recordings that a line is made of
 QUANTITIES = tuple(indicator.name.partition("_")[0] for indicator in WEAR)
-_SURE, _LEAST_SIGMA = 1.959964, 1e-4  # standard deviations of a recording's 95 % interval; of its value
+_SIGMAS, _LEAST_SIGMA = 1.959964, 1e-4  # standard deviations of a recording's 95 % interval; of its value
 _STEPS = 1001  # days at which a limit is looked for; odd: the last recording's is one
 _LIMIT = re.compile(r"(?P<name>\w+)=(?P<size>[+-]?\d*\.?\d+)(?P<percent>\s*%)?")
 _COLUMNS = {name: indicator.columns for name, indicator in zip(QUANTITIES, WEAR, strict=True)}  # value, interval
-NEEDED = (
-    *("injector", "file", "sha256", "time", "time_from", "number", "valid"),
-    *chain.from_iterable(_COLUMNS.values()),
-)
+NEEDED = ("injector", "file", "sha256", "time", "time_from", "number", "valid", *chain(*_COLUMNS.values()))
 """Columns of a batch's rows that a trend is made of."""
 _DAY, _MONTH = 86400.0, 30.4375  # s; days
-_HOW = f"say where their paths have the time: {TIME_FROM} PATTERN, such as '_(\\d{{8}}_\\d{{6}})'"
+_TIME_REMEDY = f"say where their paths have the time: {TIME_FROM} PATTERN, such as '_(\\d{{8}}_\\d{{6}})'"
 
 
 class Limit(NamedTuple):
@@ -75,7 +72,7 @@ class WearLine(NamedTuple):
         What values scatter beyond their intervals is added to the variance of each, so that chi squared is its
         degrees of freedom (Paule and Mandel, 1982).
         """
-        variance, freedom = np.maximum(half / _SURE, _LEAST_SIGMA) ** 2, days.size - 2
+        variance, freedom = np.maximum(half / _SIGMAS, _LEAST_SIGMA) ** 2, days.size - 2
 
         def fit(scatter: float) -> tuple[Signal, Signal, float]:
             weight = 1.0 / np.sqrt(variance + scatter)
@@ -152,7 +149,7 @@ def trends(rows: pa.Table, dates: PathPattern | None = None) -> list[InjectorTre
             "trend",
             f"{len(doubtful)} recordings, such as {doubtful.iloc[0]}, do not state when they were made; when files "
             "were last written is no answer, as copying changes it",
-            _HOW,
+            _TIME_REMEDY,
         )
     table = table.sort_values(["time", "number"])
     made = [_trend(str(name), its) for name, its in table.groupby("injector")]
@@ -162,7 +159,7 @@ def trends(rows: pa.Table, dates: PathPattern | None = None) -> list[InjectorTre
 def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
     spans = table.groupby("sha256")["time"].agg(["min", "max"]).sort_values("min")
     if (spans["min"].to_numpy()[1:] <= spans["max"].to_numpy()[:-1]).any():
-        remedy = f"{_HOW}; or give each recording once, into a new folder"
+        remedy = f"{_TIME_REMEDY}; or give each recording once, into a new folder"
         raise UserError(f"trend of {injector}", "has recordings at the same time", remedy)
     valid = table[table["valid"]].dropna(subset=list(chain.from_iterable(_COLUMNS.values())))
     last = valid.groupby("sha256", sort=False).tail(1)
@@ -203,10 +200,8 @@ def _date_json(trend: InjectorTrend, limit: Limit) -> dict[str, Any]:
     course = trend.courses.get(limit.name)
     if course is None or course.line is None:
         return {}
-    days = course.line.reaches(limit)
-    low, date, high = (
-        (trend.times[0] + timedelta(days=day)).isoformat() if math.isfinite(day) else None for day in days
-    )
+    days, first = course.line.reaches(limit), trend.times[0]
+    low, date, high = ((first + timedelta(days=d)).isoformat() if math.isfinite(d) else None for d in days)
     return {"reached": days[1] <= float(course.line.days[-1]), "date": date, "ci95": [low, high]}
 
 

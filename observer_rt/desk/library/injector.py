@@ -17,7 +17,7 @@ from observer_rt.config.effects import effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.config.signals import effects_on_one_raster
 from observer_rt.desk.evaluation.healthy_events import learn_laws, observer_remainder
-from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run
+from observer_rt.desk.evaluation.histories import evaluate_runs, look_over, starting_knowledge
 from observer_rt.desk.library.fit import FitResult, fitted_model, weighed_masses
 from observer_rt.desk.library.notes import CallNotes, naming_parameters, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
@@ -178,10 +178,10 @@ class Injector:
             sources = sources_of(recordings, self.bench, notes.console)
             look_over(self.bench, sources, notes.console)
             before = None if state is None else path_of("state", state)
-            knowledge = begun_with("state", before, self.parameters, partial(say, notes.console))
+            knowledge = starting_knowledge("state", before, self.parameters, partial(say, notes.console))
             with progress_bar(screen, "evaluating", sum(source.samples for source in sources)) as progress:
                 c = self.bench.injector.coefficients
-                evaluations, knowledge = run_by_run(self.bench, sources, knowledge, learn, chain, progress, c)
+                evaluations, knowledge = evaluate_runs(self.bench, sources, knowledge, learn, chain, progress, c)
         return EvaluationResult(self.bench.injector, tuple(evaluations), knowledge, tuple(notes))
 
     def discover(

@@ -12,7 +12,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.injector_sections import SamplingConfig
 from observer_rt.config.toml_file import validated
 from observer_rt.core.stream.stream import RING
-from observer_rt.desk.evaluation.histories import begun_with
+from observer_rt.desk.evaluation.histories import starting_knowledge
 from observer_rt.desk.library.recordings import path_of
 from observer_rt.desk.library.results import KnowledgeHolder
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -70,7 +70,7 @@ class SampleObserver(KnowledgeHolder):
         self._rate = sample_rate_Hz
         bus = map_bus(bench)
         before = None if state is None else path_of("state", state)
-        restored = begun_with("state", before, injector.parameters, lambda _: None)
+        restored = starting_knowledge("state", before, injector.parameters, lambda _: None)
         self._core = Core(bench.injector, bus, restored, listeners=[self._hear], assumes_filed=True)
         self._device = Device(bus)
         self._device.begin(sample_rate_Hz)

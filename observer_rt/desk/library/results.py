@@ -28,6 +28,7 @@ RECORDING = "recording"
 _FIELDS = tuple(SHOWN.values())
 _SHOWN_ROWS = 12
 _OF_POINTS = ["value", "change", "ci95_halfwidth"]
+_DECIMALS = {"start_s": 4, "rail_pressure_MPa": 1, "mass_mg": 2, "mass_bound_mg": 2}
 _IN_SHORT = (RECORDING, "number", "start_s", "rail_pressure_MPa", "mass_mg", "mass_bound_mg", "valid", "reasons")
 
 
@@ -162,9 +163,7 @@ class EvaluationResult(KnowledgeHolder):
     @property
     def _in_short(self) -> pd.DataFrame:
         names = _IN_SHORT if len(self.evaluations) > 1 else _IN_SHORT[1:]
-        return self.injections[list(names)].round(
-            {"start_s": 4, "rail_pressure_MPa": 1, "mass_mg": 2, "mass_bound_mg": 2}
-        )
+        return self.injections[list(names)].round(_DECIMALS)
 
 
 def _name(evaluation: Evaluation) -> str:

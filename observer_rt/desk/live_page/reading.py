@@ -11,18 +11,8 @@ from socket import SHUT_RDWR, socket
 from typing import Any
 
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.control_socket import connected, socket_places
-from observer_rt.daemon.snapshot import (
-    KEPT,
-    SNAPSHOT,
-    BusStatus,
-    Fault,
-    ShownInjection,
-    Status,
-    StatusLevel,
-    line_of,
-    read_snapshot,
-)
+from observer_rt.daemon import snapshot
+from observer_rt.daemon.control_socket import daemon_connection, socket_places
 from observer_rt.foundation.errors import REMEDY, ObserverError
 from observer_rt.foundation.units import NANOSECONDS
 
@@ -35,13 +25,13 @@ _AGAIN_AFTER = 0.3  # s, from one look for a daemon to the next
 
 @dataclass(frozen=True)
 class InjectorSnapshot:
-    """An injector now: its name, state in words, faults, laws learned; silent: the daemon does not answer now."""
+    """An injector now: its name, state in words, faults, laws learned; silent: its daemon does not answer."""
 
     name: str
     state: str
     words: str
-    level: StatusLevel
-    faults: tuple[Fault, ...] = ()
+    level: snapshot.StatusLevel
+    faults: tuple[snapshot.Fault, ...] = ()
     silent: bool = False
     lost: int = 0
     learned: tuple[Mapping[str, Any], ...] = ()
@@ -60,12 +50,12 @@ class DaemonReader:
         self._begin = time.time_ns()
         self._failure = ""
         self._daemon: socket | None = None
-        self._status: Status | None = None
+        self._status: snapshot.Status | None = None
         self._learned: tuple[Mapping[str, Any], ...] = ()
-        self._of = self._since = 0  # what was read: of which run, up to which injection
-        self._injections: deque[ShownInjection] = deque(maxlen=KEPT)
+        self._run_read = self._last_read = 0  # run of the daemon, and injection of it, that were read last
+        self._injections: deque[snapshot.ShownInjection] = deque(maxlen=snapshot.KEPT)
         self.count = 0
-        """Injections so far, whichever daemon counted: `ShownInjection.count` of the last one."""
+        """Injections so far, whichever daemon counted: `snapshot.ShownInjection.count` of the last one."""
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"reading {self.name}", daemon=True)
         self._thread.start()
@@ -79,14 +69,14 @@ class DaemonReader:
         self._thread.join(_AGAIN_AFTER)  # one that waits for a hung daemon ends with the process
 
     @property
-    def buses(self) -> Mapping[str, BusStatus]:
+    def buses(self) -> Mapping[str, snapshot.BusStatus]:
         """Buses of the daemon by their labels; empty while the daemon is silent."""
         status = self._status
         if status is None or self._is_old(status.moment):
             return {}
         return {bus.label: bus for bus in status.buses}
 
-    def injections(self, since: int = 0) -> list[ShownInjection]:
+    def injections(self, since: int = 0) -> list[snapshot.ShownInjection]:
         """Injections kept after the `since`-th, the newest last."""
         return [*takewhile(lambda injection: injection.count > since, reversed(list(self._injections)))][::-1]
 
@@ -99,12 +89,12 @@ class DaemonReader:
         since = self._begin if status is None else status.moment
         if status is None and not self._is_old(since):
             return InjectorSnapshot(
-                self.name, "no status yet", "nothing was heard of the observer", StatusLevel.WAITING
+                self.name, "no status yet", "nothing was heard of the observer", snapshot.StatusLevel.WAITING
             )
         what, _, remedy = self._failure.partition(REMEDY)
-        silence = Fault(what or "the observer does not answer", since, remedy or self._start)
+        silence = snapshot.Fault(what or "the observer does not answer", since, remedy or self._start)
         lost = 0 if status is None else status.lost
-        of_old = "OBSERVER SILENT", "all below is old", StatusLevel.BAD, (silence,)
+        of_old = "OBSERVER SILENT", "all below is old", snapshot.StatusLevel.BAD, (silence,)
         return InjectorSnapshot(self.name, *of_old, silent=True, lost=lost)
 
     @staticmethod
@@ -116,7 +106,7 @@ class DaemonReader:
             failures = []
             for file in self._places:
                 try:
-                    if (daemon := connected(file)) is not None:
+                    if (daemon := daemon_connection(file)) is not None:
                         self._follow(daemon)
                 except ObserverError as error:
                     failures.append(str(error))
@@ -131,19 +121,19 @@ class DaemonReader:
         with daemon, daemon.makefile("rwb") as stream:
             while not self._stop.is_set():
                 wants_laws = (now := time.monotonic()) >= due
-                asked = {"run": self._of, "since": self._since, "wait": WAIT, "laws": wants_laws}
-                stream.write(line_of({"request": SNAPSHOT, **asked}))
+                asked = {"run": self._run_read, "since": self._last_read, "wait": WAIT, "laws": wants_laws}
+                stream.write(snapshot.line_of({"request": snapshot.SNAPSHOT, **asked}))
                 stream.flush()
-                snapshot = read_snapshot(stream)
-                if snapshot.status.run != self._of:
-                    self._of, self._since = snapshot.status.run, 0
-                for injection in snapshot.injections:
-                    self._since = injection.count
+                answer = snapshot.read_snapshot(stream)
+                if answer.status.run != self._run_read:
+                    self._run_read, self._last_read = answer.status.run, 0
+                for injection in answer.injections:
+                    self._last_read = injection.count
                     self._injections.append(replace(injection, count=self.count + 1))
                     self.count += 1
                 if wants_laws:
-                    due, self._learned = now + LAWS_EVERY, snapshot.status.learned
-                self._status = snapshot.status
+                    due, self._learned = now + LAWS_EVERY, answer.status.learned
+                self._status = answer.status
                 self._stop.wait(_PAUSE)
 
 
@@ -158,10 +148,10 @@ class Watching:
         for reader in self.readers:
             reader.close()
 
-    def buses(self) -> list[BusStatus]:
+    def buses(self) -> list[snapshot.BusStatus]:
         """Every bus as it is now; a bus that injectors share stands once."""
         down: dict[str, str] = {}
         for reader in self.readers:
             for label, bus in reader.buses.items():
                 down[label] = down.get(label) or bus.down
-        return [BusStatus(label, why) for label, why in down.items()]
+        return [snapshot.BusStatus(label, why) for label, why in down.items()]

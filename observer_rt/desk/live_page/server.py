@@ -22,15 +22,16 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.reading import Watching
 from observer_rt.desk.live_page.saver import Saver
-from observer_rt.desk.live_page.session import Session, pressed
-from observer_rt.foundation.console import say, stop_on_signals
+from observer_rt.desk.live_page.session import Session, read_button
+from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.stop_request import stop_on_signals
 
 _FILES = Path(__file__).parent / "static"
 _COOKIE = "observer_rt"
 _ALIVE_EVERY = 0.5  # s after which a browser gets at least an empty message
 _LOOK_EVERY = 10  # ms: whether something is new and a browser through with the last drawing
-_PATIENCE = 5.0  # s for the headers of a request, and until the next one
+_TIMEOUT = 5.0  # s for the headers of a request, and until the next one
 _LONGEST = 1000  # bytes of what a browser says
 _STOP_EVERY = 0.1  # s between two looks at the stop signal
 
@@ -69,7 +70,7 @@ class _Channel(_GuardedHandler, WebSocketHandler):
 
     async def on_message(self, message: str | bytes) -> None:
         """A button was pressed, or something drawn. The next message waits until others had their turn."""
-        match pressed(message):
+        match read_button(message):
             case None:
                 self.close(1008, "not of this page")
                 return
@@ -125,9 +126,7 @@ async def _serve(handlers: list[Any], address: str, port: int, console: Console)
             f"--port {port}: {address} cannot be listened at ({error.strerror})\n"
             "  remedy: choose another port, or --port 0 for any that is free"
         ) from error
-    server = HTTPServer(
-        application, idle_connection_timeout=_PATIENCE, body_timeout=_PATIENCE, max_body_size=_LONGEST
-    )
+    server = HTTPServer(application, idle_connection_timeout=_TIMEOUT, body_timeout=_TIMEOUT, max_body_size=_LONGEST)
     server.add_sockets(sockets)
     with stop_on_signals() as stop:
         asked = "" if token is None else f"?token={token}"

@@ -21,7 +21,7 @@ _VALUES = (
 )
 
 
-def pressed(message: str | bytes) -> tuple[str, int, int] | None:
+def read_button(message: str | bytes) -> tuple[str, int, int] | None:
     """Read a browser's message: a button and its values; None for a message that no page of ours sends."""
     try:
         parsed = json.loads(message)
@@ -92,7 +92,7 @@ class Session:
             **self._answer,
         }
         self._answer, self._asked = {}, {}
-        return packed(content, curves)
+        return pack_message(content, curves)
 
 
 def _shown(injection: ShownInjection) -> dict[str, Any]:
@@ -100,7 +100,7 @@ def _shown(injection: ShownInjection) -> dict[str, Any]:
     return {**injection.text, "values": values, "nominal": injection.references.get("nominal")}
 
 
-def packed(content: dict[str, Any], curves: Sequence[bytes]) -> bytes:
+def pack_message(content: dict[str, Any], curves: Sequence[bytes]) -> bytes:
     """A message: the length of the text, the text as JSON, the values of all curves as float32, little-endian."""
     text = json.dumps(content, allow_nan=False).encode()
     text += b" " * (-len(text) % 4)  # values stand at multiples of their width

@@ -80,26 +80,23 @@ def inputs(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
     return np.column_stack([(truth.rail_pressure - c.chamber_pressure) / c.pressure_scale, np.array(area)])
 
 
-def true_fault(
-    x: NDArray[np.float64], u: NDArray[np.float64], c: Coefficients, nozzle_wear: float
-) -> NDArray[np.float64]:
+def true_fault(x: NDArray[np.float64], u: NDArray[np.float64], c: Coefficients, wear: float) -> NDArray[np.float64]:
     """True phi of (27), (n, 3) [1/s], for a nozzle wear v_H and v_S = 0, along x (n, 3) and u (n, 2)."""
-    network = constant_network(nozzle=nozzle_wear)
+    network = constant_network(nozzle=wear)
     return np.array([phi_and_rate(row, col, c, network)[0] for row, col in zip(x, u, strict=True)])
 
 
-def learning_window(
-    truth: Truth, injection: InjectionWindow, c: Coefficients, sample_rate: float
-) -> tuple[Window, int]:
+def learning_window(truth: Truth, injection: InjectionWindow, c: Coefficients, rate: float) -> tuple[Window, int]:
     """The event round one injection for the paper's pair, and the position of its first sample.
 
     From 1 ms before the opening to the end of the event gap; y = x_1 without noise, the line at its true state.
+    rate: of samples [Hz].
     """
-    first = injection.opening - round(LEARNING_LEAD * sample_rate)
-    last = injection.shut + round(Durations().event_gap * sample_rate)
+    first = injection.opening - round(LEARNING_LEAD * rate)
+    last = injection.shut + round(Durations().event_gap * rate)
     samples = np.arange(first, last)
     x, u = true_states(truth, c)[first:last], inputs(truth, c)[first:last]
-    settled = injection.shut + round(SETTLE * sample_rate)
+    settled = injection.shut + round(SETTLE * rate)
     window = Window(
         inputs=u,
         output=x[:, 0].copy(),

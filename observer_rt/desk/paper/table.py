@@ -99,9 +99,7 @@ def screen_table(study: Study) -> Table:
     )
     printed = _printed(study)
     headings = [heading.replace(": ", "\n").replace(", ", "\n") for heading in printed]
-    table = plain_table(headings, printed.itertuples(index=False), right=range(len(headings)), gap=1)
-    table.title, table.title_justify = title, "left"
-    return table
+    return plain_table(headings, printed.itertuples(index=False), range(len(headings)), gap=1, title=title)
 
 
 def csv_table(study: Study) -> str:

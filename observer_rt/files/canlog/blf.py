@@ -18,10 +18,10 @@ from can.io import blf as layout
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_FLAG, EXTENDED_MASK, length_of
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import MICROSECOND, LogFormat, LogFrame, LogReader, LogWriter, lost_note
+from observer_rt.files.canlog.can_log import LogFormat, LogFrame, LogReader, LogWriter, lost_note
 from observer_rt.files.canlog.text_log import other_kind
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import NANOSECONDS
+from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS, NANOSECONDS_PER_US
 
 LOST = struct.Struct("<LLqL")  # queue, -, time, number of events
 TYPE_OVERRUN, TYPE_LOST_BEGIN, TYPE_LOST_END = 91, 125, 126
@@ -30,7 +30,6 @@ FRAME_TYPES = (layout.CAN_MESSAGE, layout.CAN_MESSAGE2, layout.CAN_FD_MESSAGE, l
 SENT, REQUESTED, DIRECTION = 1, 2, 0xF
 FD_64_REMOTE, FD_64_SHIFT = 0x10, 12  # among the flags of CAN_FD_MESSAGE_64, those of CAN FD begin there
 READABLE = "give a complete BLF file"
-MILLISECOND = 1_000_000  # ns
 OLDEST_START = 631_152_000 * NANOSECONDS  # 1990: an earlier time is no date in BLF, and is counted from 0
 FASTEST_PACKING = 1  # of zlib: a fifth larger than its default, three times faster
 _MARK = b"LOBJ"
@@ -45,16 +44,16 @@ class BlfLog(LogReader):
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         with self.path.open("rb") as file:
-            start, stated = self._begin(file)
+            start, stated = self._read_heading(file)
             data, number = b"", 0
             for part in self._parts(file):
                 self._position = file.tell()
                 data += part
                 position = 0
-                while (block := self._next(data, position, number + 1)) is not None:
+                while (block := self._next_object(data, position, number + 1)) is not None:
                     begin, position = block
                     number += 1
-                    entry = self._object(data[begin:position], number, start)
+                    entry = self._object_frame(data[begin:position], number, start)
                     if entry is not None:
                         yield number, entry
                 data = data[position:]
@@ -63,7 +62,7 @@ class BlfLog(LogReader):
             elif stated > number and not self.remarks:
                 self.remarks.append(f"its heading counts {stated} objects, {number} are in it")
 
-    def _begin(self, file: BinaryIO) -> tuple[int, int]:
+    def _read_heading(self, file: BinaryIO) -> tuple[int, int]:
         """Read the heading: start [ns since 1970], number of objects, 0 where it was not completed."""
         data = file.read(layout.FILE_HEADER_STRUCT.size)
         if not data.startswith(b"LOGG"):
@@ -81,7 +80,7 @@ class BlfLog(LogReader):
             if any(fields[14:22]):
                 self.remarks.append("its start is no date: times count from 1970")
             return 0, fields[12]
-        return int(moment.timestamp()) * NANOSECONDS + millisecond * MILLISECOND, fields[12]
+        return int(moment.timestamp()) * NANOSECONDS + millisecond * NANOSECONDS_PER_MS, fields[12]
 
     def _parts(self, file: BinaryIO) -> Iterator[bytes]:
         """The objects, unpacked, in pieces that end anywhere."""
@@ -117,7 +116,7 @@ class BlfLog(LogReader):
             raise UserError(location, f"is damaged: {len(data)} bytes instead of {size}", READABLE)
         return data
 
-    def _next(self, data: bytes, position: int, number: int) -> tuple[int, int] | None:
+    def _next_object(self, data: bytes, position: int, number: int) -> tuple[int, int] | None:
         """Start and end of the next whole object; None if it is not all there yet."""
         start = data.find(_MARK, position)
         between = data[position : start if start >= 0 else None].lstrip(b"\0")  # some tools pad with many
@@ -130,7 +129,7 @@ class BlfLog(LogReader):
             self.refuse(number, f"{size} bytes are no length of an object", READABLE)
         return (start, start + size) if start + size <= len(data) else None
 
-    def _object(self, data: bytes, number: int, start: int) -> LogFrame | None:
+    def _object_frame(self, data: bytes, number: int, start: int) -> LogFrame | None:
         """The data frame of an object, if it is one that was on the bus; stamps count from `start` [ns]."""
         _, header_size, version, _, kind = _HEAD.unpack_from(data)
         if kind in ERROR_TYPES:
@@ -223,7 +222,7 @@ class BlfWriter(LogWriter):
     """Writer by python-can: stamps are float seconds there, off by less than 1 us. Channels count from 1."""
 
     def __init__(self, path: Path, start_ns: int) -> None:
-        super().__init__(path, start_ns // MILLISECOND * MILLISECOND if start_ns >= OLDEST_START else 0)
+        super().__init__(path, start_ns // NANOSECONDS_PER_MS * NANOSECONDS_PER_MS if start_ns >= OLDEST_START else 0)
         self._writer = _FlushedBlf(path, compression_level=FASTEST_PACKING)
         self._writer.start_timestamp = self._writer.stop_timestamp = self._start / NANOSECONDS
 
@@ -256,4 +255,4 @@ class BlfWriter(LogWriter):
             self._writer.stop()
 
 
-BLF = LogFormat(".blf", BlfLog, BlfWriter, stamp_step=MICROSECOND)
+BLF = LogFormat(".blf", BlfLog, BlfWriter, stamp_step=NANOSECONDS_PER_US)

@@ -11,10 +11,9 @@ from typing import ClassVar, NamedTuple, NoReturn
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, STANDARD_MASK
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError, file_errors
-from observer_rt.foundation.units import NANOSECONDS
+from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS
 
-MICROSECOND = 1000  # ns, of stamps
-REORDERED = 1_000_000  # ns by which drivers are seen to hand over frames in the wrong order
+REORDERED = NANOSECONDS_PER_MS  # by which drivers are seen to hand over frames in the wrong order
 PAUSE = NANOSECONDS  # between two parts of a log whose clock was set back
 YEAR = 365 * 86_400 * NANOSECONDS  # no pause within a log is so long
 FRAMES_TO_JUDGE_STAMPS = 100

@@ -16,8 +16,9 @@ from can.io.generic import TextIOMessageReader
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, length_of
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import MICROSECOND, LogFormat, LogFrame, text_nanoseconds
+from observer_rt.files.canlog.can_log import LogFormat, LogFrame, text_nanoseconds
 from observer_rt.files.canlog.text_log import EARLIEST_DATE, FROM_START, TextLogReader, other_kind
+from observer_rt.foundation.units import NANOSECONDS_PER_US
 
 logging.getLogger("can.io").addHandler(logging.NullHandler())  # what it warns of is refused in words, with the line
 _CSV_HEADING = "timestamp,arbitration_id,extended,remote,error,dlc,data"
@@ -89,14 +90,13 @@ class PythonCanLog(TextLogReader):
 
 def _log_frame(message: can.Message, stamp: int, is_fd: bool, channel: object) -> LogFrame:
     flags = message.is_extended_id, is_fd, message.bitrate_switch, message.error_state_indicator
-    return LogFrame(
-        Frame(message.arbitration_id, bytes(message.data), stamp, *flags), str(channel), not message.is_rx
-    )
+    frame = Frame(message.arbitration_id, bytes(message.data), stamp, *flags)
+    return LogFrame(frame, str(channel), not message.is_rx)
 
 
 def _nanoseconds(seconds: float) -> int:
     """Nanoseconds since 1970, to the microsecond: a float of seconds knows no more."""
-    return round(seconds * 1e6) * MICROSECOND
+    return round(seconds * 1e6) * NANOSECONDS_PER_US
 
 
 class AscLog(PythonCanLog):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, STANDARD_MASK, length_of
 from observer_rt.files.mdf4.can_log import CHANNEL_NAME, MAX_LENGTH, RECORD
-from observer_rt.files.mdf4.opening import opened, record_size, refuse_outside, stored_bytes, stored_records
+from observer_rt.files.mdf4.opening import open_mdf, record_size, refuse_outside, stored_bytes, stored_records
 from observer_rt.files.mdf4.reader_process import Answer
 from observer_rt.foundation.units import NANOSECONDS
 
@@ -32,7 +32,7 @@ _LENGTH_OF_CODE = np.array([length_of(code) for code in range(16)])
 
 def is_log(path: Path) -> Iterator[Answer]:
     """Whether a file holds CAN frames, or can be nothing but a log whose frames were lost; once."""
-    with opened(path) as file:
+    with open_mdf(path) as file:
         full = [group for group in file.groups if group.channel_group.cycles_nr]
         others = [group for group in full if not (_is_of_bus(group) or group.channel_group.flags & FLAG_CG_VLSD)]
         yield any(_holds(group, DATA) for group in full) or (any(map(_is_of_bus, file.groups)) and not others), {}
@@ -43,7 +43,7 @@ def frames(path: Path) -> Iterator[Answer]:
 
     Frames of several groups are put in order of time; what steps back within one group stays as it is.
     """
-    with opened(path) as file:
+    with open_mdf(path) as file:
         numbers = [n for n, group in enumerate(file.groups) if _holds(group, DATA) and group.channel_group.cycles_nr]
         groups = [_Frames(file, number) for number in numbers]
         total, error, remote = (
@@ -92,12 +92,12 @@ def _contradictions(file: MDF, groups: list["_Frames"]) -> Iterator[str]:
     mixed = {group.data_group.data_block_addr for group in file.groups if group.data_group.record_id_len}
     for address in mixed - {0}:
         members = [group for group in file.groups if group.data_group.data_block_addr == address]
-        lost = stored_bytes(file, address) - sum(map(_sorted, members))
+        lost = stored_bytes(file, address) - sum(map(_sorted_bytes, members))
         if lost:
             yield f"{lost} of its bytes are not of whole records: its end is missing, or it is damaged"
 
 
-def _sorted(group: Any) -> int:
+def _sorted_bytes(group: Any) -> int:
     """Bytes that asammdf took for a group from data of several groups, ids and data of variable length included."""
     id_size = int(group.data_group.record_id_len)
     size = sum(block.original_size for block in group.data_blocks)

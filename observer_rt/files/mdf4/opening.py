@@ -21,7 +21,7 @@ _ANY_SIZE = 1 << 62  # bytes
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[MDF]:
+def open_mdf(path: Path) -> Iterator[MDF]:
     """A file to read; one that is not finalised asammdf finalises in a temporary copy."""
     with path.open("rb") as stored:
         mark, version = stored.read(len(MAGICS[0])), stored.read(len(MAJOR_VERSION))
@@ -72,7 +72,7 @@ def channels(path: Path) -> Iterator[Answer]:
     """Name, unit, group and index of every channel but the times, and how many more samples its group holds than its
     heading states; a channel a part.
     """
-    with opened(path) as file:
+    with open_mdf(path) as file:
         surplus = {
             number: stored_records(file, group) - int(group.channel_group.cycles_nr)
             for number, group in enumerate(file.groups)
@@ -89,7 +89,7 @@ def parts(path: Path, group: int, indices: Mapping[str, int], at_once: int) -> I
 
     A channel that holds no plain numbers is empty. Raises `ValueError` where fewer samples are read than there are.
     """
-    with opened(path) as file:
+    with open_mdf(path) as file:
         refuse_outside(file, group)
         samples = min(file.groups[group].channel_group.cycles_nr, stored_records(file, file.groups[group]))
         for first in range(0, samples, at_once):

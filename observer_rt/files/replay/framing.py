@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.bus_map import BusMap, message_timing
+from observer_rt.bus.mapping.bus_map import BusMap, timing_row
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.role_range import message_of, role_range, role_resolution
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
@@ -122,7 +122,7 @@ def windows_of(parts: Iterable[Recording]) -> list[Span]:
 
 def grid_samples(bus: BusMap, number: int) -> int:
     """Samples of the grid from one sample index of an input message to its next."""
-    return int(bus.inputs.messages[number]["samples"]) * int(message_timing(bus, number)["steps"])
+    return int(bus.inputs.messages[number]["samples"]) * int(timing_row(bus, number)["steps"])
 
 
 def block_samples(bus: BusMap) -> int:
@@ -149,7 +149,7 @@ class Framer:
         self.next_index = -(-(before + samples) // block) * block
         for number in range(len(self._counters)):
             # Their counters go on with time.
-            if message_timing(self._bus, number)["numbering"] != Numbering.INDEX:
+            if timing_row(self._bus, number)["numbering"] != Numbering.INDEX:
                 passed = (self.next_index - before) // grid_samples(self._bus, number)
                 self._counters[number] += passed
 
@@ -175,7 +175,7 @@ class Framer:
     def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> "FramedRecording":
         """The frames of one input message."""
         message, inputs = self._bus.inputs.messages[number], self._bus.inputs
-        steps = int(message_timing(self._bus, number)["steps"])
+        steps = int(timing_row(self._bus, number)["steps"])
         first_index = -(-(self.next_index + span.start) // steps)  # of its own samples
         first = first_index * steps - self.next_index
         sampled = np.ascontiguousarray(values[first : span.end : steps])

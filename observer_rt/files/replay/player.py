@@ -50,9 +50,7 @@ class LogFrames:
     last frame [s]; sent: kinds of the frames; channels: those that they come from; notes: oddities of the log.
     """
 
-    def __init__(
-        self, path: Path, channels: Mapping[int, str | None], results: Collection[Sent] = frozenset()
-    ) -> None:
+    def __init__(self, path: Path, channels: Mapping[int, str | None], results: Collection[Sent] = ()) -> None:
         """channels: of the log by bus, None: all of them. results: of the observer, recorded beside its inputs.
 
         Results are not sent again. Raises `UserError` for a malformed log, or where nothing is left to send.

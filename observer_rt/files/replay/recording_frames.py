@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock
-from observer_rt.bus.mapping.bus_map import BusMap, message_timing
+from observer_rt.bus.mapping.bus_map import BusMap, timing_row
 from observer_rt.files.replay import framing
 from observer_rt.files.signals.doubts import refuse_without_lift
 from observer_rt.files.signals.recording import Chunk
@@ -87,7 +87,7 @@ class Device:
         self._layouts = bus.input_layouts
         # of the input messages
         self._keys = np.array([layout.key for layout in self._layouts], np.int64)
-        delays = [float(message_timing(bus, n)["delay"]) for n in range(len(self._layouts))]
+        delays = [float(timing_row(bus, n)["delay"]) for n in range(len(self._layouts))]
         self._delays = np.rint(np.array(delays) * NANOSECONDS).astype(np.int64)
         self._start = 0  # ns, of the stretch
 
@@ -116,11 +116,9 @@ class Device:
     def frames(self, chunk: Chunk) -> Iterator[BusFrame]:
         """Frames of a chunk of the stretch begun, as `chunks` gives them, stamped as received."""
         for framed, stamps in self._stamped(chunk):
-            for number, stamp, payload in zip(
-                framed.numbers.tolist(), stamps.tolist(), framed.payloads(), strict=True
-            ):
+            for number, stamp, data in zip(framed.numbers.tolist(), stamps.tolist(), framed.payloads(), strict=True):
                 layout = self._layouts[number]
-                frame = Frame(layout.frame_id, payload, stamp, layout.is_extended, layout.is_fd)
+                frame = Frame(layout.frame_id, data, stamp, layout.is_extended, layout.is_fd)
                 yield BusFrame(layout.bus, frame)
 
     def blocks(self, chunk: Chunk) -> Iterator[FrameBlock]:

@@ -14,9 +14,10 @@ from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, Table, TablePart, Values, find_columns
 from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS, NANOSECONDS_PER_US
 
 READABLE = "give a complete Parquet file"
-_NANOSECONDS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}  # in a unit of stamps
+_NANOSECONDS = {"s": NANOSECONDS, "ms": NANOSECONDS_PER_MS, "us": NANOSECONDS_PER_US, "ns": 1}  # by units of stamps
 
 
 class ArrowTable(Table):
@@ -38,7 +39,7 @@ class ArrowTable(Table):
             moments = (_moments(batch.column(0)) for batch in self._batches([self.mapped[TIME].column]))
             stamped = (moment[moment != NO_MOMENT] for moment in moments)
             self._origin = next((int(moment[0]) for moment in stamped if moment.size), 0)
-            self.origin = self._origin / 1e9
+            self.origin = self._origin / NANOSECONDS
 
     @abstractmethod
     def _batches(self, names: Sequence[str]) -> Iterator[Any]:
@@ -72,16 +73,16 @@ class ParquetTable(ArrowTable, FileTable):
     """A Parquet file."""
 
     def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
-        with _opened(path) as file:
+        with _open_parquet(path) as file:
             super().__init__(path, config, file.schema_arrow, is_own)
 
     @staticmethod
     def headings(path: Path) -> Sequence[Heading]:
-        with _opened(path) as file:
+        with _open_parquet(path) as file:
             return headings_of(file.schema_arrow)
 
     def _batches(self, names: Sequence[str]) -> Iterator[Any]:
-        with _opened(self.path) as file:
+        with _open_parquet(self.path) as file:
             # one thread: those of a pool would keep 25 MB, and are no faster for so few rows
             for batch in file.iter_batches(SAMPLES_AT_ONCE, columns=list(names), use_threads=False):
                 yield batch.select(list(names))
@@ -117,7 +118,7 @@ def _moments(column: Any) -> NDArray[np.int64]:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def _open_parquet(path: Path) -> Iterator[Any]:
     """A file to read. Raises `UserError` for a damaged one."""
     with path.open("rb"):  # whose errors are the usual ones; pyarrow reads its own files faster
         pass

@@ -80,7 +80,7 @@ class _Trial(NamedTuple):
     @property
     def score(self) -> tuple[int, int, int]:
         """Number of names found, and of numbers below them: the higher, the likelier the separator."""
-        numbers = sum(_count(self.cells[number]) for number in self.fitting)
+        numbers = sum(_number_count(self.cells[number]) for number in self.fitting)
         return self.name_count, numbers, len(self.above[self.heading]) if not numbers else 0
 
 
@@ -191,7 +191,7 @@ def _trial(lines: Sequence[str], separator: str, wanted: Mapping[str, ColumnConf
         # between tabs the blank of a date and a time of day separates nothing
         is_apart = separator != " " or not is_named or len(row) == len(above[heading])
         # a cell that is no number is named when the line is read
-        if is_apart and _count(mapped) >= fewest and (wanted or 2 * _count(row) > len(row)):
+        if is_apart and _number_count(mapped) >= fewest and (wanted or 2 * _number_count(row) > len(row)):
             fitting.append(number)
     return _Trial(separator, cells, above, heading, name_count, fitting)
 
@@ -226,13 +226,11 @@ def _units(behind: Sequence[str], below: Sequence[Sequence[str]]) -> list[str]:
 
 def _decimal(rows: Iterable[Sequence[str]]) -> str:
     """A comma where more numbers have one than have a point; of both signs in a number the last one counts."""
-    numbers = (
-        cell for row in rows for cell in row if ("," in cell or "." in cell) and _LIKE_A_NUMBER.fullmatch(cell)
-    )
-    signs = Counter(max(".,", key=cell.rfind) for cell in numbers)
+    cells = (cell for row in rows for cell in row if _LIKE_A_NUMBER.fullmatch(cell))
+    signs = Counter(max(".,", key=cell.rfind) for cell in cells if "," in cell or "." in cell)
     return "," if signs[","] > signs["."] else "."
 
 
-def _count(row: Sequence[str]) -> int:
+def _number_count(row: Sequence[str]) -> int:
     """Number of cells that look like numbers."""
     return sum(_LIKE_A_NUMBER.fullmatch(cell) is not None for cell in row)

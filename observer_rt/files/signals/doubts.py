@@ -11,9 +11,9 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE
 from observer_rt.model.baseline import Baseline
 
-DIPS = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
+LEAST_DIP = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
 PERFORATED = 0.01  # gaps a sample, from which on what is put in their place is no measurement
-BEYOND = 2.0  # times a fitted range of rail pressures
+RANGE_FACTOR = 2.0  # times a fitted range of rail pressures
 
 
 def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | None = None) -> None:
@@ -23,7 +23,7 @@ def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | Non
     empty = (name for name, signal in zip(Role, (rail, lift, line), strict=True) if signal and not signal.count)
     dead = [Implausible(name, "has no value at all", export) for name in empty]
     if not dead and rail is not None and lift is not None and line is not None:
-        if lift.swing == 0.0 and line.swing > rail.swing + DIPS:
+        if lift.swing == 0.0 and line.swing > rail.swing + LEAST_DIP:
             still = f"is {lift.highest / MILLIMETRE:.4g} mm all the time"
             moves = f"the line pressure moves by {line.swing / MEGAPASCAL:.3g} MPa"
             dead.append(Implausible(Role.NEEDLE_LIFT, f"{still}, though {moves}", sensor))
@@ -75,7 +75,7 @@ def doubts(
     if baseline is None or rail is None or not rail.count:
         return
     mean, (low, high) = rail.mean / MEGAPASCAL, baseline.rail_pressure_MPa
-    if not low / BEYOND < mean < high * BEYOND:
+    if not low / RANGE_FACTOR < mean < high * RANGE_FACTOR:
         yield SignalDoubt(
             f"rail_pressure is {mean:.4g} MPa in the mean, and the model was fitted at {low:.4g} to {high:.4g} MPa",
             "check the unit of both pressures, or fit the model at such a rail pressure, too",

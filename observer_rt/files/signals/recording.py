@@ -31,13 +31,13 @@ _ROWS = 1024  # of every block of so many rows only the two farthest from the gr
 
 TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording, for what no sensor measures
 SHOTS_SUFFIX = ".shots.csv"  # in place of the suffix of a recording, for when the injector was energized
-BESIDE = (TRUTH_SUFFIX, SHOTS_SUFFIX)
+COMPANION_SUFFIXES = (TRUTH_SUFFIX, SHOTS_SUFFIX)  # of files beside recordings, which are none
 EQUIDISTANT = (
     "a recording must be equidistant: cut it at the gap, resample it on an even grid, or describe it in [recording] "
     "of a bench file, which bridges and splits; of rounded stamps state rate_hz there, without [recording.time]"
 )
 
-OPTIONAL = ("injection_rate", "energizing", "chamber_pressure")  # which a recording may have or not
+OPTIONAL = ("injection_rate", "energizing", "chamber_pressure")  # signals that a recording may lack
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", *OPTIONAL)
 
 
@@ -241,7 +241,7 @@ class Chunk(Recording):
 
 
 def shown_slowly(values: NDArray[np.float64], interval: float, *lags: float) -> NDArray[np.float64]:
-    """Values (n,) at every interval [s], at rest before, as what has these time constants [s] shows them."""
+    """Values (n,) at every interval [s] behind first-order lags of these time constants [s], at rest before."""
     for lag in lags:
         shown = np.empty(values.size)
         show_slowly(np.ascontiguousarray(values), interval, lag, shown)

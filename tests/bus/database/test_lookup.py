@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from cantools.database.can import Database
 
-from observer_rt.bus.database.dbc_file import load_database, overlooked
+from observer_rt.bus.database.dbc_file import load_database, overlooked_faults
 from observer_rt.bus.database.lookup import MessageLayout, database_hash, find_message, reserved_codes, signal_names
 from observer_rt.foundation.errors import UserError
 
@@ -77,7 +77,7 @@ def test_a_users_database(tmp_path: Path) -> None:
     assert layout.e2e_profile is None
     assert reserved_codes(message.get_signal_by_name("Rail1"))[0] == 0xFFFF
     assert reserved_codes(message.get_signal_by_name("Rail2"))[0] is None
-    assert overlooked(tmp_path / "user.dbc") == []
+    assert overlooked_faults(tmp_path / "user.dbc") == []
 
 
 def test_signal_names(ours: Database, tmp_path: Path) -> None:
@@ -150,7 +150,7 @@ def test_faulty_databases_are_refused_with_file_line_and_reason(
     assert ("lenient = true" in caught.value.remedy) == may_be_lenient
     if may_be_lenient:
         assert find_message(load_database(path, lenient=True), "Pressures").signals
-        assert any(re.search(said, complaint) for complaint in overlooked(path))
+        assert any(re.search(said, complaint) for complaint in overlooked_faults(path))
     else:
         with pytest.raises(UserError, match=said):
             load_database(path, lenient=True)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.database.dbc_file import load_database, overlooked, repaired_dbc
+from observer_rt.bus.database.dbc_file import load_database, overlooked_faults, repaired_dbc
 from observer_rt.foundation.errors import UserError
 from tests.bus.database.random_databases import RandomMessage, multiplexed_messages, plain_messages
 
@@ -53,7 +53,7 @@ def test_what_decoding_does_not_need_is_left_out_and_told(tmp_path: Path) -> Non
     assert dict(first.choices) == {7: "seven"}
     assert first.comment == "BO_ 416727056 is its message; VAL_ 100 A"
     assert second.conversion.is_float
-    assert overlooked(path) == [
+    assert overlooked_faults(path) == [
         "message Wide: its standard identifier 0x18D6C010 is more than 11 bits: it is taken as extended",
         "message Impossible: its standard identifier 0x40000639 is more than 11 bits: the message is left out",
         "VAL_ 100 Absent: there is no such signal, it is left out",
@@ -81,7 +81,7 @@ def test_a_default_without_quotes_is_told(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"odd.dbc:6: Invalid syntax(?s:.*)lenient = true"):
         load_database(path)
     assert load_database(path, lenient=True).dbc.attribute_definitions["Sent"].default_value == "false"
-    assert overlooked(path) == ['BA_DEF_DEF_ "Sent" false;: "false" is meant']
+    assert overlooked_faults(path) == ['BA_DEF_DEF_ "Sent" false;: "false" is meant']
 
 
 def test_the_reason_why_leniency_does_not_help_is_said_too(tmp_path: Path) -> None:

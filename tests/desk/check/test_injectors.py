@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from observer_rt.bus.frame_time import frame_time
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.buses import expected_load

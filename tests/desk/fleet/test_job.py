@@ -8,7 +8,7 @@ import pyarrow as pa
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.fleet.job import FailedFile, Task, evaluated
+from observer_rt.desk.fleet.job import FailedFile, Task, evaluate_file
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.formats import open_recording, write_recording
@@ -23,7 +23,7 @@ def worn() -> Recording:
 
 
 def result_of(path: Path) -> pa.Table | FailedFile:
-    return evaluated(Task(load_bench().exact, path.parent, learning=False), Path(path.name), "hash")
+    return evaluate_file(Task(load_bench().exact, path.parent, learning=False), Path(path.name), "hash")
 
 
 def test_rows_are_those_of_evaluate(tmp_path: Path) -> None:

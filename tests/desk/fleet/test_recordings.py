@@ -10,7 +10,7 @@ import pytest
 from asammdf import MDF, Signal
 
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.fleet.job import Task, evaluated
+from observer_rt.desk.fleet.job import Task, evaluate_file
 from observer_rt.desk.fleet.path_pattern import PathPattern
 from observer_rt.desk.fleet.recordings import TimeFrom, injector_of, recordings_in, zero_of
 from observer_rt.files.formats import open_recording, write_recording
@@ -106,7 +106,7 @@ def test_else_it_is_when_the_file_was_written_which_the_rows_say(tmp_path: Path)
     path = tmp_path / "worn_20260301_1205.parquet"
     write_recording(path, worn_recording(3))
     os.utime(path, (1e9, 1e9))
-    table = evaluated(Task(load_bench().exact, tmp_path), path, "hash")
+    table = evaluate_file(Task(load_bench().exact, tmp_path), path, "hash")
     assert isinstance(table, pa.Table)
     first = table.to_pylist()[0]
     assert first["time_from"] == TimeFrom.WRITTEN

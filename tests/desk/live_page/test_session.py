@@ -15,7 +15,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.daemon.snapshot import ShownInjection
 from observer_rt.desk.live_page.reading import Watching
 from observer_rt.desk.live_page.saver import Saver, save_injection
-from observer_rt.desk.live_page.session import Session, pressed
+from observer_rt.desk.live_page.session import Session, read_button
 from tests.daemon.participants import bench_file, until
 from tests.desk.live_page.test_reading import said
 from tests.desk.live_page.test_reading import watching as watching_at
@@ -45,7 +45,7 @@ _JSON = st.recursive(
 @example('["drawn", -2, 0]')
 def test_whatever_is_said_is_a_button_or_nothing(watching: Watching, message: str | bytes) -> None:
     """And a button that there is not does no harm."""
-    if (result := pressed(message)) is not None:
+    if (result := read_button(message)) is not None:
         session = Session(watching, Saver(Path()))
         session.take(*result)
         assert session.message() is not None

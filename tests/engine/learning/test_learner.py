@@ -16,7 +16,7 @@ from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearningS
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.observer import Durations, constants_for, make_observer
 from observer_rt.engine.stream.standstill import Standstill
-from observer_rt.foundation.records import plain, restored
+from observer_rt.foundation.records import from_plain, to_plain
 from tests.engine.estimation.conftest import changes_of_flows
 from tests.engine.learning.strokes import CONSTANTS, stroke_of
 from tests.engine.sample_stream import NOISE, NOMINAL, judge
@@ -124,7 +124,7 @@ def test_of_events_at_fault_nothing_is_learned(fault: Callable[[Window], Window]
 
 def as_text(state: LearningState) -> str:
     """As a file keeps it, arrays as lists."""
-    return json.dumps(plain(state), default=np.ndarray.tolist)
+    return json.dumps(to_plain(state), default=np.ndarray.tolist)
 
 
 def test_one_that_takes_over_learns_as_the_one_before() -> None:
@@ -139,7 +139,7 @@ def test_one_that_takes_over_learns_as_the_one_before() -> None:
         theta = outcome.knowledge.in_force
     assert outcome is not None
     remembered = as_text(outcome.knowledge.state)
-    kept = replace(outcome.knowledge, state=restored(LearningState, json.loads(remembered)))
+    kept = replace(outcome.knowledge, state=from_plain(LearningState, json.loads(remembered)))
     after = Learner(CONSTANTS, kept)
     assert as_text(after.state) == as_text(before.state) == remembered
     first, second = (one.learn(event(0.3, seed=9), NO_STANDSTILL, theta) for one in (before, after))

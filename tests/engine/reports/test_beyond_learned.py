@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from observer_rt.core.stream.stream import RAIL_BIN
-from observer_rt.daemon.log import line
+from observer_rt.daemon.log import injection_line
 from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.learned_range import NEAR
 from observer_rt.engine.stream.state import Reason
@@ -32,8 +32,8 @@ def test_how_far_it_is(rails: tuple[float, float], said: str) -> None:
     budget = VolumeBudget(parameters=50e-9 * 0.05 / 1.96, inputs=1e-9, model=0.0, calibration=1e-9, parting=0.0)
     reach: dict[str, Any] = {"rail_pressure": 120e6, "known_rails": rails, "budget": budget}
     report = some_report(**reach, valid=False, reason=Reason.OUTSIDE_LEARNED_RANGE)
-    assert said in line(report)
-    assert said not in line(some_report(**reach))
+    assert said in injection_line(report)
+    assert said not in injection_line(some_report(**reach))
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_how_far_its_flow_is_from_what_was_learned(share: float, sigma: float, v
     report = some_report(mass=mass, predicted_mass=mass / (1.0 + share), phi_version=version, budget=budget)
     assert report.remainder == pytest.approx(share, nan_ok=True)
     assert report.remainder_text == text
-    assert f" valid{text and f', {text}'}, command" in line(report)
+    assert f" valid{text and f', {text}'}, command" in injection_line(report)
     assert some_report(predicted_mass=20e-6, budget=None).remainder_text == ""
 
 

@@ -1,4 +1,4 @@
-"""Tables that are written part by part: words, large integers, and what is not available."""
+"""Tables that are written part by part: words, large integers, and missing values."""
 
 from pathlib import Path
 

@@ -33,6 +33,7 @@ class Account:
     velocity: Velocity | None = None  # of wear that moves on
     rival: "Account | None" = field(default=None, metadata=NOT_KEPT)  # explains all events by other elements
     log_odds: float = field(default=0.0, metadata=NOT_KEPT)  # of a rival, against the account that has it
+    outlasts: bool = field(default=False, metadata=NOT_KEPT)  # whether a rival has explained an event after its first
 
 
 def _within(factor: float) -> float:

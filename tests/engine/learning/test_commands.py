@@ -129,20 +129,23 @@ def test_a_late_line_sensor_is_not_taken_for_a_needle_that_bounces() -> None:
 
 
 @pytest.mark.parametrize(
-    ("opens_later", "closes_later", "needle"),
-    [(26e-6, 133e-6, Needle(0.76, 0.89)), (-11e-6, 20e-6, Needle(0.75, 0.92))],
+    ("opens_later", "closes_later", "needle", "is_found"),
+    [
+        (26e-6, 133e-6, Needle(0.76, 0.89), False),
+        (-11e-6, 20e-6, Needle(0.75, 0.92), True),
+        (40e-6, -60e-6, Needle(0.75, 0.92), True),
+    ],
 )
-def test_a_late_line_sensor_is_found_beside_a_needle_slow_at_either_end(
-    opens_later: float, closes_later: float, needle: Needle
+def test_a_late_line_sensor_beside_a_needle_slow_near_its_seat_is_found_or_doubted(
+    opens_later: float, closes_later: float, needle: Needle, is_found: bool
 ) -> None:
-    """One event does not tell which is late, the needle, whose shape no model has, or the sensor; the others do."""
+    """No model has that needle: the lag may look like a bounce and other delays, which are not valid then."""
     late, points = Faults(line_pressure_sensor_lag=40e-6), ((140e6, 60e6, 100e6), (1.9e-3, 1.0e-3, 0.6e-3))
-    bench = Bench(Injector(), needle, in_turn(6, lambda _: late, *points), seed=9)
-    reports = without_lift(smooth(bench, 20.0, np.random.default_rng(0)), opens_later, closes_later).reports
+    bench = Bench(Injector(), needle, in_turn(9, lambda _: late, *points), seed=9)
+    _, *reports = without_lift(smooth(bench, 20.0, np.random.default_rng(0)), opens_later, closes_later).reports
     lags = [LAG_UNIT * report.indicators["line_pressure_sensor_lag"].value for report in reports if report.valid]
-    assert reports[0].reason is Reason.TIME_BASE
-    assert len(lags) >= 3
     assert lags == pytest.approx([40e-6] * len(lags), abs=5e-6)
+    assert (len(lags) >= 6, Reason.TIME_BASE in [report.reason for report in reports]) == (is_found, not is_found)
 
 
 @pytest.mark.parametrize("has_lift", [True, False])

@@ -86,8 +86,9 @@ def overshooting(bench: Bench, size: float, rng: Generator) -> Bench:
 
 
 def smooth(bench: Bench, size: float, rng: Generator) -> Bench:
-    """The needle starts and ends its way slowly: its first and last `size` % at a third of the speed."""
-    return _moved(bench, lambda strokes: np.concatenate([_smoothed(row, 0.01 * size) for row in strokes]))
+    """The needle is slow near its seat: on the lowest `size` % of its way, up and down, at a third of the speed."""
+    low = 0.01 * size * bench.injector.max_lift
+    return _moved(bench, lambda strokes: np.concatenate([_slow_below(low, row) for row in strokes]))
 
 
 def _hops(begins: Array, length: float, height: float) -> Array:
@@ -96,15 +97,15 @@ def _hops(begins: Array, length: float, height: float) -> Array:
     return np.stack((begins, tops, tops, begins + length, *speeds), axis=1)
 
 
-def _smoothed(stroke: Array, share: float) -> Array:
-    """A stroke in two: a share of its height with slow, early flanks, and the rest within them."""
-    opening, top, closing, closed, up, down = stroke
-    rise, fall = share * (top - opening), share * (closed - closing)
-    slow = (opening, opening + 3.0 * rise, closed - 3.0 * fall, closed, up / 3.0, down / 3.0)
-    fast = (opening + 3.0 * rise, top + 2.0 * rise, closing - 2.0 * fall, closed - 3.0 * fall, up, down)
-    if fast[1] > fast[2]:  # too short for that
-        return stroke.reshape(1, 6)
-    return np.array([slow, fast], np.float64)
+def _slow_below(low: float, stroke: Array) -> Array:
+    """A stroke in two: at a third of its speeds up to a lift [m], and above it; commands are answered as before."""
+    opening, top, closing, _, up, down = stroke
+    leaves = min(opening + 3.0 * low / up, closing)
+    peak = min(up * (top - opening), up / 3.0 * (leaves - opening) + up * (closing - leaves))
+    slow = min(low, peak)
+    nears = closing + (peak - slow) / down
+    below = (opening, opening + 3.0 * slow / up, nears, nears + 3.0 * slow / down, up / 3.0, down / 3.0)
+    return np.array([below, (leaves, leaves + (peak - slow) / up, closing, nears, up, down)])
 
 
 def _moved(bench: Bench, change: Callable[[Array], Array]) -> Bench:

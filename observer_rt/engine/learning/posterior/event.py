@@ -119,8 +119,14 @@ def noise_after(
 
 
 def is_late(active: frozenset[int]) -> bool:
-    """Whether a lag of the line sensor is among the gated columns in use, ; delays of the needle look alike."""
+    """Whether a lag of the line sensor is among the gated columns in use; delays of the needle look alike."""
     return int(Parameter.SENSOR_LAG) in active
+
+
+def has_lag_for_bounce(rival: LearnedInjector, learned: LearnedInjector) -> bool:
+    """Whether a rival has a lag of the line sensor in place of a bounce of the needle."""
+    lag, bounce = frozenset({int(Parameter.SENSOR_LAG)}), frozenset({int(Parameter.LANDING_BOUNCE)})
+    return (rival.active & (lag | bounce), learned.active & (lag | bounce)) == (lag, bounce)
 
 
 def account_after(before: Account, continued: Sequence[Continued]) -> tuple[Explanation, Account]:
@@ -141,11 +147,13 @@ def account_after(before: Account, continued: Sequence[Continued]) -> tuple[Expl
     lead, learned = next((each for each in kept if each[0].is_good), kept[0])
     total, modes = sum(each.weight for each, _ in kept), dict[Mode, float]()
     others = [each for each in continued if is_late(each[1].active) is not is_late(learned.active)]
-    rival = None
+    rival = before.rival
+    if rival is not None and not (rival.outlasts and has_lag_for_bounce(rival.learned, learned)):
+        rival = None
     if others and lead.reading.window.needle is not None:
         odds = math.log(sum(each[0].weight for each in others if is_one(others[0], each)) / total)
         least = (before.rival.log_odds if before.rival else 0.0) - c.AGAINST_RIVAL
-        rival = Account(others[0][1], log_odds=max(odds, least))
+        rival = Account(others[0][1], log_odds=max(odds, least), outlasts=before.rival is not None)
     for explanation, _ in kept:
         mode = explanation.kind.mode
         modes[mode] = modes.get(mode, 0.0) + explanation.weight / total

@@ -20,7 +20,7 @@ from observer_rt.engine.learning.hypotheses import FLOWS, Velocity
 from observer_rt.engine.learning.interval import resimulated, with_shots
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import HOLDS, UNSEEN, extrapolation_sigma, is_new, known_flow
-from observer_rt.engine.learning.posterior.event import Continued, ExplainedEvent
+from observer_rt.engine.learning.posterior.event import Continued, ExplainedEvent, has_lag_for_bounce
 from observer_rt.engine.learning.posterior.event_mass import EventMass, mass_of
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.look_alikes import look_alikes_in, named
@@ -130,13 +130,17 @@ def verdict_of(
 def _moved_in_time(explained: ExplainedEvent) -> float:
     """Probability that the needle, by commands, moves at other times than the belief has it: a late line sensor's.
 
-    A small lag is as likely none.
+    After the first event a small lag is as likely none, and a bounce that a lag could still replace is as likely a
+    lag: a needle that does bounce is told from it at once.
     """
     learned, rival = explained.account.learned, explained.account.rival
-    if 0.0 < learned.theta[Parameter.SENSOR_LAG] * LAG_UNIT < c.LEAST_LAG and explained.window.needle is not None:
+    is_later = explained.window.needle is not None and not explained.lead.before.is_prior
+    if is_later and 0.0 < learned.theta[Parameter.SENSOR_LAG] * LAG_UNIT < c.LEAST_LAG:
         return 1.0
     if rival is None:
         return 0.0
+    if is_later and has_lag_for_bounce(rival.learned, learned):
+        return 1.0
     delays = [Parameter.OPENING_DELAY, Parameter.CLOSING_DELAY]
     apart = np.abs(rival.learned.theta - learned.theta)[delays].max() * LAG_UNIT
     return 1.0 / (1.0 + math.exp(-rival.log_odds)) if apart > c.MOVED_IN_TIME else 0.0

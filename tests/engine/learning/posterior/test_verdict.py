@@ -45,23 +45,39 @@ def test_known_masses_are_valid(shares: Shares, odds: float, later: float, reaso
     assert _objections(NEW, shares, rival) == reasons
 
 
-@pytest.mark.parametrize(("lag", "by_commands"), [(20e-6, True), (20e-6, False), (40e-6, True), (0.0, True)])
-def test_a_small_lag_beside_a_needle_by_commands_is_as_likely_none(lag: float, by_commands: bool) -> None:
-    learned = replace(NEW, theta=lag / LAG_UNIT * np.eye(WIDE.size)[Parameter.SENSOR_LAG])
-    doubted = [Reason.TIME_BASE] if by_commands and lag == 20e-6 else []
-    assert _objections(learned, Shares(0.0005, 0.001, 0.0), by_commands=by_commands) == doubted
+LAG, BOUNCE = int(Parameter.SENSOR_LAG), int(Parameter.LANDING_BOUNCE)
+
+
+@pytest.mark.parametrize(
+    ("lag", "active", "by_commands", "is_first", "is_doubted"),
+    [
+        (20e-6, [LAG], True, False, True),
+        (20e-6, [LAG], True, True, False),
+        (20e-6, [LAG], False, False, False),
+        (40e-6, [LAG, BOUNCE], True, False, False),
+        (0.0, [BOUNCE], True, False, True),
+        (0.0, [BOUNCE], True, True, False),
+    ],
+)
+def test_a_small_lag_is_as_likely_none_and_a_bounce_with_a_rival_as_likely_a_lag(
+    lag: float, active: list[int], by_commands: bool, is_first: bool, is_doubted: bool
+) -> None:
+    theta = lag / LAG_UNIT * np.eye(WIDE.size)[LAG]
+    learned = replace(NEW, theta=theta, active=frozenset(active), is_prior=is_first)
+    rival = Account(replace(NEW, active=frozenset([LAG])), log_odds=-14.0)
+    objections = _objections(learned, Shares(0.0005, 0.001, 0.0), rival, by_commands)
+    assert objections == [Reason.TIME_BASE] * is_doubted
 
 
 def _objections(
-    learned: LearnedInjector, shares: Shares, rival: Account | None = None, by_commands: bool = True
+    learned: LearnedInjector, shares: Shares, rival: Account | None, by_commands: bool = True
 ) -> list[Reason]:
     """Objections to the mass of an event that is as before; nothing is held against the next one."""
     mass = EventMass(NONE, NONE, learned.theta, 1e-8, np.eye(WIDE.size)[Parameter.NOZZLE_BIAS], 0.0, 1)
     reading: Any = SimpleNamespace(window=SimpleNamespace(needle=object() if by_commands else None))
     explanation = Explanation(learned, BEFORE, 0.0, reading, NONE, NONE, NONE, NONE, learned.theta, None, None, 1.0)
-    explained = ExplainedEvent(
-        NONE, NONE, NONE, NONE, [(explanation, learned)], explanation, Account(learned, rival=rival)
-    )
+    account = Account(learned, rival=rival)
+    explained = ExplainedEvent(NONE, NONE, NONE, NONE, [(explanation, learned)], explanation, account)
     verdict = verdict_of(explained, mass, shares, (), WIDE)
     assert not verdict.forward
     return [objection.reason for objection in verdict.own]

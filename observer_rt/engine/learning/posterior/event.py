@@ -133,7 +133,8 @@ def account_after(before: Account, continued: Sequence[Continued]) -> tuple[Expl
     """The explanation that is carried, and the account after an event; continued: the likeliest first.
 
     Explanations whose beliefs are alike are one belief, in several modes. The belief with most support in one mode
-    goes on; carried is its first explanation that is good.
+    goes on; carried is its first explanation that is good. A rival that has explained an event after its first stays
+    as long as it has a lag for a bounce, though it explains no more: a needle unlike the model's misleads.
     """
 
     def is_one(first: Continued, second: Continued) -> bool:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from observer_rt.config.signals import in_units
 from observer_rt.core.model.needle import NeedleStroke
-from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, ShownIndicator
+from observer_rt.engine.estimation.scalar_table import ShownIndicator
+from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
 from observer_rt.engine.learning import interval
 from observer_rt.engine.learning.constants import OFTEN
 from observer_rt.engine.learning.indicators import Indicators, indicators_of

@@ -65,8 +65,7 @@ def test_a_small_lag_is_as_likely_none_and_a_bounce_with_a_rival_as_likely_a_lag
     theta = lag / LAG_UNIT * np.eye(WIDE.size)[LAG]
     learned = replace(NEW, theta=theta, active=frozenset(active), is_prior=is_first)
     rival = Account(replace(NEW, active=frozenset([LAG])), log_odds=-14.0)
-    objections = _objections(learned, Shares(0.0005, 0.001, 0.0), rival, by_commands)
-    assert objections == [Reason.TIME_BASE] * is_doubted
+    assert _objections(learned, Shares(0.0005, 0.001, 0.0), rival, by_commands) == [Reason.TIME_BASE] * is_doubted
 
 
 def _objections(

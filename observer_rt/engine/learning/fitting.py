@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.evidence import integrate_cost
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.needle import NeedleLaw
-from observer_rt.engine.estimation.belief import Belief
+from observer_rt.engine.estimation.belief import Belief, Matrix, Vector
 from observer_rt.engine.estimation.gating import Alike, Gate, best_subset
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
@@ -37,8 +37,6 @@ LOSSES = (Parameter.CONTROL_FLOW, Parameter.LANDING_BOUNCE)  # as far as the fil
 LATE_OR_BOUNCE = Alike(Parameter.SENSOR_LAG, Parameter.LANDING_BOUNCE, MOVED_IN_TIME / LAG_UNIT)
 _LAG = int(Parameter.SENSOR_LAG)
 
-Table = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Limits:
@@ -47,9 +45,9 @@ class Limits:
     least_lag: of the line sensor, below which it only looks late.
     """
 
-    lowest: NDArray[np.float64]
-    highest: NDArray[np.float64]
-    longest_step: NDArray[np.float64]
+    lowest: Vector
+    highest: Vector
+    longest_step: Vector
     gate: Gate = SCALARS.gate
     least_lag: float = 0.0
 
@@ -57,7 +55,7 @@ class Limits:
         """The gate, through which a lag of the line sensor goes from this one on."""
         return replace(self.gate, lowest={**self.gate.lowest, _LAG: least})
 
-    def refuse_far(self, mean: NDArray[np.float64]) -> None:
+    def refuse_far(self, mean: Vector) -> None:
         """Raises numpy.linalg.LinAlgError for a mean (m,) of a belief that no event could bring back."""
         if not np.all(np.abs(mean) <= FAR * np.maximum(np.abs(self.lowest), np.abs(self.highest))):
             raise np.linalg.LinAlgError("the mean of a belief lies beyond all limits")
@@ -88,9 +86,9 @@ class EventFit:
 
     active: frozenset[int]
     linearisation: Linearisation
-    innovations: NDArray[np.float64]  # (n,) at the estimate
-    unfiltered: NDArray[np.float64]  # (n,) with the noise's colour
-    slopes: NDArray[np.float64]  # (n, m) where linearised
+    innovations: Vector  # (n,) at the estimate
+    unfiltered: Vector  # (n,) with the noise's colour
+    slopes: Matrix  # (n, m) where linearised
     delays: ShotDelays | None  # as of `EventCost`
 
 
@@ -119,7 +117,7 @@ class EventFitter:
         prior_information = prior.information
         prior_vector = prior_information @ prior.mean
 
-        def total(theta: NDArray[np.float64], value: float) -> float:
+        def total(theta: Vector, value: float) -> float:
             return value + 0.5 * prior.distance(theta)
 
         here, active = start, self.active
@@ -152,7 +150,7 @@ class EventFitter:
         delays = self.cost.delays
         return delays is None or np.array_equal(delays.theta, here.theta)
 
-    def _within_reach(self, here: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _within_reach(self, here: Vector, target: Vector) -> Vector:
         """The target, or the point towards it up to which the slopes hold; within bounds."""
         length = np.max(np.abs(target - here) / self.limits.longest_step)
         reached = here + (target - here) / max(1.0, float(length))
@@ -164,7 +162,7 @@ class Evidence(NamedTuple):
 
     log: float
     theta: Theta
-    covariance: Table
+    covariance: Matrix
 
 
 def evidence_of(cost: Linearisation, prior: Belief, limits: Limits) -> Evidence:
@@ -202,12 +200,12 @@ def at_fault(statistics: PhaseStatistics, temper: float) -> float:
     return anyhow - math.log(-math.expm1(anyhow - nowhere)) + math.log1p(-(2.0**-PHASES))
 
 
-def _gain(squares: Table, loud: Table, count: Table) -> Table:
+def _gain(squares: Matrix, loud: Matrix, count: Matrix) -> Matrix:
     """Nats by which squares are more likely of so many numbers that are louder than noise; 0 of none."""
     return 0.5 * squares * (1.0 - 1.0 / loud) - 0.5 * count * np.log(loud)
 
 
-def _sums(statistics: PhaseStatistics) -> tuple[Table, Table]:
+def _sums(statistics: PhaseStatistics) -> tuple[Matrix, Matrix]:
     """Squares and how many of them, (1 + len(BLOCKS), PHASES): of samples and of blocks of every length."""
     squares = np.concatenate((statistics.squares[None], statistics.block_squares.T))
     return squares, np.concatenate((statistics.samples[None], statistics.blocks.T))

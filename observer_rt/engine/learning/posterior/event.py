@@ -125,8 +125,8 @@ def is_late(active: frozenset[int]) -> bool:
 
 def has_lag_for_bounce(rival: LearnedInjector, learned: LearnedInjector) -> bool:
     """Whether a rival has a lag of the line sensor in place of a bounce of the needle."""
-    lag, bounce = frozenset({int(Parameter.SENSOR_LAG)}), frozenset({int(Parameter.LANDING_BOUNCE)})
-    return (rival.active & (lag | bounce), learned.active & (lag | bounce)) == (lag, bounce)
+    only_rival, only_learned = rival.active - learned.active, learned.active - rival.active
+    return Parameter.SENSOR_LAG in only_rival and Parameter.LANDING_BOUNCE in only_learned
 
 
 def account_after(before: Account, continued: Sequence[Continued]) -> tuple[Explanation, Account]:

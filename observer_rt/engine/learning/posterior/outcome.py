@@ -131,7 +131,7 @@ def _moved_in_time(explained: ExplainedEvent) -> float:
     """Probability that the needle, by commands, moves at other times than the belief has it: a late line sensor's.
 
     After the first event a small lag is as likely none, and a bounce that a lag could still replace is as likely a
-    lag: a needle that does bounce is told from it at once.
+    lag: a needle that does bounce differs from it at once.
     """
     learned, rival = explained.account.learned, explained.account.rival
     is_later = explained.window.needle is not None and not explained.lead.before.is_prior

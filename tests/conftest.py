@@ -12,10 +12,11 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from observer_rt.__main__ import collect_seldom
+from observer_rt.__main__ import calculate_in_one_thread, collect_seldom
 from tests.interface import OwnInterface, own_interfaces
 
 collect_seldom()
+calculate_in_one_thread()  # before a test imports numpy, as the command does
 
 # how long an example takes says nothing on a machine that does something else, too
 examples = int(os.environ.get("OBSERVER_RT_TEST_EXAMPLES", "25"))

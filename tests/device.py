@@ -11,9 +11,9 @@ sample with clocks of their own.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -188,8 +188,9 @@ class Notes:
             self.messages.append(news.text)
 
 
-class Result(NamedTuple):
-    """What a core made of frames: frames to send, and news."""
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a core made of frames: frames to send, and news. What is decoded of it is decoded once."""
 
     core: Core
     frames: list[OutputFrame]
@@ -210,20 +211,20 @@ class Result(NamedTuple):
         """Numbers of the injections' commands, and of commands without an injection."""
         return self.commands, [each.command for each in self.notes.missing]
 
-    @property
-    def rate_frames(self) -> Iterator[tuple[int, dict[str, int], list[int]]]:
+    @cached_property
+    def rate_frames(self) -> list[tuple[int, dict[str, int], list[int]]]:
         """First index, header and raw codes of every `InjectionRate` frame, its protection checked."""
-        counter = 0
+        frames = []
         for frame in self.frames:
             if frame.frame_id != RATE.frame_id:
                 continue
             assert e2e.p05.e2e_p05_check(frame.payload, RATE.frame_id, length=64)
             header = RATE.decode(frame.payload, scaling=False, decode_choices=False)
-            assert header["Counter"] == counter
-            counter = (counter + 1) % 256
-            yield header["SampleIndex"], header, [header[f"InjectionRate_{k:02d}"] for k in range(RATES)]
+            assert header["Counter"] == len(frames) % 256
+            frames.append((header["SampleIndex"], header, [header[f"InjectionRate_{k:02d}"] for k in range(RATES)]))
+        return frames
 
-    @property
+    @cached_property
     def rates(self) -> dict[int, int]:
         """Raw code by sample index, not available left out; every index at most once."""
         codes: dict[int, int] = {}
@@ -234,12 +235,12 @@ class Result(NamedTuple):
                     codes[first + k] = code
         return codes
 
-    @property
+    @cached_property
     def covered(self) -> list[int]:
         """Indices the frames speak of, available or not."""
         return [first + k for first, _, _ in self.rate_frames for k in range(RATES)]
 
-    @property
+    @cached_property
     def summaries(self) -> list[dict[str, float]]:
         """`InjectionSummary` frames, decoded, their protection checked."""
         frames = [frame for frame in self.frames if frame.frame_id == SUMMARY.frame_id]

@@ -160,7 +160,7 @@ print(json.dumps({
 }))
 """
 REASON_EDITS = (
-    ("engine/stream/state.py", "\n\ndef sample_dtype", "    FUEL_HOT = 31\n\n\ndef sample_dtype"),
+    ("engine/stream/state.py", "\n\ndef sample_dtype", "    FUEL_HOT = 99\n\n\ndef sample_dtype"),
     (
         "engine/words.py",
         "}\n\nCOUNTERS",
@@ -184,7 +184,7 @@ _, reason = state_of_service(None, ServiceCondition(is_hot=True))
 print(json.dumps({
     "named": named(reason),
     "page": "| `FUEL_HOT` | the fuel is too hot | cool it |" in page_with_words(PAGE.read_text()),
-    "databases": [database_with_words(each.read_text()).count('31 "FUEL_HOT') for each in DATABASES],
+    "databases": [database_with_words(each.read_text()).count(f'{reason:d} "FUEL_HOT') for each in DATABASES],
 }))
 """
 

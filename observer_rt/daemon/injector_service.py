@@ -188,7 +188,7 @@ class InjectorService:
             f"stopped after {counters.samples} samples, {counters.injections} injections; {counters.lost_samples} "
             f"samples lost, {daemon.dropped} frames dropped, {daemon.unsent} results unsent, "
             f"{daemon.arrivals.foreign_frames} frames of other senders, {counters.adoptions} corrections adopted, "
-            f"{counters.late_adoptions} late, {counters.passed_over} events not learned from in time{more}",
+            f"{counters.late_adoptions} late, {counters.unlearned_events} events not learned from in time{more}",
         )
 
 

@@ -71,8 +71,8 @@ def figure_lines(daemon: Daemon) -> Iterator[StatusLine]:
     if counters.outliers:
         yield StatusLine(counters.outliers)
     refused = f"{counters.rejected_adoptions} refused, {counters.late_adoptions} late"
-    if counters.passed_over:
-        refused += f", {counters.passed_over} events passed over"
+    if counters.unlearned_events:
+        refused += f", {counters.unlearned_events} events not learned from in time"
     learned = f"learned {counters.adoptions} times in {counters.events} events ({refused})"
     if not core.optional.learning:
         learned += "; learning is off"

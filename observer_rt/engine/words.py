@@ -93,7 +93,8 @@ REASONS: Mapping[Reason, Words] = {
     Reason.REVISED: Words("learning from it changed its mass by too much", "update the observer that sends it"),
     Reason.INPUT_STALE: Words("one of the inputs stays away", "the log names its message: sensor, device, cable"),
     Reason.NOT_JUDGED: Words(
-        "the event could not be tested, so nothing is known of it", "look for lost frames or a needle that stays open"
+        "the event could not be tested, so nothing is known of it",
+        "look for lost frames, a needle that stays open, or a computer that is too slow",
     ),
     Reason.CONTRADICTED: Words(
         "the line pressure has left what the model can do",
@@ -132,6 +133,10 @@ REASONS: Mapping[Reason, Words] = {
     Reason.LIFT_DEAD: Words(
         "the line pressure shows injections, the needle lift none",
         "check the sensor, its amplifier and cable; is it of this injector?",
+    ),
+    Reason.LEARNING_LATE: Words(
+        "learning is late, and the event is unlike what was learned before",
+        "a faster computer, fewer injections a second, or a longer learning_delay_ms",
     ),
 }
 

@@ -90,6 +90,7 @@ def test_an_injection_is_a_row_of_typed_columns(path: Path, journal: JournalWrit
         "mass_mg": pytest.approx(41.501),
         "mass_ci95_low_mg": pytest.approx(41.001),
         "mass_ci95_high_mg": pytest.approx(42.001),
+        "mass_source": "event",
         "measured_mass_mg": None,
         "peak_rate_mm3_per_ms": pytest.approx(69.0),
         "valid": 1,
@@ -135,6 +136,8 @@ def test_a_run_says_what_it_was(path: Path, journal: JournalWriter, bench: Bench
 
 
 def test_runs_follow_one_another_in_one_file(path: Path, bench: Bench) -> None:
+    path.touch()  # hardly begun
+    assert read_journal(path) == ([], [])
     for _ in range(3):
         journal = JournalWriter(path, bench, print)
         write(journal, 1, 2)
@@ -227,21 +230,17 @@ def test_files_that_are_no_journal_are_refused(tmp_path: Path, path: Path, bench
         read_journal(tmp_path / "missing.sqlite")
 
 
-def test_a_newer_schema_is_refused(path: Path, journal: JournalWriter, bench: Bench) -> None:
+def test_an_older_journal_goes_on_a_newer_is_refused(path: Path, journal: JournalWriter, bench: Bench) -> None:
+    write(journal, 1)
     journal.finish()
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("ALTER TABLE injection DROP COLUMN mass_source")
+    write(JournalWriter(path, bench, print), 2)
+    assert [row["mass_source"] for row in rows(path)] == [None, "event"]
     with closing(sqlite3.connect(path)) as connection:
         connection.execute("PRAGMA user_version = 2")
     with pytest.raises(UserError, match="newer version: schema 2"):
         JournalWriter(path, bench, print)
-
-
-def test_a_journal_that_is_hardly_begun_is_an_empty_one(path: Path, bench: Bench) -> None:
-    path.touch()
-    assert read_journal(path) == ([], [])
-    journal = JournalWriter(path, bench, print)
-    journal(some_report(1))
-    journal.finish()
-    assert numbers(path) == [1]
 
 
 def test_a_damaged_journal_is_told_of(path: Path, journal: JournalWriter) -> None:

@@ -201,6 +201,8 @@ class StatusValues(NamedTuple):
         counts="good frames of a message that is INVALID", remedy="as INPUT_PROTECTION")]
     evidence_kept: Annotated[int, OutputSignal("daemon.evidence_kept",
         counts="events whose inputs were kept as evidence", remedy="`observer-rt discover --from-evidence`, if many")]
+    unlearned_events: Annotated[int, OutputSignal("judging.passed_over",
+        counts="events not learned from, since more came than can be", remedy="as LateAdoptions")]
 # fmt: on
 
 

@@ -127,5 +127,6 @@ class EventRecord:
     event: np.void  # `stream.state.EVENT`
     objections: tuple[Objection, ...]  # what speaks against it
     outcome: Outcome | None  # what was learned from it; None: nothing
+    is_late: bool  # it was to be learned from, and was judged before
     knowledge: Knowledge  # that the observer carries now
     constants: Constants  # of the observer during the event

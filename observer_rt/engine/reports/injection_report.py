@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import Flag, auto
+from enum import Flag, StrEnum, auto
 from functools import cached_property
 from itertools import chain
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -48,6 +48,15 @@ class CommandedOpening:
         if math.isnan(self.opening_delay):
             return f"command {self.command}"
         return f"command {self.command}, opened after {self.opening_delay / MICROSECOND:.0f} us"
+
+
+class MassSource(StrEnum):
+    """What a mass is by."""
+
+    EVENT = "event"
+    """The pressures of the whole injection, from which was learned."""
+    LIVE_RATE = "live_rate"
+    """The rate as it was sent while the injection ran: how well it is known nobody has computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +104,16 @@ class InjectionReport:
 
     @property
     def validity(self) -> str:
-        """Validity of the injection and calibration of its level in words, without the reasons."""
+        """Validity, source of the mass and calibration of its level in words, without the reasons."""
         if not self.valid:
             return "not valid"
-        return "valid" if self.calibration.is_calibrated else "valid, not calibrated"
+        source = "" if self.mass_source is MassSource.EVENT else ", mass of the live rate, without an interval"
+        return f"valid{source}" if self.calibration.is_calibrated else f"valid{source}, not calibrated"
+
+    @property
+    def mass_source(self) -> MassSource:
+        """What the mass is by."""
+        return MassSource.LIVE_RATE if self.budget is None else MassSource.EVENT
 
     @property
     def mass_bound(self) -> float:
@@ -189,6 +204,7 @@ def report_of(
         of_inputs=Reason(int(event["fault"])),
         was_outlier=passed and outcome is not None and outcome.outliers > 0,
         is_learned=corrected is not None,
+        is_late=judged.is_late,
     )
     state = State(int(injection["state"]))
     reasons: tuple[Reason, ...] = (reason,)
@@ -332,6 +348,7 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
     Field("rail_pressure_MPa", float, lambda r, _: r.rail_pressure / MEGAPASCAL, "rail\nMPa", ".1f"),
     Field("mass_mg", float, lambda r, _: r.mass / MILLIGRAM, "mass\nmg", ".2f"),
     Field("mass_ci95_mg", tuple, lambda r, _: r.mass_ci95 and [bound / MILLIGRAM for bound in r.mass_ci95]),
+    Field("mass_source", str, lambda r, _: r.mass_source),
     Field("live_mass_mg", float, lambda r, _: r.live_mass / MILLIGRAM),
     Field("predicted_mass_mg", float, lambda r, _: r.predicted_mass / MILLIGRAM),
     Field("remainder_percent", float, lambda r, _: 100.0 * r.remainder),

@@ -20,6 +20,7 @@ from observer_rt.engine.observer import event_innovations, event_standstill, eve
 from observer_rt.engine.service.messages import CompiledPipeline
 from observer_rt.engine.stream.standstill import Standstill, resting_lift_of
 from observer_rt.engine.stream.state import Constants, Reason, VerdictKind
+from observer_rt.engine.stream.validity import until_learned
 
 
 @dataclass(eq=False)
@@ -36,6 +37,7 @@ class _PendingEvent:
     examined: Examination | None = None  # once it was
     earlier: Outcome | None = None  # what was learned from an earlier one
     objections: tuple[Objection, ...] = ()  # to it, or to what was learned
+    is_to_be_learned: bool = False  # from it, unless more come than can be learned from
     is_taken: bool = False
 
     @property
@@ -187,7 +189,8 @@ class Judging:
         )
         self._waiting.append(closed)
         self._submitted += 1
-        if not learning or window is None:
+        closed.is_to_be_learned = learning and window is not None
+        if not closed.is_to_be_learned:
             return
         if self._waits or self._learned_from is None:
             self._learn(closed)
@@ -232,7 +235,10 @@ class Judging:
             closed.window, closed.innovations, closed.knowledge.in_force, closed.constants
         )
         closed.earlier, self._late = self._late, None
-        closed.objections = closed.examined.objections or (closed.earlier.forward if closed.earlier else ())
+        objections = closed.examined.objections
+        if closed.is_to_be_learned:
+            objections = tuple(replace(each, reason=until_learned(each.reason)) for each in objections)
+        closed.objections = objections or (closed.earlier.forward if closed.earlier else ())
         colour = closed.earlier.knowledge.state.learned.colour if closed.earlier else examiner.colour
         post_examined(self._compiled.observer, closed.number, closed.objections, colour is not None, closed.earlier)
 
@@ -267,7 +273,8 @@ class Judging:
             self.late += 1
             if closed is not self._learned_from and closed.is_learned:
                 self._late = closed.learning.result()
-        return EventRecord(event, objections, outcome, self.knowledge, closed.constants)
+        is_late = closed.is_to_be_learned and outcome is None
+        return EventRecord(event, objections, outcome, is_late, self.knowledge, closed.constants)
 
     def _put_into_force(self, outcome: Outcome, event: np.void) -> None:
         """Puts knowledge into force from the judgement of an event, `stream.state.EVENT`, on."""

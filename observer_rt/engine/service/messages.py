@@ -259,8 +259,7 @@ class Counters:
     adoptions: int
     rejected_adoptions: int
     late_adoptions: int
-    passed_over: Annotated[int, "judging.passed_over"]
-    """Events judged, and not learned from since more came than can be."""
+    unlearned_events: int
     commands: Annotated[int, "energizing.commands"]
     """Energizings of the injector; 0, as the next, where that is no input."""
     missing_injections: int

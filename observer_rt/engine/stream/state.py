@@ -63,6 +63,7 @@ class Reason(IntEnum):
     OUTSIDE_LEARNED_RANGE = 28  # what was learned does not tell the flow of such an injection well enough
     LIFT_DEAD = 29  # the line pressure shows injections, the lift none
     PRELIMINARY = 30  # the needle's lift is not recorded: the rate is known when the needle is shut
+    LEARNING_LATE = 31  # the event left what was learned before, and could not be learned from in time
 
 
 def sample_dtype(states: int) -> np.dtype[np.void]:

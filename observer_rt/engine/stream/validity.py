@@ -10,19 +10,18 @@ from observer_rt.engine.stream.state import Reason, State
 _NOT_KNOWN_YET = (Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE, Reason.PRELIMINARY)
 _PASSING = frozenset({Reason.STARTING, Reason.JUMPED, *_NOT_KNOWN_YET})
 """Reasons that pass by themselves. A second sender does not, so it is more severe."""
-OF_MODEL = frozenset(
+_OF_FIT = frozenset(
     {
         Reason.MODEL_INADEQUATE,
-        Reason.PRESSURE_OFFSET,
-        Reason.SENSOR_LAG,
         Reason.NOT_LEARNED,
         Reason.SUDDEN_CHANGE,
         Reason.AMBIGUOUS_SCALE,
-        Reason.TIME_BASE,  # or the line pressure seems recorded late
         Reason.CONTRADICTED,
         Reason.LIFT_SENSOR_LAG,
     }
 )
+"""Reasons that are sure only once the event was fitted: until then it may be wear that nobody has learned yet."""
+OF_MODEL = _OF_FIT | {Reason.PRESSURE_OFFSET, Reason.SENSOR_LAG, Reason.TIME_BASE}
 """Reasons that say that the measurement contradicts the model, or what was learned."""
 _OF_LIVE_RATE = frozenset(
     {
@@ -32,6 +31,7 @@ _OF_LIVE_RATE = frozenset(
         Reason.SUDDEN_CHANGE,
         Reason.PRESSURE_OFFSET,
         Reason.LIFT_SENSOR_LAG,
+        Reason.LEARNING_LATE,
         *_NOT_KNOWN_YET,
     }
 )
@@ -40,14 +40,25 @@ _OF_LIVE_RATE = frozenset(
 A model or a time base that is wrong is not among them: an event that looks right by chance does not clear them."""
 
 
+def until_learned(reason: Reason) -> Reason:
+    """The reason against an event whose learning is late: nobody can say yet that it contradicts the model."""
+    return Reason.LEARNING_LATE if reason in _OF_FIT else reason
+
+
 def reason_of_injection(
-    of_samples: Reason, of_event: Reason, of_inputs: Reason, was_outlier: bool, is_learned: bool = False
+    of_samples: Reason,
+    of_event: Reason,
+    of_inputs: Reason,
+    was_outlier: bool,
+    is_learned: bool = False,
+    is_late: bool = False,
 ) -> Reason:
     """Why an injection is not valid. The judgement of its event may overrule what its samples said.
 
     of_samples: first reason of its samples; of_event: why its event did not pass the tests; of_inputs: why the
     samples of the event cannot be trusted; was_outlier: the samples that contradicted the model were outliers;
-    is_learned: its event was learned from, so that its mass is that of its own pressures.
+    is_learned: its event was learned from, so that its mass is that of its own pressures; is_late: it was to be, and
+    was judged before.
     """
     reason = of_samples
     if is_learned and reason in _OF_LIVE_RATE:
@@ -56,7 +67,7 @@ def reason_of_injection(
         reason = Reason.NONE if was_outlier else of_event or reason
     if of_inputs and reason in (Reason.NONE, Reason.NOT_JUDGED, *_NOT_KNOWN_YET):
         reason = of_inputs
-    return reason
+    return until_learned(reason) if is_late else reason
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ INJECTION_KEYS = {
     *("mass_ci95_mg", "nominal_mass_mg", "measured_mass_mg", "rate_rmse_mm3_per_ms"),
     *("nominal_rate_rmse_mm3_per_ms", "rate_ci95_halfwidth_mm3_per_ms", "valid", "reasons", "state"),
     *("phi_version", "posterior", "indicators", "live_mass_mg", "predicted_mass_mg", "remainder_percent"),
-    *("mass_noise_mg", "mass_learning_mg", "mass_calibration_mg"),
+    *("mass_noise_mg", "mass_learning_mg", "mass_calibration_mg", "mass_source"),
 }
 INDICATORS = {
     *("nozzle_v_H", "seat_v_S", "line_friction", "guide_leakage", "line_pressure_sensor_offset"),

@@ -28,10 +28,6 @@ from observer_rt.engine.learning.learned_range import (
 points = st.builds(EventPoint, st.floats(0.1, 2.0), st.floats(-9.0, -5.0), st.floats(0.0, 1.0))
 
 
-def test_nothing_is_known_before_the_first_event() -> None:
-    assert extrapolation_sigma(EventPoint(1.0, -7.0, 1.0), ()) == 1.0
-
-
 @given(points, st.lists(points, max_size=16), points)
 def test_more_events_make_none_stranger(point: EventPoint, learned_at: list[EventPoint], more: EventPoint) -> None:
     before, after = extrapolation_sigma(point, learned_at), extrapolation_sigma(point, [*learned_at, more])
@@ -40,22 +36,19 @@ def test_more_events_make_none_stranger(point: EventPoint, learned_at: list[Even
 
 def test_it_grows_with_the_distance_to_full() -> None:
     origin = EventPoint(1.0, -7.0, 0.8)
+    assert extrapolation_sigma(origin, ()) == 1.0
     away = np.array([extrapolation_sigma(EventPoint(1.0 + d * REACH[0], -7.0, 0.8), [origin]) for d in range(5)])
     assert np.all(np.diff(away) > 0.0)
     assert away[-1] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_repeated_events_leave_little_open() -> None:
-    point = EventPoint(1.0, -7.0, 0.8)
-    assert extrapolation_sigma(point, [point] * 10) < 0.2
-
-
-def test_old_points_are_forgotten() -> None:
+def test_old_points_are_forgotten_and_repeated_ones_leave_little_open() -> None:
     far, near = EventPoint(0.4, -8.0, 0.2), EventPoint(1.6, -6.0, 1.0)
     learned_at: tuple[EventPoint, ...] = (far,)
     for _ in range(20):
         learned_at = with_point(learned_at, near)
     assert extrapolation_sigma(far, learned_at) > 0.99
+    assert extrapolation_sigma(near, learned_at) < 0.2
 
 
 POINT = EventPoint(1.0, -7.0, 0.5)

@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 
 from observer_rt.engine.estimation.scalars import NOZZLE
+from observer_rt.engine.reports.evidence import EvidenceKind, kind_of
 from observer_rt.engine.service.core import Core
-from observer_rt.engine.stream.state import Reason
+from observer_rt.engine.service.judging import InlineExecutor
+from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.framing import Span, windows_of
 from observer_rt.files.signals.recording import Recording
 from tests.benches import sample_bench
@@ -54,37 +56,38 @@ def served(folder: Path, recording: Recording, work_after: range) -> tuple[Core,
     return core, notes, slow
 
 
-def test_every_event_is_judged_without_any_learning(tmp_path: Path, worn: Recording) -> None:
+def test_where_nothing_is_learned_in_time_every_event_is_judged_and_none_is_called_a_fault(
+    tmp_path: Path, worn: Recording
+) -> None:
     core, notes, slow = served(tmp_path, worn, range(0))
-    reasons = [report.reason for report in notes.injections]
-    assert len(reasons) >= INJECTIONS - 1
-    assert Reason.NOT_JUDGED not in reasons
+    reports = notes.injections
+    assert len(reports) >= INJECTIONS - 1
+    assert {report.reason for report in reports} == {Reason.TOO_FEW_EVENTS, Reason.LEARNING_LATE}
+    assert core.state == (State.DEGRADED, Reason.LEARNING_LATE)
+    assert kind_of(reports) is EvidenceKind.DOUBTFUL  # and not refused
     assert slow.most == 1  # no queue grows
     assert core.counters.adoptions == 0
     assert core.counters.late_adoptions == 1
-    assert core.counters.passed_over == core.counters.events - 2  # and one would be next
+    assert core.counters.unlearned_events == core.counters.events - 2  # and one would be next
 
 
-class Failing(Slow):
-    """Runs out of memory at one of its jobs."""
+def exhaust(*_: Any) -> None:
+    raise MemoryError("none left")
 
-    def __init__(self, number: int) -> None:
-        super().__init__()
-        self.number = number
+
+class Failing(InlineExecutor):
+    """Runs out of memory at its fourth job."""
+
+    left = 4
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        self.number -= 1
-        if self.number == 0:
-            future.set_exception(MemoryError("none left"))
-        else:
-            future.set_result(fn(*args, **kwargs))
-        return future
+        self.left -= 1
+        return super().submit(fn if self.left else exhaust, *args, **kwargs)
 
 
 def test_learning_that_fails_costs_its_event_only(tmp_path: Path, worn: Recording) -> None:
     path, notes = sample_bench(tmp_path), Notes()
-    core = core_of(path, executor=Failing(4), listeners=[notes])
+    core = core_of(path, executor=Failing(), listeners=[notes])
     for frame in Device(path).send(worn):
         hand(core, [frame])
     [notice] = notes.notices

@@ -9,6 +9,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
+from observer_rt.engine.reports.injection_report import MassSource
 from observer_rt.files.replay.framing import TimedFrame
 from tests.daemon.slow_frames import bed, safe_bed, slow_bench
 from tests.device import Result, Traffic, damaged, inserted, run, simulated
@@ -16,8 +17,6 @@ from tests.device import Result, Traffic, damaged, inserted, run, simulated
 ENABLE = {"learning_enable": ("Bed", "LearnEnable")}
 SAFE_ENABLE = {"learning_enable": ("SafeBed", "LearnEnableSafe")}
 BLOCK = 9  # samples in a frame
-
-
 Words = Iterable[tuple[int, TimedFrame]]
 
 
@@ -61,12 +60,13 @@ def test_what_was_learned_stays_in_force(clean: Traffic, with_frames: Callable[.
     first, second, third = held.reports
     assert held.core.counters.adoptions == 1 < usual.core.counters.adoptions
     assert first.mass_ci95 == usual.reports[0].mass_ci95
-    assert second.mass_ci95 is None
-    assert third.mass_ci95 is None
     for report in (second, third):
+        assert (report.mass, report.mass_ci95) == (report.live_mass, None)
+        assert report.mass_source is MassSource.LIVE_RATE
         assert report.phi_version == 1
         assert report.indicators[OFFSET].value == first.indicators[OFFSET].value
         assert report.indicators[NOZZLE].value == pytest.approx(first.indicators[NOZZLE].value, rel=1e-3)
+    assert third.validity == "valid, mass of the live rate, without an interval, not calibrated"
     assert [summary["Learning"] for summary in held.summaries] == [1, 0, 0]
     assert flags(held) == sorted(flags(held), reverse=True)
     assert 0 in flags(held)

@@ -6,6 +6,7 @@ import os
 import signal
 import socket
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -104,6 +105,16 @@ class SocketCounter:
                 len(stats.get(name, [])) for name in ("passed", "failed", "error", "skipped")
             )
             Path(os.environ[COUNTS_VARIABLE]).write_text(f"{passed} {failed + errors} {skipped} {len(self.tests)}\n")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the cases of a test as slow that follow its decisive ones."""
+    cases = Counter[str]()
+    for item in items:
+        cases[test := item.nodeid.partition("[")[0]] += 1
+        if (decisive := item.get_closest_marker("decisive")) and cases[test] > decisive.args[0]:
+            item.add_marker(pytest.mark.slow)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -77,15 +77,23 @@ def test_streams_that_are_closed(resting: Path, tmp_path: Path, closed: str) -> 
     assert (copied.splitlines()[0], copied.count("\n")) == (resting.read_text().splitlines()[0], 2001)
 
 
-@pytest.mark.parametrize("encoding", ["utf-8:strict", "ascii:strict", "utf-8:surrogateescape"])
-def test_a_file_name_that_a_terminal_would_obey_or_cannot_show(resting: Path, tmp_path: Path, encoding: str) -> None:
+@pytest.mark.parametrize(
+    ("encoding", "command"),
+    [
+        ("utf-8:strict", "convert {0} {0}.csv"),
+        ("ascii:strict", "evaluate {0}"),
+        ("utf-8:surrogateescape", "evaluate {0}.txt"),
+    ],
+)
+def test_a_file_name_that_a_terminal_would_obey_or_cannot_show(
+    resting: Path, tmp_path: Path, encoding: str, command: str
+) -> None:
     name = tmp_path / "a\x1b[31mü\udcfc.csv"
     name.write_bytes(resting.read_bytes())
-    for command in (["convert", name, f"{name}.csv"], ["evaluate", name], ["evaluate", f"{name}.txt"]):
-        words = [sys.executable, "-m", "observer_rt", *map(str, command)]
-        done = subprocess.run(words, capture_output=True, env=os.environ | {"PYTHONIOENCODING": encoding})
-        said = done.stdout + done.stderr
-        assert (b"Traceback" in said, rb"a\x1b[31m" in said, b"\x1b" in said) == (False, True, False), said
+    words = [sys.executable, "-m", "observer_rt", *command.format(name).split()]
+    done = subprocess.run(words, capture_output=True, env=os.environ | {"PYTHONIOENCODING": encoding})
+    said = done.stdout + done.stderr
+    assert (b"Traceback" in said, rb"a\x1b[31m" in said, b"\x1b" in said) == (False, True, False), said
 
 
 def test_a_figure_does_not_need_what_a_notebook_draws_with(worn: Path, tmp_path: Path) -> None:

@@ -231,6 +231,7 @@ def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
     assert printed(loop, tmp_path)[0].startswith("named: seat_area")
 
 
+@pytest.mark.slow
 def test_the_model_agrees_with_others_measurements_as_far_as_the_page_says(tmp_path: Path) -> None:
     page = Page("docs/validation.md")
     program = ROOT / "docs/validation/compare.py"

@@ -94,6 +94,7 @@ def test_wear_that_goes_on_is_valid_soon_after_a_sensor_that_came_back() -> None
     assert all(run.valid[BEGINS + 8 :])
 
 
+@pytest.mark.decisive(3)
 @pytest.mark.parametrize(("laws", "faults"), NINE_LAWS.values(), ids=NINE_LAWS)
 def test_a_law_of_nozzle_or_seat_is_learned(laws: Laws, faults: Faults) -> None:
     run = seen(lambda _: faults, 24, laws=laws)
@@ -112,6 +113,7 @@ def test_where_no_law_shows_other_pressures_are_known_at_once(faults: Faults) ->
     assert np.mean(run.inside) >= 0.9
 
 
+@pytest.mark.decisive(2)
 @pytest.mark.parametrize(("change", "live", "share"), [(-0.15, 0.03, 0.012), (0.15, 0.03, 0.012), (0.3, 0.02, 0.01)])
 def test_an_injection_that_shows_a_jump_is_valid_and_right(change: float, live: float, share: float) -> None:
     """By its own pressures, with its interval; what it would have been before the jump is known."""
@@ -124,6 +126,7 @@ def test_an_injection_that_shows_a_jump_is_valid_and_right(change: float, live: 
     assert abs(report.mass - run.true[BEGINS]) < report.mass_bound
 
 
+@pytest.mark.decisive(2)
 @pytest.mark.parametrize("wear", [-0.3, 0.0])
 @pytest.mark.parametrize("late", [20e-6, 40e-6, 60e-6])
 def test_masses_are_right_from_the_first_event_on_where_the_lift_is_late(late: float, wear: float) -> None:

@@ -70,6 +70,7 @@ def test_a_command_goes_by_the_sample_at_which_it_comes() -> None:
     assert np.subtract(delays, late) == pytest.approx(40e-6, abs=3e-6)
 
 
+@pytest.mark.decisive(2)
 @pytest.mark.parametrize(
     ("faults", "opens_later", "closes_later", "needle"),
     [
@@ -103,6 +104,7 @@ def without_lift(bench: Bench, opens_later: float, closes_later: float) -> Obser
     return ObservedRun(reports, masses.astype(np.float64))
 
 
+@pytest.mark.decisive(1)
 @pytest.mark.parametrize("faults", [Faults(), Faults(line_friction=2.0)], ids=["healthy", "friction"])
 def test_a_needle_that_bounces_is_learned_by_its_commands(faults: Faults) -> None:
     """A hop of 25 um, 40 to 100 us after the landing, which is no half sine."""
@@ -128,6 +130,7 @@ def test_a_late_line_sensor_is_not_taken_for_a_needle_that_bounces() -> None:
         assert LAG_UNIT * np.array(sizes) == pytest.approx([40e-6, 100e-6], abs=10e-6)
 
 
+@pytest.mark.decisive(2)
 @pytest.mark.parametrize(
     ("opens_later", "closes_later", "needle", "is_found"),
     [
@@ -148,6 +151,7 @@ def test_a_late_line_sensor_beside_a_needle_slow_near_its_seat_is_found_or_doubt
     assert (len(lags) >= 6, Reason.TIME_BASE in [report.reason for report in reports]) == (is_found, not is_found)
 
 
+@pytest.mark.decisive(2)
 @pytest.mark.parametrize("has_lift", [True, False])
 @pytest.mark.parametrize(
     ("lines", "frames"),

@@ -104,6 +104,7 @@ def humming(window: Window) -> Window:
     return window
 
 
+@pytest.mark.decisive(3)
 @pytest.mark.parametrize("fault", [swinging, humming])
 @pytest.mark.parametrize("lasts", [1, 3, 8])
 def test_of_events_at_fault_nothing_is_learned(fault: Callable[[Window], Window], lasts: int) -> None:

@@ -206,6 +206,7 @@ def _by_a_meter(recording: Recording, *lags: float) -> Recording:
     return replace(recording, injection_rate=0.9 * quick + 0.1 * lsim(([1.0], [creep, 1.0]), quick, time)[1])
 
 
+@pytest.mark.decisive(1)
 @pytest.mark.parametrize(("lags", "mean"), [((), 79e-6), ((0.2e-3,), 200e-6), ((0.25e-3, 0.08e-3), 330e-6)])
 def test_a_rate_of_a_meter_with_dynamics_gives_the_level_by_its_integral(lags: Sequence[float], mean: float) -> None:
     """Its shape would make sac and seat others, or the needle late; by how much it is late in the mean is found."""

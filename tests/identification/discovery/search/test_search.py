@@ -27,6 +27,7 @@ def _discovered(equation: TermEquation, law: str) -> Discovery:
     return name_effects(MODEL, measurements(recordings((hidden,), points=POINTS)), workers=2)
 
 
+@pytest.mark.slow
 def test_what_leaves_the_line_while_the_needle_is_open_is_one_law_and_no_two_names() -> None:
     """A seat and an orifice together explain nearly as much, and inject another mass."""
     result = _discovered(TermEquation.LINE_PRESSURE, "2.5[mm3/ms]*open")

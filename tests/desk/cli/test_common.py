@@ -68,7 +68,8 @@ def test_reader_that_goes_away() -> None:
         assert process.wait() == 1
 
 
-@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.decisive(1)
+@pytest.mark.parametrize("closed", ["<&- >&- 2>&-", ">&-", "2>&-"])
 def test_streams_that_are_closed(resting: Path, tmp_path: Path, closed: str) -> None:
     line = f'"$0" -m observer_rt convert {resting} copy.csv {closed}'
     done = subprocess.run(["bash", "-c", line, sys.executable], cwd=tmp_path, capture_output=True, text=True)

@@ -64,6 +64,7 @@ def test_no_model_is_overwritten(command: Command, worn: Path, bench: Path, tmp_
     assert model.read_bytes() == NOMINAL_INJECTOR.read_bytes()
 
 
+@pytest.mark.slow
 def test_of_two_that_are_tied_the_one_chosen_is_amended(command: Command, tmp_path: Path) -> None:
     recording, result = tmp_path / "seat.csv", tmp_path / "found"
     command(

@@ -142,7 +142,7 @@ def test_flows_coefficients_and_sac_scale_with_the_inertance(by_pressures: Calib
 def test_how_a_fuel_stiffens_is_fitted() -> None:
     file = filled(NOMINAL, "en590")
     plant = with_values(file, (STIFFNESS, STIFFENING), np.array([1.35e9, 12.0]))
-    fluid = _fit(_measured(simulations(injector=plant)), file).injector.fluid
+    fluid = _fit(_measured(simulations(POINTS[1::2], injector=plant)), file).injector.fluid
     assert fluid.bulk_modulus_by_pressure == pytest.approx(12.0, abs=0.2)
     assert fluid.bulk_modulus_line == pytest.approx(1.35e9, rel=0.01)
 
@@ -188,7 +188,7 @@ def _wrong_inertance() -> InjectorParameters:
 
 
 def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
-    done = _fit(_measured(simulations(measured_rate=True)), _wrong_inertance())
+    done = _fit(_measured(simulations(POINTS[::2], measured_rate=True)), _wrong_inertance())
     assert done.level_source is LevelSource.RATE
     assert done.fitted.calibration.folds[0].rate_shape
     assert "contradicts" not in verdict_words(done)
@@ -249,7 +249,7 @@ def test_a_line_that_no_structure_has_is_inadequate_and_said_where() -> None:
 def test_an_effect_in_force_is_part_of_the_model_that_is_fitted() -> None:
     offset = EffectInForce(id="guide_leakage", parameters={"c": EffectValue(value=3e-14, unit="m3/(s Pa)")})
     leaking = NOMINAL.model_copy(update={"effects": (offset,)})
-    measured = _measured(simulations(injector=leaking))
+    measured = _measured(simulations(POINTS[::2], injector=leaking))
     file = off_by_ten_percent(leaking)
     assert max(map(abs, _deviations(_fit(measured, file), NOMINAL).values())) < 3.0
     blind = _fit(measured, file.model_copy(update={"effects": ()}))

@@ -36,6 +36,7 @@ def test_what_disagrees_is_said_and_no_cause_that_a_refit_did_not_show() -> None
     assert "contradicts" not in with_rate
 
 
+@pytest.mark.decisive(1)
 @pytest.mark.parametrize(
     ("fault", "cause", "is_adequate"),
     [

@@ -58,19 +58,20 @@ def test_nothing_is_named_on_a_healthy_injector(measured_rate: bool) -> None:
     assert max(cell.excess for cell in result.before) < 5.0
 
 
+@pytest.mark.decisive(3)
 @pytest.mark.parametrize(
     ("hidden", "measured_rate"),
     [
         (sized("orifice_area", v_H=-0.04), False),
-        (sized("guide_leakage", c=6e-14), False),
-        pytest.param(sized("line_pressure_sensor_lag", tau=25e-6), False, marks=pytest.mark.slow),
         (sized("channel_skew", d=-17e-6), True),
-        pytest.param(sized("lift_offset", x_0=12e-6), False, marks=pytest.mark.slow),
-        pytest.param(sized("seat_outflow"), False, marks=pytest.mark.slow),
-        pytest.param(sized("orifice_cavitation", n_crit_excess=0.12), True, marks=pytest.mark.slow),
-        (sized("lift_dependent_seat_coefficient", a=0.4, x_c=40e-6), True),
         (sized("chamber_pressure_rise", dp=4e6, s=1.0), False),
-        pytest.param(sized("needle_lift_sensor_lag", tau=16e-6), False, marks=pytest.mark.slow),
+        (sized("guide_leakage", c=6e-14), False),
+        (sized("line_pressure_sensor_lag", tau=25e-6), False),
+        (sized("lift_offset", x_0=12e-6), False),
+        (sized("seat_outflow"), False),
+        (sized("orifice_cavitation", n_crit_excess=0.12), True),
+        (sized("lift_dependent_seat_coefficient", a=0.4, x_c=40e-6), True),
+        (sized("needle_lift_sensor_lag", tau=16e-6), False),
     ],
     ids=lambda value: str(value.effect.id) if isinstance(value, SizedEffect) else "",
 )
@@ -154,6 +155,7 @@ def test_held_out_recordings_rank_as_the_fitted_ones() -> None:
     assert held_out[()] > held_out[("line_friction",)] + 100.0
 
 
+@pytest.mark.slow
 def test_a_search_in_one_thread_ends_as_one_of_two_threads() -> None:
     hidden, shares = sized("entrained_air", g=1e-3), list[float]()
     assert _discover(hidden, workers=1) == _discover(hidden, progress=shares.append)

@@ -9,7 +9,9 @@ from observer_rt.model.plausibility import implausible
 
 
 def test_the_nominal_injector_has_what_injectors_have() -> None:
-    assert implausible(load_injector()) == ()
+    """Also with petrol."""
+    nominal = load_injector()
+    assert implausible(nominal) == implausible(with_values(nominal, [STIFFNESS], np.array([0.78e9]))) == ()
 
 
 @pytest.mark.parametrize(

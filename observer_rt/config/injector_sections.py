@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, mo
 
 from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.foundation.documents import Section
-from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
+from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS, TEMPERATURE_ORIGINS
 
 OneCharacter = Annotated[str, Field(min_length=1, max_length=1)]
 
@@ -72,6 +72,7 @@ class RecordingConfig(Section):
     injection_rate: ColumnConfig | None = None
     energizing: ColumnConfig | None = None
     chamber_pressure: ColumnConfig | None = None
+    fuel_temperature: ColumnConfig | None = None
     time: TimeConfig | None = None  # MDF4 files bring their own; others need it, or `rate_hz`
     rate_hz: SampleRate | None = None
     """Rate at which rows follow each other where no column is the time; also that of the grid."""
@@ -80,10 +81,11 @@ class RecordingConfig(Section):
     meaning: Meaning | None = None  # of their samples; None: as [sampling] says
     bridge_ms: Annotated[float, Field(ge=0.0, le=100.0)] = 0.05  # gaps up to this become a straight line
 
-    @field_validator("rail_pressure", "needle_lift", "line_pressure", "chamber_pressure")
+    @field_validator("rail_pressure", "needle_lift", "line_pressure", "chamber_pressure", "fuel_temperature")
     @classmethod
     def _known_unit(cls, column: ColumnConfig | None, field: ValidationInfo) -> ColumnConfig | None:
-        units = LENGTH_UNITS if field.field_name == "needle_lift" else PRESSURE_UNITS
+        others = {"needle_lift": LENGTH_UNITS, "fuel_temperature": TEMPERATURE_ORIGINS}
+        units = others.get(str(field.field_name), PRESSURE_UNITS)
         if column is not None and column.unit is not None and column.unit not in units:
             raise ValueError(f"{column.unit!r} is no unit of this quantity; write one of {', '.join(units)}")
         return column

@@ -42,16 +42,8 @@ _SPELLINGS = {  # in small letters, of units above
     "mikrometer": "um",
     "bara": "bar",
     "n/mm2": "MPa",
-    "n/mm²": "MPa",
-    "n/mm^2": "MPa",
-    "mm3_per_ms": "mm3/ms",
-    "mm3_per_s": "mm3/s",
-    "m3_per_s": "m3/s",
-    "mm^3/ms": "mm3/ms",
-    "mg_per_ms": "mg/ms",
-    "g_per_s": "g/s",
-    "kg_per_s": "kg/s",
 }
+_POWERS = str.maketrans("²³", "23", "^")
 
 _SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
 """Units as people write them, by those of files."""
@@ -61,7 +53,7 @@ def spelled(unit: str, units: Mapping[str, float]) -> str:
     """Spelling of a unit in `units`, found whatever its case and spelling; empty if `units` lack it."""
     if unit in units:
         return unit
-    small = unit.strip().lower()
+    small = unit.strip().lower().translate(_POWERS).replace("_per_", "/")
     spelling = _SPELLINGS.get(small, small)
     return next((each for each in units if spelling in (each, each.lower())), "")
 

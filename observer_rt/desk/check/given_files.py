@@ -22,7 +22,8 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS, fir
 from observer_rt.identification.likelihood.events import lift_noise
 
 _UNITS = {role.value: of[1:] for role, of in SIGNALS.items()}
-_UNITS |= {"injection_rate": ("mm3/ms", MM3_PER_MS), "energizing": ("", 1.0), "chamber_pressure": ("MPa", MEGAPASCAL)}
+_UNITS |= {"injection_rate": ("mm3/ms", MM3_PER_MS), "energizing": ("", 1.0)}
+_UNITS |= {"chamber_pressure": ("MPa", MEGAPASCAL), "fuel_temperature": ("K", 1.0)}
 
 
 @ruled("recording")

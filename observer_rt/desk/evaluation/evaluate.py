@@ -26,6 +26,7 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.model.effective import Coefficients
+from observer_rt.model.surroundings import Surroundings
 
 
 class History(NamedTuple):
@@ -101,4 +102,6 @@ def bench_for_all(bench: Bench, sources: Sequence[SignalStream]) -> Bench:
                 f"{sources[0].sample_rate:g} Hz; or their samples differ in what they mean",
                 "recordings of one history must be sampled alike",
             )
-    return max(benches, key=lambda bench: bench.injector.config.signals.chamber_pressure is None)
+    recorded = {name for source in sources for name in source.recorded} & {*Surroundings._fields}
+    signals = benches[0].injector.config.signals.model_copy(update=dict.fromkeys(recorded))
+    return benches[0].with_sections(signals=signals)

@@ -22,7 +22,7 @@ from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, cut
 from observer_rt.model.surroundings import Surroundings
 
-PIECE = 5e-3  # s of a recording, in which the pressure in the chamber is one
+PIECE = 5e-3  # s of a recording, in which the surroundings are the same
 Progress = Callable[[int], None]  # samples done
 
 
@@ -35,7 +35,6 @@ class ObserverRun:
         self._core, self._device, self._news = core, Device(bus), news
         self._progress, self._keeps_frames = progress, keeps_frames
         self._nominal = NominalModel(core.compiled.observer.constants)
-        self._filed = core.compiled.observer.constants.coefficients.chamber_pressure
         self._samples = HistorySamples()
         self._seen = 0  # samples of the core
         self._commands, self._command_start, self._is_energized = 0, 0, False  # start: index of its first sample
@@ -70,16 +69,15 @@ class ObserverRun:
             self._observe_surrounded(chunk)
 
     def _observe_surrounded(self, chunk: Chunk) -> None:
-        """Observe a chunk; in pieces, with the first pressure of each, where that in the chamber is recorded."""
-        pressure, piece = chunk.chamber_pressure, chunk.samples
-        if pressure is not None:
+        """Observe a chunk; in pieces, with the first values of each, where surroundings are recorded."""
+        recorded = {name: values for name, values in chunk.signals.items() if name in Surroundings._fields}
+        piece = chunk.samples
+        if recorded:
             piece = self._device.block * max(1, round(PIECE * chunk.sample_rate / self._device.block))
-        elif self._core.compiled.observer.constants.surroundings.chamber_pressure is not None:
-            pressure = np.full(1, self._filed)
         for first in range(0, chunk.samples, piece):
-            values = np.empty(0) if pressure is None else pressure[first : first + piece]
-            if (values := values[~np.isnan(values)]).size:
-                self._core.optional.take(Surroundings(chamber_pressure=float(values[0])))
+            parts = {name: values[first : first + piece] for name, values in recorded.items()}
+            values = {name: float(part[np.isnan(part).argmin()]) for name, part in parts.items()}
+            self._core.optional.take(Surroundings(**values))
             self._observe(self._device.blocks(cut(chunk, first, min(first + piece, chunk.samples))))
 
     def _energize(self, first_index: int, level: NDArray[np.bool_]) -> None:

@@ -16,7 +16,7 @@ from observer_rt.engine.reports.news import Listener, MeasuredMass
 from observer_rt.engine.service.injector import bench_constants
 from observer_rt.engine.service.messages import CompiledPipeline
 from observer_rt.engine.stream.state import Reason
-from observer_rt.model.surroundings import Surroundings
+from observer_rt.model.surroundings import Surroundings, filed
 
 if TYPE_CHECKING:
     from observer_rt.engine.service.commands import EnergizingFigures, EnergizingWatch
@@ -94,9 +94,12 @@ class OptionalInputs:
         memory["in_force"], memory["since_change"], memory["is_due"] = wanted, 0.0, False
 
     def take(self, surroundings: Surroundings) -> None:
-        """Take what no frame carries; it counts until the next."""
-        for number, value in enumerate(surroundings):
-            if value is not None:
+        """Take what no frame carries; it counts until the next. NaN: as before; None: as filed, if it ever was."""
+        as_filed = filed(self._injector.parameters, Surroundings._fields)
+        for number, (value, otherwise) in enumerate(zip(surroundings, as_filed, strict=True)):
+            if value is None and self._memory["is_input"][number]:
+                value = otherwise
+            if value is not None and not math.isnan(value):
                 self._memory["measured"][number], self._memory["is_input"][number] = value, True
 
     def opening_of(self, injection: np.void) -> CommandedOpening | None:

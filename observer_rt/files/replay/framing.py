@@ -21,6 +21,7 @@ from observer_rt.files.signals.stream import Sampled
 from observer_rt.files.signals.time_axis import refuse_wrong_clock
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE, MILLISECOND
+from observer_rt.model.surroundings import Surroundings
 
 WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
 WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
@@ -45,9 +46,8 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
         problem = f"is sampled at {rate:g} Hz, the observer takes {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz"
         remedy = "check the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s")
         raise UserError(str(recording.path), problem, remedy)
-    replaced = () if recording.has_lift else ("needle_lift",)
-    if "chamber_pressure" in recording.recorded:  # no frame carries that of a recording
-        replaced = (*replaced, "chamber_pressure")
+    replaced = [name for name in Surroundings._fields if name in recording.recorded]  # no frame carries them
+    replaced += [] if recording.has_lift else ["needle_lift"]
     if replaced:
         signals = bench.injector.config.signals.model_copy(update=dict.fromkeys(replaced))
         bench = bench.with_sections(signals=signals)

@@ -16,7 +16,7 @@ from observer_rt.config.injector_sections import Meaning
 from observer_rt.core.plant.plant import show_slowly
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.model.surroundings import CHAMBER_PRESSURES
+from observer_rt.model.surroundings import CHAMBER_PRESSURES, TEMPERATURES
 
 STEP_TOLERANCE = 0.2
 """Largest deviation of one step from the median step, as a share of it: stamps are often printed with few
@@ -37,7 +37,11 @@ EQUIDISTANT = (
     "of a bench file, which bridges and splits; of rounded stamps state rate_hz there, without [recording.time]"
 )
 
-OPTIONAL = ("injection_rate", "energizing", "chamber_pressure")  # signals that a recording may lack
+_SURROUNDINGS = {  # lowest, highest, a unit of both in words and in SI, what has no such value
+    "chamber_pressure": (*CHAMBER_PRESSURES, "MPa", MEGAPASCAL, "chamber's"),
+    "fuel_temperature": (*TEMPERATURES, "K", 1.0, "fuel's"),
+}
+OPTIONAL = ("injection_rate", "energizing", *_SURROUNDINGS)  # signals that a recording may lack
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", *OPTIONAL)
 
 
@@ -165,6 +169,8 @@ class Recording:
     """More than 0.5 while the injector is energized; None where that was not recorded."""
     chamber_pressure: NDArray[np.float64] | None = field(default=None, kw_only=True)
     """Absolute [Pa], a change between two injections; None where it is as in the injector file."""
+    fuel_temperature: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    """In the feed line [K], as the chamber pressure."""
     notes: tuple[str, ...] = field(default=(), kw_only=True)
     """Notes on what its reader left out or found odd."""
 
@@ -250,17 +256,17 @@ def shown_slowly(values: NDArray[np.float64], interval: float, *lags: float) -> 
 
 
 def refuse_impossible(signals: Arrays, place_of_row: Callable[[int], str]) -> None:
-    """Raise `UserError` for the first value of signals (n,) [SI] that is infinite, or no pressure of a chamber.
+    """Raise `UserError` for the first value of signals (n,) [SI] that is infinite, or impossible round an injector.
 
     `place_of_row` turns a zero-based row into a location that a user can find, such as a line of a file.
     """
     for signal, values in signals.items():
         odd, problem = np.isinf(values), "is infinite, or larger than any measurement"
-        if signal == "chamber_pressure":
-            lowest, highest = CHAMBER_PRESSURES
+        if signal in _SURROUNDINGS:
+            lowest, highest, unit, factor, whose = _SURROUNDINGS[signal]
             odd = (values < lowest) | (values > highest)
-            limits = f"{lowest / MEGAPASCAL:g} to {highest / MEGAPASCAL:g} MPa"
-            problem = f"is {values[odd.argmax()] / MEGAPASCAL:.4g} MPa, and no chamber's, {limits}; what is its unit?"
+            limits = f"{lowest / factor:g} to {highest / factor:g} {unit}"
+            problem = f"is {values[odd.argmax()] / factor:.4g} {unit}, and no {whose}, {limits}; what is its unit?"
         if odd.any():
             remedy = "write NaN, or leave the cell empty, where a value is not available"
             raise UserError(place_of_row(int(odd.argmax())), f"{signal} {problem}", remedy)

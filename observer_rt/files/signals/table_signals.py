@@ -12,14 +12,13 @@ from observer_rt.files.signals.table import TIME, Table, TablePart, Values
 from observer_rt.foundation import units
 from observer_rt.foundation.errors import UserError
 
-MASS_RATE_UNITS = {"mg/ms": 1e-3, "g/s": 1e-3, "kg/s": 1.0}
+MASS_RATE_UNITS = {"mg/ms": 1e-3, "g/s": 1e-3, "kg/s": 1.0, "mg/s": units.MILLIGRAM}
 RATE_UNITS = {
     "m3/s": 1.0,
     "mm3/ms": units.MM3_PER_MS,
     "mm3/s": units.CUBIC_MILLIMETRE,
-    "m³/s": 1.0,
-    "mm³/ms": units.MM3_PER_MS,
-    "mm³/s": units.CUBIC_MILLIMETRE,
+    "cm3/s": 1e-6,
+    "l/min": 1e-3 / 60.0,
     **MASS_RATE_UNITS,  # over the fuel's density
 }
 UNITS = {
@@ -29,6 +28,7 @@ UNITS = {
     "line_pressure": units.PRESSURE_UNITS,
     "injection_rate": RATE_UNITS,
     "chamber_pressure": units.PRESSURE_UNITS,
+    "fuel_temperature": dict.fromkeys(units.TEMPERATURE_ORIGINS, 1.0),
 }
 STEPS_PER_UNIT = 1e9  # of decimal text: a value on this grid becomes the double nearest to it in SI, too
 
@@ -119,7 +119,9 @@ class TableSignals(SignalStream):
                     "name the injector file (--model, or that of --bench), or state a unit of volume, and a factor",
                 )
             unit /= self._table.density
-        return _Scale(column.factor * unit, column.offset * unit, self._table.is_text and name != TIME)
+        origin = units.TEMPERATURE_ORIGINS[spelling] if name == "fuel_temperature" else 0.0
+        is_decimal = self._table.is_text and name != TIME and not origin
+        return _Scale(column.factor * unit, column.offset * unit + origin, is_decimal)
 
 
 class EvenSignals(TableSignals):

@@ -175,8 +175,9 @@ LINE_PRESSURE = WrittenColumn("line_pressure_MPa", "line_pressure", "MPa", facto
 INJECTION_RATE = WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", factor=MM3_PER_MS)
 ENERGIZING = WrittenColumn("energizing", "energizing", "-")
 CHAMBER = WrittenColumn("chamber_pressure_MPa", "chamber_pressure", "MPa", factor=MEGAPASCAL)
+FUEL = WrittenColumn("fuel_temperature_K", "fuel_temperature", "K")
 
-PRINTED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE, INJECTION_RATE, ENERGIZING, CHAMBER)
+PRINTED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE, INJECTION_RATE, ENERGIZING, CHAMBER, FUEL)
 SI = (  # every double comes back as it was
     TIME,
     WrittenColumn("rail_pressure_Pa", "rail_pressure", "Pa"),
@@ -185,6 +186,7 @@ SI = (  # every double comes back as it was
     WrittenColumn("injection_rate_m3_per_s", "injection_rate", "m3/s"),
     ENERGIZING,
     WrittenColumn("chamber_pressure_Pa", "chamber_pressure", "Pa"),
+    FUEL,
 )
 TRUTH = (  # of a simulation
     *(TIME, INJECTION_RATE, NEEDLE_LIFT, LINE_PRESSURE),

@@ -1,6 +1,7 @@
 """Recordings from tables in memory, pandas DataFrames and arrays by name, mapped as tables in files are."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import time
 from pathlib import Path
 from typing import Any
 
@@ -9,18 +10,22 @@ import pandas as pd
 from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.config.toml_file import validated
 from observer_rt.files.signals.arrow_table import ArrowTable, headings_of
+from observer_rt.files.signals.csv_dialect import MISSING
 from observer_rt.files.signals.mapped_signals import MappedSignals
-from observer_rt.files.signals.naming import in_words, layout_of, name_and_unit
+from observer_rt.files.signals.naming import in_words, is_unit, layout_of, name_and_unit
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream
 from observer_rt.files.signals.table import TIME
+from observer_rt.files.signals.time_axis import calendar_of
 from observer_rt.foundation.errors import UserError
+
+_WITH_THOUSANDS = r"[+-]?\d{1,3}(?:[.,]\d{3})*"  # `999` and `1.002` in one column may be 999 and 1002
 
 
 def _in_arrow(table: Any, name: str) -> Any:
     """A DataFrame, an index of floats or moments as its first column, or arrays by name as a table of Arrow.
 
-    Units in names, as `p_Rail [bar]`, or in `attrs["unit"]` become metadata. Raises `UserError` for anything else;
-    name: of the table in its message.
+    Units in names, as `p_Rail [bar]`, in a second row of names or in `attrs["unit"]` become metadata. Raises
+    `UserError` for anything else; name: of the table in its message.
     """
     import pyarrow
 
@@ -35,15 +40,39 @@ def _in_arrow(table: Any, name: str) -> Any:
             raise ValueError("several of its columns have one name")
         fields, columns = [], []
         for heading, column in frame.items():
-            header, unit = name_and_unit(str(heading))
-            values = column.astype(str) if column.dtype == object else column
-            columns.append(pyarrow.array(values, from_pandas=True))
+            header, unit = name_and_unit(_one_line(heading))
+            columns.append(pyarrow.array(_numbers(column), from_pandas=True))
             metadata = {"unit": str(column.attrs.get("unit", unit))}
             fields.append(pyarrow.field(header, columns[-1].type, metadata=metadata))
         return pyarrow.table(columns, pyarrow.schema(fields))
     except (ValueError, TypeError, AttributeError, pyarrow.ArrowException) as error:
         remedy = "give columns of numbers, each under a name of its own, one value for each sample: shape (n,)"
         raise UserError(name, str(error), remedy) from None
+
+
+def _one_line(heading: Any) -> str:
+    """A heading of one or several rows, as units may be in the last, as `name [unit]`."""
+    if not isinstance(heading, tuple):
+        return str(heading)
+    *names, last = [str(part) for part in heading if part != "" and not str(part).startswith("Unnamed: ")]
+    return " ".join([*names, f"[{bare}]" if names and is_unit(bare := last.strip("[]() ")) else last])
+
+
+def _numbers(column: Any) -> Any:
+    """A column of text or of several types as numbers, with a decimal comma too, or moments; another one as it is."""
+    if column.dtype.kind != "O":
+        return column
+    text = column.astype(str).str.strip()
+    is_missing = column.isna() | text.str.lower().isin(MISSING)
+    if text[~is_missing].str.fullmatch(_WITH_THOUSANDS).all() and text.str.contains("[.,]").nunique() > 1:
+        return text
+    for sign in ".,":
+        numbers = pd.to_numeric(text.str.replace(sign, "."), errors="coerce")
+        if (numbers.notna() | is_missing).all():
+            return numbers
+    if (calendar := calendar_of(None, text)) is not None:
+        return calendar.nanoseconds(text).astype("M8[ns]" if calendar.has_date else "m8[ns]")
+    return column if all(isinstance(each, time) for each in column[~is_missing]) else text
 
 
 class HeldTable(ArrowTable):

@@ -17,8 +17,12 @@ _ALIASES = {  # in German, English and French, of names in small letters whose w
     "rail_pressure": r"rail|common|accumul|speicher|rampe|verteiler|\bp ?cr\b",
     "needle_lift": r"lift|hub\b|needle|nadel|lev[ée]e|aiguille|\bstroke|\bh ?n\b",
     "line_pressure": r"\bp?line|leitung|pipe|\btube|\bfeed|zulauf|inlet|conduite|ligne|\bp ?inj|\binj\w* p",
-    "injection_rate": r"\brate\b|\broi\b|verlauf|\bd[mvq] ?dt\b|taux|d[ée]bit",
+    "injection_rate": r"\brate\b|spritzrate\b|\broi\b|verlauf|\bd[mvq] ?dt\b|taux|d[ée]bit",
+    "energizing": r"^(?:energi[sz]ing|bestromung|ansteuerung)$",
+    "chamber_pressure": r"^chamber pressure\b",
+    "fuel_temperature": r"^fuel temperature\b",
 }
+_OF_FLOW_METERS = ("l/min",)  # which show a mean, where a column beside the pressures has such a unit
 _COMMANDED = r"\bset|soll|target|demand|desired|\bcmd|consigne"
 _GAUGE = re.compile(r"[ _]?(?:\((?:abs|a|g|rel)\)|abs|rel)\.?$", re.IGNORECASE)
 _NAME_AND_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
@@ -44,7 +48,9 @@ def layout_of(
     Raises `UserError` with the section to write where a signal has no heading or unit of its own, or several.
     """
     choices = [chosen(signal, headings) for signal in _ALIASES if signal != TIME or not brings_time]
-    needed = [choice for choice in choices if is_needed(choice.signal, has_shots) or choice.heading is not None]
+    stands_in = has_shots or any(choice.signal == "energizing" and not choice.problem for choice in choices)
+    headed = [choice for choice in choices if choice.heading is not None and choice.unit not in _OF_FLOW_METERS]
+    needed = [choice for choice in choices if is_needed(choice.signal, stands_in) or choice in headed]
     problems = [f"{choice.signal}: {choice.problem}" for choice in needed if choice.problem]
     if problems:
         problem = f"its headings do not say which column is which signal: {'; '.join(problems)}"
@@ -75,12 +81,14 @@ def is_unit(text: str) -> bool:
 
 def known_unit(signal: str, unit: str) -> str:
     """Spelling of a unit in the list of a signal's units; empty if the signal has no such unit."""
-    return spelled(unit, UNITS[signal]) or spelled(_GAUGE.sub("", unit), UNITS[signal])
+    of_signal = UNITS.get(signal, {})
+    return spelled(unit, of_signal) or spelled(_GAUGE.sub("", unit), of_signal)
 
 
 def signals_named(name: str) -> set[str]:
     """Signals that a name speaks of, among them that of the time; none for a value that is only commanded."""
-    apart = re.sub(r"(?<=[a-zà-ÿ0-9])(?=[A-ZÀ-Þ])|(?<=[A-Za-z])(?=\d)", " ", name.rpartition("/")[2] or name)
+    bare = re.sub(r".*/(?!dt\b)(?=.)", "", name)  # without its device
+    apart = re.sub(r"(?<=[a-zà-ÿ0-9])(?=[A-ZÀ-Þ])|(?<=[A-Za-z])(?=\d)", " ", bare)
     words = re.sub(r"[^a-zà-ÿµμ0-9]+", " ", apart.lower()).strip()
     if re.search(_COMMANDED, words):
         return set()
@@ -91,11 +99,12 @@ def signals_named(name: str) -> set[str]:
 def chosen(signal: str, headings: Sequence[Heading]) -> HeadingChoice:
     """The heading that names a signal."""
     named = {heading: unit_of(signal, heading) for heading in headings if signal in signals_named(heading.name)}
-    fitting = {heading: unit for heading, unit in named.items() if unit or not heading.unit}
+    has_none = signal not in UNITS  # a level
+    fitting = {heading: unit for heading, unit in named.items() if unit or has_none or not heading.unit}
     several = {heading: unit for heading, unit in fitting.items() if unit or heading.is_calendar} or fitting
     if len(several) == 1:
         ((heading, unit),) = several.items()
-        has_unit = unit or (signal == TIME and heading.is_calendar)
+        has_unit = unit or has_none or (signal == TIME and heading.is_calendar)
         return HeadingChoice(signal, heading, unit, "" if has_unit else f"'{heading.name}' has no unit")
     if named and not several:
         heading = next(iter(named))

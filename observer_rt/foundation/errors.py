@@ -59,7 +59,8 @@ def file_errors(path: Path) -> Iterator[None]:
     except FileNotFoundError:
         raise UserError(str(path), "no such file or folder", "check the path") from None
     except (PermissionError, IsADirectoryError, NotADirectoryError) as error:
-        raise UserError(str(path), f"cannot be opened: {error.strerror}", "check path and rights") from None
+        remedy = "name a file, for parts in a folder must be joined" if path.is_dir() else "check path and rights"
+        raise UserError(str(path), f"cannot be opened: {error.strerror}", remedy) from None
     except OSError as error:
         raise RunError(f"{path}: {error.strerror or error}") from error
 

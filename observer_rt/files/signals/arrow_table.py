@@ -17,13 +17,14 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS, NANOSECONDS_PER_US
 
 READABLE = "give a complete Parquet file"
+_OF_DAY = "time32", "time64"  # types whose values may pass midnight
 _NANOSECONDS = {"s": NANOSECONDS, "ms": NANOSECONDS_PER_MS, "us": NANOSECONDS_PER_US, "ns": 1}  # by units of stamps
 
 
 class ArrowTable(Table):
     """Columns by their names; units from the fields' metadata `unit`. Null is "not available".
 
-    Stamps of a calendar are in seconds from the first.
+    Stamps of a calendar, times of day, and durations are in seconds from the first.
     """
 
     def __init__(self, path: Path, config: RecordingConfig, schema: Any, is_own: bool = False) -> None:
@@ -39,7 +40,8 @@ class ArrowTable(Table):
             moments = (_moments(batch.column(0)) for batch in self._batches([self.mapped[TIME].column]))
             stamped = (moment[moment != NO_MOMENT] for moment in moments)
             self._origin = next((int(moment[0]) for moment in stamped if moment.size), 0)
-            self.origin = self._origin / NANOSECONDS
+            dated = str(schema.field(self.mapped[TIME].column).type).startswith("timestamp")
+            self.origin = self._origin / NANOSECONDS if dated else 0.0
 
     @abstractmethod
     def _batches(self, names: Sequence[str]) -> Iterator[Any]:
@@ -61,7 +63,7 @@ class ArrowTable(Table):
         import pyarrow
 
         if _is_calendar(column.type):
-            return seconds_since(self._origin, _moments(column))
+            return seconds_since(self._origin, _moments(column), str(column.type).startswith(_OF_DAY))
         if not _is_number(column.type):
             location = f"{self.path}, column {name}"
             raise UserError(location, f"holds {column.type}, no numbers", "map a column of numbers")
@@ -98,7 +100,7 @@ def headings_of(schema: Any) -> list[Heading]:
 
 
 def _is_calendar(kind: Any) -> bool:
-    return str(kind).startswith(("timestamp", "duration"))
+    return str(kind).startswith(("timestamp", "duration", *_OF_DAY))
 
 
 def _is_number(kind: Any) -> bool:
@@ -112,7 +114,7 @@ def _moments(column: Any) -> NDArray[np.int64]:
     """Stamps of a calendar as nanoseconds, `NO_MOMENT` for null."""
     import pyarrow
 
-    stamps = column.cast(pyarrow.int64())
+    stamps = column.cast(f"int{column.type.bit_width}").cast(pyarrow.int64())
     result: NDArray[np.int64] = stamps.fill_null(0).to_numpy(zero_copy_only=False) * _NANOSECONDS[column.type.unit]
     return np.where(stamps.is_valid().to_numpy(zero_copy_only=False), result, NO_MOMENT)
 

@@ -15,7 +15,7 @@ from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, Stretch
 from observer_rt.files.signals.table import NO_ROWS, TIME, Table, TablePart, Values
 from observer_rt.files.signals.table_signals import TableSignals
-from observer_rt.files.signals.time_axis import AxisSurvey, RowRun, rate_of, refuse_wrong_clock
+from observer_rt.files.signals.time_axis import AxisSurvey, RowRun, has_limits, rate_of, refuse_wrong_clock
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND, first_of
 
@@ -60,10 +60,11 @@ class MappedSignals(TableSignals):
     def __init__(self, table: Table, rate: float) -> None:
         """rate: counts where the mapping states none; 0: the rate of the first stamps."""
         super().__init__(table)
+        self._has_limits = has_limits(next(self._parts(0), NO_ROWS))
         self.sample_rate = table.config.rate_hz or rate or self._own_rate()
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
         self._main = min(range(len(self._axes)), key=lambda raster: self._axes[raster].period)
-        stamps = next(self._parts(self._main)).time
+        stamps = self._first_stamps(self._main)
         if stamps.size >= FEWEST_FOR_RATE and (own := rate_of(stamps)) is not None:
             refuse_wrong_clock(self.path, own, self.sample_rate, "the bench file")
         self._runs = self._usable_runs()
@@ -72,12 +73,16 @@ class MappedSignals(TableSignals):
         self.names = {name: column.column for name, column in self._mapped.items() if name != TIME}
         self.details = self._details()
 
+    def _first_stamps(self, raster: int) -> Values:
+        """First stamps of an axis, each once where it has two limits."""
+        time = next(self._parts(raster), NO_ROWS).time
+        return time[np.diff(time, append=np.inf) != 0.0] if self._has_limits else time
+
     def _own_rate(self) -> float:
-        first = next(self._parts(0), None)
-        rate = None if first is None else rate_of(first.time)
+        stamps = self._first_stamps(0)
+        rate = rate_of(stamps)
         if rate is None:
-            if first is not None:
-                self._refuse_disorder(int(np.count_nonzero(np.diff(first.time) < 0.0)), first.time.size)
+            self._refuse_disorder(int(np.count_nonzero(np.diff(stamps) < 0.0)), stamps.size)
             problem = "has no even rate"
             raise UserError(f"{self.path}: time", problem, "state it in the bench file: [recording] rate_hz = 100e3")
         if not LOWEST_RATE <= rate <= HIGHEST_RATE:
@@ -149,7 +154,7 @@ class MappedSignals(TableSignals):
             problem = "the time does not rise" if axis.rows > 1 else f"holds {axis.rows} sample(s)"
             remedy = "check the column of the time; two samples are the least"
             raise UserError(f"{self.path}, {name}", problem, remedy)
-        if axis.disordered > MOST_DISORDERED * axis.rows:
+        if axis.disordered > MOST_DISORDERED * axis.rows and not self._has_limits:
             raise UserError(
                 f"{self.path}, {name}",
                 f"its stamps are rounded: in {axis.disordered} of {axis.rows} rows the time repeats or steps back",
@@ -220,7 +225,9 @@ class MappedSignals(TableSignals):
                 f"{self.path}: {axis.bridged} gaps are bridged by straight lines, the longest of "
                 f"{axis.longest_bridge / MILLISECOND:.4g} ms"
             )
-        if axis.disordered:
+        if self._has_limits:
+            yield f"{self.path}: rows are pairs, left and right limit of an instant: the right one is read"
+        elif axis.disordered:
             yield f"{self.path}: {axis.disordered} rows with a time that repeats or steps back a little are left out"
         if dropped := len(axis.runs) - len(self._runs):
             yield f"{self.path}: {dropped} single samples between gaps are left out"

@@ -13,16 +13,20 @@ from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import TimeConfig
 from observer_rt.files.signals.recording import roundest
-from observer_rt.files.signals.table import Values
+from observer_rt.files.signals.table import TablePart, Values
 from observer_rt.foundation.errors import UserError
 
 ISO_8601 = "ISO8601"  # as pandas calls it
+TIMEDELTA = "N days HH:MM:SS"  # as pandas writes time that has passed
 _ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_TIMEDELTA = re.compile(r"\s*-?\d+ days? [-+]?\d\d:\d\d:\d\d")
 NO_MOMENT = np.iinfo(np.int64).min  # as NumPy and pandas have it
 _DATE = re.compile(r"ISO8601|%[aAbBcdDFGjmsuUVWxyY]")  # in the format of stamps
 _DAY, _HOUR = 86_400_000_000_000, 3_600_000_000_000  # ns
 _UNSEEN = 0.2  # samples, by which stamps of a grid may lie beside it at the end
 _BACK, _GAPS = 0.01, 0.1  # of the steps, that may not rise, and be gaps
+_PAIRED = 0.45  # of the rows, whose time the next one has, too: each but a few
+_LIMITED = 0.1  # of the other difference: that of a pair, or between two pairs
 SNAPPED = 0.4  # samples off an even grid up to which a stamp is taken for the grid's
 LOST = 1.5  # periods from stamp to stamp, beyond which samples are missing
 _CLOCK = 2e-3  # relative: no clock is so wrong
@@ -31,7 +35,7 @@ _USUAL = 3.2e3  # Hz: converters of sound and vibration take multiples, 48, 51.2
 
 
 class Calendar(NamedTuple):
-    """Format of the stamps, as of strptime, or `ISO_8601`. Without a zone they count as UTC."""
+    """Format of the stamps, as of strptime, `ISO_8601`, or `TIMEDELTA`. Without a zone they count as UTC."""
 
     form: str
 
@@ -44,6 +48,9 @@ class Calendar(NamedTuple):
         """Nanoseconds since 1970, or since midnight, of stamps (n,); `NO_MOMENT` for invalid ones."""
         import pandas  # slow to import
 
+        if self.form == TIMEDELTA:
+            passed = pandas.to_timedelta(pandas.Series(cells), errors="coerce")
+            return passed.to_numpy("timedelta64[ns]").astype(np.int64)
         try:
             stamps = pandas.to_datetime(pandas.Series(cells), format=self.form, errors="coerce", utc=True)
         except ValueError as error:
@@ -53,11 +60,8 @@ class Calendar(NamedTuple):
         return moments if self.has_date else np.where(moments == NO_MOMENT, NO_MOMENT, moments % _DAY)
 
     def seconds_since(self, origin: int, moments: NDArray[np.int64]) -> NDArray[np.float64]:
-        """`seconds_since`, where a time of day may pass midnight once."""
-        if not self.has_date:
-            after = (moments - origin + _HOUR) % _DAY - _HOUR  # a clock that was set back steps back by less
-            moments = np.where(moments == NO_MOMENT, NO_MOMENT, origin + after)
-        return seconds_since(origin, moments)
+        """`seconds_since`, by the format."""
+        return seconds_since(origin, moments, not self.has_date)
 
     def as_text(self, origin: int) -> str:
         """Description of how the stamps are read."""
@@ -67,17 +71,23 @@ class Calendar(NamedTuple):
 
 
 def calendar_of(time: TimeConfig | None, cells: Iterable[str]) -> Calendar | None:
-    """Calendar of a column: as stated, or ISO 8601 where a cell looks so and no unit is stated. None: numbers."""
+    """Calendar of a column: as stated, or as a cell looks where no unit is stated. None: numbers."""
     if time is not None and time.format is not None:
         return Calendar(time.format)
-    if (time is None or time.unit is None) and any(_ISO.match(cell) for cell in cells):
-        return Calendar(ISO_8601)
-    return None
+    forms = {ISO_8601: _ISO, TIMEDELTA: _TIMEDELTA} if time is None or time.unit is None else {}
+    cells = list(cells)
+    return next((Calendar(form) for form, pattern in forms.items() if any(map(pattern.match, cells))), None)
 
 
-def seconds_since(origin: int, moments: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Moments or times [ns] (n,) as exact seconds since `origin` [ns]; NaN for an invalid stamp."""
-    return np.where(moments == NO_MOMENT, np.nan, (moments - origin) / 1e9)
+def seconds_since(origin: int, moments: NDArray[np.int64], of_day: bool = False) -> NDArray[np.float64]:
+    """Moments or times [ns] (n,) as exact seconds since `origin` [ns]; NaN for an invalid stamp.
+
+    of_day: they are times of a day, and may pass midnight once.
+    """
+    after = moments - origin
+    if of_day:
+        after = (after + _HOUR) % _DAY - _HOUR  # a clock that was set back steps back by less
+    return np.where(moments == NO_MOMENT, np.nan, after / 1e9)
 
 
 def rate_of(stamps: Values) -> float | None:
@@ -93,6 +103,19 @@ def rate_of(stamps: Values) -> float | None:
     if together.size < (1.0 - _GAPS) * step.size:
         return None
     return roundest(1.0 / float(together.mean()), _UNSEEN / together.size)
+
+
+def has_limits(part: TablePart) -> bool:
+    """Whether rows are pairs of one instant, the left and the right limit, as simulations write them.
+
+    A state is equal in a pair, a held input from pair to pair; what was measured, with rounded stamps, in neither.
+    """
+    first = np.flatnonzero(np.diff(part.time) == 0.0)
+    if first.size <= _PAIRED * part.time.size or np.any(np.diff(first) == 1):
+        return False
+    changes = (np.abs(np.diff(values)) for values in part.signals.values())
+    both = [(np.nansum(change[first]), np.nansum(change[first[1:] - 1])) for change in changes]
+    return all(min(within, across) <= _LIMITED * max(within, across) for within, across in both)
 
 
 def refuse_wrong_clock(path: Path | None, rate: float, expected: float, of: str) -> None:
@@ -134,7 +157,7 @@ class AxisSurvey:
         """Gaps that are closed by a straight line."""
         self.longest_bridge = 0.0  # s
         self.disordered = 0
-        """Stamps that repeat, or step back a little: left out."""
+        """Stamps that repeat, of which the last counts, or step back a little: left out."""
         self.off_grid = 0.0
         """Largest distance of a stamp from a grid that begins with its run [samples]."""
         self.rows = 0
@@ -176,12 +199,12 @@ class AxisSurvey:
         self.rows += time.size
 
     def knots(self, time: Values, begin: float) -> tuple[Values, NDArray[np.bool_]]:
-        """Places of stamps [s] on the grid that begins at `begin`, and which of them rise."""
+        """Places of stamps [s] on the grid that begins at `begin`, and which of them rise: the last of equal ones."""
         position = (time - begin) * self._rate
         if self.is_on_grid:
             position = np.rint(position)
-        rises = np.ones(position.size, np.bool_)
-        rises[1:] = position[1:] > np.maximum.accumulate(position)[:-1]
+        rises = position >= np.maximum.accumulate(position)
+        rises[rises] = np.diff(position[rises], append=np.inf) > 0.0
         return position, rises
 
     def at(self, grid: Values, position: Values, values: Values) -> Values:

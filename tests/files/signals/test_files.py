@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from observer_rt.files.formats import is_log, open_log, read_recording, write_recording
+from observer_rt.files.formats import is_log, read_recording, write_recording
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 
@@ -76,13 +76,6 @@ def test_round_trip_is_exact(tmp_path: Path, suffix: str, recording: Recording) 
     assert path.read_bytes() == first
 
 
-@pytest.mark.parametrize("name", ["a.doc", "a", "a.mf4.gz"])
-def test_unknown_suffix_lists_the_known(tmp_path: Path, name: str) -> None:
-    for attempt in (lambda: read_recording(tmp_path / name), lambda: write_recording(tmp_path / name, RECORDING)):
-        with pytest.raises(UserError, match=r"known suffixes: \.csv, \.mf4"):
-            attempt()
-
-
 @pytest.mark.parametrize("suffix", [".csv", ".mf4"])
 def test_a_file_or_folder_that_is_not_there(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(UserError, match="no such file"):
@@ -90,7 +83,7 @@ def test_a_file_or_folder_that_is_not_there(tmp_path: Path, suffix: str) -> None
     with pytest.raises(UserError, match="no such file or folder"):
         write_recording(tmp_path / "absent" / f"a{suffix}", RECORDING)
     (tmp_path / "folder.csv").mkdir()
-    with pytest.raises(UserError, match="cannot be opened"):
+    with pytest.raises(UserError, match=r"cannot be opened(?s:.*)parts in a folder must be joined"):
         read_recording(tmp_path / "folder.csv")
 
 
@@ -104,7 +97,7 @@ def test_a_device_is_not_replaced_by_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "advice"),
     [
-        ("a.db", "known suffixes: "),
+        ("a", r"known suffixes: \.csv, \.mf4"),
         ("a.xlsx", r"save it as a\.csv, or read it by pandas"),
         ("a.mat", "read it by pandas"),
         ("a.mdf", r'convert\("4\.10"\)\.save\("a\.mf4"\)'),
@@ -116,6 +109,6 @@ def test_a_device_is_not_replaced_by_a_file(tmp_path: Path) -> None:
     ],
 )
 def test_kinds_that_are_met_but_not_read_have_a_remedy_of_their_own(tmp_path: Path, name: str, advice: str) -> None:
-    for read in (is_log, open_log, read_recording):
+    for read in (is_log, read_recording, lambda path: write_recording(path, RECORDING)):
         with pytest.raises(UserError, match=rf"unknown kind of file(?s:.*){advice}"):
             read(tmp_path / name)

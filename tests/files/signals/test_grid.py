@@ -194,9 +194,19 @@ def test_two_columns_of_one_name_in_parquet(tmp_path: Path) -> None:
         opened(tmp_path / "x.parquet", tmp_path)
 
 
-@pytest.mark.parametrize("digits", [4, 5])
-def test_stamps_rounded_to_more_than_a_sample_are_to_blame(tmp_path: Path, digits: int) -> None:
+@pytest.mark.parametrize("rounded", [np.round, np.floor])
+def test_stamps_rounded_to_more_than_a_sample_are_to_blame(tmp_path: Path, rounded: np.ufunc) -> None:
     """Every second row would be left out, and the rest read at half the rate."""
-    path = write_rows(tmp_path, np.round(np.arange(400) * 2.0**-1 * 10.0**-digits, digits))
+    path = write_rows(tmp_path, rounded(np.arange(400) / 2.0) / RATE)
     with pytest.raises(UserError, match=r"(?s)its stamps are rounded.*remedy: .*\[recording\] rate_hz"):
         opened(path, tmp_path)
+
+
+def test_two_rows_an_instant_are_its_limits(tmp_path: Path) -> None:
+    """Of a state, and of inputs, which are held in between."""
+    number = np.arange(600)
+    state, held = number // 2, np.maximum(number - 1, 0) // 2
+    path = write_rows(tmp_path, state / RATE, lift=state, p_Rail=1000 + held, p_Line=99 + held / 4)
+    stream = opened(path, tmp_path)
+    assert "the right one is read" in stream.notes[0]
+    np.testing.assert_allclose(stream.collected().rail_pressure, 1e5 * (1000 + np.arange(300)))

@@ -1,6 +1,7 @@
 """One recording as other tools write it: files in many layouts and of many kinds, and tables in memory."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +18,8 @@ Columns = Mapping[str, NDArray[np.float64]]
 GERMAN = ("Zeit [µs]", "p_Rail [bar]", "Nadelhub [µm]", "p_Leitung [bar]")
 ENGLISH = ("time_s", "rail_pressure_bar", "needle_lift_um", "line_pressure_bar")
 PLAIN = ("t", "rail", "lift", "line")
+NOON = np.datetime64("2026-03-01T12:00:00", "ns")
+IN_TWO_ROWS = pd.MultiIndex.from_arrays([PLAIN, ("s", "[bar]", "um", "bar")])
 
 
 def columns(recording: Recording, names: Sequence[str], time: float = 1.0) -> dict[str, NDArray[np.float64]]:
@@ -69,9 +72,8 @@ def _csv(
     return Layout(name, make)
 
 
-def _stamped(content: str) -> str:
+def _stamped(content: str, start: Any = NOON) -> str:
     head, *rows = content.splitlines()
-    start = np.datetime64("2026-03-01T12:00:00", "ns")
     stamps = [start + np.timedelta64(round(float(row.split(",", 1)[0]) * 1e3), "ns") for row in rows]
     stamped = (f"{stamp},{row.split(',', 1)[1]}" for stamp, row in zip(stamps, rows, strict=True))
     return "\n".join([head, *stamped, ""])
@@ -90,11 +92,12 @@ def _mdf(folder: Path, recording: Recording, version: str, suffix: str) -> Path:
     return saved.rename(folder / f"a.{suffix}")
 
 
-def _parquet(folder: Path, recording: Recording, is_dated: bool) -> Path:
+def _parquet(folder: Path, recording: Recording, is_dated: bool, of_day: bool = False) -> Path:
     frame = _frame(recording)
     if is_dated:
-        start = pd.Timestamp("2026-03-01T12:00:00")
-        frame["time_s"] = start + pd.to_timedelta(np.rint(recording.time * 1e9), unit="ns")
+        start = pd.Timestamp("2026-03-01T23:59:59.9")
+        stamps = pd.Series(start + pd.to_timedelta(np.rint(recording.time * 1e9), unit="ns"))
+        frame["time_s"] = stamps.dt.time if of_day else stamps
         frame = frame.rename(columns={"time_s": "stamp"})
     parquet.write_table(ArrowTable.from_pandas(frame), folder / "a.parquet", write_page_checksum=True)
     return folder / "a.parquet"
@@ -124,7 +127,8 @@ LAYOUTS = (
     _csv("a line of units", names=PLAIN, under=("us", "bar", "um", "bar")),
     _csv("bracketed units below", names=PLAIN, under=("[ms]", "[bar]", "[µm]", "[bar]"), time=1e3, form=".5f"),
     _csv("moments", separator=",", names=("stamp", *GERMAN[1:]), change=_stamped),
-    _csv("text", file="a.txt"),
+    _csv("moments of text", separator=",", names=("t", *GERMAN[1:]), change=partial(_stamped, start=pd.Timedelta(0))),
+    _csv("text, zeros behind", file="a.txt", change=lambda content: content + "\0" * 300_000),
     _csv(
         "English",
         names=("Time (ms)", "Common rail pressure (bar)", "Needle lift (um)", "Inlet pressure (bar)"),
@@ -141,7 +145,9 @@ LAYOUTS = (
     Layout("MDF 4", lambda folder, recording: _mdf(folder, recording, "4.10", "mf4")),
     Layout("Parquet", lambda folder, recording: _parquet(folder, recording, is_dated=False)),
     Layout("Parquet moments", lambda folder, recording: _parquet(folder, recording, is_dated=True)),
-    Layout("DataFrame", lambda _, recording: _frame(recording)),
+    Layout("Parquet times of day", lambda folder, recording: _parquet(folder, recording, is_dated=True, of_day=True)),
+    Layout("DataFrame of text", lambda _, made: _frame(made).map(lambda value: f"{value:.7f}".replace(".", ","))),
+    Layout("DataFrame with a row of units", lambda _, recording: _frame(recording).set_axis(IN_TWO_ROWS, axis=1)),
     Layout("DataFrame of moments", lambda _, recording: _indexed(recording)),
     Layout("arrays", lambda _, recording: columns(recording, GERMAN, 1e6)),
 )

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from observer_rt.config.bench import load_bench
 from observer_rt.files.formats import read_recording
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.tables_in_memory import signals_of
 from observer_rt.foundation.errors import UserError
+from observer_rt.model.surroundings import Surroundings
 from tests.device import simulated
 from tests.files.layouts import LAYOUTS, Layout, text
 
@@ -51,17 +51,15 @@ def test_vague_headings_name_the_section(tmp_path: Path, names: tuple[str, ...],
     assert f"\n{lacking} = ..." in places or f'\n{lacking} = "..."' in places
 
 
-def test_a_section_reads_what_headings_do_not_say(tmp_path: Path) -> None:
-    path, bench = tmp_path / "a.csv", tmp_path / "bench.toml"
-    path.write_text(text(OURS, ("a", "b", "c", "d"), time=1e3, form=".5f"))
-    columns = zip(
-        ("time", "rail_pressure", "needle_lift", "line_pressure"), "abcd", ("ms", "bar", "um", "bar"), strict=True
-    )
-    sections = (f'[recording.{name}]\ncolumn = "{at}"\nunit = "{unit}"\n' for name, at, unit in columns)
-    bench.write_text("[sampling]\nrate_hz = 50e3\n[recording]\n" + "".join(sections))
-    recording = read_recording(path, load_bench(bench, off_bus=True).injector)
-    np.testing.assert_allclose(recording.rail_pressure, OURS.rail_pressure, atol=20.0)
-    np.testing.assert_allclose(recording.line_pressure, OURS.line_pressure, atol=20.0)
+def test_energizing_stands_for_the_lift_and_surroundings_have_names_of_their_own() -> None:
+    table = {f"{name}_Pa": OURS.signals[name] for name in ("rail_pressure", "line_pressure")} | {"time_s": OURS.time}
+    around = {
+        "chamber_pressure_bar": np.full(OURS.samples, 50.0),
+        "Fuel temperature [degC]": np.full(OURS.samples, 40),
+    }
+    recording = signals_of({**table, **around, "energizing": np.ones(OURS.samples)}).collected()
+    assert recording.recorded == ("rail_pressure", "line_pressure", "energizing", *Surroundings._fields[::-1])
+    assert [recording.signals[name][0] for name in Surroundings._fields] == [313.15, 5e6]
 
 
 def test_a_table_without_a_time_is_read_by_its_rate() -> None:

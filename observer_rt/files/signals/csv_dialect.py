@@ -3,9 +3,9 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TextIO
 
 from observer_rt.config.injector_sections import ColumnConfig, RecordingConfig
 from observer_rt.files.signals.naming import is_unit, name_and_unit, signals_named
@@ -27,7 +27,14 @@ _HEAD = 1 << 16  # bytes by which the encoding is detected
 _LOOKED_AT = 200  # lines: names and numbers must begin within them
 LONGEST_LINE = 1 << 18  # characters: some 20,000 columns
 _FEWEST = 3  # columns of numbers that a recording has
+_REMEDY = (
+    "write the names of its columns in a line above the numbers, which may begin with #; or state in a bench file, "
+    "given by --bench, which is which by their numbers: [recording.rail_pressure] column = 2, and so on"
+)
+_BEFORE_NAMES = re.compile(rf"^\ufeff? *(?:{COMMENT}[{COMMENT}\s]*)?")
 _UNIT_APART = re.compile(r"(?<=\w)\s+(?=[\[(])")
+_NAME_WITH_UNIT = re.compile(r"[^\s\[\]()][^\[\]()]*(?:\[[^\[\]]*\]|\([^()]*\))")
+_ROW_BRACKETS = "(); \t"
 
 
 class Dialect(NamedTuple):
@@ -84,25 +91,24 @@ class _Trial(NamedTuple):
         return self.name_count, numbers, len(self.above[self.heading]) if not numbers else 0
 
 
-def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False, fewest: int = _FEWEST) -> Dialect:
+def dialect_of(
+    path: Path, config: RecordingConfig | None, is_own: bool = False, fewest: int = _FEWEST, remedy: str = _REMEDY
+) -> Dialect:
     """Dialect of a file that has the columns of a mapping; None: any `fewest` columns of numbers.
 
-    is_own: the mapping is our own layout. Raises `UserError` if no line has the names, or no numbers follow.
+    is_own: the mapping is our own layout; remedy: for a file without names. Raises `UserError` if no line has the
+    names, or no numbers follow.
     """
     with path.open("rb") as binary:
         encoding = encoding_of(binary.read(_HEAD))
     with path.open(encoding=encoding, errors="replace") as file:
-        lines: list[str] = []
+        rows, lines = whole_lines(file), list[str]()
         while len(lines) < _LOOKED_AT and sum(map(len, lines)) < 4 * LONGEST_LINE:
-            if not (line := file.readline(LONGEST_LINE + 1)):
+            if (line := next(rows, None)) is None:
                 break
             lines.append(line)
     refuse_long(path, lines, 0)
     lines = [line.rstrip("\r\n") for line in lines]
-    remedy = (
-        "write the names of its columns in a line above the numbers, which may begin with #; or state in a bench "
-        "file, given by --bench, which is which by their numbers: [recording.rail_pressure] column = 2, and so on"
-    )
     if not any(line.strip() for line in lines):
         raise UserError(str(path), "is empty", remedy)
     wanted: dict[str, ColumnConfig] = {}
@@ -151,6 +157,18 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False,
     )
 
 
+def named_headings(line: str) -> list[Heading]:
+    """Headings of a line of names with units, between blanks."""
+    return [Heading(*name_and_unit(name)) for name in _NAME_WITH_UNIT.findall(line)]
+
+
+def whole_lines(file: TextIO) -> Iterator[str]:
+    """Lines of a text, without the zeros behind the last one of a file whose size was set before."""
+    while line := file.readline(LONGEST_LINE + 1):
+        if not line.endswith("\0"):
+            yield line
+
+
 def refuse_long(path: Path, lines: Sequence[str], before: int) -> None:
     """Raise `UserError` for a line that is no row of a table; before: lines before these."""
     for number, line in enumerate(lines, before + 1):
@@ -161,8 +179,8 @@ def refuse_long(path: Path, lines: Sequence[str], before: int) -> None:
 
 def split_line(line: str, separator: str) -> list[str]:
     """Cells of a line without its end."""
-    if separator == " ":
-        return line.split()
+    if separator == " ":  # rows may be in brackets, as OpenFOAM writes them
+        return (line.strip(_ROW_BRACKETS) if line.lstrip().startswith(("(", ")")) else line).split()
     if '"' not in line:
         return line.split(separator)
     try:
@@ -173,10 +191,12 @@ def split_line(line: str, separator: str) -> list[str]:
 
 def _trial(lines: Sequence[str], separator: str, wanted: Mapping[str, ColumnConfig], fewest: int) -> _Trial:
     cells = [split_line(line.split(COMMENT)[0], separator) for line in lines]
-    titles = [line.lstrip("\ufeff").lstrip(COMMENT + " ") for line in lines]
-    if separator == " ":  # a unit in brackets belongs to the name before it
-        titles = [_UNIT_APART.sub("", title) for title in titles]
+    titles = [_BEFORE_NAMES.sub("", line) for line in lines]
     above = [[cell.strip() for cell in split_line(title, separator)] for title in titles]
+    if separator == " ":  # a unit in brackets ends the name before it, which may have several words
+        width = len(max(cells, key=_number_count))
+        named = [(split_line(_UNIT_APART.sub("", title), " "), _NAME_WITH_UNIT.findall(title)) for title in titles]
+        above = [units if len(words) != width == len(units) else words for words, units in named]
     counts = [sum(_column_number(column, row) is not None for column in wanted.values()) for row in above]
     name_count = max(counts)
     is_named = any(column.number is None for column in wanted.values())

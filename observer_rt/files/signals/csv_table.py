@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from observer_rt.config.injector_sections import RecordingConfig
-from observer_rt.files.signals.csv_dialect import COMMENT, MISSING, dialect_of, refuse_long, split_line
+from observer_rt.files.signals.csv_dialect import COMMENT, MISSING, dialect_of, refuse_long, split_line, whole_lines
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values
 from observer_rt.files.signals.time_axis import NO_MOMENT
@@ -46,7 +46,8 @@ class CsvTable(FileTable):
         units = {name: dialect.units[place] for name, place in dialect.places.items() if place < len(dialect.units)}
         self.units = {name: unit for name, unit in units.items() if unit}
         self.rasters = (tuple(name for name in self.mapped if name != TIME),)
-        self._is_cut = may_be_cut and self._ends_too_soon()
+        has_zeros, ends_too_soon = self._end()
+        self._is_cut = may_be_cut and ends_too_soon
         self._calendar = dialect.calendar(dialect.places[TIME], config) if TIME in dialect.places else None
         if self._calendar is not None:
             rows = (cells for _, lines in self._blocks() for cells in self._cells(lines).values())
@@ -58,6 +59,8 @@ class CsvTable(FileTable):
             self.layout += f"; {self._calendar.as_text(self._origin)}"
         if self._is_cut:
             self.notes.append(f"{path}: its last line has no line end and is left out: it may be cut short")
+        if has_zeros:
+            self.notes.append(f"{path}: zeros behind its last row are left out: its size was set before its content")
 
     @classmethod
     def names(cls, path: Path) -> Collection[str]:
@@ -85,7 +88,8 @@ class CsvTable(FileTable):
         before = self._dialect.first_row
         with self.path.open(encoding=self._dialect.encoding, errors="replace") as file:
             deque(islice(file, before), 0)
-            while lines := list(islice(file, SAMPLES_AT_ONCE)):
+            rows = whole_lines(file)
+            while lines := list(islice(rows, SAMPLES_AT_ONCE)):
                 refuse_long(self.path, lines, before)
                 if self._is_cut and not lines[-1].endswith("\n"):
                     lines.pop()
@@ -144,7 +148,8 @@ class CsvTable(FileTable):
     def _cells(self, lines: Sequence[str]) -> dict[int, list[str]]:
         """Cells of lines by their numbers from 1, without those that hold no row."""
         texts = (line.split(COMMENT)[0].strip("\r\n") for line in lines)
-        return {n: split_line(text, self._dialect.separator) for n, text in enumerate(texts, 1) if text.strip()}
+        split = {n: split_line(text, self._dialect.separator) for n, text in enumerate(texts, 1) if text.strip()}
+        return {number: cells for number, cells in split.items() if cells}
 
     def _one_by_one(self, before: int, lines: list[str]) -> Mapping[int, Any]:
         """Columns by their places. Raises `UserError` for a line that is no row of numbers."""
@@ -214,12 +219,13 @@ class CsvTable(FileTable):
                     f"{_UNGROUP}, or with other than three decimals where they are some",
                 )
 
-    def _ends_too_soon(self) -> bool:
-        """Whether the last line has no line end: its writer was stopped, and a number in it may be cut."""
+    def _end(self) -> tuple[bool, bool]:
+        """Whether zeros follow the last line, and whether it has no line end, so that a number in it may be cut."""
         with self.path.open("rb") as file:
             file.seek(max(0, self.path.stat().st_size - _TAIL))
             tail = file.read()
+        has_zeros = tail.endswith(b"\0\0")  # more than of a character of UTF-16
         # without those of UTF-16, and what Windows ends a file with
         tail = tail.replace(b"\0", b"").rstrip(b" \t\x1a")
         last = tail.decode("ascii", "replace").rpartition("\n")[2]
-        return not last.endswith("\r") and bool(self._cells([last]))
+        return has_zeros, not last.endswith("\r") and bool(self._cells([last]))

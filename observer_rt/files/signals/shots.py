@@ -13,6 +13,9 @@ from observer_rt.files.signals.table_signals import TableSignals
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.units import MILLISECOND, TIME_UNITS
 
+_START, _LENGTH = ("start", "beginn", "début", "debut"), ("length", "duration", "dauer", "länge", "durée", "duree")
+_HEADED = "write names and units of both above the numbers: start_s,length_us"
+
 
 def take_shots(path: Path, stream: TableSignals) -> None:
     """Tell the signals of a recording, by the table beside it, when the injector was energized.
@@ -25,13 +28,12 @@ def take_shots(path: Path, stream: TableSignals) -> None:
         problem = "is beside a recording that has a column 'energizing', or whose time begins anew"
         raise UserError(str(path), problem, "rename or delete this table or the column; or split the file there")
     with file_errors(path):
-        dialect = dialect_of(path, None, fewest=2)
+        dialect = dialect_of(path, None, fewest=2, remedy=_HEADED)
         timed = {heading: unit for heading in dialect.headings if (unit := unit_of(TIME, heading))}
-        named = [[column for column in timed if column.name.lower().startswith(word)] for word in ("start", "length")]
+        named = [[column for column in timed if column.name.lower().startswith(words)] for words in (_START, _LENGTH)]
         if [len(found) for found in named] != [1, 1]:
             problem = f"no start and length with units of time: {', '.join(head.name for head in dialect.headings)}"
-            remedy = "write names and units of both above the numbers: start_s,length_us"
-            raise UserError(f"{path}, line {dialect.heading}", problem, remedy)
+            raise UserError(f"{path}, line {dialect.heading}", problem, _HEADED)
         columns = [TimeConfig(column=heading.name) for (heading,) in named]
         layout = dict.fromkeys(("rail_pressure", "line_pressure")) | {TIME: columns[0], "energizing": columns[1]}
         # as in our own layouts every line below the names is a row

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from observer_rt.config.injector_sections import RecordingConfig, TimeConfig
-from observer_rt.files.signals.csv_dialect import dialect_of
+from observer_rt.files.signals.csv_dialect import dialect_of, named_headings
 from observer_rt.files.signals.csv_table import CsvTable
-from observer_rt.files.signals.naming import chosen, entries
+from observer_rt.files.signals.naming import chosen
 from observer_rt.files.signals.table import TIME
 from observer_rt.files.signals.table_signals import MASS_RATE_UNITS, UNITS
 from observer_rt.foundation.errors import UserError, file_errors
@@ -20,14 +20,19 @@ from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.likelihood.measurement import Measurement
 
 INJECTION_RATE = "injection_rate"
-RECORDING, MASS, RATE, SIGMA = "recording", "mass_mg", "rate_file", "sigma_mg"
+RECORDING, MASS, RATE, SIGMA, NAMES = "recording", "mass_mg", "rate_file", "sigma_mg", "names"
 SHARE_SIGMA = 0.005  # of a mass whose uncertainty is not stated: a good injection analyser
 LARGEST_MASS = 2000.0  # mg
+FLOWS = 0.2  # of the highest rate of a meter, above which it shows an injection
+EVENT_GAP = 10e-3  # s without such a rate, beyond which another injection begins, as in `[learning] event_gap_ms`
 _EXAMPLE = (
     f"write {RECORDING},{MASS}[,{SIGMA}] with lines such as healthy_60.csv,31.4, or of a rate meter's tables "
     f"{RECORDING},{RATE}[,{SIGMA}] with healthy_60.csv,tube_60.txt"
 )
-_HEADED = "write names and units of both columns above the numbers, such as: # time [ms], rate [mg/ms]"
+_HEADED = (
+    "write names and units of its columns above the numbers, such as: # time [ms], rate [mg/ms]; or in the table of "
+    f"masses, {RECORDING},{RATE},{NAMES} with healthy_60.csv,tube_60.txt,time [ms] rate [mg/ms]"
+)
 
 
 class MeanMass(NamedTuple):
@@ -45,8 +50,9 @@ def read_masses(path: Path, recordings: Sequence[Measurement], density: float) -
     """Measured masses by the number of the recording.
 
     CSV: `recording` (file name), `mass_mg` (mean of its injections, pilot and main as one) or `rate_file` (table of a
-    rate meter whose integral that mean is, by its path from this file), and, where there is such a column, `sigma_mg`
-    (standard deviation, else 0.5 %). density: of the fuel [kg/m3]. Raises `UserError` naming the line.
+    rate meter whose integral that mean is, by its path from this file), and, where there are such columns, `sigma_mg`
+    (standard deviation, else 0.5 %) and `names` (those of the meter's columns, with units, where its table has none).
+    density: of the fuel [kg/m3]. Raises `UserError` naming the line.
     """
     masses: dict[int, MeanMass] = {}
     for location, row in _rows(path):
@@ -63,10 +69,13 @@ def _rows(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
     """Rows of a table of masses that are not empty: file and line, and the cells by column."""
     with file_errors(path), path.open(encoding="utf-8-sig", newline="") as file:
         try:
-            header, *rows = [[cell.strip() for cell in row] for row in csv.reader(file)] or [[]]
+            separator = max(",;\t", key=file.readline().count)
+            file.seek(0)
+            header, *rows = [[cell.strip() for cell in row] for row in csv.reader(file, delimiter=separator)] or [[]]
         except (csv.Error, UnicodeDecodeError) as error:
             raise UserError(str(path), f"is no CSV: {error}", _EXAMPLE) from None
-    if sorted({*header} - {SIGMA}) not in ([MASS, RECORDING], [RATE, RECORDING]) or len({*header}) < len(header):
+    layouts = ({RECORDING, MASS}, {RECORDING, RATE}, {RECORDING, RATE, NAMES})
+    if {*header} - {SIGMA} not in layouts or len({*header}) < len(header):
         raise UserError(f"{path}, line 1", f"has the columns '{', '.join(header)}'", _EXAMPLE)
     for line, cells in enumerate(rows, start=2):
         location = f"{path}, line {line}"
@@ -92,7 +101,7 @@ def _mean_mass(location: str, row: Mapping[str, str], folder: Path, density: flo
     if MASS in row:
         mass = _milligrams(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
     else:
-        mass = _mass_of_rate(folder / row[RATE], density) / MILLIGRAM
+        mass = _mass_of_rate(folder / row[RATE], density, row.get(NAMES, "")) / MILLIGRAM
         _refuse_out_of_range(f"{location}, {RATE} {row[RATE]}", f"{mass:.12g}", mass, LARGEST_MASS)
     stated = row.get(SIGMA)
     sigma = _milligrams(f"{location}, {SIGMA}", stated, mass) if stated else SHARE_SIGMA * mass
@@ -103,7 +112,7 @@ def _milligrams(location: str, text: str, highest: float) -> float:
     """The number in a cell. Raises `UserError` for another text, and out of range."""
     value = math.nan
     with suppress(ValueError):
-        value = float(text)
+        value = float(text.replace(",", "."))
     _refuse_out_of_range(location, text, value, highest)
     return value
 
@@ -113,20 +122,30 @@ def _refuse_out_of_range(location: str, text: str, value: float, highest: float)
         raise UserError(location, f"'{text}' is out of range", f"give mg above 0 and up to {highest:g}")
 
 
-def _mass_of_rate(path: Path, density: float) -> float:
+def _mass_of_rate(path: Path, density: float, names: str = "") -> float:
     """Mass [kg] that a rate meter's table holds, in any dialect: the trapezoidal integral of the rate over the time.
 
-    Its headings may stand behind #. density: of the fuel [kg/m3]. Raises `UserError` for headings that do not say
-    which column is which, in which unit, and for a row that is no measurement, with its line.
+    Its headings may stand behind #. density: of the fuel [kg/m3]; names: in place of headings. Raises `UserError` for
+    headings that do not say which column is which, in which unit, for two injections, and for a row that is no
+    measurement, with its line.
     """
     with file_errors(path):
-        dialect = dialect_of(path, None, fewest=2)
-        choices = {signal: chosen(signal, dialect.headings) for signal in (TIME, INJECTION_RATE)}
+        headings, location = named_headings(names), f"{path}, {NAMES} '{names}'"
+        if not names:
+            dialect = dialect_of(path, None, fewest=2, remedy=_HEADED)
+            headings, location = dialect.headings, f"{path}, line {dialect.heading}"
+        choices = {signal: chosen(signal, headings) for signal in (TIME, INJECTION_RATE)}
         if problems := [f"{name}: {choice.problem}" for name, choice in choices.items() if choice.problem]:
-            raise UserError(f"{path}, line {dialect.heading}", "; ".join(problems), _HEADED)
-        columns = {name: TimeConfig.model_validate(dict(entries(choice))) for name, choice in choices.items()}
+            raise UserError(location, "; ".join(problems), _HEADED)
+        columns = {
+            name: TimeConfig(column=f"#{headings.index(choice.heading) + 1}", unit=choice.unit or None)
+            for name, choice in choices.items()
+            if choice.heading is not None
+        }
         others = ("rail_pressure", "needle_lift", "line_pressure")  # which a meter has not
-        table = CsvTable(path, RecordingConfig.model_construct(None, **dict.fromkeys(others), **columns))
+        layout = RecordingConfig.model_construct(None, **dict.fromkeys(others), **columns)
+        dialect_of(path, layout, fewest=2, remedy=_HEADED)
+        table = CsvTable(path, layout)
         parts = list(table.parts(0))
     time = np.concatenate([part.time for part in parts])
     rate = np.concatenate([part.signals[INJECTION_RATE] for part in parts])
@@ -135,6 +154,11 @@ def _mass_of_rate(path: Path, density: float) -> float:
         problem = "the time does not rise, or a value is missing" if bad.size else "holds one row only"
         location = table.location(int(bad[0]) if bad.size else 0, 0)
         raise UserError(location, problem, "give one row for each instant, in the order of time")
-    unit = choices[INJECTION_RATE].unit
-    factor = UNITS[TIME].get(choices[TIME].unit, 1.0) * UNITS[INJECTION_RATE][unit]
+    unit = columns[INJECTION_RATE].unit or ""
+    seconds = UNITS[TIME].get(columns[TIME].unit or "", 1.0)  # of a calendar
+    flowing = time[rate > FLOWS * rate.max()] * seconds
+    if pauses := np.count_nonzero(np.diff(flowing) > EVENT_GAP):
+        problem = f"holds {pauses + 1} injections, the last at {flowing[-1]:.4g} s"
+        raise UserError(str(path), problem, "give the rate of one, pilot and main as one, such as their mean")
+    factor = seconds * UNITS[INJECTION_RATE][unit]
     return float(np.trapezoid(rate, time)) * factor * (1.0 if unit in MASS_RATE_UNITS else density)

@@ -175,19 +175,25 @@ def test_separators_of_thousands_are_refused(tmp_path: Path, cell: str, decimal:
     require_refusal(path, tmp_path, said, "write the file again without separators of thousands")
 
 
-@given(cut=st.integers(1, 60), encoding=st.sampled_from(("utf-8", "utf-16", "utf-16-be", "cp1252")))
-def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(tmp_path: Path, cut: int, encoding: str) -> None:
+@given(
+    cut=st.integers(1, 60), encoding=st.sampled_from(("utf-8", "utf-16", "utf-16-be", "cp1252")), zeros=st.booleans()
+)
+def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(
+    tmp_path: Path, cut: int, encoding: str, zeros: bool
+) -> None:
+    """Also before the zeros of a file whose size was set beforehand."""
     path, user_bench = tmp_path / "foreign.csv", bench(tmp_path)
     text = named(*lines())
     mark = codecs.BOM_UTF16_BE if encoding == "utf-16-be" else b""
     path.write_bytes(mark + text.encode(encoding))
     complete = read(path, user_bench)
-    path.write_bytes(mark + text[:-cut].encode(encoding))
+    path.write_bytes(mark + text[:-cut].encode(encoding) + bytes(40_000 * zeros))
     stream = open_recording(path, user_bench.injector)
     ended = text[:-cut].count("\n") + 40 - text.count("\n")
     np.testing.assert_array_equal(stream.collected().line_pressure, complete.line_pressure[:ended])
     is_cut = not text[:-cut].endswith("\n")
-    assert [note.endswith("is left out: it may be cut short") for note in stream.notes] == [True] * is_cut
+    said = ["zeros behind"] if zeros else ["its last line has no"] * is_cut
+    assert [word in note for word, note in zip(said, stream.notes, strict=True)] == [True] * len(said)
 
 
 @pytest.mark.parametrize(("separator", "decimal"), [(";", ","), (" ", ".")])

@@ -128,7 +128,7 @@ WRONG_SHOTS = ("0.0001,", "0.0001,-20", "0.0001,9", "0.00004,20", "0.00019,20") 
 
 
 @pytest.mark.parametrize("text", [NO_LIFT, FOREIGN])
-@pytest.mark.parametrize("shots", [f"{SHOTS}0.000024,50\n0.0001,30", "Start [ms];Length [ms]\n,024;,05\n,1;,03\n"])
+@pytest.mark.parametrize("shots", [f"{SHOTS}0.000024,50\n0.0001,30", "Beginn [ms];Dauer [ms]\n,024;,05\n,1;,03\n"])
 def test_shots_stand_for_the_lift(tmp_path: Path, text: str, shots: str) -> None:
     recording = read_recording(write(tmp_path, text, shots))
     assert np.flatnonzero(recording.signals["energizing"]).tolist() == [2, 3, 4, 5, 6, 10, 11, 12]

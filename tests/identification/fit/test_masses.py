@@ -26,11 +26,19 @@ def _write(folder: Path, text: str) -> Path:
 
 
 @SAME_FILE
-@given(mass=MASSES, sigma=st.none() | st.just(0.1), name=st.sampled_from(["h_1.csv", "/somewhere/h_1.csv"]))
-def test_masses_are_read_back(tmp_path: Path, mass: float, sigma: float | None, name: str) -> None:
+@given(
+    mass=MASSES,
+    sigma=st.none() | st.just(0.1),
+    name=st.sampled_from(["h_1.csv", "/somewhere/h_1.csv"]),
+    german=st.booleans(),
+)
+def test_masses_are_read_back(tmp_path: Path, mass: float, sigma: float | None, name: str, german: bool) -> None:
     header = "recording,mass_mg" if sigma is None else " sigma_mg, recording, mass_mg"
     row = f"{name},{mass}" if sigma is None else f"{sigma}, {name}, {mass}"
-    read = read_masses(_write(tmp_path, f"{header}\n\n{row}\n"), FOUND, DENSITY)
+    text = f"{header}\n\n{row}\n"
+    if german:
+        text = text.replace(",", ";").replace(f"{mass}", f"{mass}".replace(".", ","))
+    read = read_masses(_write(tmp_path, text), FOUND, DENSITY)
     expected = 1e-6 * mass, 1e-6 * (0.005 * mass if sigma is None else sigma)
     assert read == {1: pytest.approx(expected)}
 
@@ -73,33 +81,46 @@ def test_a_table_that_is_not_there_is_named(tmp_path: Path) -> None:
         read_masses(tmp_path / "absent.csv", FOUND, DENSITY)
 
 
-UNITS = {"mg/ms": 1e-3, "g/s": 1e-3, "kg/s": 1.0, "mm3/ms": 1e-6 * DENSITY}
+UNITS = {"mg/ms": 1e-3, "g/s": 1e-3, "kg/s": 1.0, "mg/s": 1e-6}
+UNITS |= {unit: DENSITY * si for unit, si in (("mm3/ms", 1e-6), ("cm³/s", 1e-6), ("l/min", 1e-3 / 60))}
 
 
-def _by_tube(folder: Path, text: str) -> float:
+def _by_tube(folder: Path, text: str, names: str = "") -> float:
     (folder / "tube.txt").write_text(text, encoding="utf-8")
-    return read_masses(_write(folder, "recording,rate_file\nh_1.csv,tube.txt\n"), FOUND, DENSITY)[1].mass
+    table = (
+        f"recording,rate_file,names\nh_1.csv,tube.txt,{names}\n"
+        if names
+        else "recording,rate_file\nh_1.csv,tube.txt\n"
+    )
+    return read_masses(_write(folder, table), FOUND, DENSITY)[1].mass
 
 
 @SAME_FILE
 @given(
     unit=st.sampled_from(sorted(UNITS)),
     separator=st.sampled_from(["\t", ";", " ", ", "]),
-    mark=st.sampled_from(["# ", "#", ""]),
+    mark=st.sampled_from(["# ", "#", "#\t", ""]),
+    names=st.sampled_from([("Time", "Mass flow rate"), ("Zeit", "Einspritzrate"), ("t", "dm/dt")]),
     rates=st.lists(st.floats(0.1, 20.0).map(lambda value: round(value, 3)), min_size=3, max_size=9),
 )
 def test_a_rate_meters_table_gives_its_integral(
-    tmp_path: Path, unit: str, separator: str, mark: str, rates: list[float]
+    tmp_path: Path, unit: str, separator: str, mark: str, names: tuple[str, str], rates: list[float]
 ) -> None:
     rows = [f"{0.01 * number:.2f}{separator}{rate}" for number, rate in enumerate(rates)]
-    text = "\n".join(["# Bosch tube, 2 shots", f"{mark}time [ms]{separator}rate [{unit}]", *rows, ""])
+    text = "\n".join(["# Bosch tube, 2 shots", f"{mark}{names[0]} [ms]{separator}{names[1]} [{unit}]", *rows, ""])
     assert _by_tube(tmp_path, text) == pytest.approx(1e-5 * UNITS[unit] * (sum(rates) - (rates[0] + rates[-1]) / 2))
+
+
+@pytest.mark.parametrize("text", ["0\t3\n1\t3\n", "inflow table\n(\n    (0 3)\n    (1 3)\n);\n"])  # of OpenFOAM
+def test_a_meters_table_without_names_is_named_in_that_of_the_masses(tmp_path: Path, text: str) -> None:
+    assert _by_tube(tmp_path, text, "t [ms] mass flow rate [g/s]") == pytest.approx(3e-6)
 
 
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("0.0\t1.0\n0.1\t1.0\n", "tube.txt.*has no names above its numbers.*in a line above the numbers"),
+        ("0.0\t1.0\n0.1\t1.0\n", "tube.txt.*has no names above its numbers.*recording,rate_file,names"),
+        ("# time [ms], rate [mg/ms]\n0,1\n1,1\n30,1\n31,0\n", "holds 2 injections, the last at 0.03 s"),
         ("# time [ms], rate\n0.0,1.0\n0.1,1.0\n", r"line 1: injection_rate: 'rate' has no unit.*rate \[mg/ms\]"),
         ("# time [ms], rate [mg/ms]\n0.0,1.0\n0.1,x\n", "line 3: column rate.*'x' is not a number"),
         ("# time [ms], rate [mg/ms]\n0.1,1.0\n0.0,1.0\n", "line 3: the time does not rise"),

@@ -146,9 +146,11 @@ def test_observer_in_blocks_sees_what_evaluate_sees(worn: Worn, result: ort.Eval
     assert observer.is_valid == (block != 61)
 
 
-def test_observer_refuses_signals_of_different_length() -> None:
+def test_observer_refuses_signals_of_different_length_and_a_sample_rate_by_its_parameter() -> None:
     with pytest.raises(ort.UserError, match=r"\(2,\), \(1,\), \(2,\)"):
         ort.Observer(ort.Injector.load()).feed([100.0, 100.0], 0.0, [100.0, 100.0])
+    with pytest.raises(ort.UserError, match=r"^sample_rate_Hz: "):
+        ort.Observer(ort.Injector.load(), sample_rate_Hz=float("nan"))
 
 
 def test_observer_at_work_says_what_to_keep_of_it() -> None:
@@ -158,11 +160,6 @@ def test_observer_at_work_says_what_to_keep_of_it() -> None:
     for attempt in attempts:
         with pytest.raises(TypeError, match=r"save_state\(path\)"):
             attempt(observer)
-
-
-def test_observer_refuses_a_sample_rate_by_its_parameter() -> None:
-    with pytest.raises(ort.UserError, match=r"^sample_rate_Hz: "):
-        ort.Observer(ort.Injector.load(), sample_rate_Hz=float("nan"))
 
 
 def test_results_are_pickled_whole(

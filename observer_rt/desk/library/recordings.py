@@ -26,6 +26,7 @@ from observer_rt.foundation.files import file_hash
 RecordingLike: TypeAlias = str | PathLike[str] | Recording | pd.DataFrame | Mapping[str, Any]
 """A recording: its file, the recording itself, a table, or arrays by name."""
 Recordings: TypeAlias = RecordingLike | Sequence[RecordingLike]
+_SI = {"time", *SIGNALS[:3]}  # names of a `Recording`, whose arrays are in SI units
 
 
 def path_of(parameter: str, value: str | PathLike[str]) -> Path:
@@ -108,34 +109,25 @@ def _listed(recordings: Recordings) -> list[RecordingLike]:
 
 
 def _source(recording: RecordingLike, number: int, bench: Bench, console: Console) -> SignalStream:
+    path, layout = Path(f"recording {number}"), bench.injector.config.recording
     match recording:
         case str() | PathLike():
             return open_source(Path(recording), bench, (), console)
         case Recording():
-            return _held(recording, number)
-        case pd.DataFrame() | Mapping():
-            # columns by the layout; without one those of a `Recording` in SI units, else what headings say
-            layout, path = bench.injector.config.recording, Path(f"recording {number}")
-            if layout is None and {"time", *SIGNALS[:3]} <= set(recording) <= {"time", *SIGNALS}:
-                arrays: dict[str, Any] = {str(column): np.asarray(recording[column], float) for column in recording}
-                return _held(Recording(**arrays, path=path), number)
+            held = recording if recording.path is not None else replace(recording, path=path)
+            stream: SignalStream = HeldSignals(held)
+        case Mapping() | pd.DataFrame() if layout is None and _SI <= set(recording) <= {"time", *SIGNALS}:
+            arrays: dict[str, Any] = {str(column): np.asarray(recording[column], float) for column in recording}
+            stream = HeldSignals(Recording(**arrays, path=path))
+        case Mapping() | pd.DataFrame():
             stream = signals_of(recording, layout, str(path), bench.injector.coefficients.density)
-            refuse_implausible(stream.path, stream.survey, stream.names)
-            for note in stream.notes:
-                say(console, note)
-            return stream
-    raise TypeError(
-        f"recording {number}: {type(recording).__name__} is none; give a path, a DataFrame, a mapping of arrays or a "
-        "Recording"
-    )
-
-
-def _held(recording: Recording, number: int) -> HeldSignals:
-    if recording.path is None:
-        recording = replace(recording, path=Path(f"recording {number}"))
-    held = HeldSignals(recording)
-    refuse_implausible(held.path, held.survey, held.names)
-    return held
+        case _:
+            forms = "a path, a DataFrame, a mapping of arrays or a Recording"
+            raise TypeError(f"{path}: {type(recording).__name__} is none; give {forms}")
+    refuse_implausible(stream.path, stream.survey, stream.names)
+    for note in stream.notes:
+        say(console, note)
+    return stream
 
 
 def digests(sources: Sequence[SignalStream]) -> dict[str, str]:

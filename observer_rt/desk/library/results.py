@@ -86,14 +86,7 @@ class EvaluationResult(KnowledgeHolder):
     def budget(self) -> pd.DataFrame:
         """Uncertainty of the masses [mg, one sigma] by what makes it."""
         rows = [
-            {
-                RECORDING: _name(evaluation),
-                "number": result.number,
-                **{
-                    f"by_{part}_mg": sigma * result.density / MILLIGRAM
-                    for part, sigma in result.budget._asdict().items()
-                },
-            }
+            (_name(evaluation), result.number, *(sigma * result.density / MILLIGRAM for sigma in result.budget))
             for evaluation in self.evaluations
             for result in evaluation.injections
             if result.budget is not None

@@ -110,11 +110,7 @@ def make_schedule(
     if not patterns:
         raise UserError(ENERGIZING_TIME_OPTION, "no energizing time and no shots", "give one, in ms")
     events = tuple(
-        Event(
-            start=FIRST_EVENT + i * period,
-            rail_pressure=rail_pressures[i % len(rail_pressures)],
-            shots=patterns[i % len(patterns)],
-        )
+        Event(FIRST_EVENT + i * period, rail_pressures[i % len(rail_pressures)], patterns[i % len(patterns)])
         for i in range(injections)
     )
     _refuse_overlaps(events)
@@ -124,12 +120,9 @@ def make_schedule(
 def _refuse_overlaps(events: tuple[Event, ...]) -> None:
     for earlier, later in pairwise(events[0].shots):
         if earlier.offset + earlier.duration >= later.offset:
-            raise UserError(
-                SHOTS_OPTION,
-                f"the shot at {earlier.offset / MILLISECOND:g} ms lasts into the one at "
-                f"{later.offset / MILLISECOND:g} ms",
-                "shorten the first or start the second later",
-            )
+            first, second = (f"{shot.offset / MILLISECOND:g} ms" for shot in (earlier, later))
+            problem = f"the shot at {first} lasts into the one at {second}"
+            raise UserError(SHOTS_OPTION, problem, "shorten the first or start the second later")
     if events[0].first_energizing < 0.0:
         early = -events[0].first_energizing / MILLISECOND
         problem = f"the first shot would start {early:g} ms before the recording"

@@ -13,14 +13,14 @@ from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.role_range import message_of, role_range, role_resolution
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
 from observer_rt.config.injector_sections import HIGHEST_RATE, LOWEST_RATE
-from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import Numbering, frames_of_message
 from observer_rt.engine.signal_survey import Survey
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
+from observer_rt.files.signals.table_writers import PRINTED
 from observer_rt.files.signals.time_axis import refuse_wrong_clock
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE, MILLISECOND
+from observer_rt.foundation.units import MICROMETRE, MILLISECOND
 from observer_rt.model.surroundings import Surroundings
 
 WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
@@ -28,11 +28,7 @@ WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
 RATE_TOLERANCE = 1e-6  # relative, between recording and bench
 OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
 
-_SHOWN_UNIT = {
-    Role.RAIL_PRESSURE: ("MPa", MEGAPASCAL),
-    Role.NEEDLE_LIFT: ("mm", MILLIMETRE),
-    Role.LINE_PRESSURE: ("MPa", MEGAPASCAL),
-}
+_SHOWN_UNIT = {column.channel: (column.unit, column.factor) for column in PRINTED}
 
 
 def bench_for(bench: Bench, recording: Sampled) -> Bench:

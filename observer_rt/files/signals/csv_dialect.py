@@ -4,15 +4,16 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
 from observer_rt.config.injector_sections import ColumnConfig, RecordingConfig
 from observer_rt.files.signals.naming import is_unit, name_and_unit, signals_named
 from observer_rt.files.signals.recording import is_needed
-from observer_rt.files.signals.table import TIME, Heading
+from observer_rt.files.signals.table import TIME, Heading, missing_column
 from observer_rt.files.signals.time_axis import Calendar, calendar_of
-from observer_rt.foundation.errors import UserError, hint
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import encoding_of
 
 _MARKS = "|nan|-nan|na|n/a|<na>|#n/a|#na|null|none|-|--|---|1.#ind|-1.#ind|1.#qnan|-1.#qnan"
@@ -102,11 +103,7 @@ def dialect_of(
     with path.open("rb") as binary:
         encoding = encoding_of(binary.read(_HEAD))
     with path.open(encoding=encoding, errors="replace") as file:
-        rows, lines = whole_lines(file), list[str]()
-        while len(lines) < _LOOKED_AT and sum(map(len, lines)) < 4 * LONGEST_LINE:
-            if (line := next(rows, None)) is None:
-                break
-            lines.append(line)
+        lines = list(islice(whole_lines(file), _LOOKED_AT))
     refuse_long(path, lines, 0)
     lines = [line.rstrip("\r\n") for line in lines]
     if not any(line.strip() for line in lines):
@@ -138,12 +135,7 @@ def dialect_of(
         if (at := _column_number(column, cells, f"{path}, line {max(heading, 0) + 1}")) is not None:
             places[signal] = at
         elif not is_own or is_needed(signal, has_energizing):
-            raise UserError(
-                f"{path}, line {max(heading, 0) + 1}",
-                f"column '{column.column}' is missing{hint(column.column, cells)}",
-                "name the columns in [recording] of the bench file as the file has them, or state their numbers, as "
-                f"column = 2: it has {', '.join(cells[:40])}",
-            )
+            raise missing_column(f"{path}, line {max(heading, 0) + 1}", column, cells)
     return Dialect(
         encoding,
         best.separator,

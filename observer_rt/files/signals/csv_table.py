@@ -15,7 +15,7 @@ from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.files.signals.csv_dialect import COMMENT, MISSING, dialect_of, refuse_long, split_line, whole_lines
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values
-from observer_rt.files.signals.time_axis import NO_MOMENT
+from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since
 from observer_rt.foundation.errors import UserError
 
 ENOUGH = 60  # cells with three digits behind the sign, none of which ends so by chance
@@ -191,7 +191,7 @@ class CsvTable(FileTable):
                 problem = f"{self.label(TIME)}: '{cell}' is no stamp of the calendar as {self._calendar.form}"
                 remedy = "mend the line, or say how stamps are written: [recording.time] format in the bench file"
                 raise UserError(f"{self.path}, line {before + number}", problem, remedy)
-        return self._calendar.seconds_since(self._origin, moments)
+        return seconds_since(self._origin, moments, not self._calendar.has_date)
 
     def _refuse_thousands(self, before: int, lines: list[str], columns: Mapping[str, Values]) -> None:
         """Raise `UserError` for whole numbers with a separator of thousands, which reads as a decimal sign.

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import Meaning
+from observer_rt.config.signals import OPTIONAL_SIGNALS, OptionalRole
 from observer_rt.core.plant.plant import show_slowly
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.model.surroundings import CHAMBER_PRESSURES, TEMPERATURES
+from observer_rt.model.surroundings import Surroundings
 
 STEP_TOLERANCE = 0.2
 """Largest deviation of one step from the median step, as a share of it: stamps are often printed with few
@@ -37,11 +37,7 @@ EQUIDISTANT = (
     "of a bench file, which bridges and splits; of rounded stamps state rate_hz there, without [recording.time]"
 )
 
-_SURROUNDINGS = {  # lowest, highest, a unit of both in words and in SI, what has no such value
-    "chamber_pressure": (*CHAMBER_PRESSURES, "MPa", MEGAPASCAL, "chamber's"),
-    "fuel_temperature": (*TEMPERATURES, "K", 1.0, "fuel's"),
-}
-OPTIONAL = ("injection_rate", "energizing", *_SURROUNDINGS)  # signals that a recording may lack
+OPTIONAL = ("injection_rate", "energizing", "chamber_pressure", "fuel_temperature")  # that a recording may lack
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", *OPTIONAL)
 
 
@@ -262,11 +258,12 @@ def refuse_impossible(signals: Arrays, place_of_row: Callable[[int], str]) -> No
     """
     for signal, values in signals.items():
         odd, problem = np.isinf(values), "is infinite, or larger than any measurement"
-        if signal in _SURROUNDINGS:
-            lowest, highest, unit, factor, whose = _SURROUNDINGS[signal]
+        if signal in Surroundings._fields:
+            carried = OPTIONAL_SIGNALS[OptionalRole(signal)]
+            (lowest, highest), (factor, origin) = carried.possible, carried.to_si(carried.shown)
             odd = (values < lowest) | (values > highest)
-            limits = f"{lowest / factor:g} to {highest / factor:g} {unit}"
-            problem = f"is {values[odd.argmax()] / factor:.4g} {unit}, and no {whose}, {limits}; what is its unit?"
+            first, low, high = ((value - origin) / factor for value in (values[odd.argmax()], lowest, highest))
+            problem = f"is {first:.4g}, not {low:g} to {high:g} {carried.shown}: {carried.wrong}"
         if odd.any():
             remedy = "write NaN, or leave the cell empty, where a value is not available"
             raise UserError(place_of_row(int(odd.argmax())), f"{signal} {problem}", remedy)

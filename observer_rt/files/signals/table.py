@@ -137,13 +137,17 @@ def find_columns(
         if column.column in names:
             columns[name] = column
         elif not is_own or is_needed(name, has_energizing):
-            raise UserError(
-                str(path),
-                f"{word} '{column.column}' is missing{hint(column.column, names)}",
-                f"name the {word}s {', '.join(named.column for named in wanted.values())}, or say in [recording] of "
-                f"a bench file which is which: it has {', '.join(list(names)[:40])}",
-            )
+            raise missing_column(str(path), column, names, word)
     return columns
+
+
+def missing_column(location: str, column: ColumnConfig, names: Collection[str], word: str = "column") -> UserError:
+    """The error for a column that a mapping names and a file does not have."""
+    problem = f"{word} '{column.column}' is missing{hint(column.column, names)}"
+    remedy = (
+        f"say in [recording] of a bench file which {word} is which, in text also by number, as column = 2: it has "
+    )
+    return UserError(location, problem, remedy + ", ".join([*names][:40]))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from observer_rt.config.injector_sections import ColumnConfig
 from observer_rt.files.signals.recording import EQUIDISTANT, OPTIONAL, Chunk, TimeGrid, UnevenTime, refuse_impossible
 from observer_rt.files.signals.stream import SignalStream, Stretch
-from observer_rt.files.signals.table import TIME, Table, TablePart, Values
+from observer_rt.files.signals.table import NO_ROWS, TIME, Table, TablePart, Values
 from observer_rt.foundation import units
 from observer_rt.foundation.errors import UserError
 
@@ -150,13 +150,13 @@ class EvenSignals(TableSignals):
 
     def _filled_parts(self) -> Iterator[TablePart]:
         """Iterate over all parts, joined so that each but the last has two samples or more, and so a rate."""
-        waiting: TablePart | None = None
+        waiting = NO_ROWS
         for part in self._parts(0):
-            part = part if waiting is None else waiting.followed_by(part)
-            waiting = part if part.time.size < 2 else None
-            if waiting is None:
-                yield part
-        if waiting is not None:
+            waiting = waiting.followed_by(part)
+            if waiting.time.size > 1:
+                yield waiting
+                waiting = NO_ROWS
+        if waiting.time.size:
             yield waiting
 
     def _refuse_short(self, samples: int) -> None:

@@ -178,15 +178,11 @@ CHAMBER = WrittenColumn("chamber_pressure_MPa", "chamber_pressure", "MPa", facto
 FUEL = WrittenColumn("fuel_temperature_K", "fuel_temperature", "K")
 
 PRINTED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE, INJECTION_RATE, ENERGIZING, CHAMBER, FUEL)
-SI = (  # every double comes back as it was
-    TIME,
-    WrittenColumn("rail_pressure_Pa", "rail_pressure", "Pa"),
-    WrittenColumn("needle_lift_m", "needle_lift", "m"),
-    WrittenColumn("line_pressure_Pa", "line_pressure", "Pa"),
-    WrittenColumn("injection_rate_m3_per_s", "injection_rate", "m3/s"),
-    ENERGIZING,
-    WrittenColumn("chamber_pressure_Pa", "chamber_pressure", "Pa"),
-    FUEL,
+_SI_UNITS = {"MPa": "Pa", "mm": "m", "mm3/ms": "m3/s"}
+SI = tuple(  # every double comes back as it was
+    WrittenColumn(f"{column.channel}_{unit.replace('/', '_per_')}", column.channel, unit) if unit else column
+    for column in PRINTED
+    for unit in (_SI_UNITS.get(column.unit),)
 )
 TRUTH = (  # of a simulation
     *(TIME, INJECTION_RATE, NEEDLE_LIFT, LINE_PRESSURE),

@@ -59,10 +59,6 @@ class Calendar(NamedTuple):
         moments: NDArray[np.int64] = stamps.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
         return moments if self.has_date else np.where(moments == NO_MOMENT, NO_MOMENT, moments % _DAY)
 
-    def seconds_since(self, origin: int, moments: NDArray[np.int64]) -> NDArray[np.float64]:
-        """`seconds_since`, by the format."""
-        return seconds_since(origin, moments, not self.has_date)
-
     def as_text(self, origin: int) -> str:
         """Description of how the stamps are read."""
         form = "ISO 8601" if self.form == ISO_8601 else f"'{self.form}'"

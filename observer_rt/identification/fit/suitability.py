@@ -28,12 +28,9 @@ def refuse_clipped(recordings: Sequence[Measurement]) -> None:
             unit, symbol = (MICROMETRE, "um") if is_lift else (MEGAPASCAL, "MPa")
             if (clipped := _clipped(getattr(recording, name), both=not is_lift)) is not None:
                 level, count = clipped
-                raise UserError(
-                    f"{recording.path or 'recording'}, {name}",
-                    f"is clipped: {count} samples in a row are exactly {level / unit:.6g} {symbol}, the edge of "
-                    "its range",
-                    "record with a wider range",
-                )
+                edge = f"{level / unit:.6g} {symbol}, the edge of its range"
+                problem = f"is clipped: {count} samples in a row are exactly {edge}"
+                raise UserError(f"{recording.path or 'recording'}, {name}", problem, "record with a wider range")
 
 
 def _clipped(values: NDArray[np.float64], both: bool) -> tuple[float, int] | None:

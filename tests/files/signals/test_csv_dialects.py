@@ -143,8 +143,7 @@ def test_units_of_the_file_count_where_the_bench_has_none(tmp_path: Path) -> Non
 
 def test_factor_and_offset_make_a_signal_of_volts(tmp_path: Path) -> None:
     path = write(tmp_path, named(*lines()))
-    recording = read(path, bench(tmp_path, rail='unit = "MPa"\nfactor = 0.2\noffset = -50'))
-    assert recording.rail_pressure[0] == 150e6
+    assert read(path, bench(tmp_path, rail='unit = "MPa"\nfactor = 0.2\noffset = -50')).rail_pressure[0] == 150e6
 
 
 def test_a_missing_column_names_line_and_the_nearest(tmp_path: Path) -> None:
@@ -277,7 +276,7 @@ def test_what_is_no_calendar_is_named(tmp_path: Path, time: str, cell: str | Non
 
 def test_a_file_without_names_is_told_to_have_some(tmp_path: Path) -> None:
     path = write(tmp_path, "\n".join([*lines(), ""]))
-    with pytest.raises(UserError, match="or state their numbers, as column = 2"):
+    with pytest.raises(UserError, match="in text also by number, as column = 2"):
         read(path, bench(tmp_path))
     with pytest.raises(UserError, match="has no names above its numbers"):
         open_recording(path)

@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from observer_rt.engine.stream.state import Reason
 from observer_rt.model.accuracy import Accuracy
 from tests.engine.plant_runs import in_turn
 from tests.observed_plants import ObservedRun, bench_at, observed
@@ -111,24 +110,3 @@ def test_the_coil_is_not_taken_for_control_flow(flow: float, height: float) -> N
     assert np.abs(run.errors[run.valid]).max() < WRONG
     assert sum(run.valid) >= 9
     assert control_flow(run)[0] == pytest.approx(flow, abs=0.4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [11, 12])
-def test_the_promise_over_many_injections(seed: int) -> None:
-    """48 injections a case after the first pass: as recipe and issue want them."""
-    wear = (
-        Faults(),
-        Faults(orifice_area=-0.15),
-        Faults(orifice_area=0.2),
-        Faults(seat_area=-0.1),
-        Faults(orifice_area=0.1, seat_area=0.1),
-    )
-    valid = inside = 0
-    for flow, faults in zip((0.0, 1.5, 3.0, 6.0, 8.0), wear, strict=True):
-        run = learned(flow, faults, 48 + FIRST, seed=seed)
-        valid, inside = valid + sum(run.valid), inside + sum(run.inside)
-        assert not (run.valid & (np.abs(run.errors) > WRONG)).any()
-        assert {report.reason for report in run.reports} <= {Reason.NONE}
-    assert valid >= 0.95 * 240
-    assert inside >= 0.93 * 240

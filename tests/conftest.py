@@ -6,7 +6,7 @@ import os
 import signal
 import socket
 import sys
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -69,6 +69,7 @@ class SocketCounter:
 
     def __init__(self) -> None:
         self.tests: set[str] = set()
+        self.seconds = defaultdict[str, float](float)
         self._running: pytest.Item | None = None
         sys.addaudithook(self._audit)
 
@@ -91,12 +92,15 @@ class SocketCounter:
             self._running = None
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Count a test whose socket was seen, be it in another process."""
+        """Add up seconds of a folder, and count a test whose socket was seen, be it in another process."""
+        self.seconds["/".join(report.nodeid.partition("::")[0].split("/")[1:-1][:2])] += report.duration
         if any(name == OPENED for name, _ in report.user_properties):
             self.tests.add(report.nodeid)
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Print the count where there could be any, and leave all counts for tools/test."""
+        """Print folders by their seconds, the count where there could be any, and leave all counts for tools/test."""
+        slowest = sorted(self.seconds.items(), key=lambda folder: -folder[1])[:12]
+        terminalreporter.write_line(", ".join(f"{folder or 'tests'} {spent:.0f} s" for folder, spent in slowest))
         if interface_ready():
             terminalreporter.write_line(f"{INTERFACE}: {len(self.tests)} of these tests opened a socket on it")
         if COUNTS_VARIABLE in os.environ:

@@ -34,7 +34,7 @@ _REMEDY = (
 )
 _BEFORE_NAMES = re.compile(rf"^\ufeff? *(?:{COMMENT}[{COMMENT}\s]*)?")
 _UNIT_APART = re.compile(r"(?<=\w)\s+(?=[\[(])")
-_NAME_WITH_UNIT = re.compile(r"[^\s\[\]()][^\[\]()]*(?:\[[^\[\]]*\]|\([^()]*\))")
+NAME_WITH_UNIT = re.compile(r"[^\s\[\]()][^\[\]()]*(?:\[[^\[\]]*\]|\([^()]*\))")
 _ROW_BRACKETS = "(); \t"
 
 
@@ -149,11 +149,6 @@ def dialect_of(
     )
 
 
-def named_headings(line: str) -> list[Heading]:
-    """Headings of a line of names with units, between blanks."""
-    return [Heading(*name_and_unit(name)) for name in _NAME_WITH_UNIT.findall(line)]
-
-
 def whole_lines(file: TextIO) -> Iterator[str]:
     """Lines of a text, without the zeros behind the last one of a file whose size was set before."""
     while line := file.readline(LONGEST_LINE + 1):
@@ -187,7 +182,7 @@ def _trial(lines: Sequence[str], separator: str, wanted: Mapping[str, ColumnConf
     above = [[cell.strip() for cell in split_line(title, separator)] for title in titles]
     if separator == " ":  # a unit in brackets ends the name before it, which may have several words
         width = len(max(cells, key=_number_count))
-        named = [(split_line(_UNIT_APART.sub("", title), " "), _NAME_WITH_UNIT.findall(title)) for title in titles]
+        named = [(split_line(_UNIT_APART.sub("", title), " "), NAME_WITH_UNIT.findall(title)) for title in titles]
         above = [units if len(words) != width == len(units) else words for words, units in named]
     counts = [sum(_column_number(column, row) is not None for column in wanted.values()) for row in above]
     name_count = max(counts)

@@ -49,8 +49,8 @@ class Calendar(NamedTuple):
         import pandas  # slow to import
 
         if self.form == TIMEDELTA:
-            passed = pandas.to_timedelta(pandas.Series(cells), errors="coerce")
-            return passed.to_numpy("timedelta64[ns]").astype(np.int64)
+            passed = pandas.to_timedelta(pandas.Series(cells), errors="coerce").to_numpy("timedelta64[ns]")
+            return np.asarray(passed.astype(np.int64))
         try:
             stamps = pandas.to_datetime(pandas.Series(cells), format=self.form, errors="coerce", utc=True)
         except ValueError as error:

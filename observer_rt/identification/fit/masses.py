@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from observer_rt.config.injector_sections import RecordingConfig, TimeConfig
-from observer_rt.files.signals.csv_dialect import dialect_of, named_headings
+from observer_rt.files.signals.csv_dialect import NAME_WITH_UNIT, dialect_of
 from observer_rt.files.signals.csv_table import CsvTable
-from observer_rt.files.signals.naming import chosen
-from observer_rt.files.signals.table import TIME
+from observer_rt.files.signals.naming import chosen, name_and_unit
+from observer_rt.files.signals.table import TIME, Heading
 from observer_rt.files.signals.table_signals import MASS_RATE_UNITS, UNITS
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.units import MILLIGRAM
@@ -130,7 +130,8 @@ def _mass_of_rate(path: Path, density: float, names: str = "") -> float:
     measurement, with its line.
     """
     with file_errors(path):
-        headings, location = named_headings(names), f"{path}, {NAMES} '{names}'"
+        headings = [Heading(*name_and_unit(name)) for name in NAME_WITH_UNIT.findall(names)]
+        location = f"{path}, {NAMES} '{names}'"
         if not names:
             dialect = dialect_of(path, None, fewest=2, remedy=_HEADED)
             headings, location = dialect.headings, f"{path}, line {dialect.heading}"

@@ -204,7 +204,7 @@ def test_stamps_rounded_to_more_than_a_sample_are_to_blame(tmp_path: Path, round
 
 def test_two_rows_an_instant_are_its_limits(tmp_path: Path) -> None:
     """Of a state, and of inputs, which are held in between."""
-    number = np.arange(600)
+    number = np.arange(600.0)
     state, held = number // 2, np.maximum(number - 1, 0) // 2
     path = write_rows(tmp_path, state / RATE, lift=state, p_Rail=1000 + held, p_Line=99 + held / 4)
     stream = opened(path, tmp_path)

@@ -14,8 +14,9 @@ cpdef enum:
     ENOUGH_OPENINGS = 3  # that tell the stop
 
 # Standard deviations from one sample to the next, by which a spike goes away and comes back. Noise alone does so once in
-# ten seconds at 100 kHz; with 4.5 it would do so three times a second.
+# six seconds at 100 kHz, which harms nothing; to be counted as a spike it must go further, as noise does not in days.
 cdef double STEP = 5.5
+cdef double CERTAIN = 1.4  # times the step
 cdef double STRAIGHT = 4.0  # the same; more may an open lift's steps beside a spike not differ from the line across it
 cdef double AWAY = 10.0  # the same; the least by which a spike leaves that line: a turning needle does not get so far
 cdef double RESTLESS = 4.9  # the same, of a channel's mean change; white noise alone stays below
@@ -273,7 +274,8 @@ cdef void _mend(Observer* observer, int64_t position, int64_t number) noexcept n
                 row = &observer.ring[(last + k) & MASK]
                 _replace(row, number, before + rise * k / (width + 1))
                 row.bridged |= 1 << number
-            observer.memory.outliers.spikes += width
+            if min(away, back) > CERTAIN * limit:
+                observer.memory.outliers.spikes += width
             return
 
 

@@ -106,12 +106,12 @@ def test_a_channel_that_rings_has_no_spikes() -> None:
 
 
 def test_noise_and_the_edges_of_an_injection_are_no_spikes() -> None:
-    channels = signals(strokes={4500: 150})
+    channels = signals(100_000, seed=18, strokes={4500: 150})
     channels[LINE][4500:4530] -= np.linspace(0.0, 20e6, 30)
     channels[LINE][4530:] -= 20e6
-    stream, _ = observed(channels)
-    assert stream.count("outliers", "spikes") <= 2
-    assert stream.count("outliers", "bridged") == 0
+    stream, rows = observed(channels)
+    assert (stream.count("outliers", "spikes"), stream.count("outliers", "bridged")) == (0, 0)
+    assert bridged(rows, RAIL) + bridged(rows, LINE)  # what stands out by chance is replaced all the same
 
 
 @pytest.mark.parametrize("channel", [RAIL, LINE])

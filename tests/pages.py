@@ -8,10 +8,6 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 _BLOCK = re.compile(r"^```(?P<language>\w*)\n(?P<fenced>(?s:.*?))^```$|(?P<indented>(?:^    .*\n)+)", re.MULTILINE)
 _PROGRAM = re.compile(r"^(?:\$ )?((?:observer-rt|tools/\w+|sudo|source|journalctl|sqlite3|podman|pip|python3?)\b.*)$")
-_INJECTION = re.compile(
-    r"(?P<place> *\d+ +\d+ \d+\.\d{3} +\d+\.\d) +(?P<mass>\d+\.\d\d) +(?P<bound>\d+\.\d)"
-    r"(?P<nominal> +\d+\.\d\d) +(?P<nozzle>[+-]\d+\.\d%) +(?P<seat>[+-]\d+\.\d%)(?P<valid> +(?:yes|no))"
-)
 _CELL = re.compile(r"^\|.*\|$", re.MULTILINE)
 
 
@@ -69,12 +65,6 @@ def words_of(command: str) -> tuple[list[str], Path | None]:
         position = words.index(">")
         return words[:position], Path(words[position + 1])
     return words, None
-
-
-def without_learned(line: str) -> str:
-    """A line without what the observer learned, whose last digits differ from version to version."""
-    row = _INJECTION.fullmatch(line)
-    return line if row is None else f"{row['place']} mass bound{row['nominal']} nozzle seat{row['valid']}"
 
 
 def _in_block(match: re.Match[str]) -> list[str]:

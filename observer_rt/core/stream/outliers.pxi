@@ -14,7 +14,7 @@ cpdef enum:
     ENOUGH_OPENINGS = 3  # that tell the stop
 
 # Standard deviations from one sample to the next, by which a spike goes away and comes back. Noise alone does so once in
-# six seconds at 100 kHz, which harms nothing; to be counted as a spike it must go further, as noise does not in days.
+# six seconds at 100 kHz, which harms nothing; to be counted as a spike it must go further, as noise does once in days.
 cdef double STEP = 5.5
 cdef double CERTAIN = 1.4  # times the step
 cdef double STRAIGHT = 4.0  # the same; more may an open lift's steps beside a spike not differ from the line across it

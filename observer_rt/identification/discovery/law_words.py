@@ -11,45 +11,25 @@ from observer_rt.model.terms.law import ONE, ZERO, Call, Lag, Law, LawTable, Num
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
 
-_AS_IF: Mapping[TermEquation, tuple[str, str, str]] = {
-    TermEquation.LINE_FLOW: ("the line lost more pressure, by", "the line lost {} less", "the line lost {} more"),
-    TermEquation.LINE_PRESSURE: (
-        "fuel left the line beside the nozzle,", "{} came into the line's end", "{} left the line beside the nozzle",
-    ),
-    TermEquation.SEAT_FLOW: (
-        "the flow through the seat were larger by a share of",
-        "the seat let {} less through", "the seat let {} more through",
-    ),
-    TermEquation.NOZZLE_FLOW: (
-        "the flow through the nozzle were larger by a share of",
-        "the nozzle lost {} of its flow", "the nozzle let {} more through",
-    ),
-    TermEquation.STIFFNESS: (
-        "the fuel in the line were stiffer by a share of",
-        "the fuel in the line were softer by {}", "the fuel in the line were stiffer by {}",
-    ),
-    TermEquation.INERTANCE: (
-        "the inertance of the line were larger by a share of",
-        "the line's inertance were {} less", "the line's inertance were {} more",
-    ),
+_AS_IF: Mapping[TermEquation, tuple[str, str]] = {
+    TermEquation.LINE_FLOW: ("the line lost {} less", "the line lost {} more"),
+    TermEquation.LINE_PRESSURE: ("{} came into the line's end", "{} left the line beside the nozzle"),
+    TermEquation.SEAT_FLOW: ("the seat let {} less through", "the seat let {} more through"),
+    TermEquation.NOZZLE_FLOW: ("the nozzle lost {} of its flow", "the nozzle let {} more through"),
+    TermEquation.STIFFNESS: ("the fuel in the line were softer by {}", "the fuel in the line were stiffer by {}"),
+    TermEquation.INERTANCE: ("the line's inertance were {} less", "the line's inertance were {} more"),
     TermEquation.CHAMBER_PRESSURE: (
-        "the pressure in the chamber were higher by",
         "the pressure in the chamber were {} lower", "the pressure in the chamber were {} higher",
     ),
     TermEquation.LINE_PRESSURE_SENSOR: (
-        "the line-pressure sensor read more, by",
         "the line-pressure sensor read {} less", "the line-pressure sensor read {} more",
     ),
-    TermEquation.NEEDLE_LIFT: (
-        "the needle stood higher than measured, by",
-        "the needle stood {} lower than measured", "the needle stood {} higher than measured",
-    ),
+    TermEquation.NEEDLE_LIFT: ("the needle stood {} lower than measured", "the needle stood {} higher than measured"),
     TermEquation.RAIL_PRESSURE: (
-        "the rail pressure were higher than measured, by",
         "the rail pressure were {} lower than measured", "the rail pressure were {} higher than measured",
     ),
 }  # fmt: skip
-"""Phrases by equation: for any law, and for a simple one with a negative and with a positive coefficient."""
+"""Phrases by equation, for a negative and for a positive coefficient."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +43,7 @@ class Reading:
 
 def as_if(term: Term, largest_lift: float | None = None) -> str:
     """Describes a term as the sentence behind `as if`. largest_lift: of the needle [m]."""
-    plain = plain_words(term, largest_lift)
-    if plain:
-        return plain
-    unit = "" if term.equation.is_share else f" {sign(str(term.equation.unit))}"
-    return f"{_AS_IF[term.equation][0]} {term.law} with c = {rounded_size(term, 1.0)}{unit}"
+    return plain_words(term, largest_lift) or f"{_phrase(term, 1.0)}, times {str(term.law).removeprefix('c * ')}"
 
 
 def plain_words(term: Term, largest_lift: float | None = None) -> str:
@@ -86,8 +62,7 @@ def plain_words(term: Term, largest_lift: float | None = None) -> str:
     if reading is None:
         return ""
     gate = GATES[product.gates[0]] if product.gates else ""
-    size = term.coefficient * product.size * reading.size
-    words = _AS_IF[term.equation][1 + (size > 0.0)].format(_amount(term, product.size * reading.size))
+    words = _phrase(term, product.size * reading.size)
     per = f"per {reading.per}" if reading.per else ""
     where = reading.where or ("" if gate else "all the time")
     return " ".join(filter(None, (words, per, where, gate)))
@@ -109,27 +84,28 @@ def rounded_size(term: Term, scale: float) -> str:
     return shown(term.coefficient * scale, step) if step else f"{term.coefficient * scale:.3g}"
 
 
-def _amount(term: Term, scale: float) -> str:
-    """A size without its sign, in the unit people speak of."""
+def _phrase(term: Term, scale: float) -> str:
+    """What happens by the coefficient times a scale, in the unit people speak of."""
+    words = _AS_IF[term.equation][term.coefficient * scale > 0.0]
     if term.equation.is_share:
         scale, unit = 100.0 * scale, "%"
     elif term.equation is TermEquation.NEEDLE_LIFT:
         scale, unit = MILLIMETRE / MICROMETRE * scale, "µm"
     else:
         unit = sign(str(term.equation.unit))
-    return f"{rounded_size(term, scale).removeprefix('-')} {unit}"
+    return words.format(f"{rounded_size(term, scale).removeprefix('-')} {unit}")
 
 
 def _tabulated(term: Term, table: LawTable) -> str:
-    line = line_of(table.argument)
-    if line is None:
+    """Such as `the sensor read 1 MPa less, times 1 at 50, 0.2 at 90 of line pressure [MPa], straight between`."""
+    line, largest = line_of(table.argument), max((value.reckoned for value in table.values), key=abs)
+    if line is None or not largest:
         return ""
-    unit = "" if term.equation.is_share else f" [{sign(str(term.equation.unit))}]"
-    sizes = [rounded_size(term, value.reckoned) if value.reckoned else "0" for value in table.values]
     places = [line.zero + point.reckoned / line.slope for point in table.points]
-    knots = ", ".join(f"{size} at {place:.3g}" for size, place in zip(sizes, places, strict=True))
+    shares = [value.reckoned / largest + 0.0 for value in table.values]
+    knots = ", ".join(f"{share:.3g} at {place:.3g}" for share, place in zip(shares, places, strict=True))
     over = line.subject.words if line.subject.unit == "-" else f"{line.subject.words} [{line.subject.unit}]"
-    return f"{_AS_IF[term.equation][0]}{unit} {knots} of {over}, straight between"
+    return f"{_phrase(term, largest)}, times {knots} of {over}, straight between"
 
 
 def _read(factors: tuple[Law, ...]) -> Reading | None:

@@ -58,7 +58,7 @@ def test_the_gap_is_in_printed_units(document: dict[str, Any]) -> None:
 
 def test_the_ranking_holds_the_model_as_given(document: dict[str, Any]) -> None:
     by_ids = {tuple(item["ids"]): item for item in document["ranking"]}
-    assert by_ids["orifice_area",]["held_out_chi2"] < by_ids[()]["held_out_chi2"]
+    assert by_ids["orifice_area",]["held_out_chi2"] < by_ids[()]["held_out_chi2"] - 100.0
     assert all(item["n_effective"] > 1000 for item in by_ids.values())
     moved = by_ids["orifice_area",]["moves"]
     assert moved["injected_mass_mean_mg"] > 1.0

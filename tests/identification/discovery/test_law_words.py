@@ -40,12 +40,6 @@ def test_a_lift_is_a_share_where_the_largest_is_not_known() -> None:
     assert "needle lift over the largest above 0.466" in words
 
 
-def test_any_other_law_stands_as_it_is() -> None:
-    law = parse("c*(line_flow/60)*abs(lift_rate)")
-    words = as_if(Term(TermEquation.LINE_FLOW, law, 0.3))
-    assert words == f"the line lost more pressure, by {law} with c = 0.3 MPa"
-
-
 def test_a_law_as_a_file_has_it_states_its_interval() -> None:
     term = Term(TermEquation.LINE_PRESSURE, parse("c*closed"), 1.5, (1.4, 1.6))
     assert law_text(term) == "line_pressure = c * closed, c = 1.50 mm³/ms (95 %: 1.40 to 1.60)"

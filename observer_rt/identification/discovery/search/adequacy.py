@@ -89,6 +89,12 @@ def worst(pool: Pool, healthy: Healthy = NOT_FITTED) -> Worst:
     return max(ranked, key=lambda item: item.ratio)
 
 
+def most_explained(before: Pool, after: Pool) -> tuple[Phase, Signal]:
+    """Where a model takes most away of the residuals that another leaves, by their squares."""
+    places = [(phase, signal) for signal in before for phase in Phase]
+    return max(places, key=lambda place: float((before[place[1]].squares - after[place[1]].squares)[place[0]]))
+
+
 class Adequacy:
     """Adequacy of candidates: whether their residuals are noise, or errors that the fitted model has itself."""
 

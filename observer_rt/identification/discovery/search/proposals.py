@@ -145,7 +145,8 @@ def _refusal_in_part(
 ) -> Refusal | None:
     """Objection to accepting a proposal in part; closed: share of the gap; interval: half width of a mass [kg]."""
     if closed < LEAST_CLOSED:
-        return Refusal(f"it closes {max(closed, 0.0):.0%} of the gap held out, not two thirds", _MORE)
+        tenths = math.floor(1e3 * max(closed, 0.0)) / 10.0  # rounded up it might read as enough
+        return Refusal(f"it closes {tenths:.1f}% of the gap held out, less than {LEAST_CLOSED:.1%}", _MORE)
     moved = [each.candidate.moves.mass - proposal.candidate.moves.mass for each in proposals]
     differs = max(moved, key=abs)
     if abs(differs) > interval:

@@ -101,7 +101,7 @@ class SmallestVisible:
 
 @dataclass(frozen=True)
 class LargestMisfit:
-    """Phase and signal in which the model as given fails most; equation, variables and text of what explains most.
+    """Equation, variables and text of what explains most of the misfit, and phase and signal in which it does.
 
     proposals: laws that would explain the recordings, the best first.
     """

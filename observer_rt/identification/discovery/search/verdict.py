@@ -11,7 +11,7 @@ from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.discovery.search.adequacy import cells_of, worst
+from observer_rt.identification.discovery.search.adequacy import cells_of, most_explained
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.decisive import decide_between, decide_by
 from observer_rt.identification.discovery.search.fits import Fitter, best_of_each
@@ -259,12 +259,11 @@ class _Verdict:
         return cells_of(self._likelihood, self._fitter.judged(candidate), candidate.model(self._nominal))
 
     def _unexplained(self, best: Candidate) -> LargestMisfit | None:
-        """Where the model as given fails most, and the equation and variables of the best explanation."""
-        worst_cell = worst(self._fitter.pool(self._outcome.nominal), self._baseline)
+        """Equation and variables of the best explanation, and where it explains most."""
         leading = self._proposals[0].candidate if self._proposals else best
         variables = {one.word for term in leading.terms for one in term.law.variables}
         equations = [effect.equation for effect in leading.hypothesis.effects]
         if not equations:
             return None
-        where = equations[0], worst_cell.phase, worst_cell.signal
-        return LargestMisfit(*where, tuple(sorted(variables)), " + ".join(leading.ids), self._proposals)
+        where = most_explained(self._fitter.pool(self._outcome.nominal), self._fitter.pool(leading))
+        return LargestMisfit(equations[0], *where, tuple(sorted(variables)), " + ".join(leading.ids), self._proposals)

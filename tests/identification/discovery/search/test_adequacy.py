@@ -1,12 +1,14 @@
 """Residuals by signal, phase and operating point, and whether they are adequate."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
 from observer_rt.engine.learning.healthy import healthy_for_naming
-from observer_rt.identification.discovery.search.adequacy import healthy_of_fit, worst
+from observer_rt.identification.discovery.search.adequacy import healthy_of_fit, most_explained, worst
 from observer_rt.identification.likelihood.signals import Pool, Signal
 from observer_rt.model.baseline import HealthyRemainder, HealthyShape
 from tests.baselines import WHITE
@@ -31,10 +33,6 @@ def _remainder(variance: float) -> HealthyRemainder:
     return HealthyRemainder.model_validate({"variance": left, "colour": left, "shape": nothing})
 
 
-def test_white_innovations_are_adequate() -> None:
-    assert worst(_pool()).ratio <= 1.0
-
-
 @pytest.mark.parametrize(
     ("phase", "scale", "shift"), [(Phase.OPENING, 1.3, 0), (Phase.AFTER, 1.3, 0), (Phase.OPEN, 1, 0.4)]
 )
@@ -43,7 +41,16 @@ def test_the_phase_with_too_large_innovations_or_a_lasting_shift_is_named(
 ) -> None:
     result = worst(_pool(scale=scale, phase=phase, shift=shift))
     assert result.phase is phase
-    assert result.ratio > 1.0
+    assert worst(_pool()).ratio <= 1.0 < result.ratio
+
+
+def test_what_explains_an_open_needle_does_so_there_though_more_is_left_elsewhere() -> None:
+    white = _pool()[Signal.LINE_PRESSURE]
+    before, after = (
+        {Signal.LINE_PRESSURE: replace(white, squares=white.squares * [1.0, 1.0, of_open, 1.0, of_after])}
+        for of_open, of_after in ((3.0, 9.0), (1.0, 8.0))
+    )
+    assert most_explained(before, after) == (Phase.OPEN, Signal.LINE_PRESSURE)
 
 
 def test_innovations_as_large_as_on_the_healthy_injector_are_adequate() -> None:

@@ -148,13 +148,6 @@ def test_what_is_not_in_the_vocabulary_is_unknown() -> None:
     assert result.unexplained.term
 
 
-def test_held_out_recordings_rank_as_the_fitted_ones() -> None:
-    result = _discover(sized("line_friction", k=0.6))
-    held_out = {one.ids: one.held_out for one in result.ranking}
-    assert held_out[("line_friction",)] == min(held_out.values())
-    assert held_out[()] > held_out[("line_friction",)] + 100.0
-
-
 @pytest.mark.slow
 def test_a_search_in_one_thread_ends_as_one_of_two_threads() -> None:
     hidden, shares = sized("entrained_air", g=1e-3), list[float]()
@@ -186,9 +179,6 @@ def test_effects_one_measurement_separates_stand_together() -> None:
     decisive = decide_by(("seat_area", "lift_gain", "lift_offset"))
     assert sum("lift sensor" in one.measurement for one in decisive) == len(decisive)
     assert {effect for one in decisive for effect in one.separates} == {"seat_area", "lift_gain", "lift_offset"}
-
-
-def test_one_effect_needs_no_decision() -> None:
     assert decide_by(("seat_area",)) == ()
 
 

@@ -110,7 +110,9 @@ def mass_changes(
     shown: Candidate, measured: Sequence[Measurement], nominal: EffectiveModel, left: float = 0.0
 ) -> tuple[MassChange, ...]:
     """Change of every recording's mean mass by `shown`. left: half width of a mass by residuals, as a share."""
-    moved = [shown.hypothesis.model(nominal, shown.theta + step) for step in np.diag(shown.half)]
+    lowest, highest = np.array([(one.lowest, one.highest) for one in shown.hypothesis.ranges()]).reshape(-1, 2).T
+    steps = np.diag(np.where(shown.theta + shown.half > highest, -1.0, 1.0) * shown.half)  # a half may be infinite
+    moved = [shown.hypothesis.model(nominal, np.clip(shown.theta + step, lowest, highest)) for step in steps]
     result = []
     for recording, measurement in enumerate(measured):
         before, after = (mean_mass([measurement], model) for model in (nominal, shown.model(nominal)))

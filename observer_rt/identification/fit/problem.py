@@ -12,7 +12,7 @@ from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.fit.folds import Fold
 from observer_rt.identification.fit.forms import STIFFENING, FreeParameter, with_values
 from observer_rt.identification.fit.standstill import standstill
-from observer_rt.identification.likelihood.bounded_fit import Quadratic, Range, Residuals
+from observer_rt.identification.likelihood.bounded_fit import Quadratic, Range, Residuals, sigmas_of
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
@@ -125,12 +125,13 @@ class Certainty:
     """Certainty of the parameters by the data alone, with unknown offsets."""
 
     free: tuple[FreeParameter, ...]
-    sigmas: NDArray[np.float64]  # (p,) on the scales, very large for a parameter that the data do not determine
+    sigmas: NDArray[np.float64]  # (p,) on the scales, inf for a parameter that the data do not determine at all
 
     @property
     def undetermined(self) -> FreeParameter | None:
         """The least certain of the parameters that the data do not determine; None if they determine all."""
-        shares = self.sigmas / [math.inf if one is STIFFENING else one.spread for one in self.free]
+        spreads = [math.inf if one is STIFFENING else one.spread for one in self.free]
+        shares = np.nan_to_num(self.sigmas) / spreads
         worst = int(np.argmax(shares))
         return self.free[worst] if shares[worst] > UNDETERMINED_SHARE else None
 
@@ -141,6 +142,4 @@ def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Cert
     data = at.information - np.diag(calibration.prior_sigmas**-2)
     own, cross, offsets = data[:p, :p], data[:p, p:], data[p:, p:]
     marginal = own - cross @ np.linalg.pinv(offsets, hermitian=True) @ cross.T
-    values, vectors = np.linalg.eigh(marginal / inflation)
-    information = np.maximum(values, np.finfo(float).eps * max(float(values[-1]), 1.0))
-    return Certainty(calibration.free, np.sqrt(np.sum(vectors**2 / information, axis=1)))
+    return Certainty(calibration.free, sigmas_of(marginal / inflation))

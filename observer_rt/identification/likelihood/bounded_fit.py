@@ -16,6 +16,9 @@ MAX_TRIALS = 8  # of ever shorter steps in one iteration
 TOLERANCE = 0.02  # of the expected and the achieved decrease of -2 log L
 FIRST_DAMPING = 1e-3
 MORE_DAMPING, LESS_DAMPING = 8.0, 0.1
+BLIND = (
+    1e-7  # of a correlation's largest eigenvalue: 6e-10 if two do the same, 3e-5 if pressures hardly tell them apart
+)
 _ONE_THREAD_PRODUCTS = 200_000  # multiplications that BLAS does in one thread
 NORMAL_975 = 1.959964  # quantile of the normal distribution, of a 95 % interval
 
@@ -172,14 +175,17 @@ def fit(
 
 
 def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard deviations of parameters (p,) by their information (p, p), inf where the data say nothing."""
+    """Standard deviations of parameters (p,) by their information (p, p); inf if open, of two that do the same."""
     seen = np.flatnonzero(np.diag(information) > 0.0)
     variances = np.full(len(information), np.inf)
     if seen.size:
         scale = 1.0 / np.sqrt(np.diag(information)[seen])
-        correlation = information[np.ix_(seen, seen)] * np.outer(scale, scale)
-        variances[seen] = np.diag(np.linalg.pinv(correlation, hermitian=True) * np.outer(scale, scale))
-    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
+        values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] * np.outer(scale, scale))
+        known, shares = values > BLIND * values[-1], vectors**2
+        by_known = shares[:, known] @ (1.0 / values[known])
+        is_open = (shares[:, ~known] > BLIND).any(axis=1)
+        variances[seen] = np.where(is_open, np.inf, by_known * scale**2)
+    return np.asarray(np.sqrt(variances))
 
 
 def _lower(

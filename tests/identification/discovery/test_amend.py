@@ -25,12 +25,6 @@ LEAK = EffectInForce(
 )
 
 
-def _file(folder: Path, *effects: EffectInForce) -> Path:
-    path = folder / "injector.toml"
-    write_amended(path, InjectorFile.read(NOMINAL_INJECTOR), effects)
-    return path
-
-
 def test_every_line_of_the_file_is_kept(tmp_path: Path) -> None:
     given_text = NOMINAL_INJECTOR.read_text(encoding="utf-8")
     amended = tmp_path / "amended.toml"
@@ -56,7 +50,8 @@ def test_what_is_left_of_terms_accepted_in_part_is_stated_until_the_file_is_amen
 
 
 def test_effects_in_force_are_replaced_and_comments_stay(tmp_path: Path) -> None:
-    path = _file(tmp_path, WORN, LEAK)
+    path = tmp_path / "injector.toml"
+    write_amended(path, InjectorFile.read(NOMINAL_INJECTOR), [WORN, LEAK])
     tables = '[[effects]]\nid = "seat_area"\n[effects.parameters.v_S]\nvalue = 0.1\nunit = "-"\n'
     path.write_text(path.read_text(encoding="utf-8") + tables, encoding="utf-8")
     assert len(load_injector(path).effects) == 3

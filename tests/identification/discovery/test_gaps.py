@@ -7,6 +7,8 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.disagreement import Disagreement, disagreements
 from observer_rt.identification.discovery.gaps import LINE_PRESSURE, MASS, RATE, gaps_of
+from observer_rt.identification.discovery.injections import mass_changes
+from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
@@ -14,7 +16,7 @@ from observer_rt.identification.likelihood.measurement import Measurement, measu
 from observer_rt.identification.likelihood.open_loop import mass, simulated
 from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.effect import Equation
-from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from tests.identification.discovery.conftest import WEAR, Worn
 from tests.identification.discovery.hidden import MODEL, NOMINAL, recordings
 
@@ -91,3 +93,11 @@ def test_a_healthy_map_is_empty() -> None:
     assert verdict is Verdict.NONE
     assert {item.equation for item in where} == {None}
     assert all(item.before == item.after for item in where)
+
+
+def test_a_mass_has_an_interval_where_a_size_has_none(worn: Worn) -> None:
+    area, measured = Hypothesis((VOCABULARY["orifice_area"],)), worn.task.measured[:1]
+    known, unknown = (
+        mass_changes(Candidate(area, (WEAR,), 0.0, half=(half,)), measured, MODEL)[0] for half in (0.01, np.inf)
+    )
+    assert 5.0 * known.half < unknown.half < unknown.nominal

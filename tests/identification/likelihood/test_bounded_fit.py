@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.identification.likelihood.bounded_fit import Minimum, Range, Residuals, fit
+from observer_rt.identification.likelihood.bounded_fit import Minimum, Range, Residuals, fit, sigmas_of
 
 N = 4000
 RNG = np.random.default_rng(5)
@@ -76,12 +76,17 @@ def test_a_curved_problem_is_solved_from_afar() -> None:
 
 
 def test_what_the_data_do_not_see_has_no_limit() -> None:
-    def blind(theta: NDArray[np.float64]) -> Residuals:
-        return _residuals(NOISE - theta[0])
+    """A parameter that nothing shows, and two that do the same: the others are as sure as without them."""
 
-    minimum = _minimum(fit(blind, np.array([1.0, 7.0]), WIDE))
+    def blind(theta: NDArray[np.float64]) -> Residuals:
+        alike = REGRESSORS[:, 1] * (1.0 + theta[2]) * (1.0 + theta[3])
+        return _residuals(NOISE - theta[0] * REGRESSORS[:, 0] - alike)
+
+    minimum = _minimum(fit(blind, np.array([1.0, 7.0, 0.1, 0.2]), (*WIDE, *WIDE)))
     assert minimum.at.theta[1] == 7.0
-    assert np.isinf(minimum.sigmas()[1])
+    assert np.isinf(minimum.sigmas()[1:]).all()
+    assert minimum.sigmas()[0] == pytest.approx(1.0 / np.linalg.norm(REGRESSORS[:, 0]), rel=0.01)
+    assert np.isinf(sigmas_of(np.ones((2, 2)))).all()
 
 
 def test_steps_into_the_insoluble_are_shortened() -> None:

@@ -207,13 +207,14 @@ class Candidate:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Terms among the effects, with 95 % intervals of their coefficients where these are known."""
+        """Terms among the effects, with 95 % intervals of their coefficients, cut at the bounds, where known."""
         fitted_terms = []
         for effect, size, half in self.parts:
             # A coefficient is its only one.
             term = term_of(effect, float(size[0])) if size.size == 1 else None
             if term is not None:
-                ends = [float(end) for one in half for end in (term.coefficient - one, term.coefficient + one)]
+                bounds = effect.parameters[0].lowest, effect.parameters[0].highest
+                ends = [float(np.clip(term.coefficient + move, *bounds)) for one in half for move in (-one, one)]
                 fitted_terms.append(replace(term, interval=(ends[0], ends[1])) if ends else term)
         return tuple(fitted_terms)
 

@@ -36,5 +36,7 @@ def test_a_law_has_its_own_size_beside_an_effect_of_two(
     (term,) = Candidate(Hypothesis(effects), sizes, 0.0, half=half).terms
     assert (term.equation, term.coefficient) == (TermEquation.NOZZLE_FLOW, -0.2)
     assert term.interval == pytest.approx((-0.25, -0.15))
+    (term,) = Candidate(Hypothesis(effects), sizes, 0.0, half=(float("inf"),) * 3).terms
+    assert term.interval == TermEquation.NOZZLE_FLOW.bounds
     (term,) = Candidate(Hypothesis(effects), sizes, 0.0).terms
     assert term.interval is None

@@ -19,7 +19,7 @@ from observer_rt.core.learning.evidence import integrate_cost
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.engine.estimation.belief import Belief, Matrix, Vector
-from observer_rt.engine.estimation.gating import Alike, Gate, best_subset
+from observer_rt.engine.estimation.gating import ENTER, STAY, Alike, Gate, best_subset
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, Parameter, Theta
@@ -82,7 +82,7 @@ def theta_limits(c: Coefficients, needle: NeedleLaw | None = None, is_fitted: bo
 
 @dataclass(frozen=True)
 class EventFit:
-    """One event fitted: the active columns, and the cost round the estimate."""
+    """One event fitted: active columns, and the cost round the estimate: if stuck, level beside the prior."""
 
     active: frozenset[int]
     linearisation: Linearisation
@@ -90,6 +90,7 @@ class EventFit:
     unfiltered: Vector  # (n,) with the noise's colour
     slopes: Matrix  # (n, m) where linearised
     delays: ShotDelays | None  # as of `EventCost`
+    stuck: bool = False  # whether no step was short enough to lower what slopes promise to lower, as beside a kink
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,8 @@ class EventFitter:
         """Minimise cost and distance from the prior, at most so many steps from `start`.
 
         A step that lowers the total as its linearisation says is the last: there is nothing to be learned from
-        repeating it. One that does not lower it is halved. A sensor that only looks late is taken to be in time.
-        Raises numpy.linalg.LinAlgError when singular.
+        repeating it. One that does not lower it is halved, and at last not taken. A sensor that only looks late is
+        taken to be in time. Raises numpy.linalg.LinAlgError when singular.
         """
         fit = self._fit(start, prior, iterations, self.limits.gate)
         if _LAG in fit.active and fit.linearisation.theta[_LAG] < self.limits.least_lag:
@@ -120,30 +121,39 @@ class EventFitter:
         def total(theta: Vector, value: float) -> float:
             return value + 0.5 * prior.distance(theta)
 
-        here, active = start, self.active
+        here, active, stuck = start, self.active, False
         here_total = total(here.theta, here.value)
         for _ in range(iterations):
             covariance, _ = inverse_of(prior_information + here.information)
             joint = covariance @ (prior_vector + here.vector)
-            best, active = best_subset(joint, covariance, gate, active)
+            best, chosen = best_subset(joint, covariance, gate, active)
             best[self.unused] = 0.0
             target = self._within_reach(here.theta, best)
-            value = self.cost.value(target)
-            as_expected = abs(value - here.expected(target)) < AGREEMENT and self._has_delays_of(here)
+            value, promised = self.cost.value(target), here.expected(target)
+            as_expected = abs(value - promised) < AGREEMENT and self._has_delays_of(here)
             if as_expected and total(target, value) <= here_total + ROUNDING:
-                here = here.moved(target, value)
+                here, active = here.moved(target, value), chosen
                 break
-            ahead = self.cost.linearised(target)
+            left_out = [column for column in gate.columns if here.theta[column] != 0.0 and column not in chosen]
+            saved = 0.5 * sum(STAY if column in active else ENTER for column in left_out)  # so much dearer may it be
+            ahead, limit = self.cost.linearised(target), here_total + saved
             for _ in range(HALVINGS):
-                if total(ahead.theta, ahead.value) < here_total:
+                if total(ahead.theta, ahead.value) < limit:
                     break
-                ahead = self.cost.linearised(0.5 * (here.theta + ahead.theta))
-            before = here_total
-            here, here_total = ahead, total(ahead.theta, ahead.value)
+                ahead, limit = self.cost.linearised(0.5 * (here.theta + ahead.theta)), here_total
+            before, ahead_total = here_total, total(ahead.theta, ahead.value)
+            if not ahead_total < limit:
+                stuck = here_total - total(target, promised) >= TOLERANCE
+                here = self.cost.linearised(here.theta)
+                active = frozenset(column for column in gate.columns if here.theta[column] != 0.0)
+                break
+            here, here_total, active = ahead, ahead_total, chosen
             if abs(before - here_total) < TOLERANCE:
                 break
+        if stuck:
+            here = replace(here, gradient=prior_vector - prior_information @ here.theta)
         cost = self.cost
-        return EventFit(active, here, cost.innovations, cost.unfiltered, cost.slopes, cost.delays)
+        return EventFit(active, here, cost.innovations, cost.unfiltered, cost.slopes, cost.delays, stuck)
 
     def _has_delays_of(self, here: Linearisation) -> bool:
         """Whether the shots' delays are of this linearisation; another fit may have followed the event since."""

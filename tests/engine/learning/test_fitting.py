@@ -1,12 +1,15 @@
 """An event fitted from a prior."""
 
+from collections.abc import Callable
+
 import numpy as np
+import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.belief import prior_belief
-from observer_rt.engine.estimation.prediction_error import EventCost
-from observer_rt.engine.estimation.scalars import PARAMETERS
-from observer_rt.engine.learning.fitting import EventFitter, theta_limits
+from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
+from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, Theta
+from observer_rt.engine.learning.fitting import EventFitter, evidence_of, theta_limits
 from tests.engine.estimation.conftest import event_inputs, make_case, simulated_event, worn_theta
 
 
@@ -24,3 +27,47 @@ def test_delays_of_shots_are_those_of_a_fit_whatever_followed_the_event_before()
     fit = EventFitter(cost, frozenset(), theta_limits(case.c)).fit(start, prior, 1)
     assert fit.delays is not None
     np.testing.assert_allclose(fit.delays.theta, fit.linearisation.theta, atol=1e-3)
+
+
+class CostOfOne(EventCost):
+    """A cost by one column of theta, whose slope, and information of 1, are said to be the same everywhere."""
+
+    def __init__(self, column: int, cost: Callable[[float], float], slope: float) -> None:
+        self._column, self._cost_at, self._slope = column, cost, slope * np.eye(PARAMETERS)[column]
+        self.delays, self.slopes = None, np.zeros((1, PARAMETERS))
+
+    def value(self, theta: Theta) -> float:
+        self.innovations = self.unfiltered = theta[[self._column]]
+        return self._cost_at(float(theta[self._column]))
+
+    def linearised(self, theta: Theta) -> Linearisation:
+        information = np.diag(np.eye(PARAMETERS)[self._column])
+        return Linearisation(theta, self.value(theta), self._slope, information)
+
+
+@pytest.mark.parametrize(
+    ("column", "cost", "slope", "start", "end", "stuck"),
+    [
+        (Parameter.NOZZLE_BIAS, lambda size: 100.0 * abs(size - 0.1) ** 0.5, -1.0, 0.1, 0.1, True),  # beside a cusp
+        (
+            Parameter.NOZZLE_BIAS,
+            lambda size: 100.0 * abs(size - 0.1) ** 0.5,
+            -0.1,
+            0.1,
+            0.1,
+            False,
+        ),  # by next to nothing
+        (Parameter.SENSOR_LAG, lambda size: 0.5 * (size - 0.5) ** 2, 0.0, 0.5, 0.0, False),  # a scalar is left out
+        (Parameter.SENSOR_LAG, lambda size: 0.5 * (size - 4.0) ** 2, 0.0, 4.0, 4.0, False),  # one that pays is not
+    ],
+)
+def test_a_step_that_lowers_nothing_is_not_taken_unless_a_scalar_does_not_pay(
+    column: Parameter, cost: Callable[[float], float], slope: float, start: float, end: float, stuck: bool
+) -> None:
+    event, wide = CostOfOne(column, cost, slope), prior_belief(np.zeros(PARAMETERS), 1e4 * np.eye(PARAMETERS))
+    active, limits = frozenset({int(Parameter.SENSOR_LAG)}), theta_limits(make_case(load_injector()).c)
+    fit = EventFitter(event, active, limits).fit(event.linearised(start * np.eye(PARAMETERS)[column]), wide, 8)
+    assert fit.stuck is stuck
+    assert fit.linearisation.theta[column] == fit.innovations[0] == pytest.approx(end, abs=2e-3)
+    if stuck:  # what the slopes promise is not believed
+        assert evidence_of(fit.linearisation, wide, limits).theta[column] == pytest.approx(end)

@@ -121,13 +121,7 @@ RECORDINGS = [
 def test_the_shape_is_found_in_noise() -> None:
     random = np.random.default_rng(0)
     seen = [
-        [
-            (
-                stretch_of_event,
-                expected(TRUE, stretch_of_event) / SIGMA + 0.1 * random.normal(size=stretch_of_event.samples),
-            )
-            for stretch_of_event in events
-        ]
+        [(event, expected(TRUE, event) / SIGMA + 0.1 * random.normal(size=event.samples)) for event in events]
         for events in RECORDINGS
     ]
     result = ShapeFit(seen, SIGMA).shape()
@@ -145,7 +139,5 @@ def test_what_was_left_out_is_not_seen() -> None:
 
 
 def test_shapes_add_up() -> None:
-    recording_stretch = RECORDINGS[0][0]
-    assert expected(together(TRUE, TRUE), recording_stretch) == pytest.approx(
-        2.0 * expected(TRUE, recording_stretch), abs=20.0
-    )
+    event = RECORDINGS[0][0]
+    assert expected(together(TRUE, TRUE), event) == pytest.approx(2.0 * expected(TRUE, event), abs=20.0)

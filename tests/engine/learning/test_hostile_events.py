@@ -21,11 +21,8 @@ def events(draw: st.DrawFn) -> Window:
     window = stroke_of(seed=draw(st.integers(0, 99)))
     n = window.output.size
     line, rail = window.output.copy(), window.inputs[:, 0].copy()
-    gain, offset = (
-        draw(st.sampled_from([1.0, 0.0, -1.0, 1.02, 0.9, 3.0])),
-        draw(st.sampled_from([0.0, 0.01, -0.5, 5.0])),
-    )
-    line = gain * line + offset
+    line = draw(st.sampled_from([1.0, 0.0, -1.0, 1.02, 0.9, 3.0])) * line
+    line += draw(st.sampled_from([0.0, 0.01, -0.5, 5.0]))
     line += draw(st.sampled_from([0.0, 0.01, 0.15, 1.0])) * rng.standard_normal(n)
     rail += draw(st.sampled_from([0.0, 1.0, -1.0])) * (np.arange(n) > draw(st.integers(0, n)))
     period = draw(st.sampled_from([0.0, 7.0, 40.0]))

@@ -72,10 +72,7 @@ def test_units_that_do_not_fit(equation: str, law: str, said: str) -> None:
         ("line_flow", "c * line_flow * abs(line_flow)", -1e-4),  # two thirds of the line's own
         ("line_flow", "c * line_flow", -0.004),
         ("line_flow", "c * (line_flow - lagged(line_flow, 0.2))", 0.05),
-        ("line_pressure", "c * sqrt(line_pressure - chamber_pressure) * closed", 0.4),
         ("seat_flow", "-0.3 * exp(-needle_lift / 0.05)", 1.0),
-        ("nozzle_flow", "-0.21 * (injection_number - 1)", 1.0),
-        ("nozzle_flow", "c / sqrt(abs(sac_pressure - chamber_pressure) + 5)", 0.5),
         ("nozzle_flow", "c / sqrt((sac_pressure - chamber_pressure) / 100 + 0.2)", 0.2),
         ("seat_flow", "c * time_since_opening", -0.3),
         ("stiffness", "c * (line_pressure / 100 - 1)", 0.2),
@@ -83,7 +80,6 @@ def test_units_that_do_not_fit(equation: str, law: str, said: str) -> None:
         ("chamber_pressure", "5 * min(1, needle_lift / 0.08)", 1.0),
         ("line_pressure_sensor", "c * line_pressure_rate", -0.02),
         ("rail_pressure", "2 * sin(40 * time)", 1.0),
-        ("needle_lift", "0.01 * closing", 1.0),
         ("needle_lift", "c * closed", 0.003),
         ("needle_lift", "-0.06 * (needle_lift / max_lift - lagged(needle_lift / max_lift, 0.1))", 1.0),
         ("needle_lift", "0.05 * open", 1.0),

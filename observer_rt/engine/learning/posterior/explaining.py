@@ -119,7 +119,7 @@ class _KindEvidence:
             self.fit = fitter.fit(start, scales.of(self.held.prior), steps)
             start = self.fit.linearisation
             self.weigh(start, fitter.limits)
-            if self.scales == scales:
+            if self.scales == scales or self.fit.stuck:
                 break
         self.log -= max(self.cost.value - self.cost.expected(self.theta) - c.BEYOND, 0.0)
         self.theta = self.cost.theta
@@ -156,7 +156,7 @@ class _OfferedKinds:
     def refine(self, best: float) -> None:
         """Fit the kinds that may matter, the likeliest first; best: logarithm of the best weight so far.
 
-        After each fit the kinds that are left are weighed by its linearisation, too.
+        After each fit the kinds that are left are weighed by its linearisation, too, if it ended at a minimum.
         """
         left = list(self._evidence)
         while left:
@@ -166,7 +166,7 @@ class _OfferedKinds:
             if kind in STARTED:  # after the kinds that look like it
                 is_new = self._start(evidence, STARTED[kind]) or is_new
             self._fit(evidence, math.inf if is_new else self._log_of(kind) - max(best, self.best))
-            if evidence.fit is not None:
+            if evidence.fit is not None and not evidence.fit.stuck:
                 for other in left:
                     if other is not hypotheses.SHIFTED:  # what is little shows from where nothing has changed
                         nearer = copy(self._evidence[other])

@@ -181,10 +181,10 @@ def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
     if seen.size:
         scale = 1.0 / np.sqrt(np.diag(information)[seen])
         values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] * np.outer(scale, scale))
-        known, shares = values > BLIND * values[-1], vectors**2
-        by_known = shares[:, known] @ (1.0 / values[known])
-        is_open = (shares[:, ~known] > BLIND).any(axis=1)
-        variances[seen] = np.where(is_open, np.inf, by_known * scale**2)
+        is_told, shares = values > BLIND * values[-1], vectors**2
+        by_told = shares[:, is_told] @ (1.0 / values[is_told])
+        is_open = (shares[:, ~is_told] > BLIND).any(axis=1)
+        variances[seen] = np.where(is_open, np.inf, by_told * scale**2)
     return np.asarray(np.sqrt(variances))
 
 

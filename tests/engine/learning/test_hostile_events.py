@@ -19,8 +19,7 @@ def events(draw: st.DrawFn) -> Window:
     """A stroke whose pressures no injector has."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     window = stroke_of(seed=draw(st.integers(0, 99)))
-    n = window.output.size
-    line, rail = window.output.copy(), window.inputs[:, 0].copy()
+    line, rail, n = window.output.copy(), window.inputs[:, 0].copy(), window.output.size
     line = draw(st.sampled_from([1.0, 0.0, -1.0, 1.02, 0.9, 3.0])) * line
     line += draw(st.sampled_from([0.0, 0.01, -0.5, 5.0]))
     line += draw(st.sampled_from([0.0, 0.01, 0.15, 1.0])) * rng.standard_normal(n)

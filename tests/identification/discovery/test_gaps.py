@@ -36,10 +36,8 @@ def test_mass_is_off_by_what_wear_changes(worn: Worn) -> None:
     for number in gaps.held_out:
         measurement = worn.task.measured[number]
         before, after = (simulated(measurement, model) for model in (MODEL, worn_model))
-        changes += [
-            mass(measurement, new, density) - mass(measurement, old, density)
-            for old, new in zip(before, after, strict=True)
-        ]
+        masses = [[mass(measurement, run, density) for run in runs] for runs in (before, after)]
+        changes += np.diff(masses, axis=0)[0].tolist()
     assert gaps.by_name[MASS].before * MILLIGRAM == pytest.approx(np.sqrt(np.mean(np.square(changes))), rel=0.15)
 
 
@@ -97,7 +95,7 @@ def test_a_healthy_map_is_empty() -> None:
 
 def test_a_mass_has_an_interval_where_a_size_has_none(worn: Worn) -> None:
     area, measured = Hypothesis((VOCABULARY["orifice_area"],)), worn.task.measured[:1]
-    known, unknown = (
+    narrow, wide = (
         mass_changes(Candidate(area, (WEAR,), 0.0, half=(half,)), measured, MODEL)[0] for half in (0.01, np.inf)
     )
-    assert 5.0 * known.half < unknown.half < unknown.nominal
+    assert 5.0 * narrow.half < wide.half < wide.nominal

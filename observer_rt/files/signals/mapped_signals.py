@@ -60,11 +60,12 @@ class MappedSignals(TableSignals):
     def __init__(self, table: Table, rate: float) -> None:
         """rate: counts where the mapping states none; 0: the rate of the first stamps."""
         super().__init__(table)
-        self._has_limits = has_limits(next(self._parts(0), NO_ROWS))
-        self.sample_rate = table.config.rate_hz or rate or self._own_rate()
+        first = next(self._parts(0), NO_ROWS)
+        self._has_limits = has_limits(first)
+        self.sample_rate = table.config.rate_hz or rate or self._own_rate(self._instants(first))
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
         self._main = min(range(len(self._axes)), key=lambda raster: self._axes[raster].period)
-        stamps = self._first_stamps(self._main)
+        stamps = self._instants(first if self._main == 0 else next(self._parts(self._main)))
         if stamps.size >= FEWEST_FOR_RATE and (own := rate_of(stamps)) is not None:
             refuse_wrong_clock(self.path, own, self.sample_rate, "the bench file")
         self._runs = self._usable_runs()
@@ -73,13 +74,11 @@ class MappedSignals(TableSignals):
         self.names = {name: column.column for name, column in self._mapped.items() if name != TIME}
         self.details = self._details()
 
-    def _first_stamps(self, raster: int) -> Values:
-        """First stamps of an axis, each once where it has two limits."""
-        time = next(self._parts(raster), NO_ROWS).time
-        return time[np.diff(time, append=np.inf) != 0.0] if self._has_limits else time
+    def _instants(self, part: TablePart) -> Values:
+        """Stamps of rows, each once where it has two limits."""
+        return part.time[np.diff(part.time, append=np.inf) != 0.0] if self._has_limits else part.time
 
-    def _own_rate(self) -> float:
-        stamps = self._first_stamps(0)
+    def _own_rate(self, stamps: Values) -> float:
         rate = rate_of(stamps)
         if rate is None:
             self._refuse_disorder(int(np.count_nonzero(np.diff(stamps) < 0.0)), stamps.size)

@@ -17,7 +17,7 @@ from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.engine.estimation.scalar_table import ShownIndicator
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
 from observer_rt.engine.learning import interval
-from observer_rt.engine.learning.constants import OFTEN
+from observer_rt.engine.learning.constants import OFTEN, WRONG
 from observer_rt.engine.learning.indicators import Indicators, indicators_of
 from observer_rt.engine.learning.knowledge import EventRecord
 from observer_rt.engine.stream.state import Reason, State
@@ -159,8 +159,14 @@ def beyond_learned(report: InjectionReport) -> str:
     """Describes how far an injection is from what was learned, and which recording would help."""
     rail_pressure, (lowest, highest) = report.rail_pressure, report.known_rails
     if lowest <= rail_pressure <= highest:
-        budget = report.budget
-        bound = "" if budget is None else f", its mass to {196 * budget.learning / report.volume:.1f} %"
+        budget, percent = report.budget, 100.0 * Z_95 / report.volume if report.volume > 0.0 else math.nan
+        if budget is not None and SURELY * report.relative_sigma > WRONG:
+            return (
+                f"its mass is known to {percent * budget.beyond_level:.1f} %, but valid from "
+                f"{100.0 * Z_95 * WRONG / SURELY:.0f} % on: {percent * budget.parameters:.1f} % are left open by "
+                f"events, of which more help, {percent * budget.model:.1f} % by the model, where a better fit helps"
+            )
+        bound = "" if budget is None else f", its mass to {percent * budget.learning:.1f} %"
         return f"its rail pressure is known{bound}, its duration or lift is not; record some as short or as long"
     reaches = [f"from {lowest / MEGAPASCAL:.0f}"] if math.isfinite(lowest) else []
     reaches += [f"up to {highest / MEGAPASCAL:.0f}"] if math.isfinite(highest) else []

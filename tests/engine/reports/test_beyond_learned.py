@@ -25,7 +25,7 @@ from tests.plants.laws import NO_LAWS, Laws
         ((-math.inf, 98e6), "what was learned reaches up to 98 MPa; record"),
         ((140e6, math.inf), "what was learned reaches from 140 MPa; record"),
         ((math.inf, -math.inf), "nothing learned reaches it; record injections at 120 MPa"),
-        ((-math.inf, math.inf), "its mass to 5.0 %, its duration or lift is not"),
+        ((-math.inf, math.inf), "known to 6.4 %, but valid from 2 % on: 5.0 % are left open by events"),
     ],
 )
 def test_how_far_it_is(rails: tuple[float, float], said: str) -> None:

@@ -138,6 +138,9 @@ REASONS: Mapping[Reason, Words] = {
         "learning is late, and the event is unlike what was learned before",
         "a faster computer, fewer injections a second, or a longer learning_delay_ms",
     ),
+    Reason.COIL_CURRENT: Words(
+        "the coil's current shows in the line pressure", "shield the cables, or wait: once known it is subtracted"
+    ),
 }
 
 COUNTERS: Mapping[str, Words] = {

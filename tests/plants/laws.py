@@ -21,7 +21,6 @@ MIDDLE, MIDDLE_WIDTH = 0.5, 0.15  # of the largest lift
 SMALL_LIFT = 50e-6  # m
 WAVES_OF_LIFT = 3  # up to the largest
 ROOT_TIME = 1e-3  # s
-VALVE_MOVES = 50e-6  # s, in which the pilot valve opens, or shuts
 HOLE_CLOSES = 0.6e-3  # s after an opening
 SHUT_DROP, SHUT_WIDTH = 90e6, 5e6  # Pa
 COKING_TIME = 0.5e-3  # s after an opening
@@ -77,6 +76,7 @@ class Laws(NamedTuple):
     control_flow: float = 0.0  # m3/s at 100 MPa, that a pilot valve takes out of the line while it is open
     control_lead: float = 0.28e-3  # s, from when it opens to the needle's lifting
     control_trail: float = 0.17e-3  # s, from when it shuts to the needle's beginning to fall
+    control_moves: float = 50e-6  # s, in which the pilot valve opens, or shuts
     root_coking: float = 0.0  # share of the nozzle's coefficient lost 1 ms after an opening, by the root of time
     seat_choking: float = 0.0  # share of p_L, beyond which a larger drop over the seat passes no more; 0: none
     seat_waves: float = 0.0  # share of the seat's coefficient, in waves over the lift
@@ -156,8 +156,8 @@ def valve_opening(time: float, strokes: Array, laws: Laws) -> float:
     """How far the pilot valve is open (0..1) for strokes (m, 6): it moves at one speed."""
     widest = 0.0
     for i in range(strokes.shape[0]):
-        opens = (time - strokes[i, 0] + laws.control_lead) / VALVE_MOVES + 0.5
-        shuts = (strokes[i, 2] - laws.control_trail - time) / VALVE_MOVES + 0.5
+        opens = (time - strokes[i, 0] + laws.control_lead) / laws.control_moves + 0.5
+        shuts = (strokes[i, 2] - laws.control_trail - time) / laws.control_moves + 0.5
         widest = max(widest, min(max(min(opens, shuts), 0.0), 1.0))
     return widest
 

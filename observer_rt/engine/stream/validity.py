@@ -18,6 +18,7 @@ _OF_FIT = frozenset(
         Reason.AMBIGUOUS_SCALE,
         Reason.CONTRADICTED,
         Reason.LIFT_SENSOR_LAG,
+        Reason.COIL_CURRENT,
     }
 )
 """Reasons that are sure only once the event was fitted: until then it may be wear that nobody has learned yet."""

@@ -6,6 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from observer_rt.daemon.log import injection_line
+from observer_rt.engine.stream.state import Reason
 from observer_rt.model.accuracy import Accuracy
 from tests.engine.plant_runs import in_turn
 from tests.observed_plants import ObservedRun, bench_at, observed
@@ -36,8 +38,9 @@ def learned(
     seed: int = 3,
     accuracy: Accuracy | None = None,
     around: Surroundings = UNDISTURBED,
+    first: int = FIRST,
 ) -> ObservedRun:
-    """The events after the first pass over the points.
+    """The events after the first ones, by default after the first pass over the points.
 
     flow: at 100 MPa [mm3/ms]; accuracy: that the injector file states, None: of a simulation.
     """
@@ -48,7 +51,7 @@ def learned(
     if accuracy is not None:
         model = observer.injector.parameters.model_copy(update={"accuracy": accuracy})
         observer = observer.with_parameters(model)
-    return observed(bench, observer)[FIRST:]
+    return observed(bench, observer)[first:]
 
 
 @pytest.mark.decisive(2)
@@ -106,7 +109,14 @@ def with_coil_pulse(height: float) -> Step:
 def test_the_coil_is_not_taken_for_control_flow(flow: float, height: float) -> None:
     """Left in, it makes masses up to 5.7 % wrong; it is taken out as soon as its end is likely."""
     around = Surroundings(before_noise=(with_coil_pulse(height),))
-    run = learned(flow, Faults(orifice_area=0.1), around=around)
+    run = learned(flow, Faults(orifice_area=0.1), around=around, first=0)
+    assert "the coil's current" in "".join(map(injection_line, run.reports))
+    run = run[FIRST:]
     assert np.abs(run.errors[run.valid]).max() < WRONG
     assert sum(run.valid) >= 9
     assert control_flow(run)[0] == pytest.approx(flow, abs=0.4)
+
+
+def test_a_pilot_valve_that_opens_gradually_is_not_taken_for_the_coil() -> None:
+    run = learned(8.0, Faults(), 8, Laws(control_moves=0.4e-3), first=0)
+    assert not {Reason.COIL_CURRENT, Reason.CONTRADICTED}.intersection(*(report.reasons for report in run.reports))

@@ -232,7 +232,7 @@ def _small_ones() -> list[SensorFault]:
             "line_clipped_at_the_bottom", "MPa", (1.0, 4.0),
             on(lambda t, v, size, rng: np.maximum(v, v.min() + size), LINE), of.CLIPPED,
         ),
-        _small("energizing_on_line", "MPa", (0.1, 0.3), adding(LINE, lambda p: p.size * p.current), s),
+        _small("energizing_on_line", "MPa", (0.1, 0.3), adding(LINE, lambda p: p.size * p.current), of.COIL),
         _small("energizing_on_lift", "um", (1.0, 3.0), adding(LIFT, lambda p: p.size * p.current), s),
         _small("anti_alias_2_all", "kHz", corners, on(lp2, *SIGNALS), of.HARMLESS),
         _small("anti_alias_4_all", "kHz", corners, on(lp4, *SIGNALS), of.HARMLESS),

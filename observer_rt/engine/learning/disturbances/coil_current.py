@@ -2,16 +2,16 @@
 
 The current adds a pulse to the measured line pressure, which would be taken for wear. It begins with a step at the
 same time before every opening: the needle is shut then and nothing moves, so no parameter of the model can imitate
-the step, but where a pilot valve has opened: only the whole event tells the step from its flow. One event hardly
-shows it; over many events it stands out of the noise, however small it is. The pulse ends during the injection: each
-end on a grid is compared by how well the events are explained with it, everything else fitted. The pulse is taken out
-once one end is more likely than all others together; from then on the covariance of theta contains the change that
-another end would make.
+the step, but where a pilot valve has opened: only the whole event tells the step from its flow, which may begin
+earlier or later than the model's, gradually. One event hardly shows it; over many events it stands out of the noise,
+however small it is. So does what a model lacks: two events running must be explained better with the pulse than by
+theta and such a valve. It ends during the injection: each end on a grid is compared by how well the events are
+explained with it, everything else fitted. The pulse is taken out once one end is more likely than all others
+together; from then on the covariance of theta contains the change that another end would make.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,10 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.engine.learning.fitting import EventFit
+from observer_rt.foundation.records import NOT_KEPT
+from observer_rt.model.effective import LAG_UNIT
 
 LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
 SHORTEST_DELAY = 0.12e-3
@@ -31,7 +34,7 @@ SEEN_FOR = 0.25e-3  # s, until x~ has taken a step for its own
 FEWEST = 2  # samples of SEEN_FOR at a low sample rate
 STANDS_OUT = 4.5  # standard deviations, beyond which a step over all events is an edge
 OF_ONE_EVENT = 4.0  # standard deviations that one event adds at most, so that an edge must recur
-STANDS_OUT_ALONE = 6.0  # standard deviations in one event, beyond which its mass is not trusted
+STANDS_OUT_ALONE = 3.0  # standard deviations in one event, beyond which it may be the first witness
 COMMON = 0.6  # share of the edge's score that no step elsewhere may reach, else the model does not explain the rest
 REMEMBERED = 0.95  # weight of the events before an event
 CLIP = 4.0  # standard deviations for which an innovation counts at most, all else fitted
@@ -41,17 +44,13 @@ CLEAR = 0.5  # probability of one end of the grid, from which on the pulse is ta
 # Weight of the events before: they were fitted with the pulse in them, which was taken for something else in part.
 BEFORE_KNOWN = 0.02
 SHAPE = 0.05  # of its height, by which a pulse may differ from a rectangle
+BEATS, WITNESSES = 4.0, 2  # nats by which a pulse explains an event better than none, in so many events running
+TRIED = 1e-3  # p_0, height of the pulse by which the response to one is found
+OTHER_STARTS = (-0.2e-3, -0.1e-3, 0.1e-3, 0.2e-3)  # s by which the flow of a pilot valve may begin before the model's
 USUAL_END = 0.25e-3  # s before the closing; assumed while the beginning is sought beside a pilot valve's flow
 
 Innovations = Callable[[Window], Vector]
-
-
-@dataclass(frozen=True)
-class Edge:
-    """A step of a height [p_0], `before` samples before the openings."""
-
-    height: float
-    before: int
+Costs = Callable[[Window], EventCost]
 
 
 class EdgePlaces(NamedTuple):
@@ -61,18 +60,15 @@ class EdgePlaces(NamedTuple):
     longest: int
     seen_for: int  # until x~ has taken a step for its own
     margin: int  # just before the opening, which do not count
-
-    @property
-    def all(self) -> int:
-        """Number of places whose steps are compared, those too early for an edge among them."""
-        return self.longest + self.seen_for
+    all: int  # how many are compared, those too early for an edge among them
 
 
 def edge_places(interval: float) -> EdgePlaces:
     """Places of an edge at an interval of samples [s]."""
     durations = (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR, BEFORE_OPENING)
     shortest, longest, seen_for, margin = (round(duration / interval) for duration in durations)
-    return EdgePlaces(shortest, longest, max(seen_for, FEWEST), margin)
+    seen_for = max(seen_for, FEWEST)
+    return EdgePlaces(shortest, longest, seen_for, margin, longest + seen_for)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +79,8 @@ class EdgeSearch:
     squares: Vector = field(default_factory=lambda: np.zeros(0))  # (places,) of the response
     unclipped: Matrix = field(default_factory=lambda: np.zeros((2, 0)))  # (2, places) both, not limited
 
-    def after(self, sums: Matrix, sigma: float) -> "EdgeSearch":
-        """The next value, after an event's products and squares (2, places); sigma: of its innovations [p_0]."""
+    def after(self, sums: Matrix) -> "EdgeSearch":
+        """The next value, after an event's products and squares (2, places)."""
         before, (products, squares) = self, sums
         if self.products.size != products.size:
             before = EdgeSearch(np.zeros_like(products), np.zeros_like(squares), np.zeros_like(sums))
@@ -92,19 +88,17 @@ class EdgeSearch:
         return EdgeSearch(
             REMEMBERED * before.products + np.clip(products, -most, most),
             REMEMBERED * before.squares + squares,
-            REMEMBERED * before.unclipped + (products / sigma, squares / sigma**2),
+            REMEMBERED * before.unclipped + sums,
         )
 
-    def edge(self, places: EdgePlaces, least: float = STANDS_OUT) -> Edge | None:
-        """The step that stands out of the noise by `least` standard deviations; None without one."""
+    def edge(self, places: EdgePlaces, least: float = STANDS_OUT) -> int | None:
+        """Samples from the step that stands out of the noise by `least` to the openings; None without one."""
         power = np.maximum(self.squares, np.finfo(np.float64).tiny)
         scores = np.abs(self.products) / np.sqrt(power)
         score, elsewhere = scores[: places.longest + 1].max(), scores[places.longest + 1 :].max()
-        if not (score > least and elsewhere < COMMON * score):
-            return None
         products, squares = self.unclipped[:, : places.longest + 1]
         before = int(np.argmax(products**2 / np.maximum(squares, np.finfo(np.float64).tiny)))
-        return Edge(float(products[before] / squares[before]), before)
+        return before if score > least and elsewhere < COMMON * score else None
 
 
 def sums_at_rest(innovations: Vector, response: Vector, places: EdgePlaces) -> Matrix:
@@ -167,13 +161,6 @@ class ThetaColumns(NamedTuple):
         return np.asarray(np.linalg.solve(self.information, self.slopes.T @ columns), np.float64)
 
 
-def with_step(window: Window, first: int, height: float) -> Window:
-    """A window with a step of the line pressure [p_0] from sample `first` on."""
-    output = window.output.copy()
-    output[first:] += height
-    return window._replace(output=output)
-
-
 @dataclass(frozen=True)
 class CoilPulse:
     """Pulse of a height [p_0], from `before` samples before an opening until `until` samples before its closing."""
@@ -209,6 +196,7 @@ class CoilCurrent:
     squares: Vector = field(default_factory=lambda: np.zeros(0))  # (ends,) of the response
     pulse: CoilPulse | None = None  # None: nothing is taken out yet
     covariance: Matrix | None = None  # of theta (m, m), by the uncertainty of the pulse; None: 0
+    witnesses: int = field(default=0, metadata=NOT_KEPT)  # events running that the pulse explains better than none
 
     @property
     def unsure(self) -> Matrix | float:
@@ -220,40 +208,40 @@ class CoilCurrent:
         return window if self.pulse is None else self.pulse.taken_out(window)
 
     def after(
-        self, window: Window, edge: Edge, innovations: Innovations, theta: ThetaColumns, ends: NDArray[np.int64]
+        self, window: Window, before: int, innovations: Innovations, theta: ThetaColumns, ends: NDArray[np.int64]
     ) -> "CoilCurrent":
-        """The next value, after an event as it was recorded, with an edge before its openings; ends: grid to compare.
+        """The next value, after an event as it was recorded, with an edge so many samples before its openings.
 
-        innovations: of a window (n,), in standard deviations, 0 where they do not count.
+        innovations: of a window (n,), in standard deviations, 0 where they do not count; ends: grid to compare.
         """
-        is_begun = self.products.size == ends.size
-        products = REMEMBERED * self.products if is_begun else np.zeros(ends.size)
-        squares = REMEMBERED * self.squares if is_begun else np.zeros(ends.size)
         innovations_of_event = innovations(window)
         clipped = np.clip(innovations_of_event, -CLIP, CLIP)
-        pulses = (CoilPulse(edge.height, edge.before, int(end)) for end in ends)
-        without = [innovations(pulse.taken_out(window)) for pulse in pulses]
-        shapes = (innovations_of_event - np.array(without)).T / edge.height  # (n, ends), of a pulse of 1
+        without = [innovations(CoilPulse(TRIED, before, int(end)).taken_out(window)) for end in ends]
+        shapes = (innovations_of_event - np.array(without)).T / TRIED  # (n, ends), of a pulse of 1
         pull = theta.pull(shapes).T  # (ends, m), of theta
         alone = shapes - theta.slopes @ pull.T
-        products += alone.T @ clipped
-        squares += np.einsum("ij,ij->j", alone, shapes)
+        own_products, own_squares = alone.T @ clipped, np.einsum("ij,ij->j", alone, shapes)
+        is_begun = self.products.size == ends.size
+        products = own_products + (REMEMBERED * self.products if is_begun else 0.0)
+        squares = own_squares + (REMEMBERED * self.squares if is_begun else 0.0)
         heights = products / squares
+        explains = float(np.max(heights * (own_products - 0.5 * heights * own_squares)))
+        witnesses = self.witnesses + 1 if explains > BEATS else self.witnesses * (self.witnesses >= WITNESSES)
         explained = 0.5 * heights * products
         weights = np.exp(explained - explained.max())
         best = int(np.argmax(weights))
-        if self.pulse is None and (best in (0, ends.size - 1) or weights[best] < CLEAR * weights.sum()):
-            return replace(self, products=products, squares=squares)
-        if self.pulse is None:
-            products *= BEFORE_KNOWN
-            squares *= BEFORE_KNOWN
-        pulse = CoilPulse(float(heights[best]), edge.before, int(ends[best]))
+        is_clear = best not in (0, ends.size - 1) and weights[best] >= CLEAR * weights.sum()
+        if self.pulse is None and (witnesses < WITNESSES or not is_clear):
+            return replace(self, products=products, squares=squares, witnesses=witnesses)
+        products, squares = np.array([products, squares]) * (BEFORE_KNOWN if self.pulse is None else 1.0)
+        pulse = CoilPulse(float(heights[best]), before, int(ends[best]))
         # difference of theta (ends, m) if the pulse has another end; its covariance is also by other heights
+        pull = pull[:, :PARAMETERS]
         difference = heights[:, np.newaxis] * pull - heights[best] * pull[best]
         variances = 1.0 / squares + (SHAPE * heights) ** 2
         shares = (weights / weights.sum())[:, np.newaxis]
         covariance = difference.T @ (shares * difference) + (pull.T * variances * shares[:, 0]) @ pull
-        return CoilCurrent(products, squares, pulse, covariance)
+        return CoilCurrent(products, squares, pulse, covariance, witnesses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,48 +257,51 @@ class CoilDisturbance:
         return self.current.pulse is not None
 
     def after(
-        self,
-        window: Window,
-        fit: EventFit,
-        sigma: float,
-        cost_of: Callable[[Window], EventCost],
-        prior: Vector,
-        interval: float,
-        flowing: bool,
+        self, window: Window, fit: EventFit, sigma: float, cost_of: Costs, wide: Vector, interval: float, flows: bool
     ) -> tuple["CoilDisturbance", bool]:
         """The next value, after a fitted event as it was recorded; whether that has a pulse that was not taken out.
 
-        sigma: of the innovations [p_0]; cost_of: a window's cost; prior: standard deviations (m,) of theta before any
-        event; interval: of samples [s]; flowing: whether the flow of a pilot valve is in the event.
+        sigma: of innovations, as events scatter [p_0]; cost_of: a window's cost; wide: standard deviations (m,) of
+        theta before any event; interval: of samples [s]; flows: whether the flow of a pilot valve is in the event.
         """
-        places = edge_places(interval)
+        places, theta = edge_places(interval), fit.linearisation.theta
         first = window.opening - places.longest
         if first <= 0:
             return self, False
-        theta = fit.linearisation.theta
 
-        def standardised(window: Window) -> Vector:
-            """Innovations in standard deviations, at the fit."""
+        def standardised(window: Window, theta: Vector = theta) -> Vector:
+            """Innovations in standard deviations, by default at the fit."""
             cost = cost_of(window)
             cost.value(theta)
             counts = cost.innovations / sigma
             counts[: cost.burn_in] = 0.0
             return counts
 
-        columns = partial(ThetaColumns.of, fit.slopes / sigma, prior)  # seldom needed
-        event = window if flowing else window.until(window.opening)
+        def columns() -> ThetaColumns:
+            """Theta, and flows of a pilot valve of the usual size at other times."""
+            as_fitted, slopes = standardised(window), [fit.slopes / sigma]
+            for earlier in OTHER_STARTS:
+                other = theta.copy()
+                other[Parameter.CONTROL_FLOW] += wide[Parameter.CONTROL_FLOW]
+                other[Parameter.CONTROL_START] += earlier / LAG_UNIT
+                slopes.append((standardised(window, other) - as_fitted)[:, np.newaxis])
+            return ThetaColumns.of(np.hstack(slopes), np.append(wide, np.ones(len(OTHER_STARTS))))
+
+        theta_columns, event = (columns(), window) if flows else (None, window.until(window.opening))
         innovations = standardised(event)
-        if flowing:
-            until = int(np.flatnonzero(window.inputs[:, 1] > 0.0)[-1]) - round(USUAL_END / interval)
-            response = standardised(with_step(with_step(event, first, sigma), until, -sigma)) - innovations
-            sums = sums_beside_flow(window.opening, innovations, response, columns(), places)
+        if theta_columns is not None:
+            pulse = CoilPulse(-sigma, places.longest, round(USUAL_END / interval))
+            response = standardised(pulse.taken_out(event)) - innovations
+            sums = sums_beside_flow(window.opening, innovations, response, theta_columns, places)
         else:
-            response = standardised(with_step(event, first, sigma)) - innovations
+            step = sigma * (np.arange(event.output.size) >= first)
+            response = standardised(event._replace(output=event.output + step)) - innovations
             sums = sums_at_rest(innovations, response, places)
-        edges = self.edges.after(sums, sigma)
-        edge = edges.edge(places)
-        if edge is None:
-            stands_out = EdgeSearch(sums[0], sums[1], sums).edge(places, STANDS_OUT_ALONE) is not None
-            return CoilDisturbance(edges), self.is_known or stands_out
-        current = self.current.after(window, edge, standardised, columns(), pulse_ends(interval))
-        return CoilDisturbance(edges, current), not self.is_known
+        edges = self.edges.after(sums)
+        recurs = edges.edge(places)
+        before = recurs or EdgeSearch(sums[0], sums[1], sums).edge(places, STANDS_OUT_ALONE)
+        if before is None or (self.is_known and not recurs):
+            return CoilDisturbance(edges), self.is_known
+        current = self.current if recurs else CoilCurrent()
+        current = current.after(window, before, standardised, theta_columns or columns(), pulse_ends(interval))
+        return CoilDisturbance(edges, current), not self.is_known and current.witnesses >= WITNESSES

@@ -103,7 +103,7 @@ def _with_coil(
     energizing, is_disturbed = state.energizing.after(
         explained.window._replace(output=explained.recorded.output),
         fit,
-        reading.cost.sigma,
+        reading.cost.sigma * math.sqrt(reading.cost.temper),
         lambda window: reader.cost_of(explained.state, learned, window, unaware),
         reader.wide,
         reader.interval,
@@ -133,7 +133,7 @@ def _objections(
     each by itself that is no more likely than noise, for an event at fault pays for its loudness anew.
     """
     theta = learned.theta
-    reasons = [Reason.CONTRADICTED] if is_disturbed else []
+    reasons = [Reason.COIL_CURRENT] if is_disturbed else []
     offset = float(theta[Parameter.LINE_PRESSURE_OFFSET]) * reader.pressure_scale
     gain, untold = (float(theta[Parameter.LINE_PRESSURE_GAIN]), learned.belief.sigma[Parameter.LINE_PRESSURE_GAIN])
     pressure = float(window.inputs[:, 0].mean()) * reader.pressure_scale

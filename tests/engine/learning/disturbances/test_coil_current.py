@@ -43,8 +43,7 @@ def after(events: int, height: float, until: int = UNTIL) -> coil_current.CoilCu
     for seed in range(events):
         noise = window(SIGMA * np.random.default_rng(seed).normal(size=COUNT))
         recorded = coil_current.CoilPulse(-height * SIGMA, BEFORE, until).taken_out(noise)
-        edge = coil_current.Edge(height * SIGMA, BEFORE)
-        current = current.after(recorded, edge, as_seen, OTHER, ends)
+        current = current.after(recorded, BEFORE, as_seen, OTHER, ends)
     return current
 
 
@@ -59,6 +58,8 @@ def test_end_and_height_of_the_pulse_are_found(height: float) -> None:
 
 def test_nothing_is_taken_out_while_its_end_is_not_clear() -> None:
     assert after(1, 0.3).pulse is None
+    assert (after(1, 6.0).pulse, after(1, 6.0).witnesses) == (None, 1)
+    assert after(2, 6.0).pulse is not None
     beyond = after(20, 1.5, until=-10)
     assert beyond.pulse is None
     assert beyond.undone(window(np.ones(COUNT))).output.min() == 1.0
@@ -82,7 +83,7 @@ def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
     cost: Any = SimpleNamespace(value=lambda _: 0.0, innovations=np.zeros(COUNT), burn_in=0)
     fit: Any = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)), slopes=SLOPES)
     coil = coil_current.CoilDisturbance(current=current)
-    without, said = coil.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, flowing=False)
+    without, said = coil.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, flows=False)
     assert said
     assert not without.is_known
     assert without.current.undone(window(np.ones(COUNT))).output.min() == 1.0

@@ -150,7 +150,7 @@ class Daemon:
             text = f"this process stood still for {slept:.1f} s\n  remedy: {remedy}"
             self._tell(Notice(Topic.INPUT, text))
         if not self._buses_down:
-            for notice in self._watch.look(now):
+            for notice in self._watch.look(now, self.dropped):
                 self._tell(notice)
         before, self._restarts = self._restarts, self.core.counters.restarts
         if self._restarts > before:

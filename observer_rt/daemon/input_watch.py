@@ -144,19 +144,29 @@ class FrameWatch:
         self._lengths = lengths
         self._begin: tuple[Counters, int] | None = None  # at the first of the looks judged together, with frames
         self._lost = 0
+        self._dropped = 0, 0  # frames, by the last look and by the one before
         self._looks = 0
         self._is_explained = False
         self._reported: set[str] = set()
 
-    def look(self, counters: Counters, is_explained: bool) -> Iterator[Notice]:
-        """Notices of a look; is_explained: another watch has already reported why frames are useless."""
+    def look(self, counters: Counters, is_explained: bool, dropped: int = 0) -> Iterator[Notice]:
+        """Notices of a look.
+
+        is_explained: another watch has already reported why frames are useless; dropped: frames that this computer
+        has lost so far, of which the last may count before their samples are missing.
+        """
+        dropped_since = dropped - self._dropped[1]
+        self._dropped = dropped, self._dropped[0]
         lost, self._lost = (counters.lost_samples - self._lost) / self._rate, counters.lost_samples
         if self._begin is None:
             self._begin = counters, self._arrivals.frames
             return
         if _LOST_AT_ONCE <= lost < REPORTED_AFTER:  # a longer silence is reported by itself
-            text = f"samples of {lost:.2g} s were lost at once\n  remedy: {TOPICS[Topic.INPUT].remedy}"
-            yield Notice(Topic.INPUT, text)
+            text, remedy = f"samples of {lost:.2g} s were lost at once", TOPICS[Topic.INPUT].remedy
+            if dropped_since:
+                text += f", with {dropped_since} frames that this computer dropped"
+                remedy = COUNTERS["dropped_frames"].remedy
+            yield Notice(Topic.INPUT, f"{text}\n  remedy: {remedy}")
         self._looks += 1
         self._is_explained |= is_explained
         if self._looks >= LOOKS:
@@ -217,11 +227,12 @@ class InputWatch:
         self._seen = 0
         self._frames = 0
 
-    def look(self, now: int) -> list[Notice]:
-        """Notices at a time [ns] of the arrivals' clock; to be called every `PERIOD`."""
+    def look(self, now: int, dropped: int = 0) -> list[Notice]:
+        """Notices at a time [ns] of the arrivals' clock; to be called every `PERIOD`. dropped: as of `FrameWatch`."""
         core = self._core
         notices = [*self._messages.look(now, core.progress, core.protection)]
-        notices += self._useless.look(core.counters, Trouble.INVALID in self._messages.reported.values())
+        is_explained = Trouble.INVALID in self._messages.reported.values()
+        notices += self._useless.look(core.counters, is_explained, dropped)
         notices += self._rate.look(core.timing, core.state[1])
         notices += self.ranges.look(core.parts["receiver"])
         has_frames = core.frames_taken > self._frames

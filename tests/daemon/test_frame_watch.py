@@ -33,6 +33,7 @@ def messages_of_looks(
     step: dict[str, int],
     looks: int,
     is_explained: bool = False,
+    dropped: int = 0,
 ) -> list[str]:
     """Texts reported in so many looks; before each, counters and frames of every message rise by `step`."""
     texts = []
@@ -41,7 +42,7 @@ def messages_of_looks(
             frames = arrivals.count_of(source).frames
             arrivals.set_count(source.layout, frames + step.get("frames", 0), 0)
         vars(counters).update({name: getattr(counters, name) + more for name, more in step.items()})
-        texts += [notice.text for notice in watch.look(replace(counters), is_explained)]
+        texts += [notice.text for notice in watch.look(replace(counters), is_explained, dropped)]
     return texts
 
 
@@ -74,5 +75,11 @@ def test_an_outage_is_reported_with_its_length(arrivals: Arrivals, counters: Cou
     assert messages_of_looks(arrivals, watch, counters, {"frames": 1000, "lost_samples": 90}, 5) == []
     (message,) = messages_of_looks(arrivals, watch, counters, {"lost_samples": 20_000}, 1)
     assert message.startswith("samples of 0.2 s were lost at once\n  remedy: ")
+    for looks_after in range(3):  # samples are missed some time after the computer dropped their frames
+        dropped = {"dropped": 300 * (1 + looks_after)}
+        assert messages_of_looks(arrivals, watch, counters, {"frames": 1000}, looks_after, **dropped) == []
+        (message,) = messages_of_looks(arrivals, watch, counters, {"lost_samples": 20_000}, 1, **dropped)
+        own = f"at once, with 300 frames that this computer dropped\n  remedy: {COUNTERS['dropped_frames'].remedy}"
+        assert message.endswith(own) == (looks_after < 2)
     silence = {"lost_samples": round(REPORTED_AFTER * RATE)}  # which is reported by itself
     assert messages_of_looks(arrivals, watch, counters, silence, 1) == []

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import socket
+import stat
 import threading
 import time
 from collections.abc import Sequence
@@ -12,10 +13,12 @@ import can
 
 from observer_rt.bus.links.controller import BusCondition
 from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, LinkDownError, StampSource
+from observer_rt.bus.links.receive_buffer import LostFrames, lost_by, size_receive_buffer
 from observer_rt.foundation.errors import RunError, UserError
 
 SEND_TIMEOUT_S = 0.5  # how long a driver may wait for a place in its queue
 _IP_MULTICAST_ALL, _IPV6_MULTICAST_ALL = 49, 29  # of linux/in.h and linux/in6.h, which Python does not name
+DATAGRAM_BYTES = 1280  # about what a frame of 64 bytes takes of the receive buffer as a datagram
 
 MOST_OWN = 4096  # frames remembered as sent: about a second of results
 
@@ -42,14 +45,22 @@ class OwnFrames:
         return left >= 0
 
 
-def _refuse_other_groups(bus: can.BusABC) -> None:
+def _datagram_socket(bus: can.BusABC) -> socket.socket | None:
+    """The socket by which a bus receives datagrams, under another descriptor; None: it has none."""
+    with contextlib.suppress(NotImplementedError, can.CanError, OSError):
+        if stat.S_ISSOCK(os.fstat(bus.fileno()).st_mode):
+            own = socket.socket(fileno=os.dup(bus.fileno()))
+            if own.type != socket.SOCK_STREAM:  # which loses nothing
+                return own
+            own.close()
+    return None
+
+
+def _refuse_other_groups(receiver: socket.socket) -> None:
     """Have a socket get frames of its own multicast group only, not of all that programs on this computer joined."""
-    with socket.socket(fileno=os.dup(bus.fileno())) as own:
-        own.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
-        if own.family == socket.AF_INET6:
-            own.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
-    while bus.recv(0.0) is not None:
-        pass  # came before
+    receiver.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
+    if receiver.family == socket.AF_INET6:
+        receiver.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
 
 
 class PythonCanLink(Link):
@@ -71,14 +82,17 @@ class PythonCanLink(Link):
         self._computer_time = computer_time
         self._condition = BusCondition()
         self._own = OwnFrames()
+        self._lost = LostFrames()
+        self._warnings: list[str] = []
         self._sending = threading.Lock()  # drivers need not be safe for several threads
         self._open()
 
     def _open(self) -> None:
         try:
             self._bus = can.Bus(interface=self._interface, channel=self._channel, fd=self._fd)
-            if self._interface == "udp_multicast":
-                _refuse_other_groups(self._bus)
+            self._receiver = _datagram_socket(self._bus)
+            if self._receiver is not None:
+                self._prepare(self._receiver)
         except (can.CanInterfaceNotImplementedError, ImportError, NameError) as error:  # waiting does not mend it
             remedy = "install its driver, or use another interface"
             problem = f"{self._interface!r} cannot be used on this computer: {error}"
@@ -88,6 +102,21 @@ class PythonCanLink(Link):
                 f"{self._name} cannot be opened: {error}\n"
                 "  remedy: check that the device is connected, its driver installed and the channel correct"
             ) from error
+
+    def _prepare(self, receiver: socket.socket) -> None:
+        """Set the options of a socket for datagrams, and pass over what came before."""
+        if self._interface == "udp_multicast":
+            _refuse_other_groups(receiver)
+        if self._reads:
+            self._warnings = size_receive_buffer(receiver, self._name, DATAGRAM_BYTES)
+        while self._bus.recv(0.0) is not None:
+            pass
+        self._lost.begin(lost_by(receiver))
+
+    @property
+    def _reads(self) -> bool:
+        """Whether anybody reads the link: else what it has no room for is not lost."""
+        return self._receive_ids is None or bool(self._receive_ids)
 
     def receive(self, timeout_s: float) -> Frame | None:
         deadline = time.monotonic() + timeout_s
@@ -101,6 +130,8 @@ class PythonCanLink(Link):
                 ) from error
             if message is None:
                 return None
+            if self._receiver is not None and self._reads:
+                self._lost.note(lost_by(self._receiver))
             if message.is_error_frame:
                 counted = self._condition.error_frames + 1
                 self._condition = replace(self._condition, error_frames=counted)
@@ -158,7 +189,7 @@ class PythonCanLink(Link):
             except BaseException:
                 self._own.forget(frame_id, is_extended, payload)
                 raise
-            if self._receive_ids is not None and not self._receive_ids:
+            if not self._reads:
                 while self._bus.recv(0.0) is not None:
                     pass  # nobody reads a link that only sends, and the virtual bus's queue grows without limit
 
@@ -172,8 +203,8 @@ class PythonCanLink(Link):
 
     @property
     def dropped(self) -> int:
-        """Zero: python-can counts no lost frames, and the virtual bus loses none."""
-        return 0
+        """Those that the kernel counts; zero for others: python-can counts none, and the virtual bus loses none."""
+        return self._lost.count
 
     @property
     def condition(self) -> BusCondition:
@@ -183,6 +214,12 @@ class PythonCanLink(Link):
     def stamp_source(self) -> StampSource:
         return StampSource.ARRIVAL if self._by_arrival else StampSource.DRIVER
 
+    @property
+    def warnings(self) -> Sequence[str]:
+        return self._warnings
+
     def close(self) -> None:
+        if self._receiver is not None:
+            self._receiver.close()
         with contextlib.suppress(can.CanError, OSError):  # the device may be gone
             self._bus.shutdown()

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, BIT_RATE_SWITCH, CLASSIC_LENGTH, ERROR_STATE, FD_LENGTHS, FD_MTU
 from observer_rt.bus.links import controller, link
+from observer_rt.bus.links.receive_buffer import LostFrames, size_receive_buffer
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import NANOSECONDS
 
@@ -24,7 +25,7 @@ NO_SOCKETCAN = 'sudo modprobe can_raw, or interface = "udp_multicast" in the ben
 
 # Of the generic Linux interface (linux/net_tstamp.h, linux/ethtool.h), not all known to Python's socket module.
 SO_TIMESTAMPNS, SO_TIMESTAMPING, SO_RXQ_OVFL = 35, 37, 40
-_SO_RCVBUFFORCE, _CAN_RAW_ERR_FILTER, _SIOCGIFMTU = 33, 2, 0x8921
+_CAN_RAW_ERR_FILTER, _SIOCGIFMTU = 2, 0x8921
 _RX_HARDWARE, _RX_SOFTWARE, _SOFTWARE, _RAW_HARDWARE = 1 << 2, 1 << 3, 1 << 4, 1 << 6
 _SIOCETHTOOL = 0x8946
 _ETHTOOL_GET_TS_INFO = 0x41
@@ -35,8 +36,7 @@ _IFREQ_POINTER = struct.Struct("@16sP16x")
 
 ANCILLARY_BYTES = socket.CMSG_SPACE(_THREE_TIMESPECS.size)
 
-RECEIVE_BUFFER_BYTES = 16 << 20  # some 20,000 frames; the usual default holds about 300
-FRAME_BYTES = 768  # about what a received frame takes of it
+FRAME_BYTES = 768  # about what a received frame takes of the receive buffer
 SEND_RETRY_S = 0.5e-3  # about three full frames at 500k/5M
 SEND_PATIENCE_S = 0.5
 
@@ -110,14 +110,14 @@ class SocketCanLink(link.Link):
         self._fd = fd
         self._receive_ids = receive_ids
         self._computer_time = computer_time
-        self._dropped = 0
+        self._lost = LostFrames()
         self._condition = controller.BusCondition()
         self._warnings: list[str] = []
         self._open()
 
     def _open(self) -> None:
         self._connect()
-        self._dropped_by_socket = 0
+        self._lost.begin()
         self._readable = select.poll()
         self._readable.register(self._socket, select.POLLIN)
 
@@ -143,7 +143,7 @@ class SocketCanLink(link.Link):
         self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, _filters(self._receive_ids))
         if self._receive_ids is None or self._receive_ids:  # else nobody would ever read them
             self._socket.setsockopt(socket.SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, int(_ERROR_CLASSES))
-            self._warnings = self._size_receive_buffer()
+            self._warnings = size_receive_buffer(self._socket, self._channel, FRAME_BYTES)
         self._socket.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
         self._stamps = StampReader(self._socket, self._channel, self._computer_time)
         self._socket.bind((self._channel,))
@@ -151,21 +151,6 @@ class SocketCanLink(link.Link):
         pending = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if pending:  # binding to an interface that is down succeeds
             raise OSError(pending, "")
-
-    def _size_receive_buffer(self) -> list[str]:
-        """Returns a warning where the kernel gives less than is wanted."""
-        try:
-            self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
-        except PermissionError:  # needs CAP_NET_ADMIN; else the most that net.core.rmem_max allows
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-        granted = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)  # twice what was asked for
-        if granted >= 2 * RECEIVE_BUFFER_BYTES:
-            return []
-        return [
-            f"the kernel gives {self._channel} a receive buffer for some {granted // FRAME_BYTES} frames only: more "
-            "are lost when this process has to wait\n"
-            f"  remedy: sudo sysctl --write net.core.rmem_max={RECEIVE_BUFFER_BYTES}"
-        ]
 
     def _require_fd_mtu(self) -> None:
         request = struct.pack("16si12x", self._channel.encode(), 0)
@@ -227,10 +212,8 @@ class SocketCanLink(link.Link):
         return stamp_ns or time.time_ns()  # the kernel begins to stamp a moment after it was asked to
 
     def note_dropped(self, count: int) -> None:
-        """The socket lost so many frames since it was opened, counted in 32 bits: across its wrap, too."""
-        more = (count - self._dropped_by_socket) & 0xFFFFFFFF
-        self._dropped_by_socket += more
-        self._dropped += more
+        """The socket lost so many frames since it was opened, counted in 32 bits."""
+        self._lost.note(count)
 
     def note_error_frame(self, identifier: int, data: bytes) -> None:
         """Take the content of an error frame into the condition."""
@@ -282,7 +265,7 @@ class SocketCanLink(link.Link):
 
     @property
     def dropped(self) -> int:
-        return self._dropped + self._condition.overruns
+        return self._lost.count + self._condition.overruns
 
     @property
     def condition(self) -> controller.BusCondition:

@@ -151,14 +151,23 @@ def test_a_driver_that_says_so_itself_is_not_waited_for_at_first(
 class GroupBus:
     """As a bus of python-can's multicast, over a socket that is in no group; frames of another one came before."""
 
-    def __init__(self, family: socket.AddressFamily, address: str) -> None:
+    def __init__(self, family: socket.AddressFamily = socket.AF_INET, address: str = "127.0.0.1") -> None:
         self.socket = socket.socket(family, socket.SOCK_DGRAM)
         self.socket.bind((address, 0))
         self.fileno, self.shutdown = self.socket.fileno, self.socket.close
-        self._early = [can.Message(arbitration_id=0x100, is_extended_id=False)] * 2
+        self.send(2)
+
+    def send(self, frames: int, data: bytes = b"") -> None:
+        """Frames of another node, a datagram each."""
+        for _ in range(frames):
+            self.socket.sendto(data, self.socket.getsockname())
 
     def recv(self, _: float) -> can.Message | None:
-        return self._early.pop() if self._early else None
+        try:
+            data = self.socket.recv(1 << 16, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return None
+        return can.Message(arbitration_id=0x100, data=data[:8], is_extended_id=False)
 
 
 @pytest.mark.parametrize(
@@ -180,6 +189,26 @@ def test_frames_of_other_multicast_groups_are_refused(
     with open_link("udp_multicast", "239.74.163.2", True) as link:
         assert [bus.socket.getsockopt(*option) for option in options] == [0] * len(options)
         assert link.receive(0.0) is None
+
+
+def test_frames_without_room_in_the_receive_buffer_are_dropped_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unless nobody reads the link; those of a socket before a reconnection stay counted."""
+    sent, buses = 200, list[GroupBus]()
+    monkeypatch.setattr("observer_rt.bus.links.receive_buffer.RECEIVE_BUFFER_BYTES", 1 << 20)
+    monkeypatch.setattr("observer_rt.bus.links.opening.find_spec", lambda _: "there")
+    monkeypatch.setattr(can, "Bus", lambda **_: buses.append(GroupBus()) or buses[-1])
+    with open_link("udp_multicast", "239.74.163.2", True) as link, open_link("udp_multicast", "0", True, []) as sender:
+        lost = 0
+        for _ in range(2):
+            buses[-1 if lost else 0].send(sent, bytes(50_000))
+            came = sum(1 for _ in iter(lambda: link.receive(0.0), None))
+            lost += sent - came
+            assert 20 < came < sent  # far more than by the usual buffer
+            assert link.dropped == lost
+            link.reconnect()
+        buses[1].send(sent, bytes(50_000))
+        sender.receive(0.0)
+        assert sender.dropped == 0
 
 
 def test_own_frames_that_come_back_are_no_other_senders(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.links import socketcan as socketcan_link
+from observer_rt.bus.links import receive_buffer
 from observer_rt.bus.links.controller import BusCondition, BusState
 from observer_rt.bus.links.link import Frame, Link, LinkDownError, StampSource
 from observer_rt.bus.links.opening import open_link
@@ -68,24 +68,6 @@ def test_error_frames_tell_the_condition_and_are_no_data(vcan: str) -> None:
         assert tell(not_acknowledged) == condition  # one for every frame nobody hears would be too many
         assert link.dropped == 0
         assert tell(controller, overrun).overruns == link.dropped == 1
-
-
-def test_a_receive_buffer_smaller_than_wanted_is_told(vcan: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    class UserSocket(socket.socket):
-        def setsockopt(self, level: int, option: int, value: int | bytes) -> None:  # type: ignore[override]
-            if (level, option) == (socket.SOL_SOCKET, 33):  # SO_RCVBUFFORCE
-                raise PermissionError
-            super().setsockopt(level, option, value)
-
-    monkeypatch.setattr(socket, "socket", UserSocket)
-    allowed = int(Path("/proc/sys/net/core/rmem_max").read_text())
-    monkeypatch.setattr(socketcan_link, "RECEIVE_BUFFER_BYTES", allowed)
-    with link_on(vcan) as link:
-        assert list(link.warnings) == []
-    monkeypatch.setattr(socketcan_link, "RECEIVE_BUFFER_BYTES", 2 * allowed)
-    with link_on(vcan) as link:
-        (warning,) = link.warnings
-        assert f"sysctl --write net.core.rmem_max={2 * allowed}" in warning
 
 
 def test_a_missing_interface_is_named_with_those_present(vcan: str) -> None:
@@ -180,7 +162,7 @@ def test_back_but_not_configured_yet(own_interface: OwnInterface) -> None:
 
 
 def test_what_was_lost_before_still_counts(own_interface: OwnInterface, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(socketcan_link, "RECEIVE_BUFFER_BYTES", 4096)
+    monkeypatch.setattr(receive_buffer, "RECEIVE_BUFFER_BYTES", 4096)
     with link_on(own_interface.name, []) as sender, link_on(own_interface.name) as receiver:
         lost = 0
         for _ in range(2):

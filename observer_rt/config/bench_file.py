@@ -27,8 +27,13 @@ class LinkConfig(Section):
     interface: str = "socketcan"
     channel: Channel = "can0"
     fd: bool = True
-    bit_rate: BitRate = 500e3  # bit/s, for the rules of `check`
+    bit_rate: BitRate = 500e3  # bit/s, for the rules of `check` and the drivers of python-can
     data_bit_rate: BitRate = 5e6
+
+    @property
+    def bit_rates(self) -> tuple[float, ...]:
+        """Bit rates [bit/s]: of all frames, and of the data of CAN FD frames."""
+        return (self.bit_rate, self.data_bit_rate) if self.fd else (self.bit_rate,)
 
 
 class FurtherLinkConfig(Section):

@@ -1,5 +1,6 @@
 """Notices about the inputs, live or over a log: missing messages, lost frames, other senders, and the state."""
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
 from functools import partial
@@ -20,6 +21,7 @@ from observer_rt.foundation.units import NANOSECONDS
 
 REPORTED_AFTER = 2.0  # s without a frame, or with useless ones only, after which it is reported
 LOOKS = 10  # whose frames are judged together
+LOOKS_WAITED = 100  # at most, of frames in a receive buffer behind which others were dropped and counted
 OTHER_SENDER = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
 # Counters of useless frames, and the share of all input frames that is reported; of frames out of sequence a larger
 # one, for lost frames disturb their order, too.
@@ -144,27 +146,26 @@ class FrameWatch:
         self._lengths = lengths
         self._begin: tuple[Counters, int] | None = None  # at the first of the looks judged together, with frames
         self._lost = 0
-        self._dropped = 0, 0  # frames, by the last look and by the one before
+        self._dropped = deque([0], LOOKS_WAITED)  # frames, by the last looks
         self._looks = 0
         self._is_explained = False
         self._reported: set[str] = set()
 
     def look(self, counters: Counters, is_explained: bool, dropped: int = 0) -> Iterator[Notice]:
-        """Notices of a look.
+        """Notices of a look; is_explained: another watch has already reported why frames are useless.
 
-        is_explained: another watch has already reported why frames are useless; dropped: frames that this computer
-        has lost so far, of which the last may count before their samples are missing.
+        dropped: frames that this computer has lost so far.
         """
-        dropped_since = dropped - self._dropped[1]
-        self._dropped = dropped, self._dropped[0]
+        since = dropped - self._dropped[0]
+        self._dropped.append(dropped)
         lost, self._lost = (counters.lost_samples - self._lost) / self._rate, counters.lost_samples
         if self._begin is None:
             self._begin = counters, self._arrivals.frames
             return
         if _LOST_AT_ONCE <= lost < REPORTED_AFTER:  # a longer silence is reported by itself
             text, remedy = f"samples of {lost:.2g} s were lost at once", TOPICS[Topic.INPUT].remedy
-            if dropped_since:
-                text += f", with {dropped_since} frames that this computer dropped"
+            if since:
+                text += f", with {since} frames that this computer dropped"
                 remedy = COUNTERS["dropped_frames"].remedy
             yield Notice(Topic.INPUT, f"{text}\n  remedy: {remedy}")
         self._looks += 1

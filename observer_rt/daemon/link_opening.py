@@ -78,7 +78,7 @@ class LinkOpening:
         waiting_for = ""
         while True:
             try:
-                link = open_link(config.interface, config.channel, config.fd, wanted, computer_time)
+                link = open_link(config.interface, config.channel, config.fd, wanted, computer_time, config.bit_rates)
             except LinkDownError as error:
                 if str(error) != waiting_for:
                     waiting_for = str(error)

@@ -57,6 +57,7 @@ def open_link(
     fd: bool,
     receive_ids: Sequence[tuple[int, bool]] | None = None,
     computer_time: bool = False,
+    bit_rates: Sequence[float] = (),
 ) -> Link:
     """Connect to `channel` of a python-can interface; `socketcan` is served by a faster implementation.
 
@@ -64,7 +65,8 @@ def open_link(
 
     `fd`: allow CAN FD frames. `receive_ids`: the (identifier, is extended) pairs wanted; None means all,
     empty none. `computer_time`: stamp by the clock of this computer even if interface or driver have a better one,
-    so that stamps of several links can be compared.
+    so that stamps of several links can be compared. `bit_rates` [bit/s], the second of the data of CAN FD frames: for
+    drivers of python-can, whose own configuration files do not count; empty: as these begin. SocketCAN has its own.
 
     Raises:
         UserError: no such interface, or its driver is not installed.
@@ -79,7 +81,7 @@ def open_link(
         raise UserError("link.interface", f"{interface!r} cannot be used on this computer", remedy)
     from observer_rt.bus.links.python_can import PythonCanLink  # only for those who use one of its drivers
 
-    return PythonCanLink(interface, channel, fd, receive_ids, computer_time)
+    return PythonCanLink(interface, channel, fd, receive_ids, computer_time, bit_rates)
 
 
 def first_heard(links: Mapping[int, Link], stop: threading.Event) -> BusFrame | None:

@@ -73,11 +73,14 @@ class PythonCanLink(Link):
         fd: bool,
         receive_ids: Sequence[tuple[int, bool]] | None,
         computer_time: bool = False,
+        bit_rates: Sequence[float] = (),
     ) -> None:
         """See `open_link`."""
         self._interface, self._channel, self._fd = interface, channel, fd
         self._name = f"{interface} channel {channel}"
+        self._bit_rates = dict(zip(("bitrate", "data_bitrate"), map(round, bit_rates), strict=False))
         self._receive_ids = None if receive_ids is None else frozenset(receive_ids)
+        self._reads = self._receive_ids is None or bool(receive_ids)  # else nothing that comes is lost
         self._by_arrival = computer_time or interface == "virtual"
         self._computer_time = computer_time
         self._condition = BusCondition()
@@ -89,7 +92,14 @@ class PythonCanLink(Link):
 
     def _open(self) -> None:
         try:
-            self._bus = can.Bus(interface=self._interface, channel=self._channel, fd=self._fd)
+            self._bus = can.Bus(
+                # some drivers want a number
+                channel=int(self._channel) if self._channel.isdecimal() else self._channel,
+                interface=self._interface,
+                ignore_config=True,  # files and variables of the user's other programs
+                fd=self._fd,
+                **self._bit_rates,  # type: ignore[arg-type]  # of the driver
+            )
             self._receiver = _datagram_socket(self._bus)
             if self._receiver is not None:
                 self._prepare(self._receiver)
@@ -104,7 +114,7 @@ class PythonCanLink(Link):
             ) from error
 
     def _prepare(self, receiver: socket.socket) -> None:
-        """Set the options of a socket for datagrams, and pass over what came before."""
+        """Set options of a socket for datagrams, and pass over what came before."""
         if self._interface == "udp_multicast":
             _refuse_other_groups(receiver)
         if self._reads:
@@ -112,11 +122,6 @@ class PythonCanLink(Link):
         while self._bus.recv(0.0) is not None:
             pass
         self._lost.begin(lost_by(receiver))
-
-    @property
-    def _reads(self) -> bool:
-        """Whether anybody reads the link: else what it has no room for is not lost."""
-        return self._receive_ids is None or bool(self._receive_ids)
 
     def receive(self, timeout_s: float) -> Frame | None:
         deadline = time.monotonic() + timeout_s

@@ -11,10 +11,7 @@ RECEIVE_BUFFER_BYTES = 16 << 20  # some 20,000 frames; the usual default holds a
 
 
 def size_receive_buffer(receiver: socket.socket, name: str, frame_bytes: int) -> list[str]:
-    """Have the kernel keep the frames of a second or more; returns a warning where it gives less than is wanted.
-
-    name: of the link in the warning; frame_bytes: about what a received frame takes of the buffer.
-    """
+    """Returns a warning where the kernel gives less than is wanted. frame_bytes: of it, about what a frame takes."""
     try:
         receiver.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
     except PermissionError:  # needs CAP_NET_ADMIN; else the most that net.core.rmem_max allows

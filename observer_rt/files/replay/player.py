@@ -145,7 +145,8 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
         links = {}
         for bus, config in buses.items():
             identifiers = sorted((message.identifier, message.is_extended) for message in sent if message.bus == bus)
-            links[bus] = stack.enter_context(open_link(config.interface, config.channel, config.fd, identifiers))
+            link = open_link(config.interface, config.channel, config.fd, identifiers, bit_rates=config.bit_rates)
+            links[bus] = stack.enter_context(link)
         traffic = first_heard(links, stop)
     if traffic is not None:
         config = buses[traffic.bus]

@@ -5,6 +5,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from unittest.mock import Mock
 from uuid import uuid4
 
@@ -14,6 +15,7 @@ from can.interfaces.virtual import VirtualBus
 
 from observer_rt.bus.links.link import Link, LinkDownError, StampSource
 from observer_rt.bus.links.opening import open_link
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.foundation.errors import RunError, UserError
 
 
@@ -148,6 +150,23 @@ def test_a_driver_that_says_so_itself_is_not_waited_for_at_first(
             receiver.reconnect()
 
 
+@pytest.mark.parametrize("file", ["no section", "[default]\nport = 40000\nreceive_own_messages = True"])
+def test_only_the_bench_file_configures_a_bus(file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files and variables that other programs of the user have for python-can count nothing."""
+    opened, begin = list[object](), VirtualBus.__init__
+
+    def note(bus: VirtualBus, channel: str | int, **options: object) -> None:
+        opened.append((channel, options))
+        begin(bus, channel, **options)  # type: ignore[arg-type]
+
+    (tmp_path / ".canrc").write_text(file)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("CAN_CONFIG", '{"bitrate": 1')
+    monkeypatch.setattr(VirtualBus, "__init__", note)
+    open_link("virtual", "7", True, bit_rates=LinkConfig(bit_rate=1e6).bit_rates).close()
+    assert opened == [(7, {"fd": True, "bitrate": 1_000_000, "data_bitrate": 5_000_000})]
+
+
 class GroupBus:
     """As a bus of python-can's multicast, over a socket that is in no group; frames of another one came before."""
 
@@ -194,10 +213,18 @@ def test_frames_of_other_multicast_groups_are_refused(
 def test_frames_without_room_in_the_receive_buffer_are_dropped_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     """Unless nobody reads the link; those of a socket before a reconnection stay counted."""
     sent, buses = 200, list[GroupBus]()
+
+    def open_bus(**_: object) -> GroupBus:
+        buses.append(GroupBus())
+        return buses[-1]
+
     monkeypatch.setattr("observer_rt.bus.links.receive_buffer.RECEIVE_BUFFER_BYTES", 1 << 20)
     monkeypatch.setattr("observer_rt.bus.links.opening.find_spec", lambda _: "there")
-    monkeypatch.setattr(can, "Bus", lambda **_: buses.append(GroupBus()) or buses[-1])
-    with open_link("udp_multicast", "239.74.163.2", True) as link, open_link("udp_multicast", "0", True, []) as sender:
+    monkeypatch.setattr(can, "Bus", open_bus)
+    with (
+        open_link("udp_multicast", "239.74.163.2", True) as link,
+        open_link("udp_multicast", "0", True, []) as sender,
+    ):
         lost = 0
         for _ in range(2):
             buses[-1 if lost else 0].send(sent, bytes(50_000))

@@ -84,7 +84,7 @@ def serve(channel: str, input_id: int, rate_id: int, peer: Peer) -> None:
     stopped: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
     filters: list[can.typechecking.CanFilter] = [{"can_id": input_id, "can_mask": 0x7FF, "extended": False}]
-    with can.Bus(interface="socketcan", channel=channel, fd=True, can_filters=filters) as bus:
+    with can.Bus(interface="socketcan", channel=channel, fd=True, can_filters=filters, ignore_config=True) as bus:
         print("ready", flush=True)
         while not stopped:
             message = bus.recv(0.1)

@@ -20,6 +20,7 @@ from threading import BoundedSemaphore, Thread
 from typing import Any
 
 from observer_rt.config.bench import BenchInjector
+from observer_rt.daemon.lock import is_written
 from observer_rt.daemon.snapshot import SNAPSHOT, line_of
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from observer_rt.foundation.files import is_at
@@ -91,8 +92,6 @@ def daemon_connection(kept: Path) -> socket.socket | None:
             daemon.connect(address)
             return daemon
     except (FileNotFoundError, ConnectionRefusedError):
-        from observer_rt.daemon.keeper import is_written  # rarely needed, and much
-
         if not is_written(kept):
             return None
         raise RunError(

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import effects_after_alignment
 from observer_rt.daemon.control_socket import OBSERVER
-from observer_rt.daemon.keeper import sole_writer
+from observer_rt.daemon.lock import sole_writer
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.reports.evidence import LEAD, EventInputs, event_inputs, evidence_of
 from observer_rt.engine.reports.injection_report import InjectionReport, injection_record

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.daemon.control_socket import LONGEST, MOST_CLIENTS, Message, ask, control_socket
-from observer_rt.daemon.keeper import sole_writer
+from observer_rt.daemon.lock import sole_writer
 from observer_rt.foundation.errors import RunError, UserError
 
 

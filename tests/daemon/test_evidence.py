@@ -13,7 +13,7 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector_sections import EvidenceConfig
 from observer_rt.daemon.control_socket import OBSERVER
 from observer_rt.daemon.evidence_keeper import evidence_keeper
-from observer_rt.daemon.keeper import is_written
+from observer_rt.daemon.lock import is_written
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.reports.evidence import EvidenceKind
 from observer_rt.files.evidence_folder import KeptEvent, read_evidence

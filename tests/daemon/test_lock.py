@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.daemon.keeper import sole_writer
+from observer_rt.daemon.lock import sole_writer
 from observer_rt.foundation.errors import UserError
 
 HOLDING = """
 import sys
 from pathlib import Path
-from observer_rt.daemon.keeper import sole_writer
+from observer_rt.daemon.lock import sole_writer
 with sole_writer(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

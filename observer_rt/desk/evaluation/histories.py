@@ -10,7 +10,7 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.keeper import sole_writer
+from observer_rt.daemon.lock import sole_writer
 from observer_rt.daemon.state_file import model_hash, restored_knowledge, save_knowledge
 from observer_rt.desk.evaluation.evaluate import bench_for_all, evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation

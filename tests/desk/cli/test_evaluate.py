@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH
-from observer_rt.daemon.keeper import sole_writer
+from observer_rt.daemon.lock import sole_writer
 from observer_rt.files.formats import read_recording
 from tests.desk.cli.conftest import Command, document
 from tests.device import candump_lines, frames_of

@@ -1,15 +1,17 @@
 """One writer at a time, whatever became of the one before."""
 
+import fcntl
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from observer_rt.daemon.lock import sole_writer
-from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.errors import RunError, UserError
 
 HOLDING = """
 import sys
@@ -50,6 +52,34 @@ def test_a_killed_writer_is_in_nobodys_way(tmp_path: Path) -> None:
     assert (tmp_path / "state.json.lock").exists()
     with sole_writer(path), pytest.raises(UserError, match=f"process {os.getpid()}"):
         sole_writer(path).__enter__()
+
+
+def test_who_waits_for_a_lock_of_an_earlier_version_does_not_get_it(tmp_path: Path) -> None:
+    """Its file could be opened by all: it is replaced by one of the owner's alone."""
+    path, lock = tmp_path / "state.json", tmp_path / "state.json.lock"
+    lock.write_text("987654")
+    lock.chmod(0o644)
+    with lock.open() as stranger, sole_writer(path):
+        assert lock.stat().st_mode & 0o777 == 0o600
+        fcntl.flock(stranger, fcntl.LOCK_SH | fcntl.LOCK_NB)  # of a file that is no more
+        with pytest.raises(UserError, match=f"process {os.getpid()}"):
+            sole_writer(path).__enter__()
+
+
+def test_a_lock_held_by_another_than_its_writer_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, lock = tmp_path / "state.json", tmp_path / "state.json.lock"
+    lock.write_text("987654")  # of a process that was killed
+    with lock.open() as stranger:
+        fcntl.flock(stranger, fcntl.LOCK_EX)
+        said = (
+            rf"held by process {os.getpid()} \(.+\) of user id {os.getuid()}, not by process 987654.*\n.*or remove "
+        )
+        with pytest.raises(RunError, match=said + str(lock)) as refused:
+            sole_writer(path).__enter__()
+        assert refused.value.exit_code == 1  # so that a supervisor tries again
+        monkeypatch.setattr(Path, "read_text", Mock(side_effect=OSError))  # as where /proc/locks does not tell
+        with pytest.raises(UserError, match=r"in use by process 987654 of another container or.*\n.*remove "):
+            sole_writer(path).__enter__()
 
 
 def test_the_lock_outlives_the_file_it_guards(tmp_path: Path) -> None:

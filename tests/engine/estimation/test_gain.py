@@ -74,14 +74,16 @@ def riccati(transition: Array, rail: Array, c: Coefficients, noise: NoiseLevels)
 
 
 @pytest.mark.parametrize("sample_rate", [20e3, 50e3, 100e3])
-@pytest.mark.parametrize("rail_noise", [0.05e6, 0.1e6, 0.5e6])
+@pytest.mark.parametrize(("rail_noise", "every"), [(0.05e6, 1.0), (0.1e6, 1.0), (0.5e6, 1.0), (0.1e6, 20.0)])
 @pytest.mark.parametrize("lag", [0.0, 10e-6, 40e-6])
 def test_steady_gain_solves_the_riccati_equation(
-    nominal: Case, sample_rate: float, rail_noise: float, lag: float
+    nominal: Case, sample_rate: float, rail_noise: float, every: float, lag: float
 ) -> None:
+    """every: samples to one of the rail pressure, whose noise drives the line by so many times the power."""
     noise = NoiseLevels(rail_noise, 0.15e6, 0.4e-6)
-    schedule = gain_schedule(nominal.c, noise, sample_rate, lag)
-    gain, sigma = steady_kalman(nominal.c, noise, sample_rate, lag)
+    schedule = gain_schedule(nominal.c, noise, sample_rate, lag, rail_every=every)
+    driving = replace(noise, rail_pressure=math.sqrt(every) * rail_noise)
+    gain, sigma = steady_kalman(nominal.c, driving, sample_rate, lag)
     np.testing.assert_allclose(schedule.gains[-1], gain, rtol=0.02)
     assert schedule.innovation_sigma == pytest.approx(sigma, rel=2e-3)
 

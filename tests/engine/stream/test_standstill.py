@@ -9,8 +9,9 @@ from observer_rt.core.stream.stream import ENOUGH_SAMPLES, FURTHEST_OFFSET
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.observer import event_standstill
-from observer_rt.engine.stream.standstill import Standstill, offset_between
+from observer_rt.engine.stream.standstill import FLOOR, HeldRail, Standstill, offset_between
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.effects import sized
 from tests.engine.sample_stream import NOISE, NOMINAL, RAIL, Stream, assert_levels, at_rest, opened
@@ -146,6 +147,28 @@ def test_what_moves_on_and_on_is_followed_no_further() -> None:
 
 def test_slow_noise_is_not_followed() -> None:
     assert offset_after(0.8 * MEGAPASCAL, is_coloured=True) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("rail_every", "noise", "moved", "is_held"),
+    [
+        (1.0, NOISE, 0, True),
+        (1.5, NOISE, 0, False),
+        (1.0, FLOOR, 0, False),
+        (1.0, NOISE, 1, False),
+        (1.0, NOISE, 50, False),
+    ],
+    ids=["held", "slow", "computed", "moves in the event", "moves between events"],
+)
+def test_a_rail_pressure_that_is_a_set_value(
+    rail_every: float, noise: NoiseLevels, moved: int, is_held: bool
+) -> None:
+    """A slow one, or one of a computed recording, may be the same in an event. moved: samples, in every event."""
+    held, window = HeldRail(), Window(np.full((50, 2), 0.95), np.zeros(50), np.zeros(50, np.bool_), np.zeros(4), 25)
+    for event in range(3):
+        window.inputs[50 - moved :, 0] += 1e-3
+        held = held.after(window, Standstill(1000, 0.0, noise), rail_every)
+        assert held.is_held == (is_held and event > 0)
 
 
 def test_the_offset_is_the_mean_since_the_event_before() -> None:

@@ -72,6 +72,19 @@ def test_the_less_is_known_of_it_the_wider_theta_is() -> None:
     assert 0.0 < np.trace(many) < np.trace(few)
 
 
+def test_an_edge_is_as_clear_after_many_events_and_forgotten_once_it_ends() -> None:
+    places, search = coil_current.edge_places(INTERVAL), coil_current.EdgeSearch()
+    sums = np.stack([1.5 * (np.arange(places.all) == BEFORE), np.ones(places.all)])  # 1.5 sigma in every event
+    edges = []
+    for event in range(240):
+        search = search.after(sums if event < 200 else sums * [[0.0], [1.0]], SIGMA)
+        edges.append(search.edge(places))
+    for edge in (edges[60], edges[199]):
+        assert edge is not None
+        assert (edge.height, edge.before) == pytest.approx((1.5 * SIGMA, BEFORE))
+    assert edges[-1] is None
+
+
 def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
     current = after(20, 1.5)
     height = SIGMA if current.pulse is None else current.pulse.height

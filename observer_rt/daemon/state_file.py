@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from observer_rt.daemon.array_texts import ArrayTexts
 from observer_rt.daemon.plausibility import doubt_of, problem_of
@@ -34,7 +35,19 @@ LARGEST_FILE = 1 << 22  # bytes, far more than any state takes: a hypothesis is 
 _WHOLE = ("account", "noise", "events", "interval")
 """Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
 
-SERVO_KEYS = (*("control_flow", "control_start", "control_end", "control_hold", "control_exponent"), "displacement")
+_NO_MODEL: Any = {
+    **dict.fromkeys(("effects", "terms", "format", "accuracy"), True),
+    "fluid": {"fuel"},  # its values are in the other keys
+    "remainder": {"origin", "date"},
+}
+_FROM_THE_FIRST = {  # keys that enter a hash at their default, too, as before there was a rule; none joins them
+    *("line_outflow", "scaling", "baseline", "scaling.pressure", "scaling.flow", "scaling.area"),
+    *("fluid.thermal_expansion", "fluid.bulk_modulus_slope", "remainder.observer"),
+    *("line.model", "line.cells", "line.damping", "line.end_volume", "line.wall_viscosity"),
+    *("line.inlet_loss_factor", "line.impedance_ratio", "line.impedance_step"),
+    *("baseline.format", "baseline.ci95", "baseline.recordings", "baseline.healthy", "baseline.observer"),
+    *("baseline.line_pressure_sensor_gain", "baseline.origin", "baseline.date"),
+}
 _json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
 """Text of numbers, lists, mappings and arrays."""
 
@@ -71,19 +84,13 @@ class StateDoesNotFitError(UserError):
 def model_hash(parameters: InjectorParameters) -> str:
     """SHA-256 (hexadecimal) of the parameters, however the file they were read from is written.
 
-    Of the effects and terms in force it covers what they do, not why somebody believes in them.
+    A key at its default does not enter: a file is the model that it was before there was such a key. Of the effects
+    and terms in force it covers what they do, not why somebody believes in them.
     """
-    content = parameters.model_dump(mode="json", exclude={"effects", "terms", "format", "remainder", "accuracy"})
+    content = _stated(parameters, parameters.model_dump(mode="json", exclude=_NO_MODEL))
     if parameters.fluid.reference_temperature is None:  # then there is no law of the temperature either
-        for key in ("reference_temperature", "thermal_expansion", "bulk_modulus_slope"):
+        for key in ("thermal_expansion", "bulk_modulus_slope"):
             del content["fluid"][key]
-    del content["fluid"]["fuel"]  # its values are in the other keys
-    if parameters.fluid.bulk_modulus_by_pressure == 0.0:  # the model that it was before there was any
-        del content["fluid"]["bulk_modulus_by_pressure"]
-    for key in SERVO_KEYS:  # a file without is the model that it was before there were any
-        if content["line"][key] is None:
-            del content["line"][key]
-    content["needle"] = parameters.needle.model_dump(mode="json", exclude_defaults=True)  # likewise without a bounce
     if parameters.effects:
         content["effects"] = [
             [effect.id, {name: [size.value, size.unit] for name, size in effect.parameters.items()}]
@@ -93,9 +100,18 @@ def model_hash(parameters: InjectorParameters) -> str:
         content["terms"] = [
             (term.equation, str(term.law), term.coefficient) for term in (stated.term for stated in parameters.terms)
         ]
-    if parameters.remainder is not None:  # a file without is the model that it was before there was any
-        content["remainder"] = parameters.remainder.model_dump(mode="json", exclude={"origin", "date"})
     return _digest(content)
+
+
+def _stated(section: BaseModel, dumped: Mapping[str, Any], name: str = "") -> dict[str, Any]:
+    """Keys of an injector file, or of a section of it, that enter the hash. dumped: their values as JSON."""
+    entering = {}
+    for key, plain in dumped.items():
+        value, path = getattr(section, key), f"{name}{key}"
+        if path in _FROM_THE_FIRST or value != type(section).model_fields[key].get_default():
+            is_section = isinstance(value, BaseModel) and not name
+            entering[key] = _stated(value, plain, f"{key}.") if is_section else plain
+    return entering
 
 
 def save_knowledge(path: Path, knowledge: Knowledge, model: InjectorParameters) -> None:

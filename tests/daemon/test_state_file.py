@@ -23,10 +23,11 @@ from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.engine.stream.standstill import HeldRail
+from observer_rt.foundation.documents import Section
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.records import to_plain
 from observer_rt.model.effective import LAG_UNIT
-from observer_rt.model.parameters import LineOutflow
+from observer_rt.model.parameters import InjectorParameters, LineOutflow, LineParameters
 from tests.daemon.samples import PRESSURE_SCALE, damage, some_knowledge
 from tests.device import simulated
 
@@ -298,6 +299,38 @@ def test_the_model_hash_tells_models_apart_but_not_their_spelling(tmp_path: Path
     assert model_hash(load_injector(respelt)) == model_hash(MODEL)
 
 
-def test_an_injector_file_is_the_model_that_it_was_to_earlier_versions() -> None:
+@pytest.mark.parametrize(
+    ("section", "keys", "begin"),
+    [
+        ("scaling", {}, "16ad6765d5c8654d"),
+        ("needle", {"landing_bounce": 2e-5}, "30cd493ed42c5ebb"),
+        ("line", {"control_flow": 0.0}, "e0aff5a9aa0e90f9"),
+        ("line", {"model": "wave", "cells": 8, "damping": 0.0}, "fd90cdf21a52d395"),
+        ("fluid", {"reference_temperature": None}, "3b21098db77c06a8"),
+    ],
+)
+def test_an_injector_file_is_the_model_that_it_was_to_earlier_versions(
+    section: str, keys: dict[str, Any], begin: str
+) -> None:
     """Else what was learned for it, and evidence kept with it, would be of another model after an update."""
-    assert model_hash(MODEL) == "16ad6765d5c8654dc29130336e432d36f6ee0f3dd3c37b7adbfab2db77e414b5"
+    changed = getattr(MODEL, section).model_copy(update=keys)
+    assert model_hash(MODEL.model_copy(update={section: changed})).startswith(begin)
+
+
+def test_what_an_injector_file_may_have_later_makes_no_other_model_while_it_is_at_its_default() -> None:
+    class LaterLine(LineParameters):
+        taper: float = 1.0
+
+    class Body(Section):
+        stiffness: float | None = None
+
+    class LaterParameters(InjectorParameters):
+        line: LaterLine
+        body: Body = Body()
+
+    def hashed(line: dict[str, float], body: dict[str, float]) -> str:
+        document = MODEL.model_dump()
+        return model_hash(LaterParameters(**document | {"line": document["line"] | line, "body": body}))
+
+    assert hashed({}, {}) == hashed({"taper": 1.0}, {}) == model_hash(MODEL)
+    assert model_hash(MODEL) not in (hashed({"taper": 2.0}, {}), hashed({}, {"stiffness": 1.0}))

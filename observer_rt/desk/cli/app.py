@@ -9,10 +9,11 @@ from importlib import import_module
 from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
+from rich.text import Text
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from observer_rt.desk.cli.command import messages, with_options
-from observer_rt.foundation.console import say
+from observer_rt.foundation.console import visible
 from observer_rt.foundation.errors import ObserverError, UserError, missing_library
 from observer_rt.foundation.version import __version__
 
@@ -110,8 +111,9 @@ def _abandon(stream: TextIO) -> None:
 
 
 def _fail(message: str, exit_code: int) -> NoReturn:
-    messages.print("[red]error:[/red]", end=" ")
-    say(messages, message)
+    # at once: a signal may end the process between two
+    text = Text.assemble(("error:", "red"), f" {visible(message)}")
+    messages.print(text, soft_wrap=not messages.is_terminal)
     sys.exit(exit_code)
 
 

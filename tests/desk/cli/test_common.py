@@ -27,6 +27,14 @@ def test_version(command: Command) -> None:
     assert command("--version").out == f"observer-rt {__version__}\n"
 
 
+def test_an_error_is_written_at_once(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A signal that ends the process then leaves no `error: ` without its message."""
+    written = list[str]()
+    monkeypatch.setattr(sys.stderr, "write", written.append)
+    assert command("convert", "none.csv").code == 2
+    assert [text[:16] for text in written if text.strip()] == ["error: convert: "]
+
+
 def test_as_a_module_results_and_messages_apart(resting: Path) -> None:
     process = module("evaluate", resting, "--json")
     out, err = process.communicate()

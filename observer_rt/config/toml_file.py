@@ -20,6 +20,11 @@ _KINDS = {
 }
 """What an entry should be, by the type of a pydantic error; its own words serve for others."""
 
+DEEPEST = 32  # sections and lists in one another, far more than any file needs
+_LONG_KEY = re.compile(
+    rf"""(?<![\w."'-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}"""
+)
+
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
@@ -80,7 +85,10 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The content of a file. Raises `UserError`."""
     try:
         content = path.read_bytes()
-        return tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
+        if long := _LONG_KEY.search(text):  # for which the reader takes memory by the square of the names
+            raise _too_deep(f"{path}:{1 + text[: long.start()].count(chr(10))}")
+        document = tomllib.loads(text)
     except FileNotFoundError:
         raise UserError(str(path), "no such file", "correct the path") from None
     except OSError as error:
@@ -89,9 +97,23 @@ def read_toml(path: Path) -> dict[str, Any]:
         line = 1 + content[: error.start].count(b"\n")
         raise UserError(f"{path}:{line}", "is not UTF-8 text", "save it as UTF-8 in your editor") from None
     except RecursionError:
-        raise UserError(str(path), "is not valid TOML: nested too deeply", "mend it") from None
+        lines = [len(re.findall(r"[\[{]", line)) for line in text.split("\n")]
+        raise _too_deep(f"{path}:{1 + lines.index(max(lines))}") from None
     except ValueError as error:  # TOMLDecodeError, or a number of more digits than Python reads
         raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
+    for key, section in document.items():
+        level: list[Any] = [[section]]
+        for _ in range(DEEPEST + 1):
+            inner = (each.values() if isinstance(each, dict) else each for each in level)
+            level = [value for values in inner for value in values if isinstance(value, dict | list)]
+        if level:
+            raise _too_deep(f"{path}: {key}")
+    return document
+
+
+def _too_deep(location: str) -> UserError:
+    problem = f"more than {DEEPEST} sections or lists are in one another"
+    return UserError(location, problem, "take them out, for no key lies so deep")
 
 
 def _explanation(error: Any, kind: str) -> tuple[str, str]:

@@ -1,6 +1,7 @@
 """Bench and injector files of another format, or damaged: read, or refused by name, never a traceback."""
 
 import re
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,6 +30,29 @@ def place_of_refusal(load: Load, path: Path) -> str | None:
     except UserError as error:
         return error.location
     return None
+
+
+@pytest.mark.parametrize(
+    ("lines", "place"),
+    [
+        ("[link]\nfd" + ".a" * 20_000 + " = 1", ":2"),
+        ("[link]\nfd" + ' . "\\""' * 2_000 + " = 1", ":2"),
+        ("[sampling" + ".a" * 2_000 + "]", ":1"),
+        ("[link]\nfd = " + "[" * 3_000 + "]" * 3_000, ":2"),
+        ("[link]\nfd = " + "{a.b.c.d = [[], " * 100 + "]}" * 100, ": link"),
+    ],
+    ids=["key", "quoted key", "section", "lists", "lists and keys"],
+)
+def test_what_is_nested_without_end_is_refused_cheaply(tmp_path: Path, lines: str, place: str) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(lines)
+    tracemalloc.start()
+    with pytest.raises(UserError, match="more than 32 sections or lists") as refused:
+        load_bench(path)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert refused.value.location == f"{path}{place}"
+    assert most < 20e6
 
 
 def test_injector_file_from_before_there_were_formats(tmp_path: Path) -> None:

@@ -35,6 +35,12 @@ _SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
 _SIZE = re.compile(r"^[ \t]*(?:BO_[ \t]+\d+|SG_)[ \t]+(\w+)[^:\n]*:[ \t]*(\d+)(?:[ \t]*\|[ \t]*(\d+))?", re.MULTILINE)
 _LARGEST = 1 << 15  # bytes of a message, and bits of it: far beyond any bus, but cantools makes an object of each
 _SIGNAL_VALUES = re.compile(rf"(?m)^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;")
+# Texts elsewhere; comments one behind the other, and whether signals of a message follow; an odd one, to its end.
+_OF = r"(?:(?:BU_|EV_)[ \t]+\w+|BO_[ \t]+\d+|SG_[ \t]+\d+[ \t]+\w+)?"
+_COMMENTS = re.compile(
+    rf"(?m){_TEXT}|^[ \t]*((?:CM_[ \t]+{_OF}\s*+{_TEXT}\s*+;\s*+)++)(?=(SG_[ \t])?)|"
+    r"^[ \t]*(CM_[ \t]+\S(?s:.*?))(?:;[ \t]*$|(?=\n[ \t]*[A-Z]\w*_\b)|\Z)"
+)
 _IDENTIFIED = re.compile(rf"{_TEXT}|\b(BO_|SG_|VAL_|BO_TX_BU_|SIG_VALTYPE_|SIG_GROUP_|SG_MUL_VAL_)([ \t]+)(\d+)\b")
 
 
@@ -153,10 +159,19 @@ def _line_of(path: Path, reason: str) -> int | None:
 def repaired_dbc(text: str) -> tuple[str, tuple[str, ...]]:
     """Take identifiers of more than 11 bits as extended; leave out impossible ones and values of absent signals.
 
-    Words without quotes as defaults of attributes are put into them. Returns the text, and what was wrong with it.
+    Words without quotes as defaults of attributes are put into them; comments within a message, or not written as
+    one, are left out. Returns the text, and what was wrong with it.
     """
     complaints = [f'{match[0].strip()}: "{match[2]}" is meant' for match in _BARE_DEFAULT.finditer(text)]
     text = _BARE_DEFAULT.sub(r'\1"\2"\3', text)
+
+    def without_odd_comment(match: re.Match[str]) -> str:
+        if match[2] is None and match[3] is None:
+            return match[0]
+        complaints.append(f"{match[0].strip().partition(chr(10))[0]}: this comment is left out")
+        return "\n" * match[0].count("\n")
+
+    text = _COMMENTS.sub(without_odd_comment, text)
     extended = set()
     for match in _MESSAGE_LINES.finditer(text):
         identifier, name = int(match[1]), match[2]

@@ -35,6 +35,7 @@ VAL_ 1073743417 D 7 "seven" ;
 SIG_VALTYPE_ 416727056 C : 1;
 SIG_VALTYPE_ 999 C : 1;
 """
+KEPT = "BO_ 101 is its message; VAL_ 100 A"  # a comment
 
 
 def test_what_decoding_does_not_need_is_left_out_and_told(tmp_path: Path) -> None:
@@ -51,7 +52,7 @@ def test_what_decoding_does_not_need_is_left_out_and_told(tmp_path: Path) -> Non
     assert (wide.frame_id, wide.is_extended_frame, wide.cycle_time) == (416727056, True, 5)
     first, second = wide.signals
     assert dict(first.choices) == {7: "seven"}
-    assert first.comment == "BO_ 416727056 is its message; VAL_ 100 A"
+    assert first.comment == KEPT.replace("101", "416727056")
     assert second.conversion.is_float
     assert overlooked_faults(path) == [
         "message Wide: its standard identifier 0x18D6C010 is more than 11 bits: it is taken as extended",
@@ -82,6 +83,31 @@ def test_a_default_without_quotes_is_told(tmp_path: Path) -> None:
         load_database(path)
     assert load_database(path, lenient=True).dbc.attribute_definitions["Sent"].default_value == "false"
     assert overlooked_faults(path) == ['BA_DEF_DEF_ "Sent" false;: "false" is meant']
+
+
+@pytest.mark.parametrize(
+    ("before", "comment"),
+    [
+        (" SG_ A", 'CM_ BO_ 100 "of the message; CM_ too";'),
+        (" SG_ A", 'CM_ SG_ 100 A "two";\nCM_ "three,\nlines";'),
+        ("BA_DEF_ ", 'CM_ SG_ 100 A "say "low" to it";'),
+        ("BA_DEF_ ", 'CM_ SG_ 100 A "without an end'),
+        ("BA_DEF_ ", 'CM_ 100 "of what?\nnobody knows";'),
+        ("BO_ 100", "CM_ BO_ 100;"),
+    ],
+)
+def test_a_comment_refuses_no_database(tmp_path: Path, before: str, comment: str) -> None:
+    path = tmp_path / "odd.dbc"
+    text = ODD.replace("BO_ 416727056 Wide", "BO_ 101 Wide").replace("416727056", "101").replace("1073743417", "102")
+    text = "".join(line for line in text.splitlines(keepends=True) if not line.startswith(("VAL_", "  0", "SIG_V")))
+    path.write_text(text.replace(before, f"{comment}\n{before}", 1))
+    with pytest.raises(UserError, match="lenient = true"):
+        load_database(path)
+    comments = [
+        signal.comment for message in load_database(path, lenient=True).messages for signal in message.signals
+    ]
+    assert comments == [None, "BO_ 101 is its message; VAL_ 100 A", None, None]
+    assert overlooked_faults(path) == [f"{comment.splitlines()[0]}: this comment is left out"]
 
 
 def test_the_reason_why_leniency_does_not_help_is_said_too(tmp_path: Path) -> None:

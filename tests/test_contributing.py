@@ -6,14 +6,19 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
+from pydantic import BaseModel
 
+from observer_rt.config.bench_file import BusesConfig
+from observer_rt.config.injector_sections import InjectorConfig
 from observer_rt.daemon.journal import COLUMNS
+from observer_rt.daemon.keeper import KeptFiles
 from observer_rt.engine.reports.injection_report import INDICATORS
+from observer_rt.engine.stream.state import Reason
 
 ROOT = Path(__file__).parents[1]
 VALUE = """
@@ -159,8 +164,9 @@ print(json.dumps({
     "identifiers": RESULT_IDS,
 }))
 """
+FREE = max(Reason) + 1
 REASON_EDITS = (
-    ("engine/stream/state.py", "\n\ndef sample_dtype", "    FUEL_HOT = 99\n\n\ndef sample_dtype"),
+    ("engine/stream/state.py", "\n\ndef sample_dtype", f"    FUEL_HOT = {FREE}\n\n\ndef sample_dtype"),
     (
         "engine/words.py",
         "}\n\nCOUNTERS",
@@ -173,7 +179,7 @@ REASON_EDITS = (
         "    if condition.is_hot:\n        return State.DEGRADED, Reason.FUEL_HOT\n    if condition.is_stale:",
     ),
 )
-REASON = """
+REASON = f"""
 import json
 
 from observer_rt.engine.stream.validity import ServiceCondition, state_of_service
@@ -181,11 +187,11 @@ from observer_rt.engine.words import named
 from tools.lib.word_tables import DATABASES, PAGE, database_with_words, page_with_words
 
 _, reason = state_of_service(None, ServiceCondition(is_hot=True))
-print(json.dumps({
+print(json.dumps({{
     "named": named(reason),
     "page": "| `FUEL_HOT` | the fuel is too hot | cool it |" in page_with_words(PAGE.read_text()),
-    "databases": [database_with_words(each.read_text()).count(f'{reason:d} "FUEL_HOT') for each in DATABASES],
-}))
+    "databases": [database_with_words(each.read_text()).count('{FREE} "FUEL_HOT') for each in DATABASES],
+}}))
 """
 
 
@@ -248,6 +254,26 @@ def test_a_row_of_results_is_a_message_of_both_databases_on_the_bus(tmp_path: Pa
 def test_a_reason_with_its_words_and_rule_reaches_page_and_databases(tmp_path: Path) -> None:
     output = _followed(REASON, _with_edits(tmp_path, REASON_EDITS))
     assert output == {"named": "FUEL_HOT: the fuel is too hot", "page": True, "databases": [2, 2]}
+
+
+def _keys(model: type[BaseModel]) -> Iterator[str]:
+    """Keys of a section and of those in it."""
+    for key, field in model.model_fields.items():
+        yield key
+        inner: list[Any] = [field.annotation]
+        while inner:
+            kind = inner.pop()
+            inner += get_args(kind)
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                yield from _keys(kind)
+
+
+def test_pages_name_every_key_of_the_bench_file_and_every_file_that_is_kept() -> None:
+    pages = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
+    del pages["CHANGELOG.md"]
+    code = re.findall(r"(?s:```.*?```)|`[^`\n]+`|(?m:^ {4}.*$)", "\n".join(pages.values()))
+    assert not {*_keys(BusesConfig), *_keys(InjectorConfig)} - set(re.findall(r"\w+", "\n".join(code)))
+    assert [name for name in KeptFiles._fields if f"--{name} " not in pages["journal.md"]] == []
 
 
 def test_the_page_lists_the_columns_of_the_journal() -> None:

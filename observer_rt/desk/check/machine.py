@@ -109,4 +109,5 @@ def _bring_up(link: LinkConfig) -> str:
     if name.startswith(_VIRTUAL):
         return f"sudo ip link set {name}{f' mtu {FD_MTU}' if link.fd else ''} up"
     fd = f" dbitrate {link.data_bit_rate:.0f} fd on" if link.fd else ""
-    return f"sudo ip link set {name} up type can bitrate {link.bit_rate:.0f}{fd} restart-ms 100"
+    restart = "restart-ms 100 (leave that out where the adapter refuses it, for want of an automatic restart)"
+    return f"sudo ip link set {name} up type can bitrate {link.bit_rate:.0f}{fd} {restart}"

@@ -158,13 +158,8 @@ def _machine_file(kind: Kind) -> str:
         command = [sys.executable, "-m", "ziglang", "cc", "-target", kind.target, *_split_headers(processor)]
         lines += [
             f"c = {command}",
-            "[host_machine]",
-            "system = 'linux'",
-            f"cpu_family = '{processor}'",
-            f"cpu = '{processor}'",
-            "endian = 'little'",
-            "[properties]",
-            "needs_exe_wrapper = true",
+            *("[host_machine]", "system = 'linux'", f"cpu_family = '{processor}'", f"cpu = '{processor}'"),
+            *("endian = 'little'", "[properties]", "needs_exe_wrapper = true"),
         ]
     return "\n".join(lines) + "\n"
 

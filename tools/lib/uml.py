@@ -106,18 +106,9 @@ def boot(
     """Start the kernel; `lines` are the guest's ends for output, errors, signals in and exit code out."""
     out, errors, orders, answers = (line.fileno() for line in lines)
     arguments = [
-        "root=/dev/root",
-        "rootfstype=hostfs",
-        "rootflags=/",
-        "rw",
-        f"init={folder}/init",
-        f"mem={size_mib}M",
+        *("root=/dev/root", "rootfstype=hostfs", "rootflags=/", "rw", f"init={folder}/init", f"mem={size_mib}M"),
         "seccomp=auto",  # where both it and the host can; kernels before 6.16 pay no attention
-        f"uml_dir={folder}/",
-        "con=null",
-        "con0=null,fd:1",
-        f"ssl0=null,fd:{out}",
-        f"ssl1=null,fd:{errors}",
+        *(f"uml_dir={folder}/", "con=null", "con0=null,fd:1", f"ssl0=null,fd:{out}", f"ssl1=null,fd:{errors}"),
         f"ssl2=fd:{orders},fd:{answers}",
     ]
     environment = {"PATH": os.defpath, "HOME": str(folder), "TMPDIR": memory_folder(size_mib)}

@@ -17,12 +17,29 @@ WORDS = re.compile(r"_*(one|found|each|place|told|given|heard|known|rest|there|b
 PHRASES = re.compile(r"\b(what is|is none|are none|of which|such a one|mended|told)\b", re.IGNORECASE)
 PARTICIPLE = re.compile(r"(?:ed|en|Seen|Told|Heard|Known|Found|Read)$")
 NOUNS = re.compile(r"(?:Feed|Bed|Need|Speed|Seed|Token|Screen)$")  # they end as participles do
+CYTHON = {".pyx", ".pxd", ".pxi"}
+TEXTS = re.compile(r'"""(.*?)"""|#[^\n]*|"[^"\n]*"', re.DOTALL)  # of Cython: docstrings, comments, others
+DEFINED = re.compile(  # what a line of Cython declares, runs through or assigns; the name of a member
+    r"\s*(?:(?:cp?def|def|ctypedef|class)\b(.*)|for (.*?) in\b|([\w, ]+?) =(?!=)|"
+    r"(?!(?:return|yield|raise|not|del|if|elif|else|import|from|include)\b)\w[\w\[\]*: ]*[ *](\w+)$)"
+)
 SHORT_LIVED = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp, ast.Lambda)
 
 
 def places(path: Path) -> Iterator[tuple[int, str]]:
     """Line and word of every such name that a file defines, and of every such phrase in its docstrings."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    text = path.read_text(encoding="utf-8")
+    if path.suffix in CYTHON:  # which nothing here reads as a tree
+        for said in TEXTS.finditer(text):
+            for phrase in PHRASES.findall(said[1] or ""):
+                yield 1 + text.count("\n", 0, said.start()), phrase.lower()
+        text = TEXTS.sub(lambda said: "\n" * said[0].count("\n"), text)
+        for line, code in enumerate(text.split("\n"), 1):
+            if defined := DEFINED.match(re.sub(r"(?<![=<>!])=(?!=)[^,)]+", "= ", code).rstrip()):
+                words = re.findall(r"\w+", " ".join(filter(None, defined.groups())))
+                yield from ((line, word) for word in words if WORDS.fullmatch(word))
+        return
+    tree = ast.parse(text)
     short_lived = {id(inner) for node in ast.walk(tree) if isinstance(node, SHORT_LIVED) for inner in ast.walk(node)}
     for node in ast.walk(tree):
         line = getattr(node, "lineno", 1)
@@ -57,6 +74,7 @@ def main() -> int:
         part: sum(len([*places(path)]) for path in tracked_files(folder) if path.suffix == ".py")
         for part, folder in FOLDERS.items()
     }
+    counts["core"] = sum(len([*places(path)]) for path in tracked_files("observer_rt/core") if path.suffix in CYTHON)
     return exit_code("vocabulary", counts, "places", SLACK, "name it by a noun, write the sentence whole")
 
 

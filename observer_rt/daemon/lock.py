@@ -101,11 +101,11 @@ def _in_use(path: Path, lock: Path, writer: str, holder: Mapping[str, str]) -> U
         process = f"process {holder['Pid']} ({holder['Name']}) of user id {holder['Uid'].split()[0]}"
         problem = f"its lock is held by {process}, not by process {writer}, whose lock it was"
         return RunError(f"{path}: {problem}{REMEDY}stop that process, or remove {lock}")
-    problem, remedy = f"is in use by {f'process {writer}' if writer else 'another process'}", "stop that one first"
+    problem, remedy = f"is in use by {f'process {writer}' if writer else 'another process'}", "give each its own file"
     if not holder and writer and not Path("/proc", writer).exists():
         problem += " of another container or, if that one has ended, by a process that cannot be seen from here"
-        return UserError(str(path), problem, f"{remedy}; if there is none, remove {lock}")
-    return UserError(str(path), problem, f"{remedy}, or give each its own file")
+        remedy = f"if there is none, remove {lock}"
+    return UserError(str(path), problem, f"stop that one first, or {remedy}")
 
 
 def _no_lock(lock: Path, error: OSError) -> UserError:

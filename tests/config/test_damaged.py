@@ -33,7 +33,7 @@ def place_of_refusal(load: Load, path: Path) -> str | None:
 
 
 @pytest.mark.parametrize(
-    ("lines", "place"),
+    ("lines", "location"),
     [
         ("[link]\nfd" + ".a" * 20_000 + " = 1", ":2"),
         ("[link]\nfd" + ' . "\\""' * 2_000 + " = 1", ":2"),
@@ -43,7 +43,7 @@ def place_of_refusal(load: Load, path: Path) -> str | None:
     ],
     ids=["key", "quoted key", "section", "lists", "lists and keys"],
 )
-def test_what_is_nested_without_end_is_refused_cheaply(tmp_path: Path, lines: str, place: str) -> None:
+def test_what_is_nested_without_end_is_refused_cheaply(tmp_path: Path, lines: str, location: str) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(lines)
     tracemalloc.start()
@@ -51,7 +51,7 @@ def test_what_is_nested_without_end_is_refused_cheaply(tmp_path: Path, lines: st
         load_bench(path)
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert refused.value.location == f"{path}{place}"
+    assert refused.value.location == f"{path}{location}"
     assert most < 20e6
 
 

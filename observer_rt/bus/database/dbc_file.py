@@ -168,7 +168,7 @@ def repaired_dbc(text: str) -> tuple[str, tuple[str, ...]]:
     def without_odd_comment(match: re.Match[str]) -> str:
         if match[2] is None and match[3] is None:
             return match[0]
-        complaints.append(f"{match[0].strip().partition(chr(10))[0]}: this comment is left out")
+        complaints.append(f"{match[0].strip().partition(chr(10))[0][:80]}: this comment is left out")
         return "\n" * match[0].count("\n")
 
     text = _COMMENTS.sub(without_odd_comment, text)

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import can
 
@@ -49,10 +50,8 @@ def _datagram_socket(bus: can.BusABC) -> socket.socket | None:
     """The socket by which a bus receives datagrams, under another descriptor; None: it has none."""
     with contextlib.suppress(NotImplementedError, can.CanError, OSError):
         if stat.S_ISSOCK(os.fstat(bus.fileno()).st_mode):
-            own = socket.socket(fileno=os.dup(bus.fileno()))
-            if own.type != socket.SOCK_STREAM:  # which loses nothing
-                return own
-            own.close()
+            with socket.socket(fileno=os.dup(bus.fileno())) as own:
+                return own.dup() if own.type != socket.SOCK_STREAM else None  # a stream loses nothing
     return None
 
 
@@ -76,9 +75,11 @@ class PythonCanLink(Link):
         bit_rates: Sequence[float] = (),
     ) -> None:
         """See `open_link`."""
-        self._interface, self._channel, self._fd = interface, channel, fd
+        self._interface, self._fd = interface, fd
         self._name = f"{interface} channel {channel}"
-        self._bit_rates = dict(zip(("bitrate", "data_bitrate"), map(round, bit_rates), strict=False))
+        # some drivers want a number
+        self._options: dict[str, Any] = {"channel": int(channel) if channel.isdecimal() else channel}
+        self._options |= zip(("bitrate", "data_bitrate"), map(round, bit_rates), strict=False)
         self._receive_ids = None if receive_ids is None else frozenset(receive_ids)
         self._reads = self._receive_ids is None or bool(receive_ids)  # else nothing that comes is lost
         self._by_arrival = computer_time or interface == "virtual"
@@ -92,14 +93,8 @@ class PythonCanLink(Link):
 
     def _open(self) -> None:
         try:
-            self._bus = can.Bus(
-                # some drivers want a number
-                channel=int(self._channel) if self._channel.isdecimal() else self._channel,
-                interface=self._interface,
-                ignore_config=True,  # files and variables of the user's other programs
-                fd=self._fd,
-                **self._bit_rates,  # type: ignore[arg-type]  # of the driver
-            )
+            # without files and variables of the user's other programs
+            self._bus = can.Bus(interface=self._interface, ignore_config=True, fd=self._fd, **self._options)
             self._receiver = _datagram_socket(self._bus)
             if self._receiver is not None:
                 self._prepare(self._receiver)

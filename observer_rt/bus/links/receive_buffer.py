@@ -2,9 +2,9 @@
 
 import socket
 import struct
+from contextlib import suppress
 
-# Of the generic Linux interface (asm-generic/socket.h), not known to Python's socket module.
-_SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
+_SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55  # of asm-generic/socket.h, not known to Python's socket module
 _MEMORY_FIGURES = struct.Struct("=9I")  # of linux/sock_diag.h; the last one counts what was dropped
 
 RECEIVE_BUFFER_BYTES = 16 << 20  # some 20,000 frames; the usual default holds about 300
@@ -27,11 +27,11 @@ def size_receive_buffer(receiver: socket.socket, name: str, frame_bytes: int) ->
 
 def lost_by(receiver: socket.socket) -> int:
     """Frames for which a socket had no room since it was made, in 32 bits; 0 where the kernel does not tell."""
-    try:
-        figures = receiver.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMORY_FIGURES.size)
-    except OSError:
-        return 0
-    return int(_MEMORY_FIGURES.unpack(figures)[-1])
+    with suppress(OSError):
+        return int(
+            _MEMORY_FIGURES.unpack(receiver.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMORY_FIGURES.size))[-1]
+        )
+    return 0
 
 
 class LostFrames:

@@ -62,10 +62,8 @@ def replay(
         if not force:
             player.refuse_traffic(source.buses, source.sent, stopped)
         links = {
-            number: stack.enter_context(
-                open_link(config.interface, config.channel, config.fd, [], bit_rates=config.bit_rates)
-            )
-            for number, config in source.buses.items()
+            number: stack.enter_context(open_link(bus.interface, bus.channel, bus.fd, [], False, bus.bit_rates))
+            for number, bus in source.buses.items()
         }
         progress = stack.enter_context(progress_bar(messages, f"replaying {recording.name}", source.duration))
         first = min(links.items())[1]
@@ -94,12 +92,10 @@ def record(
     channels = [bus.config.channel for bus in buses]
     names = [bus.name if channels.count(bus.config.channel) > 1 and bus.name else bus.config.channel for bus in buses]
     with stop_on_signals() as stop, ExitStack() as stack, messages.status("waiting for frames") as status:
-        is_one_of_several = len(buses) > 1
+        several = len(buses) > 1
         links = {
-            name: stack.enter_context(
-                open_link(link.interface, link.channel, link.fd, None, is_one_of_several, link.bit_rates)
-            )
-            for name, link in zip(names, (bus.config for bus in buses), strict=True)
+            name: stack.enter_context(open_link(bus.interface, bus.channel, bus.fd, None, several, bus.bit_rates))
+            for name, bus in zip(names, (bus.config for bus in buses), strict=True)
         }
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
         limits = force, duration, frames

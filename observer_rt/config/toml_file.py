@@ -112,8 +112,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def _too_deep(location: str) -> UserError:
-    problem = f"more than {DEEPEST} sections or lists are in one another"
-    return UserError(location, problem, "take them out, for no key lies so deep")
+    return UserError(location, f"more than {DEEPEST} sections or lists are in one another", "no key lies so deep")
 
 
 def _explanation(error: Any, kind: str) -> tuple[str, str]:

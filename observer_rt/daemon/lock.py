@@ -17,11 +17,8 @@ LONGEST_ID = 20  # digits of a process id
 def sole_writer(path: Path) -> Iterator[None]:
     """Be the only process that writes the file at `path`, by a lock on `NAME.lock` beside it.
 
-    The lock ends with its process however that ends; the file left behind by a killed one is in nobody's way.
-
-    Raises:
-        UserError: another process writes it, which is named, or no lock can be made there.
-        RunError: a process that does not write it has the lock.
+    The lock ends with its process however that ends; the file left behind by a killed one is in nobody's way. Raises
+    `UserError` where another process writes it, or no lock can be made, `RunError` where a stranger has the lock.
     """
     lock = Path(os.path.realpath(path) + ".lock")
     descriptor = _locked(lock, path)
@@ -74,9 +71,9 @@ def _locked(lock: Path, path: Path) -> int:
                     lock.unlink()
         except BlockingIOError:
             writer = os.read(descriptor, LONGEST_ID).decode("ascii", "replace").strip()
-            error = _in_use(path, lock, writer, _holder(os.fstat(descriptor)))
+            in_use = _in_use(path, lock, writer, _holder(os.fstat(descriptor)))
             os.close(descriptor)
-            raise error from None
+            raise in_use from None
         except OSError as error:
             os.close(descriptor)
             raise _no_lock(lock, error) from None
@@ -103,8 +100,7 @@ def _in_use(path: Path, lock: Path, writer: str, holder: Mapping[str, str]) -> U
         return RunError(f"{path}: {problem}{REMEDY}stop that process, or remove {lock}")
     problem, remedy = f"is in use by {f'process {writer}' if writer else 'another process'}", "give each its own file"
     if not holder and writer and not Path("/proc", writer).exists():
-        problem += " of another container or, if that one has ended, by a process that cannot be seen from here"
-        remedy = f"if there is none, remove {lock}"
+        problem, remedy = f"{problem} of another container or not seen from here", f"remove {lock} if it has ended"
     return UserError(str(path), problem, f"stop that one first, or {remedy}")
 
 

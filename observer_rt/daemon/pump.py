@@ -74,9 +74,8 @@ class FramePump:
     def serve(self, timeout_s: float) -> Sequence[OutputFrame]:
         """Attend until something happened, for at most about `timeout_s` [s]: frames for the caller to send.
 
-        Raises:
-            BusDownError: the interface of a bus went down or away. Call `leave_out`, reconnect it, `take_back`.
-            RunError: one failed otherwise.
+        Raises `BusDownError` for a bus that went down or away: call `leave_out`, reconnect it, `take_back`, and
+        `RunError` for one that failed otherwise.
         """
         if self._readable.poll(1e3 * timeout_s):
             os.eventfd_read(self._wake)

@@ -41,11 +41,10 @@ _NO_MODEL: Any = {
     "remainder": {"origin", "date"},
 }
 _FROM_THE_FIRST = {  # keys that enter a hash at their default, too, as before there was a rule; none joins them
-    *("line_outflow", "scaling", "baseline", "scaling.pressure", "scaling.flow", "scaling.area"),
-    *("fluid.thermal_expansion", "fluid.bulk_modulus_slope", "remainder.observer"),
-    *("line.model", "line.cells", "line.damping", "line.end_volume", "line.wall_viscosity"),
-    *("line.inlet_loss_factor", "line.impedance_ratio", "line.impedance_step"),
-    *("baseline.format", "baseline.ci95", "baseline.recordings", "baseline.healthy", "baseline.observer"),
+    *("line_outflow", "fluid.thermal_expansion", "fluid.bulk_modulus_slope", "line.inlet_loss_factor"),
+    *("line.model", "line.cells", "line.damping", "line.end_volume", "line.wall_viscosity", "line.impedance_ratio"),
+    *("line.impedance_step", "scaling", "scaling.pressure", "scaling.flow", "scaling.area", "remainder.observer"),
+    *("baseline", "baseline.format", "baseline.ci95", "baseline.recordings", "baseline.healthy", "baseline.observer"),
     *("baseline.line_pressure_sensor_gain", "baseline.origin", "baseline.date"),
 }
 _json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
@@ -119,8 +118,7 @@ def save_knowledge(path: Path, knowledge: Knowledge, model: InjectorParameters) 
 
     model: for which it was learned.
 
-    Raises:
-        RunError: it cannot be written, or is nothing that could be restored; the old file is then unchanged.
+    Raises `RunError` for what cannot be written, or not be restored; the old file is then unchanged.
     """
     if problem := problem_of(knowledge, model.scaling.pressure):
         raise RunError(f"{path}: what was learned is not saved, for {problem}")
@@ -153,9 +151,7 @@ def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True
     A file that does not belong to the model, was damaged or holds what cannot be true is renamed to
     `NAME.set-aside-N`, with the reason in the message; with `set_aside` False it stays and is refused.
 
-    Raises:
-        StateDoesNotFitError: the file is refused.
-        UserError: it cannot be read, or not be set aside.
+    Raises `StateDoesNotFitError` for a file that is refused, `UserError` for one that cannot be read, or set aside.
     """
     path = Path(os.path.realpath(path))
     try:

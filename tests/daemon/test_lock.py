@@ -78,7 +78,9 @@ def test_a_lock_held_by_another_than_its_writer_is_named(tmp_path: Path, monkeyp
             sole_writer(path).__enter__()
         assert refused.value.exit_code == 1  # so that a supervisor tries again
         monkeypatch.setattr(Path, "read_text", Mock(side_effect=OSError))  # as where /proc/locks does not tell
-        with pytest.raises(UserError, match=r"in use by process 987654 of another container or.*\n.*remove "):
+        with pytest.raises(
+            UserError, match=r"process 987654 of another container or.*\n.*remove /.* if it has ended"
+        ):
             sole_writer(path).__enter__()
 
 

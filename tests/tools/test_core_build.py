@@ -9,6 +9,7 @@ import sys
 import sysconfig
 from pathlib import Path
 
+import Cython
 import numpy as np
 import pytest
 
@@ -97,6 +98,20 @@ def test_importing_builds_what_was_edited_and_nothing_else(package: Path) -> Non
     before = twice(package, 4.0)
     assert (package / "observer_rt" / "core" / "trial.abi3.so").stat().st_mtime_ns == built
     assert edited(package) == twice(package, 1.0) != before / 4.0
+
+
+@pytest.mark.slow
+def test_an_edit_after_pip_built_apart_builds_nothing_else(package: Path, tmp_path: Path) -> None:
+    """The compiler of Cython that pip had is gone by then, with its headers."""
+    core, passing = package / "observer_rt" / "core", tmp_path / "Cython"
+    (core / "root.pyx").write_text("from libc.math cimport sqrt\n\ndef root(double x):\n    return sqrt(x)\n")
+    passing.symlink_to(Path(Cython.__file__).parent)
+    build = [sys.executable, str(package / "tools" / "lib" / "build_core.py")]
+    run(build, env=environment() | {"PYTHONPATH": str(tmp_path)})
+    passing.unlink()
+    built = (core / "root.abi3.so").stat().st_mtime_ns
+    assert edited(package) == twice(package, 1.0)
+    assert (core / "root.abi3.so").stat().st_mtime_ns == built
 
 
 @pytest.mark.slow

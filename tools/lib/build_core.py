@@ -2,11 +2,13 @@
 
 import fcntl
 import os
+import re
 import shutil
 import subprocess
 import sys
 import sysconfig
 from dataclasses import dataclass
+from importlib.metadata import distributions
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -79,6 +81,8 @@ def build(kind: Kind) -> dict[str, Path]:
     _configure(folder, kind)
     targets = {name + SUFFIX: name.replace("/", ".") + SUFFIX for name in names}
     _run(["ninja", "-C", str(folder), *targets.values()], kind)
+    for needs in folder.rglob("*.pyx.c.dep"):  # where pip builds, Cython's own files are in a passing folder
+        needs.write_text(re.sub(r"\S+/Cython/Includes/\S+", "", needs.read_text()))
     stubs = {name: name.replace("/", ".") + STUB for name in names if name != "views"}
     paths = [str(path) for name, stub in stubs.items() for path in (f"{CORE / name}.pyx", folder / stub)]
     _run([sys.executable, str(STUBS), *paths], kind)
@@ -132,12 +136,13 @@ def _configure(folder: Path, kind: Kind) -> None:
     tools.write_text(_machine_file(kind))
     asked = folder / "asked-for"
     edited = str((CORE / "meson.build").stat().st_mtime_ns)
+    tools_used = [sys.executable, *(package.version for package in distributions(name="cython"))]
     # ninja calls meson by its path, which is that of a passing environment where pip has built
-    wanted = "\n".join([*options, compiler(), kind.target, edited, _program("meson"), sys.executable])
+    wanted = "\n".join([*options, compiler(), kind.target, edited, _program("meson"), *tools_used])
     if asked.is_file() and asked.read_text() == wanted:
         return
-    if asked.is_file() and not asked.read_text().endswith(f"\n{sys.executable}"):
-        shutil.rmtree(folder)  # meson keeps the Python it began with, which may be gone
+    if asked.is_file() and not asked.read_text().endswith(("\n".join(["", *tools_used]), f"\n{sys.executable}")):
+        shutil.rmtree(folder)  # meson keeps the Python it began with, which may be gone; modules share code of Cython
     files = "--cross-file" if kind.target else "--native-file"
     setup = ["meson", "setup", files, str(tools), *options, str(folder), str(CORE)]
     try:

@@ -48,16 +48,13 @@ def memory_folder(size_mib: int) -> str:
     """Folder for the file that backs the guest's memory: it is mapped executable, so not on `noexec`."""
     candidates = ["/dev/shm", tempfile.gettempdir(), "/var/tmp", str(Path.home())]
     for folder in candidates:
-        try:
+        with contextlib.suppress(OSError):
             status = os.statvfs(folder)
-        except OSError:
-            continue
-        room_mib = status.f_bavail * status.f_frsize >> 20
-        if room_mib > size_mib and not status.f_flag & os.ST_NOEXEC and os.access(folder, os.W_OK):
-            return folder
-    raise UnableError(
-        f"no folder of {', '.join(candidates)} has {size_mib} MiB free", "export TMPDIR=FOLDER_WITH_ROOM"
-    )
+            room_mib = status.f_bavail * status.f_frsize >> 20
+            if room_mib > size_mib and not status.f_flag & os.ST_NOEXEC and os.access(folder, os.W_OK):
+                return folder
+    problem = f"no folder of {', '.join(candidates)} has {size_mib} MiB free"
+    raise UnableError(problem, "export TMPDIR=FOLDER_WITH_ROOM")
 
 
 def run_in_uml(kernel: Kernel, command: list[str], timeout_s: float) -> int:
@@ -86,9 +83,8 @@ def run_in_uml(kernel: Kernel, command: list[str], timeout_s: float) -> int:
         if killed is not None:
             return killed
         messages = (folder / "boot").read_text(errors="replace")
-    raise KernelError(
-        "user-mode Linux ended before the command did (its messages are above)", "sudo modprobe vcan", messages
-    )
+    problem = "user-mode Linux ended before the command did (its messages are above)"
+    raise KernelError(problem, "sudo modprobe vcan", messages)
 
 
 class Pipe:

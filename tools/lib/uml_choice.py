@@ -54,18 +54,16 @@ def cache_folder() -> Path:
     try:
         (folder / "trials").mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UnableError(
-            f"cannot make {folder}: {error.strerror}", "export XDG_CACHE_HOME=FOLDER_YOU_MAY_WRITE"
-        ) from error
+        remedy = "export XDG_CACHE_HOME=FOLDER_YOU_MAY_WRITE"
+        raise UnableError(f"cannot make {folder}: {error.strerror}", remedy) from error
     return folder
 
 
 def fetch_into(target: Path) -> None:
     """Download and unpack the kernel with the name of the folder `target`; raises KernelError."""
     if shutil.which("apt-get") is None or shutil.which("dpkg-deb") is None:
-        raise KernelError(
-            "user-mode Linux comes as a Debian package, and this machine has no apt-get", "sudo modprobe vcan"
-        )
+        problem = "user-mode Linux comes as a Debian package, and this machine has no apt-get"
+        raise KernelError(problem, "sudo modprobe vcan")
     folder = target.with_suffix(".partial")
     shutil.rmtree(folder, ignore_errors=True)  # left by a download that was killed
     folder.mkdir()

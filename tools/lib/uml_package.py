@@ -15,6 +15,7 @@ LIBRARY_PACKAGE = "libc6"  # the newest kernel asks for a newer one than older s
 # A Debian archive as in sources.list, that is "URL suite component", instead of a Debian system's own.
 ARCHIVE_VARIABLE = "VCAN_DEBIAN_ARCHIVE"
 NEWEST = "testing main"
+ONLY_DEBIAN = ("Dir::Etc::SourceParts=-", "Dir::State::Status=/dev/null")  # what is installed is no alternative
 # Ubuntu carries Debian's keys, so that the chain of signatures stays whole.
 KEYRING_PACKAGE = "debian-archive-keyring"
 KEYRING = "usr/share/keyrings/debian-archive-keyring.gpg"
@@ -41,12 +42,7 @@ def unpack_newest(folder: Path) -> Path:
         own.mkdir()
         source_list = own / "sources.list"
         source_list.write_text(f"deb [signed-by={keyring}] {archive}\n")
-        only_debian = [
-            f"Dir::Etc::SourceList={source_list}",
-            "Dir::Etc::SourceParts=-",
-            "Dir::State::Status=/dev/null",  # what is installed is no alternative
-        ]
-        options = with_lists(own, log, only_debian)
+        options = with_lists(own, log, [f"Dir::Etc::SourceList={source_list}", *ONLY_DEBIAN])
         kernel, library = (download(own, log, name, options) for name in (PACKAGE, LIBRARY_PACKAGE))
         if kernel is not None and library is not None:
             unpack(kernel, own / "root")

@@ -35,9 +35,8 @@ _SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
 _SIZE = re.compile(r"^[ \t]*(?:BO_[ \t]+\d+|SG_)[ \t]+(\w+)[^:\n]*:[ \t]*(\d+)(?:[ \t]*\|[ \t]*(\d+))?", re.MULTILINE)
 _LARGEST = 1 << 15  # bytes of a message, and bits of it: far beyond any bus, but cantools makes an object of each
 _SIGNAL_VALUES = re.compile(rf"(?m)^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;")
-# Texts elsewhere; comments one behind the other, and whether signals of a message follow; an odd one, to its end.
 _OF = r"(?:(?:BU_|EV_)[ \t]+\w+|BO_[ \t]+\d+|SG_[ \t]+\d+[ \t]+\w+)?"
-_COMMENTS = re.compile(
+_COMMENTS = re.compile(  # texts elsewhere; comments in a row, and whether signals follow; an odd one, to its end
     rf"(?m){_TEXT}|^[ \t]*((?:CM_[ \t]+{_OF}\s*+{_TEXT}\s*+;\s*+)++)(?=(SG_[ \t])?)|"
     r"^[ \t]*(CM_[ \t]+\S(?s:.*?))(?:;[ \t]*$|(?=\n[ \t]*[A-Z]\w*_\b)|\Z)"
 )

@@ -80,9 +80,7 @@ class Link(Protocol):
     def receive(self, timeout_s: float) -> Frame | None:
         """The next wanted frame, or None if none came within `timeout_s` [s] (0: only what waits already).
 
-        Raises:
-            LinkDownError: the interface went down or away.
-            RunError: it failed otherwise.
+        Raises `LinkDownError` where the interface went down or away, `RunError` where it failed otherwise.
         """
 
     @abstractmethod
@@ -91,10 +89,8 @@ class Link(Protocol):
 
         A controller may set the error state indicator by itself.
 
-        Raises:
-            LinkDownError: the interface went down or away.
-            RunError: its queue stays full, it carries no CAN FD, or it failed otherwise.
-            ValueError: the payload is too long for a frame of this kind.
+        Raises as `receive`, also where the queue stays full or no CAN FD is carried; `ValueError` for a payload too
+        long for a frame of this kind.
         """
 
     def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:

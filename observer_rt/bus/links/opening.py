@@ -68,9 +68,7 @@ def open_link(
     so that stamps of several links can be compared. `bit_rates` [bit/s], the second of the data of CAN FD frames: for
     drivers of python-can, whose own configuration files do not count; empty: as these begin. SocketCAN has its own.
 
-    Raises:
-        UserError: no such interface, or its driver is not installed.
-        RunError: the interface is there but cannot be used.
+    Raises `UserError` without the interface or its driver, `RunError` where the interface cannot be used.
     """
     require_interface("link.interface", interface)
     if interface == "socketcan":

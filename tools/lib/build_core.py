@@ -82,7 +82,7 @@ def build(kind: Kind) -> dict[str, Path]:
     targets = {name + SUFFIX: name.replace("/", ".") + SUFFIX for name in names}
     _run(["ninja", "-C", str(folder), *targets.values()], kind)
     for needs in folder.rglob("*.pyx.c.dep"):  # where pip builds, Cython's own files are in a passing folder
-        needs.write_text(re.sub(r"\S+/Cython/Includes/\S+", "", needs.read_text()))
+        needs.write_text(re.sub(r"\S*Cython/Includes/\S+", "", needs.read_text()))
     stubs = {name: name.replace("/", ".") + STUB for name in names if name != "views"}
     paths = [str(path) for name, stub in stubs.items() for path in (f"{CORE / name}.pyx", folder / stub)]
     _run([sys.executable, str(STUBS), *paths], kind)

@@ -54,12 +54,9 @@ def test_the_place_of_a_step_is_told() -> None:
     assert search.edge(PLACES) == pytest.approx(DELAY, abs=1)
 
 
-def test_noise_has_no_steps() -> None:
-    assert not any(edges_found(300, 0.0))
-
-
-def test_what_swings_at_standstill_is_no_edge() -> None:
-    assert not any(edges_found(20, 0.0, unquiet=0.7))
+@pytest.mark.parametrize(("events", "unquiet"), [(300, 0.0), (20, 0.7)])
+def test_noise_and_what_swings_at_standstill_have_no_edge(events: int, unquiet: float) -> None:
+    assert not any(edges_found(events, 0.0, unquiet))
 
 
 def test_a_lift_that_is_recorded_late_is_no_edge() -> None:

@@ -26,7 +26,7 @@ from observer_rt.foundation.files import file_hash
 RecordingLike: TypeAlias = str | PathLike[str] | Recording | pd.DataFrame | Mapping[str, Any]
 """A recording: its file, the recording itself, a table, or arrays by name."""
 Recordings: TypeAlias = RecordingLike | Sequence[RecordingLike]
-_SI = {"time", *SIGNALS[:3]}  # names of a `Recording`, whose arrays are in SI units
+_SI = {"time", "rail_pressure", "line_pressure"}  # names of a `Recording`, whose arrays are in SI units
 
 
 def path_of(parameter: str, value: str | PathLike[str]) -> Path:
@@ -118,6 +118,7 @@ def _source(recording: RecordingLike, number: int, bench: Bench, console: Consol
             stream: SignalStream = HeldSignals(held)
         case Mapping() | pd.DataFrame() if layout is None and _SI <= set(recording) <= {"time", *SIGNALS}:
             arrays: dict[str, Any] = {str(column): np.asarray(recording[column], float) for column in recording}
+            arrays.setdefault("needle_lift", np.full(arrays["time"].shape, np.nan))
             stream = HeldSignals(Recording(**arrays, path=path))
         case Mapping() | pd.DataFrame():
             stream = signals_of(recording, layout, str(path), bench.injector.coefficients.density)

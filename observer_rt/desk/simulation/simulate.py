@@ -177,14 +177,11 @@ def sizes_of(effect: SizedEffect) -> str:
 
 def _number(text: str, parameter: EffectParameter) -> float:
     """The number, with the parameter's unit or without one; nan for no number."""
-    number = re.match(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?", text.strip())
+    number = re.match(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", text.strip())
     if number is None:
         return math.nan
     unit = text.strip()[number.end() :].strip()
     if unit not in ("", parameter.unit):
         problem = f"'{text}': the unit of {parameter.name} is not '{unit}'"
         raise UserError(OPTION, problem, f"give the number in {parameter.unit}, or by itself")
-    try:
-        return float(number[0])
-    except ValueError:
-        return math.nan
+    return float(number[0])

@@ -87,6 +87,13 @@ def test_every_form_of_a_recording_gives_the_same_masses(
     np.testing.assert_allclose(outcome.injections.mass_mg, result.injections.mass_mg, rtol=1e-6)
 
 
+def test_arrays_need_no_lift_beside_energizing(worn: Worn) -> None:
+    without = {name: values for name, values in worn[0].arrays.items() if name != "needle_lift"}
+    assert not ort.read({**without, "energizing": np.zeros(worn[0].samples)}).has_lift
+    with pytest.raises(ort.UserError, match="needle_lift: has no value at all"):
+        ort.Injector.load().evaluate(without)
+
+
 def test_masses_have_a_budget(worn: Worn, result: ort.EvaluationResult) -> None:
     table, budget = result.injections, result.budget
     total = np.sqrt((budget.filter(like="by_") ** 2).sum(axis=1))

@@ -101,12 +101,6 @@ def buses_of(folder: Path, text: str) -> BusesConfig:
     return load_bench(bench_file(folder, text)).config
 
 
-def test_a_bench_with_one_link_has_one_bus() -> None:
-    (bus,) = load_bench().config.buses
-    assert (bus.name, bus.label, bus.location) == ("", "can0", "link")
-    assert bus.config == load_bench().config.link
-
-
 def test_what_a_further_bus_leaves_out_is_as_in_the_first(tmp_path: Path) -> None:
     text = THREE.replace('channel = "can2"', 'channel = "can2"\nfd = false\nbit_rate = 250e3')
     buses = buses_of(tmp_path, text).buses

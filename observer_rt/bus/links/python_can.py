@@ -3,7 +3,6 @@
 import contextlib
 import os
 import socket
-import stat
 import threading
 import time
 from collections.abc import Sequence
@@ -46,22 +45,6 @@ class OwnFrames:
         return left >= 0
 
 
-def _datagram_socket(bus: can.BusABC) -> socket.socket | None:
-    """The socket by which a bus receives datagrams, under another descriptor; None: it has none."""
-    with contextlib.suppress(NotImplementedError, can.CanError, OSError):
-        if stat.S_ISSOCK(os.fstat(bus.fileno()).st_mode):
-            with socket.socket(fileno=os.dup(bus.fileno())) as own:
-                return own.dup() if own.type != socket.SOCK_STREAM else None  # a stream loses nothing
-    return None
-
-
-def _refuse_other_groups(receiver: socket.socket) -> None:
-    """Have a socket get frames of its own multicast group only, not of all that programs on this computer joined."""
-    receiver.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
-    if receiver.family == socket.AF_INET6:
-        receiver.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
-
-
 class PythonCanLink(Link):
     """Link over a bus of python-can, whose stamps are float seconds: 0.24 us at best."""
 
@@ -87,6 +70,7 @@ class PythonCanLink(Link):
         self._condition = BusCondition()
         self._own = OwnFrames()
         self._lost = LostFrames()
+        self._receiver: socket.socket | None = None
         self._warnings: list[str] = []
         self._sending = threading.Lock()  # drivers need not be safe for several threads
         self._open()
@@ -95,8 +79,8 @@ class PythonCanLink(Link):
         try:
             # without files and variables of the user's other programs
             self._bus = can.Bus(interface=self._interface, ignore_config=True, fd=self._fd, **self._options)
-            self._receiver = _datagram_socket(self._bus)
-            if self._receiver is not None:
+            if self._interface == "udp_multicast":
+                self._receiver = socket.socket(fileno=os.dup(self._bus.fileno()))
                 self._prepare(self._receiver)
         except (can.CanInterfaceNotImplementedError, ImportError, NameError) as error:  # waiting does not mend it
             remedy = "install its driver, or use another interface"
@@ -109,13 +93,14 @@ class PythonCanLink(Link):
             ) from error
 
     def _prepare(self, receiver: socket.socket) -> None:
-        """Set options of a socket for datagrams, and pass over what came before."""
-        if self._interface == "udp_multicast":
-            _refuse_other_groups(receiver)
+        """Have it get frames of its own multicast group only, not of all that programs on this computer joined."""
+        receiver.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
+        if receiver.family == socket.AF_INET6:
+            receiver.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
         if self._reads:
             self._warnings = size_receive_buffer(receiver, self._name, DATAGRAM_BYTES)
         while self._bus.recv(0.0) is not None:
-            pass
+            pass  # came before
         self._lost.begin(lost_by(receiver))
 
     def receive(self, timeout_s: float) -> Frame | None:

@@ -28,9 +28,8 @@ def size_receive_buffer(receiver: socket.socket, name: str, frame_bytes: int) ->
 def lost_by(receiver: socket.socket) -> int:
     """Frames for which a socket had no room since it was made, in 32 bits; 0 where the kernel does not tell."""
     with suppress(OSError):
-        return int(
-            _MEMORY_FIGURES.unpack(receiver.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMORY_FIGURES.size))[-1]
-        )
+        figures = receiver.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMORY_FIGURES.size)
+        return int(_MEMORY_FIGURES.unpack(figures)[-1])
     return 0
 
 

@@ -214,7 +214,7 @@ class Result:
     @cached_property
     def rate_frames(self) -> list[tuple[int, dict[str, int], list[int]]]:
         """First index, header and raw codes of every `InjectionRate` frame, its protection checked."""
-        frames = []
+        frames: list[tuple[int, dict[str, int], list[int]]] = []
         for frame in self.frames:
             if frame.frame_id != RATE.frame_id:
                 continue

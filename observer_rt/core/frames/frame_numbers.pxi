@@ -3,7 +3,9 @@
 # The n-th frame of a cyclic message was sent at t0 + n x cycle; its stamp lies later by a delay that is never
 # negative. So a frame that comes late is late, not one of the next cycle: beyond what the counter itself shows, frames
 # are lost only when the delay reaches the time in which the counter comes round (one cycle where there is no counter)
-# and delays like that do not occur otherwise.
+# and delays like that do not occur otherwise. A delay that is no whole number of such times is a pause, or a clock set
+# anew. A frame that could not be sent by the time of its stamp is overtaken by a later one, and late; its counter may
+# say so before the clock is known.
 
 cdef enum:
     OLD_FRAMES_OF_RESTART = 3  # consecutive old frames that mean: the device began anew
@@ -11,6 +13,8 @@ cdef enum:
 cdef double SURE = 0.75  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
 cdef double DECIDED = 0.5  # the same, from which on frames are lost
 cdef double UNUSUAL = 2.0  # times the usual greatest delay, and SURE of a cycle less than one, a delay means trouble
+cdef double WANDER = 10e-6  # of a delay, by which a clock that was known may have gone astray meanwhile
+cdef double UNKNOWN = 0.1e9  # ns, that the first frames may be late by while the clock is not known
 cdef double SLIPPED = 0.5  # cycles beyond what is not known, by which all delays of a window grew: frames were lost unseen
 
 
@@ -31,10 +35,15 @@ cdef int64_t count_frame(Counting* counting, Clock* clock, int64_t sequence, int
     number = counting.number + step
     delay = delay_of(clock, (number + 1) * clock.samples - 1, stamp)
     if delay >= turn - DECIDED * cycle and sees_losses(counting, clock):
-        number += counting.modulus * <int64_t> floor((delay + DECIDED * cycle) / turn)
+        turns = floor((delay + DECIDED * cycle) / turn)
+        off = abs(delay - turns * turn)
+        if min(off, turn - off) > DECIDED * cycle + UNUSUAL * clock.usual + WANDER * delay:
+            _count_anew(counting, sequence)
+            return COUNT_ANEW
+        number += counting.modulus * <int64_t> turns
     elif step == 0:
         return COUNT_REPEATED
-    elif delay < -DECIDED * cycle - clock.residual:
+    elif delay < -DECIDED * cycle - _unknown(counting, clock, turn):
         # it cannot have come before it was sent
         counting.old += 1
         if counting.modulus == 1 or counting.old >= OLD_FRAMES_OF_RESTART or delay + turn < -DECIDED * cycle:
@@ -65,6 +74,12 @@ cdef bint is_sure(Counting* counting, Clock* clock) noexcept nogil:
 cdef bint has_slipped(Clock* clock) noexcept nogil:
     """Whether the window just ended shows that frames were lost before it, unseen among their delays."""
     return clock.raised > SLIPPED * clock.samples * clock.interval + clock.residual
+
+
+cdef double _unknown(Counting* counting, Clock* clock, double turn) noexcept nogil:
+    """Time [ns] by which a frame may seem to come too early and be the next one all the same."""
+    # with a counter: beyond half a turn it is likelier one of the turn before
+    return clock.residual if counting.modulus == 1 else fmin(clock.residual, fmin(0.5 * turn, UNKNOWN))
 
 
 cdef void _count_anew(Counting* counting, int64_t sequence) noexcept nogil:

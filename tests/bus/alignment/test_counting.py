@@ -141,6 +141,28 @@ def test_repeated_and_overtaken_frames_are_dropped() -> None:
     assert counter.anew == [0]
 
 
+@pytest.mark.parametrize("late", [1, 2])
+@pytest.mark.parametrize("modulus", [15, 256, 1 << 16])
+def test_frames_overtaken_before_the_clock_is_known_are_late(modulus: int, late: int) -> None:
+    """As of USB adapters, which hand over neighbours in the wrong order: no turn of the counter is lost."""
+    numbers, taken = sent(frames=1000)
+    come = np.maximum.accumulate(taken + np.random.default_rng(3).uniform(0.0, 300e-6, 1000))
+    for first in (0, *range(301, 990, 7)):
+        numbers[first : first + late + 1] = np.roll(numbers[first : first + late + 1], -1)
+    counter = Counter(modulus).take_all(numbers, come)
+    assert counter.dropped == [Count.OLD] * 100
+    assert np.diff(np.subtract(counter.numbers, counter.sent)).tolist() == [0] * 899
+    assert counter.anew == [0]
+
+
+@pytest.mark.parametrize(("modulus", "pause"), [(1 << 16, 60.0), (16, 2.0008)])
+def test_pause_of_no_whole_number_of_turns_is_no_loss(modulus: int, pause: float) -> None:
+    numbers, taken = sent()
+    counter = Counter(modulus).take_all(numbers, np.where(numbers < 12_000, taken, taken + pause))
+    assert counter.anew == [0, 12_000]
+    assert counter.numbers[12_000:] == list(range(8_000))
+
+
 @pytest.mark.parametrize("modulus", [1, 16, 256])
 def test_device_that_begins_anew_is_never_wrong_and_sure(modulus: int) -> None:
     numbers, taken = sent(frames=50_000)

@@ -10,6 +10,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -18,7 +19,7 @@ from can.io import blf as layout
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_FLAG, EXTENDED_MASK, length_of
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import LogFormat, LogFrame, LogReader, LogWriter, lost_note
+from observer_rt.files.canlog.can_log import LogFormat, LogFrame, LogReader, LogWriter, left_out, lost_note
 from observer_rt.files.canlog.text_log import other_kind
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS, NANOSECONDS_PER_US
@@ -34,6 +35,7 @@ OLDEST_START = 631_152_000 * NANOSECONDS  # 1990: an earlier time is no date in 
 FASTEST_PACKING = 1  # of zlib: a fifth larger than its default, three times faster
 _MARK = b"LOBJ"
 _LONGEST_PADDING = 8
+_ZEROS_AT_ONCE = 1 << 20  # bytes
 _HEAD = layout.OBJ_HEADER_BASE_STRUCT
 
 
@@ -87,6 +89,9 @@ class BlfLog(LogReader):
         container = 0
         while head := file.read(_HEAD.size):
             container += 1
+            if not any(head) and _is_zero_from(file, file.tell()):
+                self.remarks.append(left_out(self._size - file.tell() + len(head)))
+                return
             begin = max(0, head.find(_MARK, 0, _LONGEST_PADDING + len(_MARK)))
             head = head[begin:] + file.read(begin)
             location = f"{self.path}, container {container}"
@@ -192,6 +197,13 @@ class BlfLog(LogReader):
             bool(fd_flags & layout.ESI),
         )
         return LogFrame(frame, str(channel), direction == SENT)
+
+
+def _is_zero_from(file: BinaryIO, position: int) -> bool:
+    """Whether only zeros follow; the file then stands at `position` as before."""
+    is_zero = not any(map(any, iter(partial(file.read, _ZEROS_AT_ONCE), b"")))
+    file.seek(position)
+    return is_zero
 
 
 def _stamp(data: bytes, version: int) -> int:

@@ -37,6 +37,11 @@ def lost_note(frames: int) -> str:
     return f"{frames} frames lost before this"
 
 
+def left_out(zeros: int) -> str:
+    """Remark on zeros behind the last frame, as of a file whose size was set beforehand."""
+    return f"its last {zeros} bytes are zeros, and left out"
+
+
 class LogReader(ABC):
     """Data frames of one log, read while iterating, in the order of the file; the counters belong to one reading.
 

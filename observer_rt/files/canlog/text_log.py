@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar, NoReturn
 
-from observer_rt.files.canlog.can_log import LogReader
+from observer_rt.files.canlog.can_log import LogReader, left_out
 from observer_rt.foundation.units import NANOSECONDS
 
 _HEAD = 200  # bytes
@@ -29,6 +29,7 @@ _OTHER_KINDS = {  # what to do with a file, by how it begins; a suffix: it is a 
 _LINES_TO_KNOW = 20
 LONGEST_LINE = 1 << 16  # characters: what is no text may be one line of any length
 EARLIEST_DATE = 100_000_000 * NANOSECONDS  # since 1970: what is less counts from the start of a log
+_ZEROS = "\0" * 8  # fewer are no run of them
 FROM_START = "its times are taken to count from its start"
 
 
@@ -44,8 +45,7 @@ def other_kind(path: Path) -> str:
     remedy = next(remedies, "")
     if not remedy.startswith("."):
         return remedy
-    named = path.with_name(path.name.split(".")[0] + remedy).name
-    return "" if path.name.startswith(named) else f"a log of another kind: name it so: {named}"
+    return "" if path.suffix.lower() == remedy else f"a log of another kind: name it so: {path.stem}{remedy}"
 
 
 class TextLogReader(LogReader):
@@ -57,18 +57,26 @@ class TextLogReader(LogReader):
     def _lines(self) -> Iterator[tuple[int, str]]:
         """Lines that are not blank, stripped, with their numbers, counted from 1.
 
-        A last one without its end is left out, and reported: a cut frame may look like a shorter one.
+        A last one without its end is left out, and reported: a cut frame may look like a shorter one. So are zeros
+        behind the last line, as of a file whose size was set beforehand.
         """
+        zeros = 0
         with self.path.open(encoding="utf-8-sig", errors="replace") as file:
             for number, line in enumerate(iter(partial(file.readline, LONGEST_LINE), ""), 1):
                 self._position += len(line)
                 text = line.strip()
-                if len(line) == LONGEST_LINE:
+                if text.endswith(_ZEROS):
+                    zeros += len(text) - len(text := text.rstrip("\0"))
+                elif text and (zeros or text.startswith(_ZEROS)):
+                    self.refuse(number, "zeros stand before it, in place of frames")
+                elif len(line) == LONGEST_LINE:
                     self.refuse_line(number, f"more than {LONGEST_LINE} characters")
-                if text and not line.endswith("\n"):
+                if text and (zeros or not line.endswith("\n")):
                     self.remarks.append(f"line {number} is cut short and left out")
                 elif text:
                     yield number, text
+        if zeros:
+            self.remarks.append(left_out(zeros))
 
     def refuse_line(self, number: int, text: str) -> NoReturn:
         """Refuse a line that does not belong to such a log; the file may be of another kind."""

@@ -150,7 +150,7 @@ def test_objects_that_the_heading_counts_and_that_are_not_there_are_told(tmp_pat
     ("parts", "said"),
     [
         ((container(b"LOBX" + bytes(40)),), "object 1: no object begins where one should"),
-        ((container(obj(1, classic())) + bytes(40),), "container 2: is damaged"),
+        ((container(obj(1, classic())) + b"\1" * 40,), "container 2: is damaged"),
         ((container(obj(1, b"\0")),), "object 1: is too short for its type 1"),
         ((container(obj(1, classic(identifier=0x800))),), "object 1: 800 is no standard identifier"),
         ((container(obj(100, struct.pack("<HBBLLBBB5x64s", 1, 0, 9, 1, 0, 0, 1, 11, b""))),), "11 bytes are no"),

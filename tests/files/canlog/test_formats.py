@@ -89,6 +89,29 @@ def test_a_file_cut_anywhere_gives_the_frames_before_and_says_so(
             assert data[len(data[:size].rstrip()) :].lstrip(b" ").startswith((b"\n", b"\r\n"))
 
 
+@pytest.mark.parametrize("suffix", STREAMED)
+def test_zeros_behind_the_last_frame_are_left_out(tmp_path: Path, suffix: str) -> None:
+    """As of a file whose size was set beforehand; amid the frames they are damage."""
+    path = write_log(tmp_path / f"bus{suffix}", mixture(suffix, 3))
+    data, complete = path.read_bytes(), list(open_log(path))
+    for zeros in (8, 200_000):
+        path.write_bytes(data + bytes(zeros))
+        log = open_log(path)
+        assert list(log) == complete
+        assert [note for note in log.notes() if f"its last {zeros} bytes are zeros, and left out" in note]
+    path.write_bytes(data + bytes(200_000) + data)
+    with pytest.raises(UserError, match=r"zeros stand before it|no object begins where one should"):
+        list(open_log(path))
+
+
+def test_a_line_cut_by_zeros_is_left_out(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "bus.log", mixture(".log", 3))
+    path.write_bytes(path.read_bytes()[:-2] + bytes(8))
+    log = open_log(path)
+    assert len(list(log)) == 2
+    assert "line 3 is cut short and left out" in log.notes()[0]
+
+
 @pytest.mark.slow
 def test_mdf4_cut_anywhere_is_refused(tmp_path: Path) -> None:
     path = write_log(tmp_path / "bus.mf4", mixture(".mf4", 30))
@@ -112,10 +135,10 @@ def test_other_content_is_refused(tmp_path: Path, suffix: str) -> None:
 def test_a_log_under_the_wrong_name_is_recognised(tmp_path: Path, suffix: str, content: str) -> None:
     if suffix == content:
         return
-    written, path = tmp_path / f"bus{content}", tmp_path / f"named{suffix}"
+    written, path = tmp_path / f"bus{content}", tmp_path / f"named.2024-05-03{suffix}"
     write_log(written, mixture(content, 5))
     path.write_bytes(written.read_bytes())
-    with pytest.raises(UserError, match=rf"name it so: named\{content}"):
+    with pytest.raises(UserError, match=rf"name it so: named.2024-05-03\{content}"):
         list(open_log(path))
 
 
@@ -188,6 +211,12 @@ def test_a_packed_log_without_its_suffix_is_refused_with_its_remedy(tmp_path: Pa
     path.write_bytes(gzip.compress(b"(1.5) can0 123#00\n") + b"\n")
     with pytest.raises(UserError, match="unpack it by gunzip"):
         list(open_log(path))
+
+
+def test_a_bad_line_of_a_log_whose_name_has_two_dots_is_no_log_of_another_kind(tmp_path: Path) -> None:
+    (tmp_path / "bus.2024-05-03.log").write_text("(1700000000.0001) can0 30\n")
+    with pytest.raises(UserError, match="remedy: delete it"):
+        list(open_log(tmp_path / "bus.2024-05-03.log"))
 
 
 def test_bytes_that_are_no_text_are_not_shown(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import re
 from abc import abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
+from time import localtime
 from typing import ClassVar
 
 import can
@@ -18,7 +19,7 @@ from observer_rt.bus.can_frame import CLASSIC_LENGTH, length_of
 from observer_rt.bus.links.link import Frame
 from observer_rt.files.canlog.can_log import LogFormat, LogFrame, text_nanoseconds
 from observer_rt.files.canlog.text_log import EARLIEST_DATE, FROM_START, TextLogReader, other_kind
-from observer_rt.foundation.units import NANOSECONDS_PER_US
+from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_US
 
 logging.getLogger("can.io").addHandler(logging.NullHandler())  # what it warns of is refused in words, with the line
 _CSV_HEADING = "timestamp,arbitration_id,extended,remote,error,dlc,data"
@@ -32,6 +33,7 @@ _TRC_PLACES: dict[str, tuple[int | None, int]] = {  # of the kind and of the dat
 _TRC_FRAMES = ("DT", "FD", "FB", "FE", "BI", "RR", "Rx", "Tx")
 _TRC_EXPORT = "export it from PEAK's tools as version 2.1"
 _ASC_TIME = re.compile(r"-?\d+(?:[.,]\d+)?")
+_FIRST_AFTER_DATE = 3600 * NANOSECONDS  # within which the first frame of a log with times of the day comes
 _ASC_FD = 0x1000  # among the flags of a CAN FD line, third behind its data
 _NUMBER = re.compile(r"[0-9A-Fa-f]+[xX]?")
 _BYTE = re.compile(r"[0-9A-Fa-f]{1,2}|\d{3}")
@@ -112,8 +114,8 @@ class AscLog(PythonCanLog):
     def _reset(self) -> None:
         super()._reset()
         self._base = "hex"
-        self._is_relative = self._is_dated = self._has_end = self._is_begun = False
-        self._time = self._start = 0
+        self._is_relative = self._is_dated = self._has_end = self._is_begun = self._has_kind = False
+        self._time = self._start = self._of_day = 0
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         yield from super()._entries()
@@ -135,6 +137,10 @@ class AscLog(PythonCanLog):
         if self._base == "dec" and words[1].upper() == "CANFD":
             problem = "its CAN FD frames are hexadecimal, the others decimal"
             self.refuse(self._number, problem, "export it with base hex")
+        is_stated = self._is_begun or self._has_kind
+        if not is_stated and 0 <= time - self._of_day < _FIRST_AFTER_DATE <= self._of_day:
+            self._start -= self._of_day
+            self.remarks.append("its times are taken for those of the day: the first follows that of its date")
         # python-can swallows the line after the heading
         heading = [] if self._is_begun else [f"base {self._base}", "no internal events logged"]
         self._is_begun = True
@@ -147,6 +153,7 @@ class AscLog(PythonCanLog):
             raise ValueError  # what is left of a frame
         if words[0] in ("base", "timestamps"):
             self._is_relative = "relative" in words
+            self._has_kind |= "timestamps" in words
             self._base = words[1] if words[0] == "base" else self._base
         elif words[0] == "date" or (words[0] == "begin" and words[2:] and not self._is_dated):
             self._take_date(text.split()[1 + (words[0] == "begin") :])
@@ -160,10 +167,12 @@ class AscLog(PythonCanLog):
         """Take a date, as local time; its weekday is passed over."""
         try:
             self._start = _nanoseconds(can.ASCReader._datetime_to_timestamp(" ".join(words[1:])))
+            date = localtime(self._start // NANOSECONDS)
+            self._of_day = ((date.tm_hour * 60 + date.tm_min) * 60 + date.tm_sec) * NANOSECONDS
         except (ValueError, OverflowError):
             if not self._start:
-                date = " ".join(words)
-                self.remarks.append(f"line {self._number}: date '{date}' not understood, times count from 0")
+                problem = f"date '{' '.join(words)}' not understood, times count from 0"
+                self.remarks.append(f"line {self._number}: {problem}")
 
     def _pass_over(self, words: list[str]) -> None:
         if words[1].upper() == "CANFD" or (words[1].isdigit() and len(words) < 5 and _NUMBER.fullmatch(words[2])):

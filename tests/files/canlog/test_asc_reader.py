@@ -127,6 +127,18 @@ def test_a_date_not_understood_is_told_and_times_count_from_0(tmp_path: Path) ->
     assert any("not understood, times count from 0" in note for note in entries.notes())
 
 
+@pytest.mark.parametrize(
+    ("base", "first", "late"), [("", 54400.5, 26.5), (" timestamps absolute", 54400.5, 54400.5), ("", 0.5, 0.5)]
+)
+def test_times_of_the_day_are_known_by_their_date(tmp_path: Path, base: str, first: float, late: float) -> None:
+    """As BUSMASTER writes them. The date is of 54374 s after midnight."""
+    path = tmp_path / "bus.asc"
+    path.write_text(f"date Sat Sep 30 3:06:14 pm 2017\nbase hex{base}\n{first} 1 7 Rx d 0\n")
+    reader = AscLog(path)
+    assert [entry.frame.stamp_ns - START // 10**9 * 10**9 for entry in reader] == [round((1.0 + late) * 1e9)]
+    assert any("of the day" in note for note in reader.notes()) == (late == 26.5)
+
+
 def test_a_date_stands_unless_the_trigger_block_has_another(tmp_path: Path) -> None:
     text = log(tmp_path, "   0.500000 1  123             Rx   d 1 AA").path.read_text()
     path = tmp_path / "other.asc"

@@ -219,7 +219,7 @@ class InputWatch:
         rate = injector.sample_rate
         self._core = core
         self._messages = MessageWatch(bus_map, self.arrivals)
-        self._useless = FrameWatch(self.arrivals, rate, partial(_odd_lengths, bus_map, core))
+        self._useless = FrameWatch(self.arrivals, rate, partial(odd_lengths, bus_map, core))
         self._senders = SenderWatch(bus_map, self.arrivals)
         self._values = ValueWatch(bus_map, configured_noise(injector), self.arrivals.sources, injector.has_lift)
         self._units, self._rate = UnitWatch(self.arrivals.sources), RateWatch(rate)
@@ -251,7 +251,7 @@ class InputWatch:
         return (*self._units.reported.values(), *filter(None, [self._rate.reported]))
 
 
-def _odd_lengths(bus_map: BusMap, core: Core) -> str:
+def odd_lengths(bus_map: BusMap, core: Core) -> str:
     """Describes messages whose frames came with a wrong length, with the length of the last such frame."""
     lengths = core.parts["receiver"]["odd_length"].tolist()
     came = dict(zip(bus_map.inputs.messages["key"].tolist(), lengths, strict=False))

@@ -19,7 +19,7 @@ from can.io import blf as layout
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_FLAG, EXTENDED_MASK, length_of
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import LogFormat, LogFrame, LogReader, LogWriter, left_out, lost_note
+from observer_rt.files.canlog.can_log import ZEROS, LogFormat, LogFrame, LogReader, LogWriter, lost_note
 from observer_rt.files.canlog.text_log import other_kind
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS, NANOSECONDS_PER_US
@@ -89,8 +89,9 @@ class BlfLog(LogReader):
         container = 0
         while head := file.read(_HEAD.size):
             container += 1
-            if not any(head) and _is_zero_from(file, file.tell()):
-                self.remarks.append(left_out(self._size - file.tell() + len(head)))
+            zeros = self._size - file.tell() + len(head)
+            if not any(head) and not any(map(any, iter(partial(file.read, _ZEROS_AT_ONCE), b""))):
+                self.remarks.append(ZEROS.format(zeros))
                 return
             begin = max(0, head.find(_MARK, 0, _LONGEST_PADDING + len(_MARK)))
             head = head[begin:] + file.read(begin)
@@ -197,13 +198,6 @@ class BlfLog(LogReader):
             bool(fd_flags & layout.ESI),
         )
         return LogFrame(frame, str(channel), direction == SENT)
-
-
-def _is_zero_from(file: BinaryIO, position: int) -> bool:
-    """Whether only zeros follow; the file then stands at `position` as before."""
-    is_zero = not any(map(any, iter(partial(file.read, _ZEROS_AT_ONCE), b"")))
-    file.seek(position)
-    return is_zero
 
 
 def _stamp(data: bytes, version: int) -> int:

@@ -18,6 +18,7 @@ PAUSE = NANOSECONDS  # between two parts of a log whose clock was set back
 YEAR = 365 * 86_400 * NANOSECONDS  # no pause within a log is so long
 FRAMES_TO_JUDGE_STAMPS = 100
 LATEST_STAMP = (1 << 63) - 1  # ns since 1970, in 2262
+ZEROS = "its last {} bytes are zeros, and left out"  # as of a file whose size was set beforehand
 _LENGTHS = {True: frozenset(FD_LENGTHS), False: frozenset(range(CLASSIC_LENGTH + 1))}  # by whether FD
 _LOST = re.compile(r"(\d+) frames lost before this")
 
@@ -35,11 +36,6 @@ class LogFrame(NamedTuple):
 def lost_note(frames: int) -> str:
     """Note that a recorder writes into a log where frames were lost."""
     return f"{frames} frames lost before this"
-
-
-def left_out(zeros: int) -> str:
-    """Remark on zeros behind the last frame, as of a file whose size was set beforehand."""
-    return f"its last {zeros} bytes are zeros, and left out"
 
 
 class LogReader(ABC):

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar, NoReturn
 
-from observer_rt.files.canlog.can_log import LogReader, left_out
+from observer_rt.files.canlog.can_log import ZEROS, LogReader
 from observer_rt.foundation.units import NANOSECONDS
 
 _HEAD = 200  # bytes
@@ -29,7 +29,7 @@ _OTHER_KINDS = {  # what to do with a file, by how it begins; a suffix: it is a 
 _LINES_TO_KNOW = 20
 LONGEST_LINE = 1 << 16  # characters: what is no text may be one line of any length
 EARLIEST_DATE = 100_000_000 * NANOSECONDS  # since 1970: what is less counts from the start of a log
-_ZEROS = "\0" * 8  # fewer are no run of them
+_RUN = "\0" * 8  # fewer are no run of them
 FROM_START = "its times are taken to count from its start"
 
 
@@ -65,9 +65,9 @@ class TextLogReader(LogReader):
             for number, line in enumerate(iter(partial(file.readline, LONGEST_LINE), ""), 1):
                 self._position += len(line)
                 text = line.strip()
-                if text.endswith(_ZEROS):
+                if text.endswith(_RUN):
                     zeros += len(text) - len(text := text.rstrip("\0"))
-                elif text and (zeros or text.startswith(_ZEROS)):
+                elif text and (zeros or text.startswith(_RUN)):
                     self.refuse(number, "zeros stand before it, in place of frames")
                 elif len(line) == LONGEST_LINE:
                     self.refuse_line(number, f"more than {LONGEST_LINE} characters")
@@ -76,7 +76,7 @@ class TextLogReader(LogReader):
                 elif text:
                     yield number, text
         if zeros:
-            self.remarks.append(left_out(zeros))
+            self.remarks.append(ZEROS.format(zeros))
 
     def refuse_line(self, number: int, text: str) -> NoReturn:
         """Refuse a line that does not belong to such a log; the file may be of another kind."""

@@ -113,21 +113,14 @@ def test_lost_frames_are_counted_or_the_count_is_not_sure(
     assert counter.wrong_and_sure() == 0
 
 
-@pytest.mark.parametrize("lost", [1, 15, 16, 40])
-def test_losses_are_counted_by_a_nibble_and_stamps(lost: int) -> None:
+@pytest.mark.parametrize(("modulus", "lost", "late"), [(16, n, 300e-6) for n in (1, 15, 16, 40)] + [(1, 1, 0.0)])
+def test_losses_are_counted_by_a_nibble_and_stamps_or_by_stamps(modulus: int, lost: int, late: float) -> None:
     numbers, taken = sent()
-    come = np.maximum.accumulate(taken + np.random.default_rng(2).uniform(0.0, 300e-6, FRAMES))
+    come = np.maximum.accumulate(taken + np.random.default_rng(2).uniform(0.0, late, FRAMES))
     kept = (numbers < 12_000) | (numbers >= 12_000 + lost)
-    counter = Counter(16).take_all(numbers[kept], come[kept])
+    counter = Counter(modulus).take_all(numbers[kept], come[kept])
     assert counter.numbers == numbers[kept].tolist()
     assert counter.sure[-1]
-
-
-def test_loss_without_a_counter_is_a_gap_of_stamps() -> None:
-    numbers, taken = sent()
-    kept = numbers != 12_000
-    counter = Counter(1).take_all(numbers[kept], (taken + 150e-6)[kept])
-    assert counter.numbers == numbers[kept].tolist()
 
 
 def test_repeated_and_overtaken_frames_are_dropped() -> None:

@@ -11,7 +11,7 @@ from observer_rt.foundation.errors import UserError
 
 
 def log(folder: Path, text: str) -> CandumpLog:
-    path = folder / "candump.log"
+    path = folder / "candump.2024-05-03.log"
     path.write_text(text)
     return CandumpLog(path)
 
@@ -108,7 +108,9 @@ def test_screen_output_with_times(tmp_path: Path) -> None:
     ],
 )
 def test_malformed_line_names_its_number(tmp_path: Path, line: str) -> None:
-    assert "line 3: not a line of a candump log" in message(tmp_path, f"(1.5) vcan0 100#00\n\n{line}\n")
+    text = message(tmp_path, f"(1.5) vcan0 100#00\n\n{line}\n")
+    assert "line 3: not a line of a candump log" in text
+    assert "remedy: delete it" in text
 
 
 @pytest.mark.parametrize("line", ["100#" + "00" * 9, "100##1" + "00" * 9, "100##1" + "00" * 65])

@@ -213,12 +213,6 @@ def test_a_packed_log_without_its_suffix_is_refused_with_its_remedy(tmp_path: Pa
         list(open_log(path))
 
 
-def test_a_bad_line_of_a_log_whose_name_has_two_dots_is_no_log_of_another_kind(tmp_path: Path) -> None:
-    (tmp_path / "bus.2024-05-03.log").write_text("(1700000000.0001) can0 30\n")
-    with pytest.raises(UserError, match="remedy: delete it"):
-        list(open_log(tmp_path / "bus.2024-05-03.log"))
-
-
 def test_bytes_that_are_no_text_are_not_shown(tmp_path: Path) -> None:
     path = tmp_path / "bus.log"
     path.write_bytes(b"\x00\x1b[31mred\x07\n")

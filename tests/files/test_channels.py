@@ -8,12 +8,11 @@ from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.config.bench_file import LinkConfig, NamedLink
-from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.channels import InputFrames, chosen_channels
 from observer_rt.files.formats import open_writer
 from observer_rt.foundation.errors import UserError
-from tests.bus.extended_bench import IDENTIFIER, write_extended_bench
+from tests.bus.extended_bench import write_extended_bench
 from tests.files.canlog.log_cases import START, write_log
 
 BENCH = [NamedLink(name, LinkConfig(channel=f"can{n}")) for n, name in enumerate(("", "lift", "out"))]
@@ -87,19 +86,3 @@ def test_an_identifier_of_the_other_size_is_named(tmp_path: Path) -> None:
     said = r"(?s)SampleBlock \(0x100\); it has 0x100 of 29 bits.*correct the size of the identifier of SampleBlock"
     with pytest.raises(UserError, match=said):
         list(InputFrames(tmp_path / "bus.blf", map_bus(load_bench()), {0: None}))
-
-
-def test_frames_that_come_too_seldom_give_the_cause(tmp_path: Path) -> None:
-    """Two messages that nothing counts, far slower than the sample rate: none joins the other."""
-    database, bench = tmp_path / "user.dbc", write_extended_bench(tmp_path)
-    lift = ' SG_ Lift : 16|16@1+ (0.1,0) [0|0] "um" Device\n'
-    other = f"BO_ {OTHER | 1 << 31} Slow: 8 Device\n{lift}"
-    database.write_text(database.read_text().replace(lift, "") + other)
-    text = bench.read_text().replace('message = "Daq"\nsignal = "Lift"', 'message = "Slow"\nsignal = "Lift"')
-    bench.write_text(text.replace('counter = "Count"', ""))
-    log = tmp_path / "slow.log"
-    times = [(10 + n * 0.01, identifier) for n in range(50) for identifier in (IDENTIFIER, OTHER)]
-    log.write_text("".join(f"({time:.6f}) can0 {identifier:08X}#{'00' * 8}\n" for time, identifier in times))
-    said = "its 100 input frames give 0 samples.* they come at 204 a second, where sampling.rate_hz is 100000"
-    with pytest.raises(UserError, match=f"(?s){said}.*set sampling.rate_hz"):
-        LoggedSignals(load_bench(bench), log)

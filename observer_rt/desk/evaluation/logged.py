@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from observer_rt.bus.links.link import BLOCK_FRAMES, BusFrame, Frame, block_of
+from observer_rt.bus.links.link import BLOCK_FRAMES, BusFrame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.config.signals import Role, as_sent
 from observer_rt.daemon.signal_watch import OUTSIDE_REMEDY
+from observer_rt.desk.evaluation.log_causes import DecodedLog, clocks_apart, odd_stamps, refusal
 from observer_rt.desk.evaluation.log_watch import LogWatch
 from observer_rt.engine.service.core import Core
-from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.channels import InputFrames, chosen_channels
 from observer_rt.files.formats import is_log, open_recording
@@ -23,10 +23,8 @@ from observer_rt.files.signals.recording import COMPANION_SUFFIXES, Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import NANOSECONDS, first_of
+from observer_rt.foundation.units import first_of
 
-RATE_TOLERANCE = 0.02  # relative deviation of the sample rate by stamps from that of the bench file
-FEWEST_FOR_RATE = 100  # frames
 LARGEST_HOLE = 1 << 28  # samples between two that came
 
 
@@ -66,11 +64,10 @@ class LoggedSignals(SignalStream):
     def _look_through(self, path: Path, progress: Callable[[float], None]) -> tuple[range, ...]:
         core = Core(self._bench.injector, self._bus, learning=False)
         self._coefficients = core.coefficients
-        stamps = _Stamps()
         watch = LogWatch(self._bench.injector, self._bus, core)
         rows_read = 0
         stretches: list[range] = []
-        for rows in self._rows(core, stamps, watch):
+        for rows in self._rows(core, watch):
             rows_read += len(rows)
             indices = rows["index"].astype(np.int64)
             # The index does not rise where the device was restarted.
@@ -89,13 +86,15 @@ class LoggedSignals(SignalStream):
             for role, values in self._signals(rows).items():
                 self.survey.take(role, values)
             progress(self.frames.log.share_read)
-        outside = watch.outside()
+        log = DecodedLog(self.frames, self._bench, self._bus, watch)
         if rows_read < 2:
-            raise _too_few(path, core.counters, watch.absent(), outside, rows_read, stamps.span, self.sample_rate)
-        intervals = sum(len(indices) - 1 for indices in stretches)
-        ranges = [f"{path}: {outside}\n  remedy: {OUTSIDE_REMEDY}"]
-        odd = ranges if outside else stamps.notes(path, self.sample_rate, intervals)
-        self.notes = (*self.frames.notes(), *watch.notes(path), *odd, *_restarts(path, stretches))
+            raise refusal(log, rows_read)
+        apart = [cause.problem for cause in clocks_apart(log)]
+        outside = watch.outside()
+        odd = odd_stamps(log, sum(len(indices) - 1 for indices in stretches))
+        findings = [*apart, *([f"{outside}\n  remedy: {OUTSIDE_REMEDY}"] if outside else odd), *_restarts(stretches)]
+        watched = [] if apart else watch.notes(path)
+        self.notes = (*self.frames.notes(), *watched, *(f"{path}: {text}" for text in findings))
         self.counters, self.standstill, self.timing = core.counters, core.standstill, core.timing
         self.slow_noise = core.slow_noise
         """The coloured part of the noise of the last samples at rest."""
@@ -107,7 +106,7 @@ class LoggedSignals(SignalStream):
         # with the outliers, which were sent
         sampling = self._bench.injector.config.sampling.model_copy(update={"bridge_ms": 0.0})
         core = Core(self._bench.with_sections(sampling=sampling).injector, self._bus, learning=False)
-        for rows in self._rows(core, _Stamps()):
+        for rows in self._rows(core):
             held = rows if not len(held) else np.concatenate((held, rows))
             back = np.flatnonzero(np.diff(held["index"].astype(np.int64)) <= 0)
             while back.size:
@@ -120,15 +119,14 @@ class LoggedSignals(SignalStream):
                 first, held = end, held[-3:]  # a lift is interpolated from its neighbours
         yield from self._placed(held, number, first, len(self.logged[number]))
 
-    def _rows(self, core: Core, stamps: "_Stamps", watch: LogWatch | None = None) -> Iterator[NDArray[np.void]]:
+    def _rows(self, core: Core, watch: LogWatch | None = None) -> Iterator[NDArray[np.void]]:
         """The samples that the observer received, in blocks."""
         seen = 0
         for frames in self._together(core, watch):
             core.handle_many(block_of(frames))
-            for on, frame in frames:
-                if watch is not None:
+            if watch is not None:
+                for on, frame in frames:
                     watch.note(on, frame)
-                stamps.note(frame, core.processed > 0)  # before that, the core may still learn the clocks
             if core.processed > seen:
                 yield self._rows_since(seen, core)
                 seen = core.processed
@@ -186,63 +184,10 @@ class LoggedSignals(SignalStream):
         return pressure
 
 
-def _too_few(
-    path: Path, counted: Counters, absent: Sequence[str], outside: str, samples: int, duration: int, rate: float
-) -> UserError:
-    """The error for a log of frames that give no samples; duration [ns] of them, sample rate [Hz] of the bench."""
-    errors = f"{counted.crc_errors} CRC errors, {counted.length_errors} of wrong length"
-    a_second = counted.frames * NANOSECONDS / max(duration, 1)
-    odd = "; ".join(absent) or outside or errors
-    problem = f"its {counted.frames} input frames give {samples} samples: {odd}"
-    remedy = "give --bench with the file the log was recorded by"
-    if absent:
-        remedy = "record all inputs: was the device on, its channel recorded?"
-    elif outside:
-        remedy = OUTSIDE_REMEDY
-    elif not counted.crc_errors + counted.length_errors and abs(a_second / rate - 1.0) > RATE_TOLERANCE:
-        problem += f"; they come at {a_second:.3g} a second, where sampling.rate_hz is {rate:g}"
-        remedy += ", name their index, or set sampling.rate_hz (and rate_hz of slower signals) to what is there"
-    return UserError(str(path), problem, remedy)
-
-
-def _restarts(path: Path, stretches: Sequence[range]) -> Iterator[str]:
+def _restarts(stretches: Sequence[range]) -> Iterator[str]:
     if len(stretches) > 1:
         places = [f"after sample {before[-1]}" for before in stretches[:-1]]
-        yield f"{path}: a device was restarted, its sample index begins anew: split {first_of(places)}"
-
-
-class _Stamps:
-    """First and last stamp of the frames, which give the sample rate together with the sample index.
-
-    span [ns]: from the first frame to the last, those before the first sample included.
-    """
-
-    def __init__(self) -> None:
-        self._frames = self._begin = self._first = self._last = 0
-
-    def note(self, frame: Frame, gives_samples: bool) -> None:
-        self._begin = self._begin or frame.stamp_ns
-        self._last = frame.stamp_ns
-        if gives_samples:
-            self._first = self._first or frame.stamp_ns
-            self._frames += 1
-
-    @property
-    def span(self) -> int:
-        return self._last - self._begin
-
-    def notes(self, path: Path, rate: float, intervals: int) -> list[str]:
-        """A warning where the stamps contradict the bench's sample rate [Hz]."""
-        duration = (self._last - self._first) / NANOSECONDS
-        if self._frames < FEWEST_FOR_RATE or duration <= 0.0:
-            return []
-        stamp_rate = intervals / duration
-        if abs(stamp_rate / rate - 1.0) <= RATE_TOLERANCE:
-            return []
-        return [
-            f"{path}: by its stamps {stamp_rate:.4g} samples a second were sent, the bench file says {rate:g}: "
-            "right if it was replayed at another speed, else correct sampling.rate_hz"
-        ]
+        yield f"a device was restarted, or paused, its sample index begins anew: split {first_of(places)}"
 
 
 def open_source(

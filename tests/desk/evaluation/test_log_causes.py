@@ -24,7 +24,7 @@ BO_ 769 Lone: 8 Daq
  SG_ Lift : 16|16@1+ (0.01,0) [0|0] "um" Daq
  SG_ N : 48|8@1+ (1,0) [0|0] "" Daq
 """
-SHORTER, EMPTY = DATABASE.replace("Rig: 8", "Rig: 7"), DATABASE.replace("(0.005,0)", "(0.005,-1)")
+SHORTER = DATABASE.replace("Rig: 8", "Rig: 7")
 SCALED = DATABASE.replace("Rail : 0|16@1+ (0.005,0)", "Rail : 0|16@1+ (5e4,0)")
 WIDE = DATABASE.replace("Rail : 0|16@1+ (0.005,0)", "Rail : 0|32@1- (1,0)").replace("Lift : 16|16", "Lift : 32|8", 1)
 WIDE = WIDE.replace("Line : 32|16", "Line : 40|16").replace("N : 48|8", "N : 56|8", 1)
@@ -66,7 +66,7 @@ def decoded(
     ("wrong", "data", "rail", "said", "remedy", "right"),
     [
         (SHORTER, "<HHHBx", 20_000, "200 of wrong length: Rig 0x300 with 8 bytes for 7", "Rig to 8 bytes", DATABASE),
-        (DATABASE, "<HHHB", 20_000, "200 of wrong length: Rig 0x300 with 7 bytes for 8", "Rig to 7 bytes", SHORTER),
+        (DATABASE, "<HHHB", 20_000, "200 of wrong length: Rig 0x300 with 7 bytes for 8", "", ""),
         (WIDE, "<fBHB", 100.0, "Rail of Rig is 1.12e+09 to 1.12e+09 MPa", "SIG_VALTYPE_ 768 Rail : 1;", FLOATS),
         (WIDE, "<fBHB", 1e30, "Rail of Rig is 1.9e+09 to 1.9e+09 MPa", "", ""),
         (SCALED, "<HHHBx", 20_000, "Rail of Rig is 1e+09 to 1e+09 MPa", "", ""),

@@ -180,12 +180,6 @@ def test_inputs_on_several_channels_need_a_choice(write: Write) -> None:
         LoggedSignals(BENCH, path, ("7",))
 
 
-def test_stamps_that_contradict_the_sample_rate_are_told(write: Write) -> None:
-    slow = [f._replace(frame=f.frame._replace(stamp_ns=START + 900_000 * n)) for n, f in enumerate(frames())]
-    (note,) = LoggedSignals(BENCH, write(slow, ".log")).notes
-    assert "by its stamps 1e+04 samples a second were sent, the bench file says 100000" in note
-
-
 def test_lift_of_another_clock_is_brought_to_the_samples_of_the_line_pressure(tmp_path: Path) -> None:
     """It moves by 1.2 um/us at most: 20 us late it would be wrong by up to 24 um."""
     bench = load_bench(write_time_bench(tmp_path, 20e3, LIFT_ALONE))

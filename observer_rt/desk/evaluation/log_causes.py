@@ -10,13 +10,11 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from observer_rt.bus.can_frame import EXTENDED_FLAG, frame_key
-from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.link import BusFrame, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of, map_bus, stream_of
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.bench import Bench
 from observer_rt.config.injector_sections import HIGHEST_RATE, LOWEST_RATE
-from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import FLOAT32, FLOAT64, IMPOSSIBLE, Joining
 from observer_rt.daemon.input_watch import odd_lengths
 from observer_rt.daemon.signal_watch import OUTSIDE_REMEDY
@@ -109,13 +107,17 @@ def frame_length(log: DecodedLog) -> Iterator[Cause]:
 def impossible_value(log: DecodedLog) -> Iterator[Cause]:
     """Values that no sensor can mean: those of a float that the database has for an integer, above all."""
     receiver, signals = log.watch.core.parts["receiver"], log.bus.inputs.signals.copy()
-    words, kinds = [], []
+    config, words, kinds = log.bench.injector.config.signals, [], []
     for column, role in enumerate(ROLES):
         lowest, highest = float(receiver["lowest"][column]), float(receiver["highest"][column])
         if max(-lowest, highest) < IMPOSSIBLE[column]:
             continue
-        (layout, name, rows), (_, unit, size) = _signals(log, role), SIGNALS[role]
+        stream, names, (_, unit, size) = stream_of(log.bus, role), config.of(role).names, SIGNALS[role]
+        layout, name = layout_of(log.bus, stream), names if isinstance(names, str) else names[0]
         words.append(f"{name} of {layout.name} is {lowest / size:.3g} to {highest / size:.3g} {unit}")
+        groups = log.bus.inputs.groups[log.bus.inputs.groups["stream"] == stream]
+        first = (groups["first_signal"] + groups["position"][:, column]).tolist()
+        rows = [n + k for n, size in zip(first, groups["samples"].tolist(), strict=True) for k in range(size)]
         kind = _FLOATS.get(int(signals["mask"][rows[0]]))
         if kind is not None:
             signals["kind"][rows] = kind
@@ -196,12 +198,3 @@ def odd_stamps(log: DecodedLog, intervals: int) -> Iterator[str]:
         text = f"by its stamps {rate:.4g} samples a second were sent, the bench file says {stated:g}"
         remedy = f", else set sampling.rate_hz = {likely:g}" if helps else ""
         yield f"{text}: right if it was replayed at another speed{remedy}"
-
-
-def _signals(log: DecodedLog, role: Role) -> tuple[MessageLayout, str, list[int]]:
-    """Message and first signal of a role, and the rows of its signals in the table of all."""
-    stream, names = stream_of(log.bus, role), log.bench.injector.config.signals.of(role).names
-    groups = log.bus.inputs.groups[log.bus.inputs.groups["stream"] == stream]
-    first = groups["first_signal"] + groups["position"][:, ROLES.index(role)]
-    rows = [n + k for n, size in zip(first.tolist(), groups["samples"].tolist(), strict=True) for k in range(size)]
-    return layout_of(log.bus, stream), names if isinstance(names, str) else names[0], rows

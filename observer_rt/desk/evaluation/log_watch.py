@@ -11,7 +11,7 @@ from observer_rt.daemon.arrivals import STALE
 from observer_rt.daemon.input_watch import PERIOD, InputWatch
 from observer_rt.daemon.signal_watch import OUTSIDE_REMEDY
 from observer_rt.engine.service.core import Core
-from observer_rt.foundation.units import NANOSECONDS
+from observer_rt.foundation.units import NANOSECONDS, first_of
 
 MOST_NOTES = 20
 SHORTEST_PAUSE = 0.1  # s in the stamps: no frame waits so long
@@ -63,9 +63,7 @@ class LogWatch:
 
     def paused(self) -> str:
         """The pauses in words."""
-        (begin, longest), total = max(self.pauses, key=lambda pause: pause[1]), sum(step for _, step in self.pauses)
-        more = f" ({len(self.pauses)} such steps, {total:.6g} s in all)" if len(self.pauses) > 1 else ""
-        return f"after {begin:.4g} s its stamps step ahead by {longest:.6g} s{more}"
+        return first_of([f"after {begin:.4g} s its stamps step ahead by {step:.6g} s" for begin, step in self.pauses])
 
     def outside(self) -> str:
         """Signals with values that are missing because they lie outside the declared range, in words."""

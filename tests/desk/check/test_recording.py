@@ -111,17 +111,3 @@ def test_a_log_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
     (finding,) = log_findings(BENCH, tmp_path / "bus.log")
     assert finding.level is Level.ERROR
     assert "bus.log, line 1: " in finding.text
-
-
-def test_a_slow_replay_is_no_drift_of_a_clock(tmp_path: Path) -> None:
-    start = frames()[0].frame.stamp_ns
-
-    def slowed(log_frame: LogFrame) -> LogFrame:
-        return log_frame._replace(
-            frame=log_frame.frame._replace(stamp_ns=start + 20 * (log_frame.frame.stamp_ns - start))
-        )
-
-    texts = [finding.text for finding in findings_of(tmp_path, [slowed(frame) for frame in frames()])]
-    assert any(
-        "SampleBlock: frames came late" in text and "sent at 0.05 times sampling.rate_hz" in text for text in texts
-    )

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import take_tanh
 from observer_rt.model.effective import coefficients
-from observer_rt.model.hydraulics import full_lift_area
 
 NOMINAL = load_injector()
 
@@ -24,17 +23,6 @@ def test_coefficients_are_those_printed_with_the_nominal_parameters() -> None:
     assert c.line.a4 == pytest.approx(353.7, abs=0.05)
     assert c.sac.a5 == pytest.approx(5.498e4, abs=5)
     assert c.sac.a6 == pytest.approx(1.483e4, abs=5)
-
-
-def test_line_mode_is_the_one_printed() -> None:
-    """1.28 kHz, from the inertia and the stiffness of the line."""
-    assert coefficients(NOMINAL).line.mode / (2 * math.pi) == pytest.approx(1280, abs=5)
-
-
-def test_seat_area_of_the_full_cone_angle() -> None:
-    """pi x sin(30 deg) (d - x/2 sin(60 deg)) for the nominal 60 degree cone."""
-    expected = math.pi * 0.3e-3 * 0.5 * (2.2e-3 - 0.15e-3 * math.sqrt(3) / 2)
-    assert full_lift_area(NOMINAL) == pytest.approx(expected, rel=1e-12)
 
 
 def tanh(argument: float) -> float:

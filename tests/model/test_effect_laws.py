@@ -8,15 +8,13 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import normalised_area, root
-from observer_rt.core.model.model import rates_of_change, slopes_of_flows
+from observer_rt.core.model.model import rates_of_change
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.hydraulics import full_lift_area
 from observer_rt.model.network import constant_network
 
 NOMINAL = load_injector()
 P_0, P_C = 1e8, 5e6
-pressures = st.floats(20e6, 200e6)
 
 DIFFERENCES = st.floats(-3, 3, allow_nan=False)
 TRANSITIONS = st.floats(1e-4, 1e-1)
@@ -30,29 +28,6 @@ def model(**parameters: dict[str, float]) -> Coefficients:
 def x_of(pressure: float) -> float:
     """Normalised pressure (24)."""
     return (pressure - P_C) / P_0
-
-
-def nozzle_flow(x_3: float, area: float, c: Coefficients) -> float:
-    """Normalised, with nothing learned."""
-    flow: float = slopes_of_flows([1.0, 0.0, x_3], (1.0, area), c, constant_network())["q_h"]
-    return flow
-
-
-@pytest.mark.parametrize(("pressure", "expected"), [(60e6, 1.0), (140e6, math.sqrt((1 + 5 / 135) / 1.06))])
-def test_cavitation_sets_in_at_the_critical_number(pressure: float, expected: float) -> None:
-    """N_crit = 1.06: below it only where p_S - p_C > 4.998 / 0.06 = 83.3 MPa."""
-    c = model(orifice_cavitation={"n_crit_excess": 0.06})
-    share = nozzle_flow(x_of(pressure), 0.5, c) / nozzle_flow(x_of(pressure), 0.5, model())
-    assert share == pytest.approx(expected, rel=1e-5)
-
-
-@given(pressures, st.floats(0.0, 40e6), st.floats(0.0, 1.0), st.floats(1e-3, 1.0))
-def test_a_share_of_the_rise_grows_with_the_seats_area(p_s: float, rise: float, share: float, opened: float) -> None:
-    c = model(chamber_pressure_rise={"dp": rise, "s": share})
-    area = opened * full_lift_area(NOMINAL) / NOMINAL.scaling.area
-    expected = rise * (1.0 - share + share * opened)
-    nominal = nozzle_flow(x_of(p_s - expected), area, model())
-    assert nozzle_flow(x_of(p_s), area, c) == pytest.approx(nominal, abs=1e-12)
 
 
 @pytest.mark.parametrize("pressure", [-20e6, 0.0, 5e6, 400e6, 1e9])

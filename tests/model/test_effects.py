@@ -138,22 +138,6 @@ def test_stiffness_and_volume_of_the_line_cannot_be_told_apart(r: float) -> None
     assert stiffer[1:-1] == smaller[1:-1]
 
 
-@given(st.floats(10e6, 200e6), st.floats(-0.1, 0.1), st.floats(-10e6, 10e6))
-def test_rail_pressure_is_corrected_for_gain_and_offset(true: float, gain: float, offset: float) -> None:
-    model = effective_model(
-        NOMINAL, [sized("rail_pressure_sensor_gain", g=gain), sized("rail_pressure_sensor_offset", o=offset)]
-    )
-    measured = true * (1 + gain) + offset
-    assert model.inputs.rail_factor * measured + model.inputs.rail_shift == pytest.approx(true, rel=1e-12)
-
-
-def test_lift_is_corrected_for_gain_and_offset() -> None:
-    terms = effective_model(NOMINAL, [sized("lift_offset", x_0=20e-6)]).inputs
-    assert terms.lift_factor * (100e-6 - 20e-6) + terms.lift_shift == pytest.approx(100e-6)
-    terms = effective_model(NOMINAL, [sized("lift_gain", g=0.25)]).inputs
-    assert terms.lift_factor * 80e-6 + terms.lift_shift == pytest.approx(100e-6)
-
-
 def test_what_is_added_is_relative_to_what_is_in_force() -> None:
     twice = effective_model(NOMINAL, [sized("orifice_area", v_H=0.2), sized("orifice_area", v_H=0.1)])
     assert twice.coefficients.sac.a6 == pytest.approx(1.2 * 1.1 * coefficients(NOMINAL).sac.a6)

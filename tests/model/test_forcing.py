@@ -76,15 +76,6 @@ def test_a_term_of_the_plant_explains_its_recording(line: Line, equation: str, l
     assert abs(within) < 0.02 * without + 0.005
 
 
-def test_the_first_injection_of_a_recording_is_number_one() -> None:
-    plugged = effect_of(Term(TermEquation.NOZZLE_FLOW, parse("-0.2*(injection_number - 1)")))
-    schedule = make_schedule((140e6,), 2, 60e-3, (1.2e-3,))
-    new, old = (simulate(load_injector(), schedule, 100e3, e) for e in ((), (SizedEffect(plugged, ()),)))
-    volumes, before = ([one.sum() for one in np.split(run.truth.injection_rate, [18_000])] for run in (old, new))
-    assert volumes[0] == before[0]
-    assert volumes[1] / before[1] == pytest.approx(0.82, abs=0.03)
-
-
 def test_masses_are_right_with_a_law_of_the_flow_that_bends() -> None:
     """A law that were half a sample late would be learned as a smaller friction, and masses be .4 % off."""
     law = TermInForce(equation=TermEquation.LINE_FLOW, law="0.09*max(line_flow - 28, 0)")

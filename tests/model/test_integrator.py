@@ -128,12 +128,6 @@ def _by_scipy(injector: InjectorParameters, inputs: Array, v_h: float, v_s: floa
     return np.concatenate(pieces)
 
 
-def test_rest_stays_at_rest(injector: InjectorParameters) -> None:
-    inputs = np.column_stack([np.full(1000, RAIL), np.zeros(1000)])
-    states = integrate(inputs, (RAIL, 0.0, 0.0), SAMPLE, 5, coefficients(injector))
-    assert (states == [RAIL, 0.0, 0.0]).all()
-
-
 @pytest.mark.parametrize("sample", [1e-5, 5e-5])
 def test_fewer_steps_at_rest_follow_the_line_as_well(injector: InjectorParameters, sample: float) -> None:
     """A ringing line behind a shut needle, for 20 ms: amplitude and phase stay within 1e-4 of p_0."""

@@ -8,13 +8,10 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.model import advance_state, steps_in
-from observer_rt.engine.estimation.scalars import PARAMETERS, by_theta, learned_of
 from observer_rt.model.effective import Coefficients, averaged, coefficients
 from observer_rt.model.network import constant_network
 from observer_rt.model.stability import substeps_needed
-from observer_rt.model.tangent import tangent_of
 from observer_rt.model.wave_line import WaveLine
-from tests.differences import differences
 from tests.intervals import Interval
 from tests.model.conftest import at_rest, with_line
 
@@ -85,34 +82,3 @@ def test_transition_is_that_of_the_line_at_rest(line: dict[str, Any]) -> None:
         np.testing.assert_allclose(matrix[:, column] / units[states], slope / units[states], atol=2e-4)
     slope = (moved(x, RAIL + small) - base) / small
     np.testing.assert_allclose(rail / units[states], slope / units[states], atol=2e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("opened", [0.0, 0.8], ids=["shut", "open"])
-def test_derivatives_of_the_lump(opened: float) -> None:
-    """By theta and by the state before, against differences of the step itself."""
-    parameters = with_line(load_injector(), model="lump")
-    c = averaged(coefficients(parameters))
-    random = np.random.default_rng(4)
-    theta = random.uniform(0.01, 0.1, PARAMETERS)
-    start = np.array([0.9, 0.2, 0.5 if opened else 0.0, 0.0])
-    interval = Interval((RAIL, opened), (RAIL, opened), PERIOD, substeps_needed(parameters, 1 / PERIOD))
-
-    def stepped(theta: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
-        learned = learned_of(theta, c)
-        after = x.copy()
-        advance_state(after, interval, learned.coefficients, learned.network)
-        return np.asarray(after / np.array([1.0, 1.0, 1.0, PERIOD]), np.float64)
-
-    learned = learned_of(theta, c)
-    tangent = tangent_of(c, by_theta(theta, c), PARAMETERS + 4)
-    tangent.by[:, PARAMETERS : PARAMETERS + 4] = np.eye(4)
-    x = start.copy()
-    advance_state(x, interval, learned.coefficients, learned.network, tangent)
-    by = tangent.by / np.array([1.0, 1.0, 1.0, PERIOD])[:, None]
-    by_parameters = differences(lambda moved: stepped(moved, start), theta, 1e-5)
-    np.testing.assert_allclose(by[:, :PARAMETERS], by_parameters, rtol=1e-4, atol=2e-6)
-    assert np.abs(by[3, :PARAMETERS]).max() > 1e-4
-    states = [0, 1, 2] if opened else [0, 1]
-    by_state = differences(lambda moved: stepped(theta, moved), start, 1e-5)[:, states]
-    np.testing.assert_allclose(by[:, PARAMETERS:][:, states], by_state, rtol=1e-4, atol=2e-6)

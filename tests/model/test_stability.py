@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -20,10 +20,8 @@ from tests.differences import differences
 from tests.model.conftest import integrate
 
 PRESSURE = st.one_of(st.floats(-0.01, 0.05), st.floats(-0.1, 2.5))
-INJECTORS = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
-@INJECTORS
 @given(x1=PRESSURE, x2=st.floats(-1.5, 1.5), x3=PRESSURE, opened=st.floats(0.0, 1.0), sac=st.floats(0.01, 10))
 @example(x1=0.0, x2=0.0, x3=0.0, opened=1.0, sac=1.0)
 def test_fastest_rate_bounds_every_mode(

@@ -8,7 +8,7 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import lagged
-from observer_rt.core.model.model import advance_state, rest_state, slopes_of_flows
+from observer_rt.core.model.model import advance_state, slopes_of_flows
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
 from observer_rt.engine.estimation.scalars import PARAMETERS, WEIGHTS, Parameter, learned_of
@@ -18,6 +18,7 @@ from observer_rt.model.network import HIDDEN, IS_PAIR, NEURONS, Network, constan
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.stability import substeps_needed
 from tests.intervals import Interval
+from tests.model.conftest import at_rest
 from tests.plants.arrays import Array
 
 SAMPLE_RATE = 100e3
@@ -118,18 +119,7 @@ def event_inputs(rail: float = RAIL, samples: int = 600) -> Array:
 
 def start_at_rest(c: Coefficients, pressure: float) -> Array:
     """State and indicated pressure with which a window starts behind a shut needle."""
-    start = np.zeros(c.states)
-    rest_state(start, pressure, c)
-    return np.append(start, pressure)
-
-
-def shut_line(c: Coefficients, count: int) -> Window:
-    """A line at rest behind a shut needle, under the stated noise of both sensors."""
-    random = np.random.default_rng(11)
-    rail = 0.95 + random.normal(0.0, NOISE.rail_pressure / c.pressure_scale, count)
-    line = 0.95 + random.normal(0.0, NOISE.line_pressure / c.pressure_scale, count)
-    inputs, resting = np.column_stack([rail, np.zeros(count)]), np.ones(count, np.bool_)
-    return Window(inputs, line, resting, start_at_rest(c, 0.95), count)
+    return np.append(at_rest(c, pressure), pressure)
 
 
 def recorded_late(window: Window, samples: float) -> Window:

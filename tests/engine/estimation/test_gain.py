@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -20,7 +21,6 @@ from tests.engine.estimation.conftest import (
     Case,
     event_inputs,
     innovations_at,
-    shut_line,
     simulated_event,
     worn_theta,
 )
@@ -74,41 +74,24 @@ def riccati(transition: Array, rail: Array, c: Coefficients, noise: NoiseLevels)
 
 
 @pytest.mark.parametrize("sample_rate", [20e3, 50e3, 100e3])
-@pytest.mark.parametrize(("rail_noise", "every"), [(0.05e6, 1.0), (0.1e6, 1.0), (0.5e6, 1.0), (0.1e6, 20.0)])
-@pytest.mark.parametrize("lag", [0.0, 10e-6, 40e-6])
+@pytest.mark.parametrize(
+    ("rail_noise", "every", "lag", "late"),
+    [
+        *product((0.05e6, 0.1e6, 0.5e6), (1.0,), (0.0, 10e-6, 40e-6), (0.0,)),
+        *product((0.1e6,), (20.0,), (0.0, 10e-6, 40e-6), (0.0,)),
+        *product((0.1e6,), (1.0,), (0.0, 40e-6), (0.3, 0.9)),
+    ],
+)
 def test_steady_gain_solves_the_riccati_equation(
-    nominal: Case, sample_rate: float, rail_noise: float, every: float, lag: float
+    nominal: Case, sample_rate: float, rail_noise: float, every: float, lag: float, late: float
 ) -> None:
     """every: samples to one of the rail pressure, whose noise drives the line by so many times the power."""
     noise = NoiseLevels(rail_noise, 0.15e6, 0.4e-6)
-    schedule = gain_schedule(nominal.c, noise, sample_rate, lag, rail_every=every)
+    schedule = gain_schedule(nominal.c, noise, sample_rate, lag, late, rail_every=every)
     driving = replace(noise, rail_pressure=math.sqrt(every) * rail_noise)
-    gain, sigma = steady_kalman(nominal.c, driving, sample_rate, lag)
+    gain, sigma = steady_kalman(nominal.c, driving, sample_rate, lag, late)
     np.testing.assert_allclose(schedule.gains[-1], gain, rtol=0.02)
     assert schedule.innovation_sigma == pytest.approx(sigma, rel=2e-3)
-
-
-@pytest.mark.parametrize("late", [0.3, 0.9])
-@pytest.mark.parametrize("lag", [0.0, 40e-6])
-@pytest.mark.parametrize("sample_rate", [20e3, 100e3])
-def test_steady_gain_of_a_late_line_pressure(nominal: Case, sample_rate: float, lag: float, late: float) -> None:
-    schedule = gain_schedule(nominal.c, NOISE, sample_rate, lag, late)
-    gain, sigma = steady_kalman(nominal.c, NOISE, sample_rate, lag, late)
-    on_time, _ = steady_kalman(nominal.c, NOISE, sample_rate, lag)
-    np.testing.assert_allclose(schedule.gains[-1], gain, rtol=0.02)
-    assert abs(on_time[1] / gain[1] - 1.0) > 0.05  # being late matters more than the tolerance
-    assert schedule.innovation_sigma == pytest.approx(sigma, rel=2e-3)
-
-
-def test_gain_is_the_one_known_to_work(nominal: Case) -> None:
-    """p_L += 0.0494 e, Q_L += 0.0702 mm3/ms per MPa, innovations of 0.1538 MPa at the nominal noise, 100 kHz."""
-    schedule = nominal.schedule
-    pressure, flow, indicated = schedule.gains[-1]
-    assert indicated == pressure  # a sensor without lag indicates the pressure
-    assert pressure == pytest.approx(0.0494, rel=0.02)
-    scale = nominal.c.flow_scale / nominal.c.pressure_scale  # m3/s per Pa
-    assert flow * scale == pytest.approx(0.0702e-6 / 1e6, rel=0.02)
-    assert schedule.innovation_sigma * nominal.c.pressure_scale == pytest.approx(0.1538e6, rel=0.002)
 
 
 def test_first_gain_trusts_the_measurement_where_the_start_is_unknown(nominal: Case) -> None:
@@ -150,12 +133,6 @@ def _free_line(c: Coefficients, x: Array) -> Array:
     return np.array([moved[0] + 0.95, moved[1] - friction, 0.0])
 
 
-def test_innovations_are_white_and_of_the_predicted_size(nominal: Case) -> None:
-    """A shut line under the stated noise of both sensors, for two seconds."""
-    result = innovations_at(nominal, shut_line(nominal.c, 200_000), HEALTHY)
-    _check_white(result[1000:], nominal.schedule.innovation_sigma, 0.01)
-
-
 def test_innovations_of_injections_are_white_with_the_true_wear(case: Case) -> None:
     """Wear, line terms, lag and offset at once, and the gain that belongs to them."""
     theta = worn_theta()
@@ -164,14 +141,11 @@ def test_innovations_of_injections_are_white_with_the_true_wear(case: Case) -> N
     for seed in range(40):
         window = simulated_event(case, theta, event_inputs(rail=0.4 + 0.03 * seed), seed=seed)
         pieces.append(innovations_at(tuned, window, theta)[50:])
-    _check_white(np.concatenate(pieces), tuned.schedule.innovation_sigma, 0.03)
-
-
-def _check_white(e: Array, sigma: float, tolerance: float) -> None:
-    assert e.std() == pytest.approx(sigma, rel=tolerance)
-    assert abs(e.mean()) < tolerance * sigma
+    e, sigma = np.concatenate(pieces), tuned.schedule.innovation_sigma
+    assert e.std() == pytest.approx(sigma, rel=0.03)
+    assert abs(e.mean()) < 0.03 * sigma
     correlations = [np.corrcoef(e[lag:], e[:-lag])[0, 1] for lag in (1, 2, 3, 5, 8, 20, 80)]
-    assert np.abs(correlations).max() < tolerance
+    assert np.abs(correlations).max() < 0.03
 
 
 @pytest.mark.parametrize(

@@ -105,14 +105,6 @@ def test_of_two_alike_the_other_enters_at_a_high_price(significance: float, acti
     assert (4 in best_subset(mean, np.eye(SIZE), ALIKE_GATE, frozenset(active))[1]) is enters
 
 
-def test_lower_bound_may_be_negative() -> None:
-    information, vector = 1e4 * np.eye(SIZE), np.zeros(SIZE)
-    vector[1] = -0.4e4
-    assert subset_of(information, vector, frozenset())[1] == {1}
-    vector[1] = -0.6e4
-    assert subset_of(information, vector, frozenset())[1] == frozenset()
-
-
 def test_two_that_only_pay_together_are_found() -> None:
     """Alone each explains next to nothing: a search that adds one at a time would stop."""
     information = 1e4 * np.eye(SIZE)

@@ -14,7 +14,7 @@ from observer_rt.engine.estimation.scalars import PARAMETERS, learned_of
 from observer_rt.model.effective import averaged, coefficients
 from observer_rt.model.stability import substeps_needed
 from tests.differences import differences
-from tests.engine.estimation.conftest import NOISE, SMOOTH, shut_line, start_at_rest, worn_theta
+from tests.engine.estimation.conftest import NOISE, SMOOTH, start_at_rest, worn_theta
 from tests.engine.estimation.test_gain import steady_kalman
 from tests.model.conftest import with_line
 
@@ -87,16 +87,3 @@ def test_steady_gain_solves_the_riccati_equation(lag: float) -> None:
     assert schedule.innovation_sigma == pytest.approx(sigma, rel=2e-3)
     instant = gain_schedule(coefficients(load_injector()), NOISE, SLOW, lag).gains[-1]
     assert abs(instant[1] / gain[1] - 1.0) > 0.05  # the mean matters more than the tolerance
-
-
-def test_innovations_of_means_are_white() -> None:
-    """A shut line under the stated noise of both sensors: as large as the gain says, and white."""
-    setting = setting_for("lump")
-    c, count = setting.coefficients, 40_000
-    errors = np.empty(count)
-    innovations(shut_line(c, count), setting, learned_of(np.zeros(PARAMETERS), c), errors)
-    e = errors[1000:]
-    sigma = gain_schedule(c, NOISE, SLOW).innovation_sigma
-    assert e.std() == pytest.approx(sigma, rel=0.03)
-    correlations = [np.corrcoef(e[lag:], e[:-lag])[0, 1] for lag in (1, 2, 3, 5, 8, 20)]
-    assert np.abs(correlations).max() < 0.06  # straight lines between two samples correlate the rail noise

@@ -89,16 +89,6 @@ def test_before_the_opening_there_is_no_rate_and_no_slope(case: Case) -> None:
     assert rate[window.opening + 5] > 0.0
 
 
-def test_line_pressure_after_the_opening_does_not_matter(case: Case) -> None:
-    window = simulated_event(case, worn_theta(), event_inputs(), seed=3)
-    output = window.output.copy()
-    output[window.opening :] += 0.05
-    for first, second in zip(
-        rate_of(case, window, worn_theta()), rate_of(case, window._replace(output=output), worn_theta()), strict=True
-    ):
-        np.testing.assert_array_equal(first, second)
-
-
 @pytest.mark.parametrize("row", range(2))
 def test_transitions_carry_an_error_of_the_start(case: Case, row: int) -> None:
     """Of p_L or Q_L at the opening, into the rate of every later sample."""
@@ -178,16 +168,6 @@ def test_variances_are_those_of_draws(nominal: Case, event: Window, noise: Noise
 
 def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def test_twice_the_noise_is_twice_the_spread(nominal: Case, event: Window) -> None:
-    run = open_loop(event, nominal.setting, worn_theta())
-    once = input_variance(event, run, nominal.setting, NOISE)
-    doubled = NoiseLevels(2 * NOISE.rail_pressure, 2 * NOISE.line_pressure, 2 * NOISE.needle_lift)
-    twice = input_variance(event, run, nominal.setting, doubled)
-    assert once.rate.max() > 0.0
-    np.testing.assert_allclose(twice.rate, 4 * once.rate, rtol=1e-9)
-    np.testing.assert_allclose(twice.volume, 4 * once.volume, rtol=1e-9)
 
 
 def test_nothing_is_uncertain_without_noise_nor_before_the_opening(nominal: Case, event: Window) -> None:

@@ -129,12 +129,6 @@ def test_a_lift_sampled_between_moves_the_innovations(case: Case) -> None:
     assert np.abs(bent - straight).max() > 5e-4
 
 
-def test_innovations_are_the_same_with_and_without_slopes(case: Case) -> None:
-    window = simulated_event(case, worn_theta(seed=7), event_inputs(), seed=3)
-    theta = worn_theta()
-    np.testing.assert_array_equal(with_slopes(case, window, theta)[0], innovations_at(case, window, theta))
-
-
 def test_nothing_flows_and_nothing_is_learned_while_shut(case: Case) -> None:
     """Before the opening no flow parameter moves an innovation; line and sensor do."""
     window = simulated_event(case, worn_theta(), event_inputs(), seed=3)
@@ -143,14 +137,6 @@ def test_nothing_flows_and_nothing_is_learned_while_shut(case: Case) -> None:
     assert not shut[:, FLOW].any()
     others = [p for p in range(Parameter.CONTROL_FLOW) if p not in FLOW]
     assert shut[1:, others].all()  # the lag from the second sample on
-
-
-def test_true_parameters_leave_no_innovation(case: Case) -> None:
-    """Noise-free, the predictor that is the truth is never corrected."""
-    theta = worn_theta()
-    window = simulated_event(case, theta, event_inputs())
-    assert np.abs(innovations_at(case, window, theta)).max() < 1e-12
-    assert np.abs(innovations_at(case, window, np.zeros(PARAMETERS))).max() > 1e-3
 
 
 @pytest.mark.parametrize("delay", [-30e-6, 4e-6, 17e-6])

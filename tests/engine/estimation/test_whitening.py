@@ -36,17 +36,6 @@ def test_as_scipy_filters(forgetting: float | None, taps: NDArray[np.float64], s
     assert_allclose(whitening.of(values[:, 2]), columns[2], rtol=1e-12, atol=1e-12)
 
 
-def test_is_linear() -> None:
-    whitening = Whitening(0.985, TAPS)
-    first, second = noise(2, 300), noise(3, 300)
-    assert_allclose(whitening.of(first - 2.0 * second), whitening.of(first) - 2.0 * whitening.of(second), atol=1e-12)
-
-
-def test_a_level_passes_no_high_pass() -> None:
-    assert_allclose(Whitening(0.985, TAPS).of(np.full(300, 5.0)), 0.0, atol=1e-12)
-    assert_allclose(Whitening(None, np.empty(0)).of(np.full(300, 5.0))[1:], 5.0)
-
-
 @pytest.mark.parametrize("forgetting", [None, 0.96])
 def test_what_is_masked_does_not_matter_and_soon_is_forgotten(forgetting: float | None) -> None:
     whitening, values = Whitening(forgetting, TAPS), noise(4, 400)

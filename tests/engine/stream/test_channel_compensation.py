@@ -9,38 +9,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import Break, dead_band
-from observer_rt.desk.simulation.plant import Truth
-from observer_rt.files.signals.recording import shown_slowly
-from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
-from tests.engine.sample_stream import FINE, NOISE, RAIL, Stream, true_course
+from tests.engine.sample_stream import NOISE, RAIL, Stream
 
 RATE = 100e3
 LAG = 15.9e-6
 SLOW = (sized("needle_lift_sensor_lag", tau=LAG),)
-
-
-def truth() -> Truth:
-    return true_course(4, 30e-3 + 0.25 / RATE, (1.1e-3, 0.4e-3))
-
-
-def rmse(lift: NDArray[np.float64], stated: tuple[SizedEffect, ...]) -> float:
-    """Of the rate [m3/s] over the injections, with this lift (n,) [m] at RATE."""
-    every = round(FINE / RATE)
-    stream = Stream(stated=stated)
-    stream.feed(truth().rail_pressure[::every], lift, truth().line_pressure[::every])
-    rows = stream.finish().rows
-    assert np.array_equal(rows["index"], np.arange(lift.size))
-    error = rows["injection_rate"] - truth().injection_rate[::every]
-    return float(np.sqrt(np.nanmean(error[~rows["resting"]] ** 2)))
-
-
-def test_a_slow_lift_is_as_good_as_a_quick_one() -> None:
-    every = round(FINE / RATE)
-    slow = shown_slowly(truth().needle_lift, 1.0 / FINE, LAG)[::every]
-    quick = rmse(truth().needle_lift[::every], ())
-    assert rmse(slow, SLOW) < 2.0 * quick
-    assert rmse(slow, ()) > 8.0 * quick
 
 
 @pytest.mark.parametrize("delay", [-42.0, -16.0, 3.0, 20.0, 57.0])

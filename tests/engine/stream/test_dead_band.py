@@ -107,32 +107,19 @@ LOW: NDArray[np.float64] = np.maximum(18.0 - 3.0 * np.abs(np.arange(26) - 13.0),
 TURNS = 13  # samples from its beginning
 
 
-def with_dip(lift: float) -> NDArray[np.float64]:
-    """A low needle whose lift is another one for the sample where it turns."""
-    moving = LOW.copy()
-    moving[TURNS] = lift
-    return moving
-
-
-def test_one_sample_is_not_enough_to_close() -> None:
+def test_one_sample_is_not_enough_to_close_and_has_no_area_without_a_lift() -> None:
     without = open_samples(LOW)
     assert TURNS in without
-    assert open_samples(with_dip(0.0)) == [k for k in without if k != TURNS]
+    for lift in (0.0, -1 * UM):
+        low = LOW.copy()
+        low[TURNS] = lift
+        assert open_samples(low) == [k for k in without if k != TURNS]
 
 
-def test_negative_lift_of_an_open_needle_has_no_area() -> None:
-    assert TURNS not in open_samples(with_dip(-1 * UM))
-
-
-def test_leap_of_a_turning_needle_is_bridged() -> None:
+@pytest.mark.parametrize("slope", [5.0, 0.0], ids=["turning", "steady"])
+def test_a_leap_of_one_sample_is_bridged(slope: float) -> None:
     """No needle leaves 2 m/s and comes back in one sample: its injection would be parted in two."""
-    turning = np.asarray((200.0 - 5.0 * np.abs(np.arange(50) - 20.0)) * UM, np.float64)
-    turning[20] = 0.0
-    assert open_samples(turning) == list(range(50))
-
-
-def test_one_sample_of_a_steady_lift_is_bridged() -> None:
-    lift = np.full(50, 100 * UM)
+    lift = np.asarray((200.0 - slope * np.abs(np.arange(50) - 20.0)) * UM, np.float64)
     lift[20] = 0.0
     assert open_samples(lift) == list(range(50))
 

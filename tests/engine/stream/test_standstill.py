@@ -58,16 +58,6 @@ def test_noise_is_measured_in_a_ringing_line(sample_rate: float) -> None:
     assert_levels(stream.standstill.noise, NOISE, 0.02)
 
 
-@pytest.mark.parametrize("offset", [0.0, 1e6, -3e6])
-def test_offset_between_line_and_rail(offset: float) -> None:
-    schedule = make_schedule([100e6], 2, 0.05, [1.1e-3])
-    effects = (sized("line_pressure_sensor_offset", o=offset),)
-    made = simulate(NOMINAL, schedule, 50e3, effects, SimulatedNoise(), seed=5).recording
-    stream = Stream(sample_rate=50e3, keep=False)
-    stream.feed(made.rail_pressure, made.needle_lift, made.line_pressure)
-    assert stream.standstill.offset * 100e6 == pytest.approx(offset, abs=0.02e6)
-
-
 def test_noise_is_not_stated_before_enough_samples() -> None:
     stream = Stream(keep=False).stay_shut((ENOUGH_SAMPLES - 100) / 100e3)
     assert stream.standstill.noise is None

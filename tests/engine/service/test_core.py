@@ -105,14 +105,11 @@ def test_summary_agrees_with_the_published_rate(clean: Traffic) -> None:
         assert summary["InjectorId"] == 1
 
 
-def test_wear_goes_out_with_the_summary(clean: Traffic) -> None:
+def test_wear_and_the_sigma_of_the_mass_go_out_with_the_summary(clean: Traffic) -> None:
     last = clean.result.summaries[-1]
     assert last["NozzleWear"] == pytest.approx(0.2, abs=0.03)
     assert 0.0 < last["NozzleWearSigma"] < 0.05
     assert last["Learning"] == 1
-
-
-def test_sigma_of_the_mass_spans_its_interval(clean: Traffic) -> None:
     for report, summary in zip(clean.result.reports, clean.result.summaries, strict=True):
         assert report.mass_ci95 is not None
         low, high = report.mass_ci95

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from observer_rt.bus.mapping.bench_map import map_bench
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench
 from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.buses import expected_load
 from observer_rt.desk.check.findings import Finding, Level, as_json_document, as_table
@@ -162,11 +162,11 @@ def test_the_injector_file_is_known_by_its_bytes_and_by_its_values(findings_of: 
     assert hashes({"length = 0.15 ": "length = 0.16 "})[1] != values
 
 
-def foreign_findings(folder: Path, database: Edits) -> list[Finding]:
-    """Findings of a bench with one sample a frame whose database is edited."""
+def foreign_bench(folder: Path, database: Edits = NO_EDITS) -> Bench:
+    """A bench with one sample a frame whose database is edited."""
     edited(DATABASES / "testbed_classic.dbc", folder / "testbed_classic.dbc", database)
     edited(DATABASES / "testbed_classic.toml", folder / "bench.toml", NO_EDITS)
-    return checkup(load_bench(folder / "bench.toml"))
+    return load_bench(folder / "bench.toml")
 
 
 SAMPLES_STATED = {
@@ -194,16 +194,14 @@ def cycle(milliseconds: int) -> Edits:
     ],
 )
 def test_what_a_users_database_says_otherwise(tmp_path: Path, database: Edits, topic: str, said: str | None) -> None:
-    finding = worst(foreign_findings(tmp_path, database), topic)
+    finding = worst(checkup(foreign_bench(tmp_path, database)), topic)
     assert finding.level is (Level.WARNING if said else Level.OK)
     assert (said or "") in finding.text
 
 
 def test_a_classic_bus_without_rates_carries_pages(tmp_path: Path) -> None:
     """Three frames a sample in; 7 frames a summary and 12 a status out, about 116 us each at 1 Mbit/s."""
-    edited(DATABASES / "testbed_classic.dbc", tmp_path / "testbed_classic.dbc", NO_EDITS)
-    edited(DATABASES / "testbed_classic.toml", tmp_path / "bench.toml", NO_EDITS)
-    bench = load_bench(tmp_path / "bench.toml")
+    bench = foreign_bench(tmp_path)
     load = expected_load(bench, map_bench(bench))
     assert load.continuous == pytest.approx(114e-6 * (3 * 10e3 + 17 * 7 + 10 * 12), rel=0.03)
     assert load.windowed == pytest.approx(114e-6 * (3 * 60 * 17 + 17 * 7 + 10 * 12), rel=0.03)

@@ -93,15 +93,6 @@ def test_results_of_the_injections(meter: tuple[float, ...]) -> None:
         assert result["rail_pressure_MPa"] == pytest.approx(100.0, abs=0.6)
 
 
-def test_window_of_a_result_holds_the_whole_injection() -> None:
-    truth = worn().truth
-    for result in recording_json(evaluated().evaluations[0], C)["injections"]:
-        lift = truth.needle_lift[(truth.time > result["start_s"] - 0.02) & (truth.time < result["end_s"] + 0.02)]
-        inside = truth.needle_lift[(truth.time >= result["start_s"]) & (truth.time <= result["end_s"])]
-        assert (inside > 0.0).sum() == (lift > 0.0).sum()
-        assert result["end_s"] - result["start_s"] < 3e-3
-
-
 @pytest.mark.parametrize("reason", [Reason.OUTSIDE_LEARNED_RANGE, Reason.TOO_FEW_EVENTS])
 def test_what_would_help_an_injection_outside_what_was_learned_is_said_of_no_other(reason: Reason) -> None:
     evaluation = copy.copy(evaluated().evaluations[0])

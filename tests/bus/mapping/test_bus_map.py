@@ -15,7 +15,7 @@ from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import UNPROTECTED
 from observer_rt.foundation.errors import UserError
 from tests.benches import attributes, own_bench
-from tests.two_injectors import one_injector, two_injectors
+from tests.two_injectors import two_injectors
 
 FD_DATABASE = PACKAGE_DATA / "observer_fd.dbc"
 CLASSIC_DATABASE = PACKAGE_DATA / "observer_classic.dbc"
@@ -57,26 +57,6 @@ def refusal(folder: Path, **changes: str) -> UserError:
     with pytest.raises(UserError) as refused:
         user_map(folder, **changes)
     return refused.value
-
-
-def test_example_bench_maps_our_layout() -> None:
-    bus = map_bus(load_bench())
-    (message,) = bus.inputs.messages
-    assert int(message["key"]) == 0x100
-    assert (int(message["length"]), int(message["samples"])) == (64, 9)
-    assert bus.rate is not None
-    assert bus.rate.samples == 28
-    assert [layout.name for layout in bus.sent] == ["InjectionRate", "InjectionSummary", "ObserverStatus"]
-
-
-def test_every_signal_we_send_is_in_our_layout() -> None:
-    """A name misspelt in code would never go out."""
-    bus = map_bus(load_bench())
-    (summary,), (status,) = (bus.results[key].pages for key in ("injection_summary", "status"))
-    for page in (summary, status):
-        assert len(page.names) == len(page.table)
-    assert {"Mass", "NozzleWear", "EndIndex", "LinePressureOffset"} <= set(summary.names)
-    assert {"LateAdoptions", "CrcErrors", "ModelHash", "Reason"} <= set(status.names)
 
 
 def test_users_own_database(tmp_path: Path) -> None:
@@ -230,12 +210,3 @@ def test_a_frame_goes_to_every_injector_that_reads_it(tmp_path: Path) -> None:
     assert [(layout.name, layout.bus) for layout in mapped.sent] == [
         (name, bus) for bus in (1, 2) for name in ("InjectionRate", "InjectionSummary", "ObserverStatus")
     ]
-
-
-def test_an_injector_has_the_map_it_has_alone(tmp_path: Path) -> None:
-    for number, bus in enumerate(map_bench(load_bench(two_injectors(tmp_path))).injectors, 1):
-        alone = map_bus(load_bench(one_injector(tmp_path, ("left", "right")[number - 1], number)))
-        assert bus.input_layouts == alone.input_layouts
-        assert [table.tobytes() for table in (bus.inputs.messages, bus.inputs.groups, bus.inputs.timing)] == [
-            table.tobytes() for table in (alone.inputs.messages, alone.inputs.groups, alone.inputs.timing)
-        ]

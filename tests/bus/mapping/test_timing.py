@@ -10,7 +10,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.foundation.errors import UserError
-from tests.daemon.time_frames import Clock, merged, observe, send, write_time_bench
+from tests.daemon.time_frames import write_time_bench
 
 RATE = 20e3
 LINE_LIFT = 'message = "LineLift"'
@@ -42,14 +42,6 @@ def test_how_the_rail_pressure_is_joined(tmp_path: Path, rail: str, joining: Joi
     assert (row["tolerance"], line["tolerance"]) == pytest.approx((100e-6 if "rate_hz" in rail else 20e-6, 2e-6))
     follows = bus.grid_relations[stream_of(bus, Role.RAIL_PRESSURE)]
     assert (follows is None) == (joining in (Joining.INDEX, Joining.NEAREST))
-
-
-def test_a_rail_pressure_of_its_own_rate_is_in_every_sample(tmp_path: Path) -> None:
-    lines = {"Line": LINE_LIFT, "Lift": LINE_LIFT, "Rail": 'message = "RailSlow"\nrate_hz = 1e3'}
-    frames = merged(send("LineLift", Clock(RATE), end=0.1), send("RailSlow", Clock(1e3), end=0.1))
-    counters = observe(write_time_bench(tmp_path, RATE, lines), frames, Clock(RATE)).core.counters
-    assert counters.samples > 0.09 * RATE
-    assert counters.lost_samples == 0
 
 
 def test_counter_and_its_modulus(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.engine.signal_survey import Survey
-from observer_rt.files.replay.framing import Framer, Span, all_samples, clamped_in, windows_of
+from observer_rt.files.replay.framing import Framer, all_samples, clamped_in, windows_of
 from observer_rt.files.signals.recording import Recording
 from tests.benches import THREE_MESSAGES, sample_bench
 from tests.files.replay.decoded import decoded
@@ -50,25 +50,6 @@ def test_messages_of_their_own_come_in_order_of_time(tmp_path: Path) -> None:
     assert [frame.frame_id for frame in frames] == [RAIL_BLOCK, LIFT_BLOCK, LINE_BLOCK] * 6
     times = [frame.time for frame in frames]
     assert times == sorted(times)
-
-
-def test_spans_send_their_samples_only(bus: BusMap) -> None:
-    recording = recording_of(900)
-    frames = list(Framer(bus).frames(recording, [Span(100, 118), Span(500, 509)]))
-    values = decoded(frames)
-    assert list(values[0]) == [*range(100, 118), *range(500, 509)]
-    assert [frame.payload[2] for frame in frames] == [0, 1, 2]  # no frame was lost between the spans
-    assert [frame.time for frame in frames] == pytest.approx([108 / RATE, 117 / RATE, 508 / RATE])
-
-
-def test_windows_reach_from_2_ms_before_to_4_ms_after_an_injection() -> None:
-    lift = np.zeros(5000)
-    lift[1000:1050] = lift[1150:1250] = 1e-4  # a pilot and its main injection
-    lift[4900:4950] = 1e-4  # its window ends with the recording
-    spans = windows_of([recording_of(5000, lift)])
-    assert len(spans) == 2
-    assert (spans[0].start, spans[1]) == (800, Span(4700, 5000))
-    assert spans[0].end == pytest.approx(1650, abs=1)
 
 
 def test_noise_of_the_lift_opens_no_window() -> None:

@@ -77,6 +77,8 @@ def test_windows_hold_whole_frames_round_the_injections(bus: BusMap) -> None:
         assert len(near) % 9 == 0
         assert 100 + 600 <= len(near) <= 100 + 600 + 9
     assert max(values) == 19_999
+    times = [last / RATE for last in [*values][8::9]]  # but of the last one, which is not filled
+    assert [frame.time for frame in frames[:-1]] == pytest.approx(times[: len(frames) - 1])
     assert [frame.payload[2] for frame in frames] == [n & 0xFF for n in range(len(frames))]
 
 

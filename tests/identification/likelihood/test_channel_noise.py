@@ -34,20 +34,16 @@ def _supply(time: NDArray[np.float64]) -> NDArray[np.float64]:
     return rail
 
 
-def _moving(seed: int) -> tuple[Measurement, ...]:
+@pytest.fixture(scope="module")
+def moving() -> tuple[Measurement, ...]:
+    """A healthy injector, recorded where the rail moves."""
     results = []
     for number, pressure in enumerate((60e6, 140e6)):
         events = tuple(Event(pressure, (Shot(0.0, 1.2e-3),), Faults()) for _ in STARTS)
         around = Surroundings(starts=STARTS, supply=(_supply,))
-        bench = Bench(Injector(), Needle(), events, seed=10 * seed + number, around=around)
+        bench = Bench(Injector(), Needle(), events, seed=30 + number, around=around)
         results.append(recording_of(record(bench)))
     return measurements(results)
-
-
-@pytest.fixture(scope="module")
-def moving() -> tuple[Measurement, ...]:
-    """A healthy injector, recorded where the rail moves."""
-    return _moving(3)
 
 
 @given(share=st.floats(0.0, 1.0))

@@ -107,6 +107,7 @@ def test_what_is_missing_is_counted_and_left_out_as_of_the_whole() -> None:
     judged = len(kept.events)
     assert summary.endswith(f"27 missing, {judged} of 120 injections judged")
     assert chosen.startswith(f"  {judged} of 117 complete injections chosen")
+    assert left_out.startswith("  left out, samples are missing in it or beside it: at 0.")
     assert [left_out] == coverage(expected).splitlines()[1:]
 
 

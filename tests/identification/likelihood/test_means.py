@@ -38,22 +38,18 @@ def measured(
     return measurements([means(one, meaning) for one in recordings(hidden, measured_rate=rate)])
 
 
-def judged(meaning: Meaning | None, rate: bool = False) -> list[JudgedModel]:
-    measured_recordings = joint_likelihood(measured(meaning, rate=rate), MODEL).judge(MODEL)
+def judged(meaning: Meaning | None) -> list[JudgedModel]:
+    measured_recordings = joint_likelihood(measured(meaning, rate=True), MODEL).judge(MODEL)
     assert measured_recordings is not None
     return measured_recordings
 
 
-def test_the_true_model_leaves_noise_alone() -> None:
+def test_the_true_model_leaves_noise_alone_and_a_measured_rate_is_a_mean_too() -> None:
     right, wrong = (judged(meaning) for meaning in (Meaning.MEAN, None))
     z, other = (np.concatenate([one.z for one in found]) for found in (right, wrong))
     assert np.mean(z**2) == pytest.approx(1.0, abs=0.1)
     assert np.abs(z).max() < 5.0
     assert np.mean(other**2) - 1.0 > 2.0 * abs(np.mean(z**2) - 1.0)
-
-
-def test_a_measured_rate_is_a_mean_too() -> None:
-    right, wrong = (judged(meaning, rate=True) for meaning in (Meaning.MEAN, None))
     rate, other = (np.concatenate([one.rate_z for one in found]) for found in (right, wrong))
     assert np.mean(rate**2) < 1.6
     assert np.mean(other**2) > 3.0 * np.mean(rate**2)

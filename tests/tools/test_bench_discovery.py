@@ -20,6 +20,7 @@ from tools.benchmarks.discovery.scoring import gaps
 from tools.benchmarks.discovery.vocabulary import EFFECTS, HIDDEN, Parts
 
 SEEN = {"gain": 500.0, "mass_mg": 1.0, "pressure_mpa": 0.0, "beyond": True}
+PAIR = ["bulk_modulus", "guide_leakage"]
 RIG = Rig(Discrepancy.TAPER, False, 1)
 
 
@@ -162,15 +163,11 @@ def test_the_true_effect_in_force_closes_the_gap(monkeypatch: pytest.MonkeyPatch
         (["seat_area"], answer("ambiguous", "lift_gain", "lift_offset"), Grade.WRONG),
         ([], answer("none"), Grade.RIGHT),
         ([], answer("ambiguous", "seat_area"), Grade.WRONG),
-        (["bulk_modulus", "guide_leakage"], answer("named", "line_volume", "guide_leakage"), Grade.RIGHT),
-        (["bulk_modulus", "guide_leakage"], answer("named", "guide_leakage"), Grade.WRONG),
-        (["bulk_modulus", "guide_leakage"], answer("named", "line_volume", "bulk_modulus"), Grade.WRONG),
-        (
-            ["bulk_modulus", "guide_leakage"],
-            answer("ambiguous", "line_volume", "seat_area", "guide_leakage"),
-            Grade.AMBIGUOUS,
-        ),
-        (["bulk_modulus", "guide_leakage"], answer("ambiguous", "line_volume", "seat_area"), Grade.WRONG),
+        (PAIR, answer("named", "line_volume", "guide_leakage"), Grade.RIGHT),
+        (PAIR, answer("named", "guide_leakage"), Grade.WRONG),
+        (PAIR, answer("named", "line_volume", "bulk_modulus"), Grade.WRONG),
+        (PAIR, answer("ambiguous", "line_volume", "seat_area", "guide_leakage"), Grade.AMBIGUOUS),
+        (PAIR, answer("ambiguous", "line_volume", "seat_area"), Grade.WRONG),
         (["lift_leakage"], answer("unknown"), Grade.RIGHT),
         (["lift_leakage"], answer("none"), Grade.WRONG),
         (["lift_leakage"], answer("named", "guide_leakage", confidence=0.5), Grade.WRONG),

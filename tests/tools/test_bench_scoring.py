@@ -61,11 +61,6 @@ def outcome_of(openings: list[tuple[int, int]], event_of: list[int], samples: in
     )
 
 
-def test_window_is_lead_opening_and_tail() -> None:
-    windows = windows_of(outcome_of([(500, 599)], [0]), RATE)
-    assert windows.ranges == (slice(485, 651),)
-
-
 def test_windows_that_reach_into_each_other_part_where_least_flows() -> None:
     windows = windows_of(outcome_of([(500, 549), (580, 699)], [0, 0]), RATE)
     assert windows.ranges == (slice(485, 566), slice(565, 751))

@@ -1,4 +1,4 @@
-"""The build of the compiled core: a wheel that needs no compiler, an edit that is built upon import."""
+"""The build of the compiled core: stubs that state what there is, an edit that is built upon import."""
 
 import importlib
 import os
@@ -6,7 +6,6 @@ import re
 import shutil
 import subprocess
 import sys
-import sysconfig
 from pathlib import Path
 
 import Cython
@@ -62,14 +61,6 @@ def twice(package: Path, value: float) -> float:
     """Asked of a process that imports the package's core."""
     program = f"from observer_rt.core.trial import twice; print(twice({value}))"
     return float(run([sys.executable, "-c", program], cwd=package, env=environment()))
-
-
-def failing(package: Path, *words: str) -> str:
-    """All that Python says in the package to words with which it ends in failure."""
-    command = [sys.executable, *words]
-    ran = subprocess.run(command, cwd=package, env=environment(), capture_output=True, text=True)
-    assert ran.returncode == 1
-    return ran.stdout + ran.stderr
 
 
 def environment() -> dict[str, str]:
@@ -134,40 +125,10 @@ def test_where_nothing_builds_an_edit_the_command_that_does_is_named(package: Pa
 def test_what_does_not_compile_without_warning_is_said_with_its_line(package: Path, wrong: str) -> None:
     module = package / "observer_rt" / "core" / "trial.pyx"
     module.write_text(wrong)
-    said = failing(package, "tools/lib/build_core.py")
+    command = [sys.executable, "tools/lib/build_core.py"]
+    ran = subprocess.run(command, cwd=package, env=environment(), capture_output=True, text=True)
     module.write_text(LAW)
+    assert ran.returncode == 1
+    said = ran.stdout + ran.stderr
     assert "trial.pyx:" in said
     assert "Traceback" not in said
-
-
-@pytest.mark.slow
-def test_a_wheel_observes_in_an_environment_without_compiler(tmp_path: Path) -> None:
-    here, fresh = Path(sysconfig.get_path("purelib")), tmp_path / "fresh"
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--no-input"]
-    run(
-        [*pip, "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", str(tmp_path), str(REPOSITORY)],
-        env=environment() | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
-    )
-    (wheel,) = tmp_path.glob("observer_rt-*-cp311-abi3-*.whl")
-    run([sys.executable, "-m", "venv", "--without-pip", str(fresh)])
-    python = fresh / "bin" / "python"
-    run([*pip, "--python", str(python), "install", "-q", "--no-deps", "--no-index", str(wheel)])
-    site = Path(run([str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]).strip())
-    # What it depends on, as it is here; not the package itself, whose editable install a .pth file names.
-    for folder in here.iterdir():
-        if not (folder.name.startswith(("observer_rt", "_observer_rt", "_editable")) or folder.suffix == ".pth"):
-            target = site / folder.name
-            if not target.exists():
-                target.symlink_to(folder)
-    empty = tmp_path / "home"
-    empty.mkdir()
-    said = run(
-        [str(python), "-m", "observer_rt", "demo", "--figure", str(tmp_path / "rates.png")],
-        cwd=empty,
-        env={"HOME": str(empty), "PATH": str(fresh / "bin")},
-    )
-    assert "observer" in said
-    assert (tmp_path / "rates.png").exists()
-    where = run([str(python), "-c", "import observer_rt.core; print(observer_rt.core.__file__)"], cwd=empty)
-    assert where.startswith(str(fresh))
-    assert (Path(where.strip()).parent / "frames" / "frames.pyi").is_file()

@@ -4,6 +4,7 @@ import hashlib
 import re
 import shlex
 import subprocess
+import zipfile
 from fnmatch import fnmatch
 from itertools import pairwise
 from pathlib import Path
@@ -74,5 +75,7 @@ def test_a_release_is_made_and_works() -> None:
     assert done.stderr.count("installed and tried") == 2
     files = [line.split() for line in done.stdout.splitlines()]
     assert {Path(name).suffix for _, name in files} == {".gz", ".whl"}
+    wheel = next(name for _, name in files if name.endswith(".whl"))
+    assert "observer_rt/core/frames/frames.pyi" in zipfile.ZipFile(ROOT / "dist" / wheel).namelist()
     for digest, name in files:
         assert hashlib.sha256((ROOT / "dist" / name).read_bytes()).hexdigest() == digest

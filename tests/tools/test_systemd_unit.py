@@ -14,18 +14,10 @@ from observer_rt.desk.cli.app import app_of
 UNIT = Path(__file__).parents[2] / "tools" / "systemd" / "observer-rt.service"
 
 
-class _Unit(configparser.RawConfigParser):
+def unit() -> configparser.RawConfigParser:
     """Keys may be repeated and keep their case."""
-
-    def __init__(self) -> None:
-        super().__init__(strict=False, delimiters=("=",), comment_prefixes=("#",))
-
-    def optionxform(self, optionstr: str) -> str:
-        return optionstr
-
-
-def unit() -> _Unit:
-    parser = _Unit()
+    parser = configparser.RawConfigParser(strict=False, delimiters=("=",), comment_prefixes=("#",))
+    parser.optionxform = str  # type: ignore[assignment,method-assign]
     parser.read(UNIT)
     return parser
 

@@ -75,27 +75,19 @@ class Machine:
         loader.touch()
         (self.shelf / "debian-archive-keyring").mkdir()
 
-    def start(self) -> subprocess.Popen[str]:
-        return subprocess.Popen(
-            [sys.executable, "-c", OBTAIN, str(LIB), str(self.system)],
-            env=os.environ
-            | {
-                "XDG_CACHE_HOME": str(self._folder / "cache"),
-                "PATH": f"{self._programs}:{os.environ['PATH']}",
-                "SHELF": str(self.shelf),
-                "SYSTEM": "debian",
-                "MIRRORS": "http://mirror.invalid/debian/",
-                "VCAN_DEBIAN_ARCHIVE": "",
-            },
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-
     def obtain(self) -> tuple[str, str]:
         """The kernel chosen, and what was said."""
-        out, errors = self.start().communicate(timeout=60)
-        return out.strip(), errors
+        of_machine = {
+            "XDG_CACHE_HOME": str(self._folder / "cache"),
+            "PATH": f"{self._programs}:{os.environ['PATH']}",
+            "SHELF": str(self.shelf),
+            "SYSTEM": "debian",
+            "MIRRORS": "http://mirror.invalid/debian/",
+            "VCAN_DEBIAN_ARCHIVE": "",
+        }
+        command = [sys.executable, "-c", OBTAIN, str(LIB), str(self.system)]
+        done = subprocess.run(command, env=os.environ | of_machine, capture_output=True, text=True, timeout=60)
+        return done.stdout.strip(), done.stderr
 
 
 @pytest.fixture

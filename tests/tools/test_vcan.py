@@ -17,15 +17,8 @@ LIMIT_S = 120.0  # of one start, on a slow machine that fetches the package firs
 
 
 def run(*command: str, folder: Path | None = None, **variables: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, VCAN, *command],
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        env=os.environ | variables,
-        timeout=LIMIT_S,
-        check=False,
-    )
+    words, others = [sys.executable, VCAN, *command], os.environ | variables
+    return subprocess.run(words, capture_output=True, text=True, cwd=folder, env=others, timeout=LIMIT_S)
 
 
 def leftovers(folder: Path) -> list[str]:

@@ -57,6 +57,7 @@ class CostOfOne(EventCost):
             0.1,
             False,
         ),  # by next to nothing
+        (Parameter.NOZZLE_BIAS, lambda size: -1.3 * size, -1.0, 0.0, 1.5, False),  # lower than slopes say: on it goes
         (Parameter.SENSOR_LAG, lambda size: 0.5 * (size - 0.5) ** 2, 0.0, 0.5, 0.0, False),  # a scalar is left out
         (Parameter.SENSOR_LAG, lambda size: 0.5 * (size - 4.0) ** 2, 0.0, 4.0, 4.0, False),  # one that pays is not
     ],

@@ -13,6 +13,7 @@ from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_range import (
     LONGER,
+    MOST_POINTS,
     NEAR,
     NOWHERE,
     REACH,
@@ -45,7 +46,7 @@ def test_it_grows_with_the_distance_to_full() -> None:
 def test_old_points_are_forgotten_and_repeated_ones_leave_little_open() -> None:
     far, near = EventPoint(0.4, -8.0, 0.2), EventPoint(1.6, -6.0, 1.0)
     learned_at: tuple[EventPoint, ...] = (far,)
-    for _ in range(20):
+    for _ in range(MOST_POINTS):
         learned_at = with_point(learned_at, near)
     assert extrapolation_sigma(far, learned_at) > 0.99
     assert extrapolation_sigma(near, learned_at) < 0.2

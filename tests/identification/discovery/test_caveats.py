@@ -104,6 +104,7 @@ def test_flow_and_stiffness_that_changed_together_look_like_another_inertance(
 def test_a_model_that_leaves_many_times_the_noise_explains_nothing(worn: Worn) -> None:
     """Whatever the healthy injector left, too: in the innovations, or with nothing corrected."""
     nothing = replace(worn.findings, verdict=Verdict.NONE, effects=())
+    assert "mass_not_measured" in _by_id(_without_rate(nothing))
     quiet = tuple(replace(cell, variance=1.0) for cell in nothing.before)
     gaps = {name: replace(gap, before=gap.noise_floor) for name, gap in nothing.gaps.by_name.items()}
     explained = replace(nothing, before=quiet, gaps=replace(nothing.gaps, by_name=gaps))

@@ -7,8 +7,10 @@ from rich.console import Console
 
 from observer_rt.config.bench import load_bench
 from observer_rt.config.injector_sections import EvidenceConfig
+from observer_rt.engine.reports.evidence import EvidenceKind
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_hash
-from observer_rt.identification.likelihood.kept_events import evidence_of_model, read_folder
+from observer_rt.identification.likelihood.kept_events import FEWEST_EVENTS, evidence_of_model, read_folder
 from tests.kept_evidence import keep
 
 
@@ -28,6 +30,10 @@ def test_events_that_a_daemon_drops_meanwhile_are_counted_and_left_out(
     for path in folder.glob("*.parquet"):
         path.unlink()
     assert evidence_of_model(events, folder, None, console).hashes == before.hashes
+    alike = max(([one for one in events if one.kind is kind] for kind in EvidenceKind), key=len)
+    assert len(evidence_of_model(alike[:FEWEST_EVENTS], folder, None, console).measurement.events) == FEWEST_EVENTS
+    with pytest.raises(UserError, match=f"fewer than {FEWEST_EVENTS} events of a kind"):
+        evidence_of_model(alike[: FEWEST_EVENTS - 1], folder, None, console)
 
 
 def test_a_stated_lag_of_the_line_pressure_is_known_of_its_evidence(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.identification.likelihood.operating_points import by_operating_point
+from observer_rt.identification.likelihood.operating_points import by_operating_point, distinct
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.hidden import MODEL, NOMINAL, recordings
@@ -33,6 +33,7 @@ def test_recordings_of_one_point_stay_one() -> None:
     points = by_operating_point(measurements(recordings()))
     assert [point.file for point in points] == [0, 1]
     assert [len(point.measurement.events) for point in points] == [2, 2]
+    assert distinct([65e6, 140e6, 60e6, 62e6]) == 3  # as well as they are controlled
 
 
 @pytest.mark.parametrize("hidden", [(), (sized("lift_offset", x_0=15e-6),), (sized("channel_skew", d=23e-6),)])

@@ -36,6 +36,6 @@ def test_systemd_finds_nothing_wrong_with_it(tmp_path: Path, name: str) -> None:
     """Alone, and as a template for the injectors of a bench."""
     program = shlex.split(unit()["Service"]["ExecStart"])[0]
     (tmp_path / name).write_text(UNIT.read_text().replace(program, "/bin/true"))
-    command = ["systemd-analyze", "verify", "--man=no", tmp_path / name.replace("@", "@left")]
+    command = ["systemd-analyze", "verify", "--man=no", str(tmp_path / name.replace("@", "@left"))]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")

@@ -17,7 +17,7 @@ LIMIT_S = 120.0  # of one start, on a slow machine that fetches the package firs
 
 
 def run(*command: str, folder: Path | None = None, **variables: str) -> subprocess.CompletedProcess[str]:
-    words, others = [sys.executable, VCAN, *command], os.environ | variables
+    words, others = [sys.executable, str(VCAN), *command], os.environ | variables
     return subprocess.run(words, capture_output=True, text=True, cwd=folder, env=others, timeout=LIMIT_S)
 
 

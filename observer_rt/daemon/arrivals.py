@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from observer_rt.bus.alignment import MessageTiming
 from observer_rt.bus.can_frame import STANDARD_MASK, frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import LINE_SLOPE
-from observer_rt.bus.message_timing import MessageTiming
 from observer_rt.config.signals import Role
 from observer_rt.daemon.snapshot import InputStatus
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, NANOSECONDS

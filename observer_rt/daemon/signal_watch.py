@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.alignment import LARGEST_DRIFT, MessageTiming
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.role_range import RoleRange, message_of, role_factor, role_range, role_resolution
-from observer_rt.bus.message_timing import LARGEST_DRIFT, MessageTiming
 from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.core.frames.frames import IMPOSSIBLE
 from observer_rt.core.stream.stream import FURTHEST_ZERO

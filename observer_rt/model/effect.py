@@ -1,7 +1,4 @@
-"""Effects: named departures of injector, line or sensors from the nominal model, and their bounds.
-
-With them come measurements that tell effects apart where rail pressure, lift and line pressure do not.
-"""
+"""Effects: named departures of injector, line or sensors from the nominal model, and their bounds."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,19 +11,32 @@ from observer_rt.model.effective import EffectiveModel
 ModelChange = Callable[[EffectiveModel, Sequence[float]], EffectiveModel]
 """The model with an effect at parameter values, in SI and in the order of its parameters."""
 
-BOTH_CHANNELS = "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
-FUEL_OR_DRAWING = (
-    "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal distinguishes them"
-)
-SAMPLE_OR_BALANCE = "the density of a fuel sample, or the injected mass on a balance"
-LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
-LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
-LIFT_STEP = "the lift channel's answer to a step at its amplifier's input"
-BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
-BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
-LIFT_RECORDED = "the lift of the needle recorded, too, if only on a bench"
-PRESSURE_GAUGE = "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
-WITH_A_MEASURED_RATE = {LIFT_GAUGE_OR_RATE: LIFT_GAUGE, BALLISTIC_RATE: BALLISTIC}
+
+class Proof(StrEnum):
+    """Measurements that tell effects apart where rail pressure, lift and line pressure do not."""
+
+    BOTH_CHANNELS = (
+        "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
+    )
+    FUEL_OR_DRAWING = (
+        "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal distinguishes them"
+    )
+    SAMPLE_OR_BALANCE = "the density of a fuel sample, or the injected mass on a balance"
+    LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
+    LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
+    LIFT_STEP = "the lift channel's answer to a step at its amplifier's input"
+    BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
+    BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
+    LIFT_RECORDED = "the lift of the needle recorded, too, if only on a bench"
+    PRESSURE_GAUGE = (
+        "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
+    )
+
+
+WITH_A_MEASURED_RATE: dict[str, str] = {
+    Proof.LIFT_GAUGE_OR_RATE: Proof.LIFT_GAUGE,
+    Proof.BALLISTIC_RATE: Proof.BALLISTIC,
+}
 """Measurements that are left of these where the injection rate was measured."""
 
 

@@ -105,7 +105,7 @@ class EffectiveModel:
         """Program of the terms (n, 2) for compiled code, empty without any."""
         if not self.terms:
             return NO_PROGRAM
-        from observer_rt.model.terms.program import program_of  # optional: [[terms]]
+        from observer_rt.model.terms.term import program_of  # optional: [[terms]]
 
         return program_of(self.terms, {Variable.MAX_LIFT: self.injector.seat.max_lift / MILLIMETRE})
 

@@ -1,6 +1,6 @@
 """Terms as effects: the size of such an effect is the coefficient of its law.
 
-So terms are tried, fitted and reported as the effects of the vocabulary are. A law comes as a form (`terms.form`).
+So terms are tried, fitted and reported as the effects of the vocabulary are. A law comes as a form (`terms.parser`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,8 +9,8 @@ from functools import lru_cache
 
 from observer_rt.model.effect import Component, Effect, EffectParameter
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.terms.form import LETTERS, FormNumber, law_of
 from observer_rt.model.terms.law import Law
+from observer_rt.model.terms.parser import LETTERS, FormNumber, law_of
 from observer_rt.model.terms.term import Term, TermEquation
 
 DEAD_ZONE = 0.002  # of the upper bound: a smaller term does not matter

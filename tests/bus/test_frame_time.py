@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.bus.frame_time import BITS_PER_STUFF_BIT, frame_time
+from observer_rt.bus.can_frame import BITS_PER_STUFF_BIT, frame_time
 
 
 @pytest.mark.parametrize(("length", "stuffed", "checksum", "fixed_stuff_bits"), [(64, 517, 25, 7), (16, 133, 21, 6)])

@@ -11,7 +11,7 @@ from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
-from observer_rt.engine.learning.account import Account, Overdispersion
+from observer_rt.engine.learning.account import Account, LearnedInjector, Overdispersion
 from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilDisturbance, CoilPulse, EdgeSearch
 from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail
 from observer_rt.engine.learning.disturbances.time_jitter import TimeJitter
@@ -19,7 +19,6 @@ from observer_rt.engine.learning.hypotheses import Mode, Velocity
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge, LearningState
-from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from observer_rt.bus.alignment import Jitter, MessageTiming
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.bus.message_timing import Jitter, MessageTiming
 from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import Role
 from observer_rt.daemon.arrivals import Arrivals

@@ -15,7 +15,7 @@ import pandas as pd
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.desk.paper import scheme, training
+from observer_rt.desk.paper import scheme
 from observer_rt.desk.paper.study import LARGEST_GAIN
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import WEIGHTS
@@ -82,7 +82,7 @@ class PapersNetwork(Learner):
         super().__init__(constants, start)
         gain, c = min(LARGEST_GAIN, 1.0 / constants.interval), constants.coefficients
         self._setting = scheme.PaperSetting(constants.interval, constants.substeps, c, gain)
-        self._weights, self._start = scheme.no_fault(), scheme.scaled_identity(training.BETA)
+        self._weights, self._start = scheme.no_fault(), scheme.scaled_identity(scheme.BETA)
         self.masses: list[float] = []
 
     def learn(self, window: Window, *others: Any) -> Outcome:
@@ -92,7 +92,7 @@ class PapersNetwork(Learner):
         lead, tail = (round(each / setting.interval) for each in (LEAD, TAIL))
         volume = float(np.trapezoid(rate[max(opened[0] - lead, 0) : opened[-1] + tail])) * setting.interval
         self.masses.append(Injector().density * volume)
-        self._weights = self._start = training.train(window, setting, self._weights, self._start)
+        self._weights = self._start = scheme.train(window, setting, self._weights, self._start)
         return super().learn(window, *others)
 
 

@@ -14,9 +14,8 @@ from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, locating
 from observer_rt.bus.database.lookup import INDEX_BITS, MessageLayout, from_unit, signal_names
 from observer_rt.bus.mapping import input_tables, output_messages
-from observer_rt.bus.mapping.grid_relation import GridRelation, grid_relations
 from observer_rt.bus.mapping.output_signals import RESULTS, signals_of
-from observer_rt.bus.mapping.timing import map_timing, number_signal
+from observer_rt.bus.mapping.timing import GridRelation, grid_relations, map_timing, number_signal
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import INPUT_GROUP

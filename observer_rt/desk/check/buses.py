@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from observer_rt.bus.can_frame import frame_time
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.frame_time import frame_time
 from observer_rt.bus.links.opening import require_interface
 from observer_rt.bus.mapping.bench_map import BenchMap, shared_resources
 from observer_rt.bus.mapping.bus_map import timing_row

@@ -158,8 +158,8 @@ COMMANDS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "effects": ("models", "channel_skew seat_area"),
     },
     "Many recordings": {
-        "batch": ("fleet", r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)'"),
-        "trend": ("fleet", "results --limit nozzle=30%"),
+        "batch": ("offline", r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)'"),
+        "trend": ("offline", "results --limit nozzle=30%"),
     },
 }
 

@@ -42,8 +42,8 @@ def fit(
     from observer_rt.identification.fit.report import draw_fit, print_fit
     from observer_rt.identification.fit.suitability import warnings
     from observer_rt.identification.likelihood import provenance
-    from observer_rt.identification.likelihood.coverage import coverage
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
+    from observer_rt.identification.likelihood.reading import coverage
 
     decoder = decoder_of(bench, injector, model)
     start, source = load_injector(model), InjectorFile.read(model)
@@ -110,7 +110,7 @@ def discover(
     from observer_rt.identification.discovery import discover as discovery
     from observer_rt.identification.discovery.findings import FINDINGS
     from observer_rt.identification.discovery.report.text import as_text
-    from observer_rt.identification.likelihood.coverage import coverage
+    from observer_rt.identification.likelihood.reading import coverage
 
     require("jinja2", "matplotlib")
     begin = time.monotonic()

@@ -1,25 +1,32 @@
-"""`observer-rt batch`: thousands of recordings in parallel, into a `Dataset`."""
+"""`observer-rt batch`: thousands of recordings in parallel, into a `Dataset`: a folder of Parquet.
+
+injections/SHA256.parquet   rows of a recording with this content, `job.SCHEMA`: one for each injection
+batch.json                  by which model and how: another one needs another folder
+"""
 
 import json
 import logging
 import threading
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.state_file import model_hash
-from observer_rt.desk.fleet.dataset import Dataset
-from observer_rt.desk.fleet.job import FailedFile, Task, evaluate_file
+from observer_rt.desk.fleet.job import SCHEMA, FailedFile, Task, evaluate_file
 from observer_rt.foundation.console import progress_bar, results, say
-from observer_rt.foundation.errors import InterruptionError, RunError
-from observer_rt.foundation.files import file_hash
+from observer_rt.foundation.errors import InterruptionError, RunError, UserError, file_errors
+from observer_rt.foundation.files import file_hash, replacing, write_text
 from observer_rt.foundation.version import __version__
 
+_INJECTIONS, _BATCH = "injections", "batch.json"  # in the folder
 CONNECT_TIMEOUT = 10.0  # s
 _SETTINGS = {
     # how often Dask looks at its own processes: as often as it would, that takes some percent of each
@@ -35,6 +42,52 @@ _SETTINGS = {
 _WAITING = 4  # files at a worker, so that it need not wait for the next
 _RETRIES = 2  # of a job whose worker is gone
 _WAIT = 0.5  # s to a look at Ctrl-C
+
+
+class Dataset:
+    """Takes results in any order. A file of rows appears when it is complete, and stands for a finished recording."""
+
+    def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
+        """settings: what the rows depend on beside the files. Raises `UserError` for a folder with others."""
+        self.folder, self._rows = folder, folder / _INJECTIONS
+        self.injections = 0
+        """Rows written since it was opened."""
+        settings, before = {**settings, "columns": SCHEMA.names}, None
+        with file_errors(folder):
+            with suppress(FileNotFoundError, ValueError):
+                before = json.loads((folder / _BATCH).read_text(encoding="utf-8"))
+            if not isinstance(before, dict):
+                for name in (_BATCH, _INJECTIONS):
+                    if (folder / name).exists():
+                        raise UserError(f"--out {folder}", f"holds {name}, of no batch", "name another folder")
+                write_text(folder / _BATCH, json.dumps(settings, indent=2))
+            elif other := [key for key in settings if before.get(key) != settings[key]]:
+                problem = f"holds the results of another batch: {', '.join(other)} differ"
+                raise UserError(f"--out {folder}", problem, "name another folder")
+            self._rows.mkdir(exist_ok=True)
+
+    def is_done(self, sha256: str) -> bool:
+        """Whether the rows of a file with this content are there."""
+        return self._file(sha256).exists()
+
+    def take(self, sha256: str, rows: pa.Table) -> None:
+        """Write the rows of one file."""
+        with file_errors(self.folder), replacing(self._file(sha256)) as part:
+            pq.write_table(rows, part)
+        self.injections += rows.num_rows
+
+    def _file(self, sha256: str) -> Path:
+        return self._rows / f"{sha256}.parquet"
+
+
+def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.Table:
+    """All rows of a batch's folder. Raises `UserError` for another folder."""
+    dataset = folder / _INJECTIONS
+    if not dataset.is_dir():
+        raise UserError(str(folder), "is no folder of a batch", "make one: observer-rt batch RECORDING... --out DIR")
+    with file_errors(dataset):
+        table: pa.Table = ds.dataset(dataset, schema=SCHEMA, format="parquet").to_table(columns=list(columns))
+    return table
 
 
 @contextmanager

@@ -16,8 +16,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.curves import RESULT_FIELDS
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.logged import open_source
-from observer_rt.desk.fleet.path_pattern import PathPattern
-from observer_rt.desk.fleet.recordings import injector_of, zero_of
+from observer_rt.desk.fleet.recordings import PathPattern, injector_of, zero_of
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
 from observer_rt.files.formats import is_log

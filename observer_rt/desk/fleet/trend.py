@@ -19,8 +19,7 @@ from rich.table import Table
 from scipy.optimize import brentq
 from scipy.stats import t as student
 
-from observer_rt.desk.fleet.path_pattern import TIME_FROM, PathPattern
-from observer_rt.desk.fleet.recordings import TimeFrom
+from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern, TimeFrom
 from observer_rt.engine.reports.injection_report import WEAR
 from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.errors import UserError

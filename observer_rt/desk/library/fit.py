@@ -17,13 +17,10 @@ from observer_rt.identification.fit.document import FitDocument, document_of, ve
 from observer_rt.identification.fit.fitted_file import baseline_of, rounded
 from observer_rt.identification.fit.forms import PLAIN, STRUCTURES, Structure
 from observer_rt.identification.fit.masses import MeanMass, read_masses
-from observer_rt.identification.fit.standstill import sensor_gain, standstill
-from observer_rt.identification.fit.suitability import refuse_clipped, warnings
-from observer_rt.identification.likelihood.commands import commanded_lift, commands_of
+from observer_rt.identification.fit.suitability import refuse_clipped, sensor_gain, standstill, warnings
 from observer_rt.identification.likelihood.likelihood import RecordingLikelihood
-from observer_rt.identification.likelihood.measurement import Measurement, measurements
-from observer_rt.identification.likelihood.reading import refuse_rates_missing
-from observer_rt.identification.likelihood.variants import without_gain
+from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain
+from observer_rt.identification.likelihood.reading import commanded_lift, commands_of, refuse_rates_missing
 from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.effective import EffectiveModel

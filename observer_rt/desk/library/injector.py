@@ -36,10 +36,9 @@ from observer_rt.identification.discovery.law_words import law_text
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.fit.fitted_file import write_fitted
-from observer_rt.identification.likelihood.coverage import coverage
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.reading import measured_recordings
+from observer_rt.identification.likelihood.reading import coverage, measured_recordings
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import InjectorParameters
 

@@ -10,9 +10,17 @@ from observer_rt.config.bench import Bench
 from observer_rt.core.model.laws import normalised_area
 from observer_rt.core.model.model import phi_and_rate
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.desk.paper.scheme import FreeNetwork, PaperSetting, free_network, no_fault, scaled_identity, swept
+from observer_rt.desk.paper.scheme import (
+    BETA,
+    FreeNetwork,
+    PaperSetting,
+    free_network,
+    no_fault,
+    scaled_identity,
+    swept,
+    train,
+)
 from observer_rt.desk.paper.table import Estimator, EstimatorCurves, Study, WearCase
-from observer_rt.desk.paper.training import BETA, train
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import FIRST_EVENT, make_schedule
 from observer_rt.desk.simulation.simulate import Simulation, simulate

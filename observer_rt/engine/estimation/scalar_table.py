@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Gate
+from observer_rt.engine.estimation.belief import Gate
 from observer_rt.model.effective import LAG_UNIT, LIFT_UNIT, Coefficients
 
 

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.evidence import integrate_cost
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.needle import NeedleLaw
-from observer_rt.engine.estimation.belief import Belief, Matrix, Vector
-from observer_rt.engine.estimation.gating import ENTER, STAY, Alike, Gate, best_subset
+from observer_rt.engine.estimation.belief import ENTER, STAY, Alike, Belief, Gate, Matrix, Vector, best_subset
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, Parameter, Theta

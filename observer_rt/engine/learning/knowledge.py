@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
-from observer_rt.engine.learning.account import Account, Overdispersion, of_healthy
+from observer_rt.engine.learning.account import Account, LearnedInjector, Overdispersion, of_healthy
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.disturbances.coil_current import CoilDisturbance
 from observer_rt.engine.learning.disturbances.colour import SlowRail
 from observer_rt.engine.learning.disturbances.time_jitter import TimeJitter
 from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.interval import Resimulation
-from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow, Transfer
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift, Standstill
 from observer_rt.engine.stream.state import Constants, Reason

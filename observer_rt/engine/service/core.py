@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment import indices_of, is_stale, make_alignment, make_timekeeping
+from observer_rt.bus.alignment import MessageTiming, indices_of, is_stale, make_alignment, make_timekeeping, timing_of
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
-from observer_rt.bus.message_timing import MessageTiming, timing_of
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import E2EState
@@ -35,7 +34,7 @@ from observer_rt.model.effective import Coefficients
 from observer_rt.model.surroundings import filed
 
 if TYPE_CHECKING:
-    from observer_rt.engine.estimation.signal_noise import SlowNoise
+    from observer_rt.engine.service.noise import SlowNoise
 
 _NOT_LEARNED = "nothing was learned from an event: {}\n  remedy: see that memory is free; report it if it comes again"
 

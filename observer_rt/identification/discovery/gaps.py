@@ -9,12 +9,9 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.identification.discovery.search.candidates import Candidate
-from observer_rt.identification.likelihood.measured_rate import GAIN_ERROR
-from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import mass, measured_mass, pressure_gap, simulated
+from observer_rt.identification.likelihood.measurement import Measurement, in_mass_window, noisier
+from observer_rt.identification.likelihood.open_loop import GAIN_ERROR, mass, measured_mass, pressure_gap, simulated
 from observer_rt.identification.likelihood.operating_points import every_second_point
-from observer_rt.identification.likelihood.rows import in_mass_window
-from observer_rt.identification.likelihood.variants import noisier
 from observer_rt.model.effective import EffectiveModel
 
 LINE_PRESSURE, RATE, MASS = "line_pressure", "injection_rate", "injected_mass"

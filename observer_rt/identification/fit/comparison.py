@@ -14,8 +14,7 @@ from observer_rt.engine.estimation.phases import BLOCKS, Phase, PhaseStatistics
 from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
-from observer_rt.identification.fit.folds import Fold
-from observer_rt.identification.fit.problem import Calibration
+from observer_rt.identification.fit.problem import Calibration, Fold
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
 from observer_rt.identification.likelihood.signals import Pool, Signal, pool_of
 from observer_rt.model.effective import EffectiveModel

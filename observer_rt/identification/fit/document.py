@@ -10,14 +10,7 @@ from pydantic import Field, PlainSerializer
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Document, DocumentPart, Number
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
-from observer_rt.identification.fit.calibrate import (
-    CHI2_LIMIT,
-    RATE_MISFIT,
-    TOLERATED_SHARE,
-    CalibrationResult,
-    FittedNumber,
-    LevelSource,
-)
+from observer_rt.identification.fit import calibrate
 from observer_rt.identification.fit.comparison import RecordingMass, Residual
 from observer_rt.identification.fit.search import FailedStructure
 from observer_rt.identification.fit.structures import Trial, judged_by
@@ -50,7 +43,7 @@ class FitDocument(Document):
     )
     structure: dict[str, str] = Field(description="the one chosen, and why")
     structures: tuple[TriedStructure, ...]
-    parameters: dict[str, FittedNumber]
+    parameters: dict[str, calibrate.FittedNumber]
     kept: dict[str, dict[str, float | str]] = Field(description="left to the file: value, unit")
     level: dict[str, str] = Field(description="what the absolute level of flow rests on")
     residuals: tuple[Residual, ...]
@@ -63,7 +56,7 @@ class FitDocument(Document):
     oddities: tuple[str, ...]
 
 
-def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[str]) -> FitDocument:
+def document_of(done: calibrate.CalibrationResult, baseline: Baseline, warnings: Sequence[str]) -> FitDocument:
     """Puts a fit into printed units."""
     structure, comparison = done.fitted.structure, done.comparison
     return FitDocument(
@@ -106,11 +99,11 @@ def _tried(structure: Trial) -> TriedStructure:
     )
 
 
-def level_words(done: CalibrationResult) -> str:
+def level_words(done: calibrate.CalibrationResult) -> str:
     """Describes what fixes the absolute level of flow."""
-    if done.level_source is LevelSource.RATE:
+    if done.level_source is calibrate.LevelSource.RATE:
         return f"fixed by the measured injection rate{_DIAMETER_FITTED}"
-    if done.level_source is LevelSource.MASS:
+    if done.level_source is calibrate.LevelSource.MASS:
         return f"fixed by the measured masses{_DIAMETER_FITTED}"
     return (
         "rests one to one on A_L/(rho_L L_L) of the file (line.diameter, line.length, fluid.density_line): pressures "
@@ -119,14 +112,14 @@ def level_words(done: CalibrationResult) -> str:
     )
 
 
-def verdict_words(done: CalibrationResult) -> str:
+def verdict_words(done: calibrate.CalibrationResult) -> str:
     """Adequate or not, where, and the cause that a refit showed."""
     words = [_fit_words(done)]
-    if done.rate_misfit > RATE_MISFIT:
+    if done.rate_misfit > calibrate.RATE_MISFIT:
         finding = "The measured rate contradicts the pressures: its shape"
         if done.inadequate:
             finding = "Not tried: whether the measured rate or the model has the wrong shape, which"
-        off = f"is {done.rate_misfit:.1%} off (limit {RATE_MISFIT:.0%}), and only its integrals were fitted"
+        off = f"is {done.rate_misfit:.1%} off (limit {calibrate.RATE_MISFIT:.0%}), and only its integrals were fitted"
         words.append(f"{finding} {off}")
     if done.meter:
         poles = ", ".join(f"{lag / MILLISECOND:.3g}" for lag in done.meter)
@@ -137,7 +130,7 @@ def verdict_words(done: CalibrationResult) -> str:
     return ". ".join(words)
 
 
-def _fit_words(done: CalibrationResult) -> str:
+def _fit_words(done: calibrate.CalibrationResult) -> str:
     pressure = done.comparison.unexplained
     if not done.inadequate and done.not_observed:
         return f"INADEQUATE: the observer cannot learn with this model ({done.not_observed})"
@@ -146,19 +139,19 @@ def _fit_words(done: CalibrationResult) -> str:
         if done.above_limit:
             most = max(map(done.comparison.share, done.above_limit))
             words += (
-                f", which is {most:.2%} of the swing of the line pressure; up to {TOLERATED_SHARE:.0%} is part of "
-                f"every interval. {_disagreement(done)}. {_causes(done)}"
+                f", which is {most:.2%} of the swing of the line pressure; up to {calibrate.TOLERATED_SHARE:.0%} is "
+                f"part of every interval. {_disagreement(done)}. {_causes(done)}"
             )
         return words
     where = ", ".join(f"{phase.label} {pressure.chi2[phase]:.3g}" for phase in done.inadequate)
     share = max(map(done.comparison.share, done.inadequate))
     return (
-        f"INADEQUATE: chi2 above {CHI2_LIMIT:g} in {where}, up to {share:.1%} of the swing of the line pressure. "
-        f"{_disagreement(done)}. {_causes(done)}; --plot shows the residuals"
+        f"INADEQUATE: chi2 above {calibrate.CHI2_LIMIT:g} in {where}, up to {share:.1%} of the swing of the line "
+        f"pressure. {_disagreement(done)}. {_causes(done)}; --plot shows the residuals"
     )
 
 
-def _causes(done: CalibrationResult) -> str:
+def _causes(done: calibrate.CalibrationResult) -> str:
     """The cause that a refit showed, or what was tried."""
     cause = done.cause
     if cause is None:
@@ -170,7 +163,7 @@ def _causes(done: CalibrationResult) -> str:
     return f"A refit shows the cause: {cause.words}; {cause.effect.remedy or what_to_do}"
 
 
-def _disagreement(done: CalibrationResult) -> str:
+def _disagreement(done: calibrate.CalibrationResult) -> str:
     """Where most is left of the line pressure: phase and rail pressure, how much, and its sign."""
     after = done.comparison.after
     left = [
@@ -186,7 +179,7 @@ def _disagreement(done: CalibrationResult) -> str:
     return f"Most is left in {phase.label} at {pressure:.0f} MPa: {size}, measured more often {sign} the model"
 
 
-def oddities(done: CalibrationResult) -> list[str]:
+def oddities(done: calibrate.CalibrationResult) -> list[str]:
     """Fitted numbers that physics does not allow, with the entry of the file that is probably wrong; those at an end
     of the range tried."""
     odd = _beyond_physics(done)
@@ -201,6 +194,6 @@ def oddities(done: CalibrationResult) -> list[str]:
     return result
 
 
-def _beyond_physics(done: CalibrationResult) -> list[ImplausibleNumber]:
+def _beyond_physics(done: calibrate.CalibrationResult) -> list[ImplausibleNumber]:
     names = {one.name for one in done.fitted.calibration.free}
     return [one for one in implausible(done.injector) if one.name in names]

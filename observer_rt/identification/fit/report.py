@@ -17,7 +17,7 @@ from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, MEASURED, Noteboo
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, Z_95
 from observer_rt.identification.fit.calibrate import CalibrationResult
 from observer_rt.identification.fit.document import FitDocument, verdict_words
-from observer_rt.identification.fit.folds import spread
+from observer_rt.identification.fit.problem import spread
 from observer_rt.identification.likelihood.events import open_time, rail_pressure_before
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SimulatedInjection, simulated

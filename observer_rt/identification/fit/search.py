@@ -3,11 +3,14 @@
 A search begins at the stiffness and damping of the line, among many, that explain the recordings best: a wave's
 travel time decides with which period of the ringing the model is compared. From a stiffness 5 % wrong (at 20 kHz) a
 search ends beside the minimum, without damping or at the stability limit of its cells.
+
+A structure is judged on every fold with the parameters that the other folds give.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +18,9 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.fit import forms, problem
 from observer_rt.identification.fit.comparison import UnexplainedSignal, pooled
-from observer_rt.identification.fit.cross_validation import HeldOut, held_out
-from observer_rt.identification.fit.folds import Fold, thinned
-from observer_rt.identification.likelihood.bounded_fit import Minimum, fit
+from observer_rt.identification.fit.forms import INERTANCE
+from observer_rt.identification.fit.problem import Calibration, Fold, thinned
+from observer_rt.identification.likelihood.bounded_fit import Minimum, Quadratic, fit, linearise
 from observer_rt.identification.likelihood.likelihood import JudgedModel
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
@@ -32,6 +35,45 @@ STIFFENINGS = (1.0, forms.STIFFENING.start)  # K_1 of a wave speed that hardly d
 CERTAIN_SIGMAS = 4.0  # standard deviations of a control flow or a displacement, below which there is none
 LEAST_SIZE = 0.1  # mm3/ms, mm2: what no mass notices
 EXPLAINED_CHI2 = 5.0  # mean chi2, below which a search has not ended beside the minimum
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Every fold judged with the parameters that the other folds give."""
+
+    unexplained: UnexplainedSignal  # residuals of the line pressure
+    mass_shift: NDArray[np.float64]  # (folds,) change of a fold's masses, as a share, when it is left out of the fit
+
+
+def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
+    """Each fold judged a Newton step from the minimum of all; None for a single fold, or without a solution."""
+    folds = len(calibration.folds)
+    if folds < 2:
+        return None
+    left_out, shifts = [], []
+    for number in range(folds):
+        theta = without(calibration, at, number)
+        judged_model, all_in = calibration.judge(theta, number), calibration.judge(at.theta, number)
+        if judged_model is None or all_in is None:
+            return None
+        left_out.append(judged_model)
+        shifts.append(float(np.sum(judged_model.masses) / np.sum(all_in.masses)) - 1.0)
+    return HeldOut(pooled(calibration.recordings, left_out), np.array(shifts))
+
+
+def without(calibration: Calibration, at: Quadratic, number: int) -> NDArray[np.float64]:
+    """theta by all folds but one. The offset of this one stays, and so does the level, which it may have measured."""
+    own = calibration.residuals_of(at.theta, number)
+    assert own is not None  # the minimum has it
+    alone = linearise(partial(calibration.residuals_of, number=number), at.theta, own, calibration.ranges)
+    information, gradient = at.information - alone.information, at.gradient - alone.gradient
+    held = [len(calibration.free) + number]
+    held += [place for place, one in enumerate(calibration.free) if one is INERTANCE]
+    kept = np.setdiff1d(np.arange(at.theta.size), held)
+    theta = at.theta.copy()
+    theta[kept] -= np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True) @ gradient[kept]
+    lowest, highest = np.array([(range_.lowest, range_.highest) for range_ in calibration.ranges]).T
+    return np.clip(theta, lowest, highest)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,6 @@ import numpy as np
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.fit.comparison import UnexplainedSignal
-from observer_rt.identification.fit.folds import Fold
 from observer_rt.identification.fit.forms import (
     OPTIONAL_GROUPS,
     STIFFENING,
@@ -21,6 +20,7 @@ from observer_rt.identification.fit.forms import (
     Structure,
     with_values,
 )
+from observer_rt.identification.fit.problem import Fold
 from observer_rt.identification.fit.search import (
     EXPLAINED_CHI2,
     ROUGH_ITERATIONS,

@@ -1,4 +1,7 @@
-"""Suitability of recordings for a fit: clipped signals are refused, and reasons for doubt are stated."""
+"""Suitability of recordings for a fit: clipped signals are refused, and reasons for doubt are stated.
+
+Standstill shows offset and gain of the line-pressure sensor.
+"""
 
 from collections.abc import Sequence
 
@@ -10,6 +13,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.likelihood.events import open_time, rail_pressure_before
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import POINT_DURATION, distinct
+from observer_rt.model.accuracy import StatedAccuracy
 
 FAST_INTERVAL, SLOW_INTERVAL = 10e-6, 50e-6  # s between samples: edges of the lift lost nothing, and SLOW_SHARE
 SLOW_SHARE = 0.005  # standard deviation of a mass by slow instants: on the richer plant, by every fifth sample
@@ -17,6 +21,8 @@ LEAST_WARNED_SHARE = 0.001  # of a mass
 _CLIPPED_RUN = 5  # equal samples at the edge of a range that are no chance
 _MOST_EQUAL = 0.2  # share of equal neighbours, up to which a signal is so noisy that a run of them is none
 _FEWEST_INJECTIONS = 6  # below which intervals are wide
+OFFSET_SIGMA = 2.5 * MEGAPASCAL  # standard deviation of the sensor's offset
+DRIFT_SIGMA = 0.05 * MEGAPASCAL  # standard deviation by which it differs from recording to recording
 
 
 def refuse_clipped(recordings: Sequence[Measurement]) -> None:
@@ -77,3 +83,25 @@ def warnings(recordings: Sequence[Measurement]) -> list[str]:
             'meaning = "mean" in [sampling] of the bench file (--bench)'
         )
     return result
+
+
+def standstill(measurement: Measurement) -> tuple[float, float]:
+    """Means of line minus rail pressure, and of rail pressure, before the injections [Pa]."""
+    recording = measurement.recording
+    shut = [slice(event.start, event.openings[0].first) for event in measurement.events]
+    pressures = recording.line_pressure, recording.rail_pressure
+    line, rail = (float(np.mean([np.mean(pressure[part]) for part in shut])) for pressure in pressures)
+    return line - rail, rail
+
+
+def sensor_gain(recordings: Sequence[Measurement], calibration: StatedAccuracy) -> float:
+    """The gain g of y = (1 + g) p_L + o by standstill at the pressures of all recordings; 0 for exact sensors.
+
+    A fit cannot find it: with one pressure in each recording the offsets would absorb it, and falsify the level.
+    """
+    if calibration.gain == 0.0:
+        return 0.0
+    offsets, pressures = np.array([standstill(one) for one in recordings]).T
+    by = np.column_stack((np.ones_like(pressures), pressures))
+    information = by.T @ by / DRIFT_SIGMA**2 + np.diag([OFFSET_SIGMA**-2, calibration.gain**-2])
+    return float(np.linalg.solve(information, by.T @ offsets / DRIFT_SIGMA**2)[1])

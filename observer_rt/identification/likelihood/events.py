@@ -1,5 +1,6 @@
 """Events of a recording: stretches of samples that are judged, and injections that are left out for a reason."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,7 +13,6 @@ from observer_rt.engine.observer import Durations
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MICROMETRE
 from observer_rt.identification.likelihood.openings import Opening, find_openings, ramp_samples
-from observer_rt.identification.likelihood.white_noise import noise_level
 from observer_rt.model.effective import NO_CLOCK, Clock
 
 LEAD = 3e-3  # s before an opening from which x~ runs
@@ -22,6 +22,14 @@ EVENT_GAP = Durations().event_gap  # s of shut needle that end an event
 MARGIN = 80e-6  # s at both ends, for channels recorded late or early
 LIFT_FLOOR, _GUESSED_LIFT_NOISE = 0.02e-6, 0.4 * MICROMETRE  # m: least noise of a lift, and that of too few samples
 SHORTEST_OPENING = 0.05e-3  # s
+_ORDER = 4  # differences: what physics does to a signal within four samples is far below the noise
+_ORDER_OF_PAIRS = 8  # differences of means of two samples, among which a line rings twice as fast
+_FINE_RATE = 80e3  # Hz, from which on pairs of samples are far above the higher waves of a line
+_COLOUR_RATIO = 1.25  # times the level by samples, from which on the level by pairs is no chance
+_CLIP_SIGMAS = 5.0  # standard deviations beyond which a difference is a kink or a spike
+_NORMAL_MEDIAN = 0.6745  # median of |z| of a standard normal z
+_ITERATIONS = 20
+FEWEST_DIFFERENCES = 200
 
 
 @dataclass(frozen=True)
@@ -130,3 +138,35 @@ def shut_mask(recording: Recording, openings: Sequence[Opening]) -> NDArray[np.b
     for opening in openings:
         result[opening.first : opening.last + 1 + round(SETTLE * recording.sample_rate)] = False
     return result
+
+
+def noise_level(values: NDArray[np.float64], chosen: NDArray[np.bool_], sample_rate: float) -> float:
+    """Standard deviation of the white noise that is as strong as the signal's at the frequencies of a line's waves.
+
+    An anti-alias filter makes single samples differ less, but hardly the means of their pairs: where these tell of
+    more noise, they count. At a slow sample rate [Hz] they would contain the line's ringing, too.
+    """
+    by_samples, even = white_noise(values, chosen), values.size // 2 * 2
+    pairs = np.where(chosen, values, np.nan)[:even].reshape(-1, 2).mean(axis=1)
+    by_pairs = math.sqrt(2.0) * white_noise(pairs, np.isfinite(pairs), _ORDER_OF_PAIRS)
+    return by_pairs if sample_rate >= _FINE_RATE and by_pairs > _COLOUR_RATIO * by_samples else by_samples
+
+
+def white_noise(values: NDArray[np.float64], chosen: NDArray[np.bool_], order: int = _ORDER) -> float:
+    """Standard deviation of a sample's white noise: the clipped one of differences. nan: of too few.
+
+    values, chosen: (n,); only runs of chosen samples without a nan count. order: of the differences.
+    """
+    sizes = np.abs(np.diff(np.where(chosen, values, np.nan), order))
+    sizes = sizes[np.isfinite(sizes)]
+    if sizes.size < FEWEST_DIFFERENCES:
+        return math.nan
+    # the median alone would be 1.5 % low on signals of few codes, enough to matter
+    sigma = float(np.median(sizes)) / _NORMAL_MEDIAN or float(np.sqrt(np.mean(sizes**2)))
+    for _ in range(_ITERATIONS):
+        kept = sizes[sizes <= _CLIP_SIGMAS * sigma]
+        clipped = float(np.sqrt(np.mean(kept**2))) if kept.size else sigma
+        if math.isclose(clipped, sigma, rel_tol=1e-9):
+            break
+        sigma = clipped
+    return sigma / math.sqrt(math.comb(2 * order, order))  # by which they raise white noise

@@ -13,9 +13,9 @@ from observer_rt.core.stream.stream import LOOK_BACK, dead_band
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, copied, cut, followed
 from observer_rt.identification.likelihood import events, measurement
+from observer_rt.identification.likelihood.events import noise_level
+from observer_rt.identification.likelihood.measurement import PART_GAP, joined
 from observer_rt.identification.likelihood.operating_points import operating_point
-from observer_rt.identification.likelihood.variants import PART_GAP, joined
-from observer_rt.identification.likelihood.white_noise import noise_level
 
 MOST_SAMPLES = 1 << 19  # stored of a recording: 5 s at 100 kHz, some 100 injections of a longer one
 BLOCK_SAMPLES = 1 << 18  # samples looked at together

@@ -12,9 +12,8 @@ from observer_rt.engine.reports.evidence import EvidenceKind
 from observer_rt.files.evidence_folder import SUFFIX, KeptEvent, read_evidence
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.measurement import Measurement, joined, measurements
 from observer_rt.identification.likelihood.reading import refuse_sample_rates
-from observer_rt.identification.likelihood.variants import joined
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY
 

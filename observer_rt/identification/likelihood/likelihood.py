@@ -15,19 +15,17 @@ from observer_rt.engine.estimation.gain import GainSchedule
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood import jitter, windows
 from observer_rt.identification.likelihood.bounded_fit import Residuals
-from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time
 from observer_rt.identification.likelihood.events import MARGIN
 from observer_rt.identification.likelihood.healthy_innovations import expected_of
-from observer_rt.identification.likelihood.measured_rate import (
+from observer_rt.identification.likelihood.measurement import Measurement, Rows
+from observer_rt.identification.likelihood.open_loop import (
     METER_ERROR,
+    SPARE_SUBSTEPS,
     MeasuredRate,
     as_by_meter,
     rate_as_recorded,
 )
-from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
-from observer_rt.identification.likelihood.rows import Rows
-from observer_rt.identification.likelihood.true_inputs import TrueInputs
+from observer_rt.identification.likelihood.true_inputs import LiftNoise, TrueInputs, rail_on_time
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed

@@ -1,7 +1,11 @@
-"""Measurements: recordings with their noise and events, and the refusal of recordings that cannot be judged."""
+"""Measurements: recordings with their noise and events, and the refusal of recordings that cannot be judged.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+Rows are the samples of all events of a recording, one event after another.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
 from observer_rt.foundation.errors import UserError
@@ -21,18 +26,23 @@ from observer_rt.identification.likelihood.events import (
     events_of,
     lift_noise,
     missing_samples,
+    noise_level,
     open_time,
     openings_of,
     rail_pressure_before,
     shut_mask,
+    white_noise,
 )
 from observer_rt.identification.likelihood.openings import Opening
-from observer_rt.identification.likelihood.white_noise import noise_level, white_noise
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import Coefficients, EffectiveModel, averaged
+from observer_rt.model.effects import sized
 
 PRESSURE_FLOOR, RATE_FLOOR = 0.005 * MEGAPASCAL, 0.01 * MM3_PER_MS  # least noise
 LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
+RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
+MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
+PART_GAP = 10e-3  # s between two parts of a recording: no sample belongs to both
 
 
 @dataclass(frozen=True)
@@ -175,3 +185,89 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
     if recording.injection_rate is None:
         return levels, float("nan")
     return levels, max(noise_level(recording.injection_rate, shut, rate), RATE_FLOOR)
+
+
+def in_mass_window(measurement: Measurement, event: JudgedEvent, samples: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Selects the samples (n,) of a recording over which an event's mass is summed."""
+    lead, tail = (round(t / measurement.interval) for t in (MASS_LEAD, MASS_TAIL))
+    inside = np.zeros(samples.size, np.bool_)
+    for opening in event.openings:
+        inside |= (samples >= opening.first - lead) & (samples <= opening.last + tail)
+    return inside
+
+
+class Rows:
+    """Rows of a batch that hold the samples of a recording."""
+
+    def __init__(self, measurement: Measurement) -> None:
+        events = measurement.events
+        self.samples = np.concatenate([np.arange(e.start, e.end) for e in events])
+        """(n,): the sample whose line pressure a row holds."""
+        self.bounds = np.concatenate(([0], np.cumsum([e.end - e.start for e in events])))
+        self.counted = np.concatenate([np.arange(e.start, e.end) >= e.counted for e in events])
+        """(n,): rows whose innovation is judged."""
+        self.counted_bounds = np.concatenate(([0], np.cumsum([e.end - e.counted for e in events])))
+        """(events + 1,): event i has the judged rows from counted_bounds[i] to counted_bounds[i + 1]."""
+        skipped = round(RATE_DELAY * measurement.recording.sample_rate)
+        near = np.zeros(self.samples.size, np.bool_)
+        for event, bound in zip(events, self.bounds, strict=False):
+            for opening in event.openings:
+                end = opening.last + 1 - int(measurement.means)
+                near[bound + opening.first - event.start + skipped : bound + end - event.start] = True
+        self.rate_rows = np.flatnonzero(near)
+        """(m,): rows at which a measured rate is judged, if the line pressure is not recorded late.
+
+        The needle is open there for RATE_DELAY or longer: how the sac begins to fill is uncertain, by the noise of
+        the lift and an orifice law that is smooth at low pressure. The mean in which the needle shuts does not count.
+        """
+        self.rate_samples = self.samples[self.rate_rows]
+        self._injecting = np.concatenate([in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events])
+        self._interval = measurement.interval
+
+    def volumes(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Volume of every event (w,) [m3] by the injection rate (n,) [m3/s] of its rows."""
+        inside = np.where(self._injecting, rate, 0.0)
+        return np.add.reduceat(inside, self.bounds[:-1]) * self._interval
+
+
+def with_free_needle(recordings: Sequence[Measurement]) -> tuple[Measurement, ...]:
+    """Recordings for which every model has its own lift, where the lift was not measured."""
+    return tuple(replace(one, is_free=one.is_answered) for one in recordings)
+
+
+def with_healthy_offset(measured: Measurement, healthy: Healthy) -> Measurement:
+    """A recording with the offset that its line-pressure sensor had when the injector was healthy."""
+    if healthy.line_pressure_offset_MPa == 0.0:
+        return measured
+    offset = sized("line_pressure_sensor_offset", o=healthy.line_pressure_offset_MPa * MEGAPASCAL)
+    return replace(measured, stated=(*measured.stated, offset))
+
+
+def without_gain(recordings: Sequence[Measurement], gain: float, level: float = 1.0) -> tuple[Measurement, ...]:
+    """Recordings in the rail sensor's units. gain: of the line-pressure sensor; level: of measured flows in them."""
+    result = []
+    for measurement in recordings:
+        line, rate = measurement.recording.line_pressure / (1.0 + gain), measurement.recording.injection_rate
+        rate = None if rate is None else rate / level
+        changed = replace(measurement.recording, line_pressure=line, injection_rate=rate)
+        result.append(replace(measurement, recording=changed))
+    return tuple(result)
+
+
+def noisier(measurement: Measurement, seed: int) -> Measurement:
+    """The recording with as much noise added as it has: the change of a result shows the uncertainty of it."""
+    random, recording, noise = np.random.default_rng(seed), measurement.recording, measurement.noise
+    louder: dict[str, Any] = {
+        name: getattr(recording, name) + random.normal(0.0, getattr(noise, name), recording.samples)
+        for name in ("rail_pressure", "needle_lift", "line_pressure")
+    }
+    return replace(measurement, recording=replace(recording, **louder))
+
+
+def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: float, **of: Any) -> Recording:
+    """One recording of the signals of several, by name, with a gap between any two; of: its further fields."""
+    gap = np.full(round(PART_GAP * sample_rate), np.nan)
+    signals: dict[str, Any] = {
+        name: np.concatenate([samples for part in parts for samples in (part[name], gap)]) for name in parts[0]
+    }
+    return Recording(np.arange(signals["needle_lift"].size) / sample_rate, **signals, **of)

@@ -1,24 +1,33 @@
-"""Recordings looked through before any work begins, those that cannot serve refused, and measured."""
+"""Recordings looked through before any work begins, those that cannot serve refused, and measured.
+
+Where no lift was recorded, recordings get the lift by which a needle answers their commands.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
+from observer_rt.core.model.needle import CORNER_ROUNDING, NeedleStroke, lift_of_stroke, stroke_of
 from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.signals.doubts import doubts, refuse_dead, refuse_perforated, refuse_without_lift
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals, Sampled, SignalStream
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.likelihood.commands import commands_of, with_commanded_lift
+from observer_rt.foundation.units import first_of
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES, measured
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import effective_model
+from observer_rt.model.hydraulics import CONTROL_REFERENCE
 from observer_rt.model.parameters import InjectorParameters
 
 _SAMPLE_RATE_TOLERANCE = 1e-6  # relative
 _LIFT_REMEDY = "give recordings that have a lift, or only such without one"
+COMMAND_DELAY = 0.5  # samples, on average, by which a command shows
 
 
 def measured_recordings(
@@ -91,3 +100,67 @@ def refuse_rates_missing(recordings: Sequence[Recording]) -> None:
                 "has no measured injection rate, other recordings have one",
                 "leave the column out of all recordings, or give only those that have it",
             )
+
+
+def coverage(measurement: Measurement) -> str:
+    """Lines on the samples and injections of a recording; pilot, main and post are one injection."""
+    recording, injections = measurement.recording, measurement.injections
+    judged, left_out = len(measurement.events), injections.left_out
+    lines = [
+        f"{recording.path or 'recording'}: {injections.samples} samples at {recording.sample_rate:g} Hz, "
+        f"{injections.missing or 'none'} missing, {judged} of {injections.complete + len(left_out)} injections judged"
+    ]
+    if chosen := chosen_words(measurement):
+        lines.append(f"  {chosen}")
+    for lack in sorted({event.lack for event in left_out}):
+        times = [f"{event.time:.4f} s" for event in left_out if event.lack is lack]
+        lines.append(f"  left out, {lack}: at {first_of(times)}")
+    return "\n".join(lines)
+
+
+def chosen_words(measurement: Measurement) -> str:
+    """How injections were chosen from a recording too long to be judged whole; empty for others."""
+    judged, complete = len(measurement.events), measurement.injections.complete
+    if judged == complete:
+        return ""
+    return (
+        f"{judged} of {complete} complete injections chosen, spread evenly over each operating point: no more than "
+        f"{MOST_SAMPLES} samples of a recording are kept"
+    )
+
+
+def commands_of(recording: Recording) -> NDArray[np.float64]:
+    """Starts and ends of energizing (k, 2), in samples: half a sample before the first that shows them."""
+    is_on = np.asarray(recording.arrays["energizing"] > 0.5)
+    edges = np.flatnonzero(np.diff(is_on, prepend=False, append=False)).astype(np.float64)
+    return np.asarray(edges.reshape(-1, 2) - COMMAND_DELAY)
+
+
+def with_commanded_lift(injector: InjectorParameters, recordings: Sequence[Recording]) -> list[Recording]:
+    """Recordings with the lift by which a needle answers their commands. Raises `UserError` if it answers none."""
+    results = [commanded_lift(injector, one, commands_of(one)) for one in recordings]
+    if not any(one.needle_lift.any() for one in results):
+        raise UserError(
+            str(recordings[0].path or "recording"),
+            "no command is answered by the injector file's needle",
+            "check `energizing`, and the delays in [needle] of the injector file",
+        )
+    return results
+
+
+def commanded_lift(injector: InjectorParameters, recording: Recording, commands: NDArray[np.float64]) -> Recording:
+    """A recording with the lift by which an injector's needle would answer commands (k, 2) [samples]."""
+    lift, rate = np.zeros(recording.samples), recording.sample_rate
+    needle = effective_model(injector).injector.needle_law
+    rail_pressures = recording.rail_pressure[commands[:, 0].astype(np.int64)]
+    pressures = np.nan_to_num(rail_pressures, nan=CONTROL_REFERENCE) / CONTROL_REFERENCE
+    for (start, end), pressure in zip(commands / rate, pressures, strict=True):
+        answer = stroke_of(start, end - start, pressure, needle)
+        if answer is None:
+            continue
+        stroke = NeedleStroke(**answer)
+        first = (stroke.opening - CORNER_ROUNDING) * rate
+        last = (stroke.landed + CORNER_ROUNDING) * rate
+        for sample in range(max(int(first), 0), min(int(last), lift.size)):
+            lift[sample] = lift_of_stroke(sample / rate, stroke)
+    return replace(recording, needle_lift=lift)

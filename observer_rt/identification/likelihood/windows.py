@@ -15,11 +15,9 @@ from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
-from observer_rt.identification.likelihood.channel_noise import smoothing_of
 from observer_rt.identification.likelihood.events import shut_mask
-from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.rows import Rows
-from observer_rt.identification.likelihood.true_inputs import TrueInputs
+from observer_rt.identification.likelihood.measurement import Measurement, Rows
+from observer_rt.identification.likelihood.true_inputs import TrueInputs, smoothing_of
 from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
 
 START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged

@@ -4,18 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MM3_PER_MS
-from observer_rt.model.effect import (
-    BALLISTIC_RATE,
-    FUEL_OR_DRAWING,
-    SAMPLE_OR_BALANCE,
-    Component,
-    Effect,
-    Likeness,
-    Relation,
-    added,
-    parameter,
-    scaled,
-)
+from observer_rt.model.effect import Component, Effect, Likeness, Proof, Relation, added, parameter, scaled
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.fuel import USUAL_PRESSURE
 from observer_rt.model.hydraulics import valve_of
@@ -40,7 +29,7 @@ BULK_MODULUS = Effect(
         "temperature): K_L (1 + r)."
     ),
     signature="The line rings faster or slower at every rail pressure; the injected mass hardly changes.",
-    relations=(Relation(("line_volume",), Likeness.SAME, FUEL_OR_DRAWING),),
+    relations=(Relation(("line_volume",), Likeness.SAME, Proof.FUEL_OR_DRAWING),),
 )
 
 PRESSURE_DEPENDENT_BULK_MODULUS = Effect(
@@ -70,7 +59,7 @@ FUEL_DENSITY = Effect(
     signature=(
         "All flows change as one over the root of the density, and the line rings slower the denser the fuel is."
     ),
-    decided_by=SAMPLE_OR_BALANCE,
+    decided_by=Proof.SAMPLE_OR_BALANCE,
 )
 
 LINE_VOLUME = Effect(
@@ -114,7 +103,7 @@ ORIFICE_AREA = Effect(
         "While the needle is open the line pressure sags by more (or less), in proportion to the flow, "
         "at every rail pressure; nothing changes while it is shut."
     ),
-    relations=(Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.NEAR, BALLISTIC_RATE),),
+    relations=(Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.NEAR, Proof.BALLISTIC_RATE),),
     wear=True,
 )
 
@@ -137,7 +126,7 @@ SEAT_AREA = Effect(
     apply=scaled("seat", "flow_coefficient"),
     sentence="The needle seat passes more fuel at the same lift, or less: Q_S (1 + v_S).",
     signature="Shows at opening and closing, while the seat throttles, and hardly at full lift.",
-    relations=(Relation(("lift_dependent_seat_coefficient",), Likeness.ALIKE, BALLISTIC_RATE),),
+    relations=(Relation(("lift_dependent_seat_coefficient",), Likeness.ALIKE, Proof.BALLISTIC_RATE),),
     wear=True,
 )
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from observer_rt.foundation.units import MICROMETRE, MICROSECOND
-from observer_rt.model.effect import LIFT_RECORDED, Component, Effect, Likeness, Relation, parameter, scaled
+from observer_rt.model.effect import Component, Effect, Likeness, Proof, Relation, parameter, scaled
 from observer_rt.model.effective import EffectiveModel
 
 
@@ -32,8 +32,8 @@ OPENING_DELAY = Effect(
     sentence="The needle leaves its seat later (or earlier) after the start of energizing than the file says, by d.",
     signature="The line pressure begins to fall later, and the injection is shorter, by the same time always.",
     relations=(
-        Relation(("channel_skew",), Likeness.ALIKE, LIFT_RECORDED),
-        Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.NEAR, LIFT_RECORDED),
+        Relation(("channel_skew",), Likeness.ALIKE, Proof.LIFT_RECORDED),
+        Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.NEAR, Proof.LIFT_RECORDED),
     ),
 )
 
@@ -44,7 +44,7 @@ OPENING_SPEED = Effect(
     apply=scaled("needle", "opening_speed"),
     sentence="The needle rises faster (or more slowly) than the file says: v (1 + r).",
     signature="Like a wider (or narrower) seat while the needle rises: the line pressure falls more steeply.",
-    relations=(Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.ALIKE, LIFT_RECORDED),),
+    relations=(Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.ALIKE, Proof.LIFT_RECORDED),),
 )
 
 CLOSING_DELAY = Effect(
@@ -54,7 +54,7 @@ CLOSING_DELAY = Effect(
     apply=partial(_increase, "closing_delay"),
     sentence="The needle begins to fall later (or earlier) after the end of energizing than the file says, by d.",
     signature="The injection ends later by the same time always, and is larger by as much.",
-    relations=(Relation(("orifice_area", "seat_area"), Likeness.ALIKE, LIFT_RECORDED),),
+    relations=(Relation(("orifice_area", "seat_area"), Likeness.ALIKE, Proof.LIFT_RECORDED),),
 )
 
 CLOSING_SPEED = Effect(
@@ -65,8 +65,8 @@ CLOSING_SPEED = Effect(
     sentence="The needle falls faster (or more slowly) than the file says: v (1 + r).",
     signature="The line pressure recovers sooner, the more so the higher the needle had risen.",
     relations=(
-        Relation(("seat_area",), Likeness.ALIKE, LIFT_RECORDED),
-        Relation(("closing_delay",), Likeness.NEAR, LIFT_RECORDED),
+        Relation(("seat_area",), Likeness.ALIKE, Proof.LIFT_RECORDED),
+        Relation(("closing_delay",), Likeness.NEAR, Proof.LIFT_RECORDED),
     ),
 )
 
@@ -80,5 +80,5 @@ NEEDLE_BOUNCE = Effect(
     apply=_bounce,
     sentence="The needle lifts once more, by b, when it has landed on its seat, for l longer than the file says.",
     signature="A little more is injected just after the needle has closed; the line pressure falls once more.",
-    relations=(Relation(("closing_delay", "closing_speed"), Likeness.NEAR, LIFT_RECORDED),),
+    relations=(Relation(("closing_delay", "closing_speed"), Likeness.NEAR, Proof.LIFT_RECORDED),),
 )

@@ -3,24 +3,12 @@
 from collections.abc import Sequence
 
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
-from observer_rt.model.effect import (
-    BOTH_CHANNELS,
-    LIFT_GAUGE,
-    LIFT_GAUGE_OR_RATE,
-    LIFT_STEP,
-    PRESSURE_GAUGE,
-    Component,
-    Effect,
-    Likeness,
-    Relation,
-    added,
-    parameter,
-)
+from observer_rt.model.effect import Component, Effect, Likeness, Proof, Relation, added, parameter
 from observer_rt.model.effective import EffectiveModel
 
 _LIKE_ANOTHER_SEAT = (
-    Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.ALIKE, LIFT_GAUGE_OR_RATE),
-    Relation(("orifice_area",), Likeness.NEAR, LIFT_GAUGE_OR_RATE),
+    Relation(("seat_area", "lift_dependent_seat_coefficient"), Likeness.ALIKE, Proof.LIFT_GAUGE_OR_RATE),
+    Relation(("orifice_area",), Likeness.NEAR, Proof.LIFT_GAUGE_OR_RATE),
 )
 CHANNEL_SKEW = Effect(
     id="channel_skew",
@@ -32,7 +20,7 @@ CHANNEL_SKEW = Effect(
         "filters, other clocks."
     ),
     signature="The whole line pressure is shifted in time; steep changes show it, their shape stays.",
-    relations=(Relation(("line_pressure_sensor_lag",), Likeness.ALIKE, BOTH_CHANNELS),),
+    relations=(Relation(("line_pressure_sensor_lag",), Likeness.ALIKE, Proof.BOTH_CHANNELS),),
 )
 
 LINE_PRESSURE_SENSOR_LAG = Effect(
@@ -70,7 +58,7 @@ LIFT_GAIN = Effect(
     apply=_lift_gain,
     sentence="The recorded lift is too small (or too large) by a factor: true = measured (1 + g).",
     signature="Like a wider (or narrower) seat: shows while the seat throttles, at small lift.",
-    relations=(Relation(("lift_offset",), Likeness.ALIKE, LIFT_GAUGE), *_LIKE_ANOTHER_SEAT),
+    relations=(Relation(("lift_offset",), Likeness.ALIKE, Proof.LIFT_GAUGE), *_LIKE_ANOTHER_SEAT),
 )
 
 LIFT_OFFSET = Effect(
@@ -97,7 +85,7 @@ NEEDLE_LIFT_SENSOR_LAG = Effect(
     sentence="The needle lift is recorded by a slow sensor or amplifier: tau y' = x_N - y.",
     signature="Opening and closing are recorded late and rounded, against both pressures.",
     relations=(
-        Relation(("channel_skew", "lift_offset", "lift_dependent_seat_coefficient"), Likeness.NEAR, LIFT_STEP),
+        Relation(("channel_skew", "lift_offset", "lift_dependent_seat_coefficient"), Likeness.NEAR, Proof.LIFT_STEP),
     ),
     remedy="state the lag of the lift sensor in the bench file, as lag_us of [signals.needle_lift]",
 )
@@ -116,7 +104,7 @@ RAIL_PRESSURE_SENSOR_GAIN = Effect(
     sentence="The rail pressure is recorded too high (or too low) by a factor: measured = true (1 + g).",
     signature="With the needle shut the line pressure differs from the recorded rail pressure by a share of it.",
     relations=(
-        Relation(("rail_pressure_sensor_offset", "line_pressure_sensor_offset"), Likeness.NEAR, PRESSURE_GAUGE),
+        Relation(("rail_pressure_sensor_offset", "line_pressure_sensor_offset"), Likeness.NEAR, Proof.PRESSURE_GAUGE),
     ),
 )
 
@@ -138,7 +126,7 @@ RAIL_PRESSURE_SENSOR_OFFSET = Effect(
         "With the needle shut the line pressure differs from the recorded rail pressure by the same "
         "amount at every pressure."
     ),
-    relations=(Relation(("line_pressure_sensor_offset",), Likeness.NEAR, PRESSURE_GAUGE),),
+    relations=(Relation(("line_pressure_sensor_offset",), Likeness.NEAR, Proof.PRESSURE_GAUGE),),
 )
 
 RAIL_PRESSURE_SKEW = Effect(
@@ -148,6 +136,6 @@ RAIL_PRESSURE_SKEW = Effect(
     apply=added("inputs", "rail_delay"),
     sentence="The rail pressure is recorded late (or early) against lift and line pressure by d: other filters.",
     signature="The line pressure is off with every change of the rail pressure only; a rail at rest hides it.",
-    relations=(Relation(("channel_skew",), Likeness.NEAR, BOTH_CHANNELS),),
+    relations=(Relation(("channel_skew",), Likeness.NEAR, Proof.BOTH_CHANNELS),),
     remedy="undo the delay of the rail-pressure channel, at its filter or in the bench file, as filter_delay_us",
 )

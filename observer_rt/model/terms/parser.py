@@ -1,13 +1,20 @@
-"""Parser of laws, from text to tree: some of Python's expressions, ^ for powers, and units as in `100[MPa]`."""
+"""Parser of laws, from text to tree: some of Python's expressions, ^ for powers, and units as in `100[MPa]`.
+
+A form is the text of a law with letters in the places of the numbers that a fit may change.
+"""
 
 import ast
+import math
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import accumulate, pairwise
+from typing import NamedTuple
 
 from observer_rt.core.model.model import Operation
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.model.terms import law
+from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.variable import UNIT_NAMES, VARIABLES, unit_named
 
 LONGEST = 300  # characters
@@ -26,6 +33,11 @@ _OPERATIONS: dict[type[ast.AST], Operation] = {
 _FUNCTIONS = (*law.FUNCTIONS, law.LAGGED, law.RINGING, law.TABLE)
 _ARGUMENTS = {law.LAGGED: 2, law.RINGING: 3} | {one.name.lower(): 2 for one in law.PAIRS}
 _REMEDY = "correct the law: numbers, variables and functions, joined by + - * / ^ > <"
+EXACT_DIGITS = 3  # of a number within a law, relative to its range
+LETTERS = "AWFBCDEGIJKL"
+"""Letters of the first number of a form, the second and so on, as `A` and `W` in `tanh((u - A)/W)`: first a position,
+a width or frequency, and a phase. H, M and P are not among them, for units have them."""
+_NUMBER = re.compile(rf"(, )?([{LETTERS}])")
 
 
 def parse(text: str) -> law.Law:
@@ -139,3 +151,28 @@ def _positive(node: ast.expr, meaning: str, unit: str) -> float:
     if not number.value > 0.0 or named is None or wanted is None or named[1] != wanted[1]:
         raise _refused(node, f"is not {meaning}", f"give it in {unit}, above 0")
     return number.value * named[0] / wanted[0]
+
+
+class FormNumber(NamedTuple):
+    """A number within a law, and the bounds between which it may be fitted."""
+
+    value: float
+    lowest: float
+    highest: float
+
+    def settled(self, value: float) -> "FormNumber":
+        """The number with another value, rounded to EXACT_DIGITS of its range."""
+        decimals = EXACT_DIGITS - math.floor(math.log10(self.highest - self.lowest))
+        return self._replace(value=round(value, decimals) + 0.0)
+
+
+@lru_cache(maxsize=4096)
+def law_of(form: str, numbers: tuple[float, ...]) -> Law:
+    """The law of a form times `c`; numbers to 8 digits, negative ones in parentheses unless they are arguments."""
+    texts = {letter: f"{number:.8g}" for letter, number in zip(LETTERS, numbers, strict=False)}
+
+    def number_text(match: re.Match[str]) -> str:
+        before, text = match[1] or "", texts[match[2]]
+        return before + text if before or not text.startswith("-") else f"({text})"
+
+    return parse(f"c*({_NUMBER.sub(number_text, form)})")

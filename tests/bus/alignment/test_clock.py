@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.message_timing import jitter_of
+from observer_rt.bus.alignment import jitter_of
 from observer_rt.core.frames.frames import WINDOW, Numbering, time_frame
 from tests.bus.alignment.alignment_driver import keeping_of
 

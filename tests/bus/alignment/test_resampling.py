@@ -11,8 +11,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from observer_rt.bus.alignment import is_stale, make_alignment
-from observer_rt.bus.mapping.grid_relation import GridRelation
 from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.bus.mapping.timing import GridRelation
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import MAX_INPUTS, SLOTS, decide_samples, follow_grid, place_samples, store_value
 from observer_rt.core.stream.stream import Break

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.desk.fleet.dataset import read_injections
+from observer_rt.desk.fleet.batch import read_injections
 from observer_rt.files.formats import write_recording
 from observer_rt.foundation.files import file_hash
 from tests.daemon.end_to_end import wait_for

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.desk.fleet.dataset import Dataset, read_injections
+from observer_rt.desk.fleet.batch import Dataset, read_injections
 from observer_rt.foundation.errors import UserError
 from tests.desk.fleet.rows import rows
 

@@ -11,8 +11,7 @@ from asammdf import MDF, Signal
 
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.fleet.job import Task, evaluate_file
-from observer_rt.desk.fleet.path_pattern import PathPattern
-from observer_rt.desk.fleet.recordings import TimeFrom, injector_of, recordings_in, zero_of
+from observer_rt.desk.fleet.recordings import PathPattern, TimeFrom, injector_of, recordings_in, zero_of
 from observer_rt.files.formats import open_recording, write_recording
 from observer_rt.foundation.errors import UserError
 from tests.device import worn_recording

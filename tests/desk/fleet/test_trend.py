@@ -10,8 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from observer_rt.desk.fleet.path_pattern import PathPattern
-from observer_rt.desk.fleet.recordings import TimeFrom
+from observer_rt.desk.fleet.recordings import PathPattern, TimeFrom
 from observer_rt.desk.fleet.trend import FEWEST, InjectorTrend, Limit, Signal, WearLine, as_json, table_of, trends
 from observer_rt.desk.fleet.trend_figure import draw
 from observer_rt.foundation.console import results

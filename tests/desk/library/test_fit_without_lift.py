@@ -9,8 +9,8 @@ import pytest
 import observer_rt as ort
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.library.fit import answered_again
-from observer_rt.identification.likelihood.commands import commands_of, with_commanded_lift
 from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.identification.likelihood.reading import commands_of, with_commanded_lift
 from tests.observed_plants import commanded
 from tests.plants.healthy import healthy_benches
 from tests.plants.parameters import Faults, Injector

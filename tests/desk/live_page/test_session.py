@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.snapshot import ShownInjection
 from observer_rt.desk.live_page.reading import Watching
-from observer_rt.desk.live_page.saver import Saver, save_injection
-from observer_rt.desk.live_page.session import Session, read_button
+from observer_rt.desk.live_page.server import Saver, Session, read_button, save_injection
 from tests.daemon.participants import bench_file, until
 from tests.desk.live_page.test_reading import said
 from tests.desk.live_page.test_reading import watching as watching_at
@@ -131,7 +130,7 @@ def test_a_browser_saves_one_at_a_time_and_hears_of_it_once_it_is_done(tmp_path:
 def test_an_injection_is_saved_once_and_no_more_of_them_than_a_disk_bears(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("observer_rt.desk.live_page.saver.MOST_SAVED", 2)
+    monkeypatch.setattr("observer_rt.desk.live_page.server.MOST_SAVED", 2)
     saver = Saver(tmp_path)
     said_of = [saver.save(ShownInjection(count, 5, {"number": 7}), "").result(20.0) for count in (1, 1, 2, 3, 1)]
     saver.close()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import minimize, rosen, rosen_der
 
-from observer_rt.desk.paper.training import SearchEnd, minimise
+from observer_rt.desk.paper.scheme import SearchEnd, minimise
 
 Vector = NDArray[np.float64]
 

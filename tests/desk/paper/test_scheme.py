@@ -5,8 +5,18 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.desk.paper.scheme import FaultCost, design_vector, free_network, no_fault, scaled_identity, swept
-from observer_rt.desk.paper.training import BETA, minimise, train, training_data
+from observer_rt.desk.paper.scheme import (
+    BETA,
+    FaultCost,
+    design_vector,
+    free_network,
+    minimise,
+    no_fault,
+    scaled_identity,
+    swept,
+    train,
+    training_data,
+)
 from observer_rt.model.effective import coefficients
 from tests.desk.paper.conftest import Injection, make_injection
 

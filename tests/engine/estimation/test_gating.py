@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.engine.estimation.belief import Belief
-from observer_rt.engine.estimation.gating import ENTER, STAY, Alike, Gate, GatedBelief, best_subset
+from observer_rt.engine.estimation.belief import ENTER, STAY, Alike, Belief, Gate, GatedBelief, best_subset
 from tests.plants.arrays import Array
 
 SIZE = 6

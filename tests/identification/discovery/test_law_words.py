@@ -11,8 +11,7 @@ from observer_rt.identification.discovery.report.text import standing_words
 from observer_rt.identification.discovery.search.proposal import Part, Refusal
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import term_effect
-from observer_rt.model.terms.form import FormNumber
-from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.parser import FormNumber, parse
 from observer_rt.model.terms.term import Term, TermEquation
 from tests.identification.discovery.hidden import proposal_of
 

@@ -12,10 +12,9 @@ from observer_rt.files.signals.recording import Recording, shown_slowly
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.fit.calibrate import RATE_MISFIT, CalibrationResult, LevelSource, calibrate
 from observer_rt.identification.fit.document import level_words, verdict_words
-from observer_rt.identification.fit.folds import folds_of
 from observer_rt.identification.fit.forms import INERTANCE, STIFFENING, STIFFNESS, FreeParameter, with_values
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.fit.problem import Calibration, certainty
+from observer_rt.identification.fit.problem import Calibration, certainty, folds_of
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import mass, simulated

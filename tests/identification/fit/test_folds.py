@@ -19,12 +19,16 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.fit.calibrate import calibrate
 from observer_rt.identification.fit.fitted_file import baseline_of, write_fitted
-from observer_rt.identification.fit.folds import folds_of, thinned
 from observer_rt.identification.fit.masses import MeanMass
-from observer_rt.identification.fit.standstill import sensor_gain, standstill
-from observer_rt.identification.fit.suitability import refuse_clipped, share_between_samples, warnings
-from observer_rt.identification.likelihood.measurement import Measurement, measurements
-from observer_rt.identification.likelihood.variants import without_gain
+from observer_rt.identification.fit.problem import folds_of, thinned
+from observer_rt.identification.fit.suitability import (
+    refuse_clipped,
+    sensor_gain,
+    share_between_samples,
+    standstill,
+    warnings,
+)
+from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from tests.identification.fit.healthy import LUMPS, NOMINAL, POINTS, simulations
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from observer_rt.desk.simulation.simulate import SimulatedNoise
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.likelihood.channel_noise import LAG_GRID, LiftNoise, true_rail_pressure
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.true_inputs import LAG_GRID, LiftNoise, true_rail_pressure
 from observer_rt.model.effects import sized
 from tests.identification.discovery.hidden import MODEL, recordings, statistic_of
 from tests.observed_plants import recording_of

@@ -10,10 +10,10 @@ import pytest
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.likelihood.coverage import coverage
 from observer_rt.identification.likelihood.events import JudgedEvent, Lack
 from observer_rt.identification.likelihood.excerpts import BLOCK_SAMPLES, measured
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.reading import coverage
 from tests.files.signals.generated import RepeatedRecording
 from tests.identification.discovery.hidden import recordings
 

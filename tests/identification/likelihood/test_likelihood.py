@@ -15,9 +15,8 @@ from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.identification.likelihood.appearance import healthy_remainder
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, RecordingLikelihood, joint_likelihood
-from observer_rt.identification.likelihood.measured_rate import GAIN_ERROR
 from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.identification.likelihood.open_loop import simulated
+from observer_rt.identification.likelihood.open_loop import GAIN_ERROR, simulated
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY, effective_model, sized

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import butter, lfilter
 
-from observer_rt.identification.likelihood.white_noise import FEWEST_DIFFERENCES, noise_level, white_noise
+from observer_rt.identification.likelihood.events import FEWEST_DIFFERENCES, noise_level, white_noise
 
 RATE = 100e3
 EVERYWHERE = np.ones(20_000, np.bool_)

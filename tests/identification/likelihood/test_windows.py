@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.likelihood.measurement import Measurement, measurements
-from observer_rt.identification.likelihood.rows import Rows
+from observer_rt.identification.likelihood.measurement import Measurement, Rows, measurements
 from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.identification.likelihood.windows import batch_of, phases
 from observer_rt.model.effective import TRUE_INPUTS

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.core.model.model import totals_of_terms
 from observer_rt.model.terms.law import Call, Law, LawTable, Quantity
 from observer_rt.model.terms.parser import parse
-from observer_rt.model.terms.program import program_of
-from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.term import Term, TermEquation, program_of
 from observer_rt.model.terms.variable import Variable
 from tests.model.terms.laws import laws, moments, sampled
 

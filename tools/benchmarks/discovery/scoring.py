@@ -12,9 +12,8 @@ from observer_rt.config.bench import load_injector
 from observer_rt.files.formats import write_recording
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
-from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.measurement import Measurement, in_mass_window, measurements
 from observer_rt.identification.likelihood.open_loop import mass, measured_mass, simulated
-from observer_rt.identification.likelihood.rows import in_mass_window
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters

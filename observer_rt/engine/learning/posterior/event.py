@@ -10,20 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.phases import phases_of
-from observer_rt.engine.estimation.gating import best_subset
+from observer_rt.engine.estimation.belief import best_subset
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, Parameter
 from observer_rt.engine.learning import constants as c
-from observer_rt.engine.learning.account import Account
+from observer_rt.engine.learning.account import Account, LearnedInjector
 from observer_rt.engine.learning.adequacy import pooled
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, is_same, resting_segments
 from observer_rt.engine.learning.disturbances.masks import Sigmas, without_stretches
 from observer_rt.engine.learning.fitting import EventFit, EventFitter
 from observer_rt.engine.learning.hypotheses import NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
-from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint, operating_point, with_point
 from observer_rt.engine.learning.posterior.explaining import LATE_SENSOR, STARTED, Explanation, Weighing
 from observer_rt.engine.learning.posterior.reader import (

@@ -15,11 +15,10 @@ from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.scalars import PARAMETERS, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning import hypotheses
-from observer_rt.engine.learning.account import Account
+from observer_rt.engine.learning.account import Account, LearnedInjector
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
 from observer_rt.engine.learning.fitting import EventFit, EventFitter, Limits, evidence_of, nearly_white
 from observer_rt.engine.learning.hypotheses import BEFORE, QUICK, Drift, Kind, Mode, drift_of, transitions
-from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
 from observer_rt.engine.learning.scales import (
     Pairs,

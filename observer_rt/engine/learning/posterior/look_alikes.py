@@ -14,11 +14,10 @@ from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of, sensor_lag
 from observer_rt.engine.learning import adequacy
-from observer_rt.engine.learning.account import Account
+from observer_rt.engine.learning.account import Account, LearnedInjector
 from observer_rt.engine.learning.disturbances.colour import RestingNoise, resting_segments
 from observer_rt.engine.learning.indicators import nozzle_change
 from observer_rt.engine.learning.knowledge import LearningState
-from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.reader import EventReader

@@ -28,6 +28,7 @@ from observer_rt.engine.estimation.scalars import (
     learned_of,
     with_gain,
 )
+from observer_rt.engine.learning.account import LearnedInjector
 from observer_rt.engine.learning.adequacy import BURN_IN, CLIP, tempering
 from observer_rt.engine.learning.disturbances.colour import LAGS, SEGMENT
 from observer_rt.engine.learning.disturbances.masks import Sigmas, mask_of
@@ -35,7 +36,6 @@ from observer_rt.engine.learning.fitting import EventFit, Limits, at_fault
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.hypotheses import Kind
 from observer_rt.engine.learning.knowledge import LearningState
-from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND

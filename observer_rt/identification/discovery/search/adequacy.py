@@ -1,19 +1,31 @@
-"""Adequacy of a model: whether its residuals, by signal, phase and operating point, are noise alone."""
+"""Adequacy of a model: whether its residuals, by signal, phase and operating point, are noise alone.
 
+Candidates are judged, too, on operating points that they were not fitted to. The map of disagreement names the
+equation that is violated where models and recordings differ.
+"""
+
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
-from observer_rt.identification.discovery.search.candidates import Candidate
+from observer_rt.identification.discovery.search.candidates import Candidate, CandidateKey, sizing
 from observer_rt.identification.discovery.search.fits import Fitter
-from observer_rt.identification.discovery.search.results import Cell
-from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
+from observer_rt.identification.discovery.search.results import Cell, CellKey, Discovery
+from observer_rt.identification.likelihood.bounded_fit import fit
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, RecordingLikelihood
+from observer_rt.identification.likelihood.open_loop import pressure_gap, simulated
+from observer_rt.identification.likelihood.operating_points import every_second_point
 from observer_rt.identification.likelihood.signals import Pool, Signal, statistics_by_signal
 from observer_rt.model.baseline import Baseline
+from observer_rt.model.effect import Component, Effect, Equation
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.parameters import LineOutflow
 
 VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
 COLOUR_LIMIT = {Signal.LINE_PRESSURE: 2.0, Signal.INJECTION_RATE: 4.0}
@@ -127,3 +139,144 @@ class Adequacy:
                 if excess > self.remainder * max(0.0, before[signal].variance(phase) - healthy):
                     return False
         return True
+
+
+class HeldOutPoints:
+    """Candidates fitted to every second operating point and judged on the events of the others."""
+
+    def __init__(self, likelihood: JointLikelihood, nominal: EffectiveModel) -> None:
+        recordings = likelihood.recordings
+        halves = every_second_point([recorded.measurement for recorded in recordings])
+        self._fitted, self._judged = (JointLikelihood([recordings[i] for i in half]) for half in halves)
+        self._nominal = nominal
+        self._cache: dict[CandidateKey, _Events | None] = {}
+
+    def statistic(self, candidate: Candidate) -> float:
+        """-2 log L of all events held out; inf without a solution, nan if nothing is held out."""
+        if not self._judged.recordings:
+            return math.nan
+        events = self._events(candidate)
+        return math.inf if events is None else float(np.sum(events.statistic))
+
+    def sizes(self, candidate: Candidate) -> tuple[float, ...]:
+        """Sizes fitted to every second operating point; to all points if nothing is held out."""
+        events = self._events(candidate) if self._judged.recordings else None
+        return candidate.sizes if events is None else tuple(events.theta.tolist())
+
+    def gap(self, candidate: Candidate) -> float:
+        """Rms of the line pressure's open-loop gap on the events held out [Pa]; nan without any."""
+        if not self._judged.recordings:
+            return math.nan
+        events = self._events(candidate)
+        return math.inf if events is None else math.sqrt(float(np.mean(events.gap)))
+
+    def pays(self, candidate: Candidate, smaller: Candidate) -> bool:
+        """Whether a candidate explains the events held out better than a smaller one; true if nothing is held out.
+
+        -2 log L must fall by more than its fall scatters between events. The open-loop gap of the line pressure may
+        grow by its scatter at most: it shows small effects less clearly, but users want a model with a small gap.
+        """
+        if not self._judged.recordings:
+            return True
+        after, before = self._events(candidate), self._events(smaller)
+        if after is None or before is None:
+            return before is None and after is not None
+        fall, scatter = _sum_with_scatter(before.statistic - after.statistic)
+        gap_fall, gap_scatter = _sum_with_scatter(before.gap - after.gap)
+        return fall > scatter and gap_fall > -gap_scatter
+
+    def _events(self, candidate: Candidate) -> "_Events | None":
+        if candidate.key not in self._cache:
+            self._cache[candidate.key] = self._judge(candidate)
+        return self._cache[candidate.key]
+
+    def _judge(self, candidate: Candidate) -> "_Events | None":
+        hypothesis, theta = candidate.hypothesis, candidate.theta
+        if hypothesis.effects:
+            refitted = fit(sizing(self._fitted, self._nominal, hypothesis), theta, hypothesis.ranges())
+            if refitted is None:
+                return None
+            theta = refitted.theta
+        model = hypothesis.model(self._nominal, theta)
+        judged = self._judged.judge(model)
+        if judged is None:
+            return None
+        recordings = self._judged.recordings
+        statistic = [_statistic_by_event(*pair) for pair in zip(recordings, judged, strict=True)]
+        measured = [recorded.measurement for recorded in recordings]
+        gap = [float(np.mean(pressure_gap(one, run) ** 2)) for one in measured for run in simulated(one, model)]
+        return _Events(theta, np.concatenate(statistic), np.array(gap))
+
+
+@dataclass(frozen=True, eq=False)
+class _Events:
+    """Events held out."""
+
+    theta: NDArray[np.float64]  # (p,) fitted to the other events
+    statistic: NDArray[np.float64]  # (events,) -2 log L
+    gap: NDArray[np.float64]  # (events,) mean square of the line pressure's open-loop gap [Pa2]
+
+
+def _sum_with_scatter(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Sum of values (events,), and its standard deviation by their scatter, which is 0 for a single event."""
+    scatter = float(np.std(values, ddof=1)) * math.sqrt(values.size) if values.size > 1 else 0.0
+    return float(np.sum(values)), scatter
+
+
+def _statistic_by_event(recorded: RecordingLikelihood, judged_model: JudgedModel) -> NDArray[np.float64]:
+    """-2 log L of the events of a recording (events,); the part of a measured rate is divided among them evenly."""
+    sizes = np.array([event.end - event.counted for event in recorded.measurement.events])
+    beyond = np.array([2.0 * robust_cost(judged_model.z, first, 1.0) for first in [0, *np.cumsum(sizes).tolist()]])
+    of_rate = robust_cost(judged_model.rate_z, 0, 1.0) + judged_model.rate_z.size * judged_model.rate_log_sigma
+    return np.asarray(beyond[:-1] - beyond[1:] + 2.0 * sizes * judged_model.log_sigma + 2.0 * of_rate / sizes.size)
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """A cell of the map with the nominal model, and with what was found or is nearest."""
+
+    before: Cell
+    after: Cell
+    equation: Equation | None  # violated; None where `before` does not disagree significantly, or nobody knows
+
+
+def disagreements(
+    discovery: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
+) -> tuple[Disagreement, ...]:
+    """The map, in the order of the recordings. shown: what was found; if nothing, the nearest candidate counts."""
+    cells = discovery.after
+    if shown.ids != discovery.best.ids and shown.ids:
+        model = shown.model(nominal)
+        judged = likelihood.judge(model)
+        cells = () if judged is None else cells_of(likelihood, judged, model)
+    after = {cell.key: cell for cell in cells}
+    equations = _equations(discovery, shown, likelihood, nominal)
+    result = []
+    for cell in discovery.before:
+        equation = equations.get(cell.key) if cell.excess > SIGNIFICANT_EXCESS else None
+        result.append(Disagreement(cell, after.get(cell.key, cell), equation))
+    return tuple(result)
+
+
+def _equations(
+    discovery: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
+) -> dict[CellKey, Equation]:
+    """For every cell the equation of that effect without which the cell is explained worst."""
+    if not shown.ids and discovery.unexplained is not None:
+        return {cell.key: discovery.unexplained.equation for cell in discovery.before}
+    worst: dict[CellKey, tuple[float, Equation]] = {}
+    for effect in shown.hypothesis.effects:
+        others, sizes = shown.without(effect)
+        model = others.model(nominal, sizes)
+        judged = likelihood.judge(model)
+        for cell in discovery.before if judged is None else cells_of(likelihood, judged, model):
+            if cell.key not in worst or cell.variance > worst[cell.key][0]:
+                worst[cell.key] = cell.variance, _violated(effect, nominal)
+    return {key: equation for key, (_, equation) in worst.items()}
+
+
+def _violated(effect: Effect, model: EffectiveModel) -> Equation:
+    """The equation of a model that is violated while an effect is missing."""
+    if effect.component is Component.NOZZLE and model.injector.line_outflow is LineOutflow.SEAT:
+        return Equation.SAC_PRESSURE  # the nozzle flow is in no other
+    return effect.equation

@@ -19,9 +19,8 @@ from scipy.ndimage import median_filter
 from observer_rt.identification.discovery.search.scores import Scores
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import TermLaw, term_effect
-from observer_rt.model.terms.form import LETTERS, FormNumber
 from observer_rt.model.terms.law import Law
-from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.parser import LETTERS, FormNumber, parse
 from observer_rt.model.terms.term import TermEquation
 from observer_rt.model.terms.variable import Variable
 

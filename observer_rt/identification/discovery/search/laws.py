@@ -20,8 +20,7 @@ from observer_rt.identification.discovery.search.candidates import LAW_ODDS, Can
 from observer_rt.identification.discovery.search.fits import SAME_COSINE, Fitter
 from observer_rt.identification.discovery.search.library import library, span_of
 from observer_rt.identification.discovery.search.scores import Scores, scored
-from observer_rt.identification.discovery.search.surfaces import products
-from observer_rt.identification.discovery.search.tables import NO_SYMMETRY, tables, validated
+from observer_rt.identification.discovery.search.tables import NO_SYMMETRY, products, tables, validated
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import COMPONENTS, TermLaw, term_effect
 from observer_rt.model.terms.term import TermEquation

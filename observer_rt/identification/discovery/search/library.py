@@ -16,7 +16,7 @@ from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.term_effect import LAWS_OF_EFFECTS, term_effect
-from observer_rt.model.terms.form import FormNumber
+from observer_rt.model.terms.parser import FormNumber
 from observer_rt.model.terms.term import TermEquation
 
 NUMBER_RANGE = 4.0  # times what it is scored with, that a number within a law may become

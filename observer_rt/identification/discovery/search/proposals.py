@@ -17,10 +17,9 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE, MILLISECOND, MM3_PER_MS
-from observer_rt.identification.discovery.search.adequacy import Adequacy, worst
+from observer_rt.identification.discovery.search.adequacy import Adequacy, HeldOutPoints, worst
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.fits import Fitter
-from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.proposal import TOO_FREE, TOO_MANY, Part, Proposal, Refusal
 from observer_rt.identification.discovery.search.results import INTERVAL_MARGIN, Cell, SearchOutcome
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975

@@ -13,10 +13,9 @@ from operator import attrgetter
 import numpy as np
 
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
-from observer_rt.identification.discovery.search.adequacy import Adequacy
+from observer_rt.identification.discovery.search.adequacy import Adequacy, HeldOutPoints
 from observer_rt.identification.discovery.search.candidates import LAW_ODDS, Candidate, Hypothesis
 from observer_rt.identification.discovery.search.fits import MOST_NAMED, NEAR_GAIN, Fitter
-from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.laws import MOST_EFFECTS, Guess, Laws
 from observer_rt.identification.discovery.search.results import SearchOutcome, probabilities
 from observer_rt.identification.likelihood.appearance import least_gain

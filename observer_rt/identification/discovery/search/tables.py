@@ -1,15 +1,23 @@
-"""Laws by table: free curves over one variable, with as few knots as explain the recordings."""
+"""Laws by table: free curves over one variable, with as few knots as explain the recordings; laws of two variables.
 
-from collections.abc import Sequence
+Those are the products of two simple forms that come nearest to a free surface over both: a sum of products of hats,
+each a term of its own, as a curve is a sum of hats. What they do to the innovations, linearised, says what any
+product of a law over the one and a law over the other variable would gain.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
+from observer_rt.identification.discovery.search import curves
 from observer_rt.identification.discovery.search.candidates import PRICE
-from observer_rt.identification.discovery.search.curves import SINCE, Axis, Floats, FreeCurve, Score, free_curves
+from observer_rt.identification.discovery.search.scores import Scores
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import term_effect
-from observer_rt.model.terms.form import LETTERS, FormNumber
+from observer_rt.model.terms.parser import LETTERS, FormNumber
+from observer_rt.model.terms.term import TermEquation
 
 MOST_TABLES = 2  # made at once
 LEAST_KNOTS, MOST_KNOTS = 5, 12
@@ -17,6 +25,24 @@ LEAST_PARTS = 4  # of the data, from which on one can be left out
 RIDGE_SHARE = 1e-3  # of its information, that holds a knot that little depends on
 MOST_TURNS = 0.7  # of the inner knots: a curve with more turns only joins the operating points
 LARGEST_RATIO = 2.0  # times its first largest value, that a table may have elsewhere
+MOST_PRODUCTS = 4  # made at once, each over other variables
+RAIL = curves.Axis("(rail_pressure - 100)/50", (-0.9, -0.45, 0.0, 0.45, 0.9), {"rail_pressure"})
+_SINCE = replace(curves.SINCE, knots=(0.1, 0.4, 0.7, 1.0, 1.5))
+_LIFT = replace(curves.LIFT, knots=(0.1, 0.3, 0.5, 0.75, 1.0))
+_OVER_NOZZLE = replace(curves.OVER_NOZZLE, knots=(0.1, 0.35, 0.6, 0.9, 1.2))
+_OVER_SEAT = replace(curves.OVER_SEAT, knots=(0.3, 1.0, 2.5, 6.0))
+SURFACES: Mapping[TermEquation, tuple[tuple[curves.Axis, curves.Axis], ...]] = {
+    TermEquation.NOZZLE_FLOW: (
+        (RAIL, _SINCE),
+        (RAIL, _LIFT),
+        (RAIL, _OVER_NOZZLE),
+        (_SINCE, _LIFT),
+        (_OVER_NOZZLE, _SINCE),
+        (_OVER_NOZZLE, _LIFT),
+    ),
+    TermEquation.SEAT_FLOW: ((RAIL, _LIFT), (RAIL, _SINCE), (_SINCE, _LIFT), (_OVER_SEAT, _LIFT)),
+}
+"""Surfaces of an equation: over which two variables."""
 
 
 @dataclass(frozen=True)
@@ -37,34 +63,34 @@ ODD_SYMMETRY = Symmetry(
 )
 
 
-def tables(curves: Sequence[FreeCurve], score: Score) -> list[Effect]:
+def tables(free: Sequence[curves.FreeCurve], score: curves.Score) -> list[Effect]:
     """Tables near the curves that would gain most, but none over time, which could imitate any law."""
-    usable = (one for one in curves if one.curve.axis is not SINCE)
+    usable = (one for one in free if one.curve.axis is not curves.SINCE)
     coarse = sorted(usable, key=_gain, reverse=True)[:MOST_TABLES]
     finer = [one.curve._replace(axis=_with_midpoints(one.curve.axis)) for one in coarse]
-    made = map(_simplest, free_curves(finer, score))
+    made = map(_simplest, curves.free_curves(finer, score))
     return [one for one in made if one is not None]
 
 
-def _with_midpoints(axis: Axis) -> Axis:
+def _with_midpoints(axis: curves.Axis) -> curves.Axis:
     knots = np.array(axis.knots)
     middles = 0.5 * (knots[1:] + knots[:-1])
     return replace(axis, knots=tuple(np.sort(np.concatenate((knots, middles))).tolist()))
 
 
-def _gain(curve: FreeCurve) -> float:
+def _gain(curve: curves.FreeCurve) -> float:
     """Gain of a curve (-2 log L), its values within the bounds of its equation."""
     information, gradient = curve.scores.information, curve.scores.gradient
     values = np.clip(_values(information, gradient), *curve.curve.equation.bounds)
     return float(2.0 * values @ gradient - values @ information @ values)
 
 
-def _values(information: Floats, gradient: Floats) -> Floats:
+def _values(information: curves.Floats, gradient: curves.Floats) -> curves.Floats:
     held = information + RIDGE_SHARE * np.diag(np.diag(information))
     return np.asarray(np.linalg.lstsq(held, gradient, rcond=1e-12)[0])
 
 
-def _simplest(curve: FreeCurve) -> Effect | None:
+def _simplest(curve: curves.FreeCurve) -> Effect | None:
     """The table that explains held-out residuals best, each knot at a price; None if all turn at too many knots."""
     knots = curve.knots
     # the larger the residuals of the whole curve, the more a knot must gain
@@ -85,19 +111,19 @@ def _simplest(curve: FreeCurve) -> Effect | None:
     return _table(curve, symmetry, kept)
 
 
-def _is_smooth(values: Floats) -> bool:
+def _is_smooth(values: curves.Floats) -> bool:
     """Whether a curve turns at few of its knots."""
     steps = np.diff(values)
     return bool(np.count_nonzero(steps[1:] * steps[:-1] < 0.0) <= MOST_TURNS * max(values.size - 2, 1))
 
 
-def _best_values(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Floats:
+def _best_values(curve: curves.FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> curves.Floats:
     """Best values at the knots kept."""
     shapes = _shapes(curve.knots, symmetry, kept)
     return _values(shapes.T @ curve.scores.information @ shapes, shapes.T @ curve.scores.gradient)
 
 
-def _shapes(knots: Floats, symmetry: Symmetry, kept: Sequence[int]) -> Floats:
+def _shapes(knots: curves.Floats, symmetry: Symmetry, kept: Sequence[int]) -> curves.Floats:
     """Values (k, m) at all knots of the curves that are 1 at one of the kept knots and 0 at the others."""
     places, values = knots[list(kept)], np.eye(len(kept))
     if symmetry is ODD_SYMMETRY:
@@ -108,13 +134,13 @@ def _shapes(knots: Floats, symmetry: Symmetry, kept: Sequence[int]) -> Floats:
     return np.column_stack([np.interp(knots, places, one) for one in values.T])
 
 
-def _explained(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> float:
+def _explained(curve: curves.FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> float:
     shapes = _shapes(curve.knots, symmetry, kept)
     information, gradient = shapes.T @ curve.scores.information @ shapes, shapes.T @ curve.scores.gradient
     return float(gradient @ _values(information, gradient))
 
 
-def validated(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> float:
+def validated(curve: curves.FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> float:
     """Gain of every part of the data by the values that the other parts give; of all data if the parts are few."""
     shapes = _shapes(curve.knots, symmetry, kept)
     information = np.einsum("ik,rij,jl->rkl", shapes, curve.scores.information_of, shapes)
@@ -128,7 +154,7 @@ def validated(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> floa
     return gain
 
 
-def _table(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Effect:
+def _table(curve: curves.FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Effect:
     """A curve as a term: its largest value is the coefficient, the others are numbers of its law."""
     values = _best_values(curve, symmetry, kept)
     largest = int(np.argmax(np.abs(values)))
@@ -143,3 +169,52 @@ def _table(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Effect:
     equation, axis, factor = curve.curve
     law = symmetry.form.format(u=axis.over, pairs=", ".join(pairs))
     return term_effect(equation, factor + law, tuple(numbers))
+
+
+@dataclass(frozen=True)
+class _Factor:
+    """A simple form of an axis with its numbers, and its values at the knots (k,)."""
+
+    form: curves.Form
+    numbers: tuple[FormNumber, ...]
+    values: curves.Floats
+
+
+def products(score: curves.Score, is_guessed: Callable[[Effect], bool]) -> list[Effect]:
+    """Products of two forms as terms, the best over each two variables: guessed ones, then by what they gain."""
+    pairs = [(equation, *axes) for equation, surfaces in SURFACES.items() for axes in surfaces]
+    parts = curves.parts_of([_hats(*pair) for pair in pairs], score)
+    made = [_nearest(*pair, part) for pair, part in zip(pairs, parts, strict=True) if part.numbers.size]
+    made.sort(key=lambda item: (not is_guessed(item[1]), -item[0]))
+    return [effect for _, effect in made[:MOST_PRODUCTS]]
+
+
+def _hats(equation: TermEquation, first: curves.Axis, second: curves.Axis) -> list[Effect]:
+    """Terms that are 1 at a knot of both axes, and 0 at all others."""
+    return [term_effect(equation, "*".join(laws)) for laws in product(first.hat_laws, second.hat_laws)]
+
+
+def _factors(axis: curves.Axis) -> list[_Factor]:
+    """All forms of an axis that are no constant, with the numbers that are tried, decays among them."""
+    knots = np.array(axis.knots)
+    decays = [replace(form, law=form.law.removeprefix("1 - ")) for form in axis.forms if form.law.startswith("1 - ")]
+    return [
+        _Factor(form, numbers, form.values(numbers, knots))
+        for form in (*axis.forms, *decays)
+        if form.shape not in (curves.Shape.BUMP, curves.Shape.RINGING) and form.law != "1"
+        for numbers in product(*form.numbers)
+    ]
+
+
+def _nearest(equation: TermEquation, first: curves.Axis, second: curves.Axis, scores: Scores) -> tuple[float, Effect]:
+    """What the product of two forms would gain that comes nearest to a surface, and the product as a term."""
+    rows, columns = _factors(first), _factors(second)
+    values = np.einsum("ik,jl->ijkl", [row.values for row in rows], [column.values for column in columns])
+    values = values.reshape(len(rows) * len(columns), -1)[:, scores.numbers]
+    gains = curves.gains_of(values, scores, equation)
+    best = int(np.argmax(gains))
+    row, column = rows[best // len(columns)], columns[best % len(columns)]
+    own, further = len(row.numbers), len(column.numbers)
+    letters = str.maketrans(LETTERS[:further], LETTERS[own : own + further])
+    law = f"({row.form.over(first)})*({column.form.over(second).translate(letters)})"
+    return float(gains[best]), term_effect(equation, law, (*row.numbers, *column.numbers))

@@ -11,26 +11,12 @@ from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.discovery.search.adequacy import cells_of, most_explained
+from observer_rt.identification.discovery.search import results
+from observer_rt.identification.discovery.search.adequacy import HeldOutPoints, cells_of, most_explained
 from observer_rt.identification.discovery.search.candidates import Candidate
-from observer_rt.identification.discovery.search.decisive import decide_between, decide_by
 from observer_rt.identification.discovery.search.fits import Fitter, best_of_each
-from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.laws import Guess
 from observer_rt.identification.discovery.search.proposals import proposals_of
-from observer_rt.identification.discovery.search.results import (
-    HIGHEST_PROBABILITY,
-    INTERVAL_MARGIN,
-    TEMPER,
-    Cell,
-    Detection,
-    Discovery,
-    FittedEffect,
-    LargestMisfit,
-    SearchOutcome,
-    SmallestVisible,
-    Verdict,
-)
 from observer_rt.identification.discovery.search.search import Search, indistinguishable, representatives
 from observer_rt.identification.likelihood.appearance import Signature, healthy_remainder, smallest_visible
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
@@ -48,8 +34,8 @@ MODEL_SHARE = 0.01
 Found on seven plants of other equations than the model's, each with a discrepancy of its own."""
 METHOD = (
     f"share of exp(-X/(2 T)) among all explanations tried that are adequate, X = -2 log L + 10 a number fitted + 50 "
-    f"for a law without a name + 50 for every effect after the first, T = {TEMPER} for what no model knows of noise "
-    f"and line; at most {HIGHEST_PROBABILITY}"
+    f"for a law without a name + 50 for every effect after the first, T = {results.TEMPER} for what no model knows "
+    f"of noise and line; at most {results.HIGHEST_PROBABILITY}"
 )
 WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
 
@@ -62,7 +48,7 @@ def name_effects(
     baseline: Healthy = NOT_FITTED,
     chosen: Sequence[str] = (),
     guess: Guess = None,
-) -> Discovery:
+) -> results.Discovery:
     """The missing effects, fitted to all recordings.
 
     workers: threads; progress takes the share done; baseline: of healthy recordings; chosen: effects that are to lead
@@ -90,7 +76,7 @@ def name_effects(
     return result
 
 
-def _led_by(outcome: SearchOutcome, chosen: Sequence[str]) -> SearchOutcome:
+def _led_by(outcome: results.SearchOutcome, chosen: Sequence[str]) -> results.SearchOutcome:
     """The outcome led by the effects that the user chose. Raises `UserError` when they are not among those tied."""
     tied = _names_left(outcome)
     for candidate in tied:
@@ -110,7 +96,7 @@ def healthy_baseline(
     workers: int = 1,
     remembered: Healthy = NOT_FITTED,
     progress: Callable[[float], None] = lambda _: None,
-) -> tuple[Healthy, Discovery]:
+) -> tuple[Healthy, results.Discovery]:
     """The healthy injector by recordings and `remembered`, and discovery on them. Errors as of `name_effects`."""
     likelihood = joint_likelihood(recordings, nominal, remembered.shape)
     judged = likelihood.judge(nominal)
@@ -119,10 +105,10 @@ def healthy_baseline(
     discovery = name_effects(nominal, recordings, workers, progress, remembered)
     remainder = healthy_remainder(likelihood, nominal, representatives(not recordings[0].is_free), remembered)
     rate = pool_of(likelihood.recordings, judged).get(Signal.INJECTION_RATE)
-    return healthy_for_naming(remainder, discovery.verdict is Verdict.NONE, rate), discovery
+    return healthy_for_naming(remainder, discovery.verdict is results.Verdict.NONE, rate), discovery
 
 
-def _names_left(outcome: SearchOutcome) -> tuple[Candidate, ...]:
+def _names_left(outcome: results.SearchOutcome) -> tuple[Candidate, ...]:
     """Explanations by name that the recordings leave open, the winner first; empty where only laws are left."""
     named = [one for one in outcome.left if one.ids and not one.terms]
     if not outcome.adequate or not outcome.winner.ids or not named:
@@ -133,7 +119,9 @@ def _names_left(outcome: SearchOutcome) -> tuple[Candidate, ...]:
 class _Verdict:
     """The outcome of a search, from which the fields of a `Discovery` follow."""
 
-    def __init__(self, fitter: Fitter, outcome: SearchOutcome, baseline: Healthy, held_out: HeldOutPoints) -> None:
+    def __init__(
+        self, fitter: Fitter, outcome: results.SearchOutcome, baseline: Healthy, held_out: HeldOutPoints
+    ) -> None:
         self._fitter, self._outcome, self._baseline, self._held_out = fitter, outcome, baseline, held_out
         self._nominal, self._likelihood = fitter.nominal, fitter.likelihood
         self._measured = [recorded.measurement for recorded in fitter.likelihood.recordings]
@@ -141,28 +129,28 @@ class _Verdict:
         laws = [one for one in outcome.left or outcome.nearest if one.terms]
         self._proposals = proposals_of(laws[:MOST_PROPOSED], fitter, outcome, baseline, held_out)
 
-    def _verdict(self) -> Verdict:
+    def _verdict(self) -> results.Verdict:
         """The answer in a word. Laws that explain as much and inject different masses are ambiguous, too."""
         if self._names:
             is_open = self._names[1:] or self._proposals or self._outcome.soft
-            return Verdict.AMBIGUOUS if is_open else Verdict.NAMED
+            return results.Verdict.AMBIGUOUS if is_open else results.Verdict.NAMED
         if self._outcome.adequate and not self._proposals:
-            return Verdict.NONE
+            return results.Verdict.NONE
         masses = [one.candidate.moves.mass for one in self._proposals if one.adequate] or [0.0]
-        return Verdict.AMBIGUOUS if np.ptp(masses) > MASS_APART else Verdict.UNKNOWN
+        return results.Verdict.AMBIGUOUS if np.ptp(masses) > MASS_APART else results.Verdict.UNKNOWN
 
-    def _confidence(self, verdict: Verdict) -> float:
+    def _confidence(self, verdict: results.Verdict) -> float:
         """Probability of the verdict: of the name or law that leads, of all laws, or that nothing is missing."""
         outcome, laws = self._outcome, [one.probability for one in self._proposals]
         if self._names or not self._proposals:
             sure = outcome.probability(outcome.winner)
         else:
-            sure = sum(laws) if verdict is Verdict.UNKNOWN else laws[0]
+            sure = sum(laws) if verdict is results.Verdict.UNKNOWN else laws[0]
         if not outcome.posterior:
-            sure = HIGHEST_PROBABILITY * (1.0 - 0.5 / outcome.ratio)
+            sure = results.HIGHEST_PROBABILITY * (1.0 - 0.5 / outcome.ratio)
         return sure if self._baseline.adequate else min(sure, WITH_A_WRONG_MODEL)
 
-    def discovery(self) -> Discovery:
+    def discovery(self) -> results.Discovery:
         outcome, verdict = self._outcome, self._verdict()
         confidence = self._confidence(verdict)
         by_name = (one for one in outcome.fitted if not one.terms)
@@ -174,7 +162,7 @@ class _Verdict:
         explained = gain / (gain + left) if gain > 0.0 else 0.0
         open_ids = [one for name in self._names for one in name.ids]
         is_open = bool(self._proposals) or not outcome.adequate
-        return Discovery(
+        return results.Discovery(
             verdict=verdict,
             named=outcome.winner if self._names else outcome.nominal,
             best=best,
@@ -182,13 +170,13 @@ class _Verdict:
             rivals=tuple(one.ids for one in self._names[1:]),
             ranking=self._ranking(),
             samples=float(sum(each.phases.size + each.rate_phases.size for each in recordings)),
-            detection=Detection(gain, outcome.threshold),
+            detection=results.Detection(gain, outcome.threshold),
             confidence=confidence,
             confidence_method=METHOD,
             unexplained=self._unexplained(best) if is_open else None,
             decide_by=(
-                *(decide_by(open_ids, with_rate) if verdict is Verdict.AMBIGUOUS else ()),
-                *decide_between(self._proposals, with_rate),
+                *(results.decide_by(open_ids, with_rate) if verdict is results.Verdict.AMBIGUOUS else ()),
+                *results.decide_between(self._proposals, with_rate),
             ),
             before=self._cells(outcome.nominal),
             after=after,
@@ -201,11 +189,11 @@ class _Verdict:
         levels = [(one.noise.rail_pressure, one.noise.line_pressure, one.noise.needle_lift) for one in self._measured]
         return NoiseLevels(*(float(np.sqrt(np.mean([level**2 for level in of]))) for of in zip(*levels, strict=True)))
 
-    def _smallest_visible(self, signature: Signature) -> SmallestVisible:
+    def _smallest_visible(self, signature: Signature) -> results.SmallestVisible:
         first, size = signature.effect.parameters[0], smallest_visible(self._baseline.appears, signature)
-        return SmallestVisible(signature.effect.id, first.name, size / first.si, first.unit)
+        return results.SmallestVisible(signature.effect.id, first.name, size / first.si, first.unit)
 
-    def _effects(self, confidence: float, explained: float) -> tuple[FittedEffect, ...]:
+    def _effects(self, confidence: float, explained: float) -> tuple[results.FittedEffect, ...]:
         """The winner's effects. explained: share of the disagreement that they explain together."""
         winner = self._outcome.winner
         full_model, parameters = winner.model(self._nominal), self._with_intervals(winner).parameters
@@ -218,7 +206,9 @@ class _Verdict:
             others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
             moves = consequence(self._measured, remaining.model(self._nominal, sizes), full_model)
             share = explained * gain / sum(gains)
-            result.append(FittedEffect(effect.id, parameters[effect.id], confidence, others, share, moves, gain))
+            result.append(
+                results.FittedEffect(effect.id, parameters[effect.id], confidence, others, share, moves, gain)
+            )
         return tuple(result)
 
     def _gain(self, effect: Effect) -> float:
@@ -231,7 +221,7 @@ class _Verdict:
 
     def _with_intervals(self, candidate: Candidate) -> Candidate:
         """A candidate with intervals of its sizes, by noise, the healthy injector's scatter and a fit's exactness."""
-        variances = (INTERVAL_MARGIN * self._fitter.sigmas(candidate)) ** 2
+        variances = (results.INTERVAL_MARGIN * self._fitter.sigmas(candidate)) ** 2
         if self._baseline.appears:
             variances += (MODEL_SHARE * candidate.theta) ** 2
         hypothesis = candidate.hypothesis
@@ -255,15 +245,15 @@ class _Verdict:
             for one in sorted(chosen, key=lambda one: one.statistic)
         )
 
-    def _cells(self, candidate: Candidate) -> tuple[Cell, ...]:
+    def _cells(self, candidate: Candidate) -> tuple[results.Cell, ...]:
         return cells_of(self._likelihood, self._fitter.judged(candidate), candidate.model(self._nominal))
 
-    def _unexplained(self, best: Candidate) -> LargestMisfit | None:
+    def _unexplained(self, best: Candidate) -> results.LargestMisfit | None:
         """Equation and variables of the best explanation, and where it explains most."""
         leading = self._proposals[0].candidate if self._proposals else best
         variables = {one.word for term in leading.terms for one in term.law.variables}
         equations = [effect.equation for effect in leading.hypothesis.effects]
         if not equations:
             return None
-        where = most_explained(self._fitter.pool(self._outcome.nominal), self._fitter.pool(leading))
-        return LargestMisfit(equations[0], *where, tuple(sorted(variables)), " + ".join(leading.ids), self._proposals)
+        where = equations[0], *most_explained(self._fitter.pool(self._outcome.nominal), self._fitter.pool(leading))
+        return results.LargestMisfit(*where, tuple(sorted(variables)), " + ".join(leading.ids), self._proposals)

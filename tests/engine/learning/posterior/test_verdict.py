@@ -11,9 +11,8 @@ import pytest
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
-from observer_rt.engine.learning.account import Account
+from observer_rt.engine.learning.account import Account, LearnedInjector
 from observer_rt.engine.learning.hypotheses import AT_FAULT, BEFORE
-from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.event import BeliefUpdate, ExplainedEvent
 from observer_rt.engine.learning.posterior.event_mass import EventMass
 from observer_rt.engine.learning.posterior.explaining import Explanation

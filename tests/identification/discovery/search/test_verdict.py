@@ -6,8 +6,7 @@ from itertools import combinations
 import pytest
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.search.decisive import decide_between, decide_by
-from observer_rt.identification.discovery.search.results import Discovery, Verdict
+from observer_rt.identification.discovery.search.results import Discovery, Verdict, decide_between, decide_by
 from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.identification.likelihood.signals import Signal

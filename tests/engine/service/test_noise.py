@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from observer_rt.engine.estimation.signal_noise import SlowNoise, slow_noise
+from observer_rt.engine.service.noise import SlowNoise, slow_noise
 
 WHITE = 0.15  # MPa
 

@@ -128,14 +128,23 @@ def test_a_date_not_understood_is_told_and_times_count_from_0(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("base", "first", "late"), [("", 54400.5, 26.5), (" timestamps absolute", 54400.5, 54400.5), ("", 0.5, 0.5)]
+    ("time", "base", "first", "late"),
+    [
+        ("3:06:14 pm", "", 54400.5, 26.5),
+        ("3:06:14 pm", " timestamps absolute", 54400.5, 54400.5),
+        ("3:06:14 pm", "", 0.5, 0.5),
+        ("12:00:14 am", "", 20.5, 20.5),
+    ],
 )
-def test_times_of_the_day_are_known_by_their_date(tmp_path: Path, base: str, first: float, late: float) -> None:
-    """As BUSMASTER writes them. The date is of 54374 s after midnight."""
+def test_times_of_the_day_are_known_by_their_date(
+    tmp_path: Path, time: str, base: str, first: float, late: float
+) -> None:
+    """As BUSMASTER writes them."""
     path = tmp_path / "bus.asc"
-    path.write_text(f"date Sat Sep 30 3:06:14 pm 2017\nbase hex{base}\n{first} 1 7 Rx d 0\n")
+    path.write_text(f"date Sat Sep 30 {time} 2017\nbase hex{base}\n{first} 1 7 Rx d 0\n")
+    start = datetime(2017, 9, 30, 15, 6, 14) if "pm" in time else datetime(2017, 9, 30, 0, 0, 14)
     reader = AscLog(path)
-    assert [entry.frame.stamp_ns - START // 10**9 * 10**9 for entry in reader] == [round((1.0 + late) * 1e9)]
+    assert [entry.frame.stamp_ns for entry in reader] == [round((start.timestamp() + late) * 10) * 10**8]
     assert any("of the day" in note for note in reader.notes()) == (late == 26.5)
 
 

@@ -190,7 +190,7 @@ class Notes:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a core made of frames: frames to send, and news. What is decoded of it is decoded once."""
+    """What a core made of frames: frames to send, and news. Frames are decoded once."""
 
     core: Core
     frames: list[OutputFrame]

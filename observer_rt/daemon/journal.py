@@ -219,8 +219,8 @@ def _connected(path: Path) -> sqlite3.Connection:
             connection.execute("BEGIN IMMEDIATE")
             for text in (_RUN, _INJECTION):
                 connection.execute(text)
-            there = {name for _, name, *_ in connection.execute("PRAGMA table_info(injection)")}
-            for name in [name for name in COLUMNS if name not in there]:  # of a journal that an older version began
+            present = {name for _, name, *_ in connection.execute("PRAGMA table_info(injection)")}
+            for name in [name for name in COLUMNS if name not in present]:  # of a journal that an older version began
                 connection.execute(f"ALTER TABLE injection ADD COLUMN {name} {_KINDS[COLUMNS[name]]}")
             connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
             connection.execute(f"PRAGMA user_version = {SCHEMA}")

@@ -167,6 +167,12 @@ def test_device_that_begins_anew_is_never_wrong_and_sure(modulus: int) -> None:
     assert len(counter.anew) <= 2
 
 
+def test_device_that_begins_anew_before_its_clock_is_known_has_lost_nothing() -> None:
+    counter = Counter(1 << 16).take_all(np.r_[40_000:40_500, 0:500], np.arange(1000) * CYCLE)
+    assert counter.dropped == [Count.OLD] * 2  # not 25,536 frames within one cycle
+    assert counter.anew == [0, 500]
+
+
 def test_host_that_sleeps_makes_the_count_unsure() -> None:
     """All frames of 80 ms are stamped at its end, as a program does that reads them late."""
     numbers, taken = sent()

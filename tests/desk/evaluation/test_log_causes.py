@@ -107,6 +107,11 @@ def test_a_pause_is_no_sample_rate(tmp_path: Path) -> None:
     assert "after 0.0149 s its stamps step ahead by 60.0001 s, while its samples go on" in note
 
 
+def test_a_pause_that_the_reader_of_the_log_made_is_told_once(tmp_path: Path) -> None:
+    (note,) = decoded(tmp_path, late(frames(count=2500), -0.01, since=0.015)).notes
+    assert "steps back by 0.0099 s" in note
+
+
 @pytest.mark.parametrize(
     ("speed", "remedy"), [(2, ", else set sampling.rate_hz = 20000"), (0.5, ""), (0.01, ""), (1, None)]
 )

@@ -206,6 +206,20 @@ def test_a_message_that_is_not_in_the_log_is_named(tmp_path: Path) -> None:
     assert "--bench" not in (refused.value.remedy or "")
 
 
+def test_a_clock_an_hour_ahead_is_named_where_an_index_joins_the_samples(tmp_path: Path) -> None:
+    """No message is said to be silent."""
+    bench = load_bench(block_bench(tmp_path, "virtual", ["x"]))
+    sent = sent_log(frames_of(bench, worn_recording()))
+    moved = [
+        each._replace(frame=each.frame._replace(stamp_ns=each.frame.stamp_ns + 3600 * 10**9), channel="2")
+        if each.frame.frame_id == 0x111
+        else each
+        for each in sent
+    ]
+    (note,) = LoggedSignals(bench, write_log(tmp_path / "a.log", moved)).notes
+    assert "NeedleLiftBlock begins 3600 s after RailPressureBlock" in note
+
+
 @pytest.mark.parametrize(
     ("injections", "end", "is_dead", "said"),
     [

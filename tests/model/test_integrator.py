@@ -115,15 +115,8 @@ def _by_scipy(injector: InjectorParameters, inputs: Array, v_h: float, v_s: floa
     pieces = [np.array([start])]
     corners = [0, 50, 75, 200, 225, len(inputs) - 1]  # where the inputs bend
     for first, last in pairwise(corners):
-        solution = solve_ivp(
-            rates,
-            (grid[first], grid[last]),
-            pieces[-1][-1],
-            "Radau" if first in (0, 225) else "LSODA",
-            grid[first : last + 1],
-            rtol=1e-10,
-            atol=1e-11,
-        )
+        span, method = grid[first : last + 1], "Radau" if first in (0, 225) else "LSODA"
+        solution = solve_ivp(rates, (span[0], span[-1]), pieces[-1][-1], method, span, rtol=1e-10, atol=1e-11)
         pieces.append(solution.y.T[1:])
     return np.concatenate(pieces)
 

@@ -138,17 +138,9 @@ def reference(rail: float, of: Effects, times: Vector) -> tuple[Vector, Vector]:
     """
     stepped, leaks = "chamber_pressure_rise" in of.sizes, "guide_leakage" in of.sizes
     rates, nozzle_flow = rates_of(rail, of)
-    start = [rail, 0.0, NOMINAL.chamber.pressure]
-    solution = solve_ivp(
-        rates,
-        [0.0 if leaks else times[0], times[-1]],
-        start,
-        "LSODA",
-        times,
-        rtol=1e-8,
-        atol=[1.0, 1e-12, 1.0],
-        max_step=1e-7 if stepped else 1e-5,
-    )
+    start, span = [rail, 0.0, NOMINAL.chamber.pressure], [0.0 if leaks else times[0], times[-1]]
+    exact = {"rtol": 1e-8, "atol": [1.0, 1e-12, 1.0], "max_step": 1e-7 if stepped else 1e-5}
+    solution = solve_ivp(rates, span, start, "LSODA", times, **exact)
     rate = [nozzle_flow(t, p) for t, p in zip(times, solution.y[2], strict=True)]
     return np.array(rate), solution.y[0]
 

@@ -14,8 +14,7 @@ from observer_rt.identification.discovery.discover import DiscoveryTask
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.kept_events import evidence_of_model, read_folder
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.provenance import hashes, without_copies
-from observer_rt.identification.likelihood.reading import measured_recordings
+from observer_rt.identification.likelihood.reading import hashes, measured_recordings, without_copies
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 

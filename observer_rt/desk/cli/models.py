@@ -41,9 +41,8 @@ def fit(
     from observer_rt.identification.fit.fitted_file import write_fitted
     from observer_rt.identification.fit.report import draw_fit, print_fit
     from observer_rt.identification.fit.suitability import warnings
-    from observer_rt.identification.likelihood import provenance
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
-    from observer_rt.identification.likelihood.reading import coverage
+    from observer_rt.identification.likelihood.reading import coverage, hashes, without_copies
 
     decoder = decoder_of(bench, injector, model)
     start, source = load_injector(model), InjectorFile.read(model)
@@ -52,7 +51,7 @@ def fit(
     for name, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
         if path is not None:
             check_output(name, path, force, suffixes=suffixes)
-    paths = provenance.without_copies(without_companions(recordings, messages), messages)
+    paths = without_copies(without_companions(recordings, messages), messages)
     most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: a mass is the mean of all injections
     measured = measured_files(paths, start, decoder, from_channel, messages, most)
     weighed = weighed_masses(measured, mass, start)
@@ -61,7 +60,7 @@ def fit(
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
             sensors = calibration_of((decoder or load_bench(model=model)).injector)
-            fitted = fitted_model(start, measured, weighed, provenance.hashes(paths), progress, sensors)
+            fitted = fitted_model(start, measured, weighed, hashes(paths), progress, sensors)
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
     write_fitted(output, source, fitted.done, fitted.baseline)

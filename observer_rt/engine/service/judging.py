@@ -10,8 +10,7 @@ import numpy as np
 
 from observer_rt.core.stream.stream import INJECTIONS, PENDING_EVENTS
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.adequacy import Innovations, Objection
-from observer_rt.engine.learning.examiner import Examination, Examiner
+from observer_rt.engine.learning.adequacy import Examination, Examiner, Innovations, Objection
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.knowledge import Adoption, EventRecord, Knowledge, Outcome
 from observer_rt.engine.learning.learner import Learner

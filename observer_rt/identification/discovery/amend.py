@@ -17,7 +17,7 @@ from observer_rt.identification.discovery.search.results import Discovery, Fitte
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.provenance import shortened
+from observer_rt.identification.likelihood.reading import shortened
 from observer_rt.model.baseline import HealthyShape, Remainder
 from observer_rt.model.effects import effective_model, sized_in_force
 from observer_rt.model.parameters import EffectInForce, InjectorParameters

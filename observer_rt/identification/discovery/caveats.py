@@ -8,7 +8,7 @@ from observer_rt.engine.learning.adequacy import looks_like_inertance
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.search import indistinguishable
-from observer_rt.identification.likelihood.operating_points import distinct
+from observer_rt.identification.likelihood.excerpts import distinct
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.fuel import USUAL_PRESSURE

@@ -15,8 +15,7 @@ from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.amend import AMENDED, ORIGIN, accepted, amended_effects
 from observer_rt.identification.discovery.caveats import is_level_measured, is_like_inertance, remedies
 from observer_rt.identification.discovery.findings import Findings
-from observer_rt.identification.discovery.gaps import gaps_of
-from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
+from observer_rt.identification.discovery.injections import gaps_of, injection_gaps, mass_changes, typical_overlays
 from observer_rt.identification.discovery.report.text import headline
 from observer_rt.identification.discovery.search.adequacy import disagreements, healthy_of_fit
 from observer_rt.identification.discovery.search.proposal import Part
@@ -25,6 +24,7 @@ from observer_rt.identification.discovery.search.results import Cell, Discovery,
 from observer_rt.identification.discovery.search.verdict import healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
+from observer_rt.identification.likelihood.excerpts import by_operating_point
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import (
     Measurement,
@@ -32,7 +32,6 @@ from observer_rt.identification.likelihood.measurement import (
     with_healthy_offset,
     without_gain,
 )
-from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.identification.likelihood.reading import chosen_words, refuse_rates_missing
 from observer_rt.model.baseline import Baseline, HealthyRemainder, Remainder
 from observer_rt.model.effective import EffectiveModel

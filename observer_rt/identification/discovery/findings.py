@@ -17,8 +17,7 @@ from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.foundation.documents import DocumentPart, Entry, Figures, Inside, Number, key
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.discovery.caveats import Basis, Caveat, caveats_of
-from observer_rt.identification.discovery.gaps import RATE, ModelGaps
-from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
+from observer_rt.identification.discovery.injections import RATE, InjectionGap, MassChange, ModelGaps, Overlay
 from observer_rt.identification.discovery.search.adequacy import Disagreement
 from observer_rt.identification.discovery.search.candidates import Candidate, Size
 from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict

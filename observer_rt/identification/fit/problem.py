@@ -14,9 +14,9 @@ from observer_rt.identification.fit.forms import STIFFENING, FreeParameter, with
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.suitability import standstill
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, Range, Residuals, sigmas_of
+from observer_rt.identification.likelihood.excerpts import events_by_point
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.operating_points import events_by_point
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters

@@ -19,9 +19,9 @@ from observer_rt.identification.fit.calibrate import CalibrationResult
 from observer_rt.identification.fit.document import FitDocument, verdict_words
 from observer_rt.identification.fit.problem import spread
 from observer_rt.identification.likelihood.events import open_time, rail_pressure_before
+from observer_rt.identification.likelihood.excerpts import point_name
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SimulatedInjection, simulated
-from observer_rt.identification.likelihood.operating_points import point_name
 
 _MOST_OVERLAYS = 6  # overlays
 _COLUMNS = 3

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.likelihood.events import open_time, rail_pressure_before
+from observer_rt.identification.likelihood.excerpts import POINT_DURATION, distinct
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.operating_points import POINT_DURATION, distinct
 from observer_rt.model.accuracy import StatedAccuracy
 
 FAST_INTERVAL, SLOW_INTERVAL = 10e-6, 50e-6  # s between samples: edges of the lift lost nothing, and SLOW_SHARE

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.healthy_course import EventStretch
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, ShapeFit, together
-from observer_rt.identification.likelihood.healthy_innovations import expected_of, stretches
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, residuals_of
-from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.measurement import Measurement, expected_of, stretches
 from observer_rt.model.baseline import Appearance, HealthyRemainder, PhaseFigures
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel

@@ -16,8 +16,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood import jitter, windows
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.identification.likelihood.events import MARGIN
-from observer_rt.identification.likelihood.healthy_innovations import expected_of
-from observer_rt.identification.likelihood.measurement import Measurement, Rows
+from observer_rt.identification.likelihood.measurement import Measurement, Rows, expected_of
 from observer_rt.identification.likelihood.open_loop import (
     METER_ERROR,
     SPARE_SUBSTEPS,

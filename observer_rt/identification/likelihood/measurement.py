@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.healthy_course import EventStretch, expected
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
@@ -34,6 +35,7 @@ from observer_rt.identification.likelihood.events import (
     white_noise,
 )
 from observer_rt.identification.likelihood.openings import Opening
+from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import Coefficients, EffectiveModel, averaged
 from observer_rt.model.effects import sized
@@ -271,3 +273,28 @@ def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: floa
         name: np.concatenate([samples for part in parts for samples in (part[name], gap)]) for name in parts[0]
     }
     return Recording(np.arange(signals["needle_lift"].size) / sample_rate, **signals, **of)
+
+
+def stretches(measurement: Measurement) -> tuple[EventStretch, ...]:
+    """Every event as a stretch of judged samples, with edges where the ramps of the lift meet 0."""
+    return tuple(
+        EventStretch(event.end - event.counted, measurement.interval, measurement.rail_pressure, _edges(event))
+        for event in measurement.events
+    )
+
+
+def expected_of(shape: HealthyShape, measurement: Measurement) -> NDArray[np.float64]:
+    """Mean innovation [Pa] of a healthy injector at the counted samples (n,) of a recording."""
+    return np.concatenate([expected(shape, stretch) for stretch in stretches(measurement)])
+
+
+def _edges(event: JudgedEvent) -> tuple[tuple[float, float], ...]:
+    edges = []
+    for opening in event.openings:
+        opens, shuts = float(opening.first), float(opening.last)
+        if opening.rising.slope > 0.0:
+            opens -= opening.rising.lift / opening.rising.slope
+        if opening.falling.slope > 0.0:
+            shuts += opening.falling.lift / opening.falling.slope
+        edges.append((opens - event.counted, shuts - event.counted))
+    return tuple(edges)

@@ -3,8 +3,10 @@
 Where no lift was recorded, recordings get the lift by which a needle answers their commands.
 """
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +18,8 @@ from observer_rt.files.signals.doubts import doubts, refuse_dead, refuse_perfora
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals, Sampled, SignalStream
 from observer_rt.foundation.console import progress_bar, say
-from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.errors import UserError, file_errors
+from observer_rt.foundation.files import file_hash
 from observer_rt.foundation.units import first_of
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES, measured
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -164,3 +167,34 @@ def commanded_lift(injector: InjectorParameters, recording: Recording, commands:
         for sample in range(max(int(first), 0), min(int(last), lift.size)):
             lift[sample] = lift_of_stroke(sample / rate, stroke)
     return replace(recording, needle_lift=lift)
+
+
+def without_copies(paths: Sequence[Path], console: Console) -> list[Path]:
+    """Recordings without copies of earlier ones, which are named; a file given twice stays, and is refused later."""
+    sizes = []
+    for path in paths:
+        with file_errors(path):
+            sizes.append(path.stat().st_size)
+    kept: dict[str, Path] = {}
+    result = []
+    for path, size in zip(paths, sizes, strict=True):
+        first = path
+        if sizes.count(size) > 1:  # else it is no copy, and need not be read for that
+            with file_errors(path):
+                first = kept.setdefault(file_hash(path), path)
+        if first.resolve() != path.resolve():
+            say(console, f"warning: {path} is left out: a copy of {first}")
+        else:
+            result.append(path)
+    return result
+
+
+def hashes(paths: Sequence[Path]) -> dict[str, str]:
+    """SHA-256 of recordings by file name, by path where two have one name."""
+    names = Counter(path.name for path in paths)
+    return {path.name if names[path.name] == 1 else str(path): file_hash(path) for path in paths}
+
+
+def shortened(hashes: Mapping[str, str]) -> list[str]:
+    """Recordings by name and the first digits of their SHA-256, as files state where their numbers are from."""
+    return [f"{name} sha256 {digest[:12]}" for name, digest in hashes.items()]

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from cantools.database.can import Message
 from hypothesis import strategies as st
 
-from observer_rt.bus.database.dbc_file import load_database
+from observer_rt.bus.database.catalogue import load_database
 
 FRAME_ID = 0x123
 SIZES = [8, 8, 8, 8, 12, 12, 24, 64]  # bytes, the quick ones more often

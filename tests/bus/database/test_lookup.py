@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from cantools.database.can import Database
 
-from observer_rt.bus.database.dbc_file import load_database, overlooked_faults
+from observer_rt.bus.database.catalogue import load_database, overlooked_faults
 from observer_rt.bus.database.lookup import MessageLayout, database_hash, find_message, reserved_codes, signal_names
 from observer_rt.foundation.errors import UserError
 

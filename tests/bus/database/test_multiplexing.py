@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.database.dbc_file import load_database
+from observer_rt.bus.database.catalogue import load_database
 from observer_rt.bus.database.multiplexing import Condition, conditions_of
 from observer_rt.foundation.errors import UserError
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.database.dbc_file import load_database, overlooked_faults, repaired_dbc
+from observer_rt.bus.database.catalogue import load_database, overlooked_faults, repaired_dbc
 from observer_rt.foundation.errors import UserError
 from tests.bus.database.random_databases import RandomMessage, multiplexed_messages, plain_messages
 

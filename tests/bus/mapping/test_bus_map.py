@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.database.dbc_file import load_database
+from observer_rt.bus.database.catalogue import load_database
 from observer_rt.bus.database.lookup import find_message, reserved_codes
 from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus

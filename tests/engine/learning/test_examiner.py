@@ -6,8 +6,7 @@ import pytest
 from observer_rt.engine.estimation.phases import no_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import PARAMETERS
-from observer_rt.engine.learning.adequacy import Innovations
-from observer_rt.engine.learning.examiner import Examiner
+from observer_rt.engine.learning.adequacy import Examiner, Innovations
 from observer_rt.engine.learning.healthy import NOT_FITTED
 from tests.engine.learning.strokes import CONSTANTS
 

@@ -8,7 +8,7 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.caveats import Caveat, is_level_measured, is_like_inertance
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.findings import Findings
-from observer_rt.identification.discovery.gaps import RATE
+from observer_rt.identification.discovery.injections import RATE
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.candidates import Size
 from observer_rt.identification.discovery.search.results import Verdict

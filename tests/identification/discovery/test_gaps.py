@@ -5,8 +5,7 @@ import pytest
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.discovery.gaps import LINE_PRESSURE, MASS, RATE, gaps_of
-from observer_rt.identification.discovery.injections import mass_changes
+from observer_rt.identification.discovery.injections import LINE_PRESSURE, MASS, RATE, gaps_of, mass_changes
 from observer_rt.identification.discovery.search.adequacy import Disagreement, disagreements
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.results import Verdict

@@ -8,8 +8,8 @@ import pytest
 from observer_rt.desk.simulation.simulate import SimulatedNoise
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood.events import COUNTED_LEAD, RING_DOWN, Lack
+from observer_rt.identification.likelihood.excerpts import every_second_point
 from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.identification.likelihood.operating_points import every_second_point
 from tests.identification.discovery.hidden import recordings
 
 POINT = ((100e6, 1.0e-3),)

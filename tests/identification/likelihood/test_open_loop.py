@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.engine.estimation.gain import NoiseLevels as Levels
 from observer_rt.files.signals.recording import shown_slowly
-from observer_rt.identification.discovery.gaps import rms
+from observer_rt.identification.discovery.injections import rms
 from observer_rt.identification.likelihood.measurement import measurements, noisier
 from observer_rt.identification.likelihood.open_loop import mass, measured_mass, pressure_gap, simulated
 from observer_rt.model.effect import SizedEffect

@@ -6,9 +6,9 @@ import pytest
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.signals.recording import Recording
+from observer_rt.identification.likelihood.excerpts import by_operating_point, distinct
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.identification.likelihood.operating_points import by_operating_point, distinct
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.hidden import MODEL, NOMINAL, recordings

@@ -8,8 +8,7 @@ from rich.console import Console
 from observer_rt.config.bench import load_injector
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
 from observer_rt.files.tables_in_memory import signals_of
-from observer_rt.identification.likelihood.provenance import without_copies
-from observer_rt.identification.likelihood.reading import measured_recordings
+from observer_rt.identification.likelihood.reading import measured_recordings, without_copies
 from tests.device import simulated
 
 POINT = ((100e6, 1.0e-3),)

@@ -16,8 +16,8 @@ from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.results import SearchOutcome
 from observer_rt.identification.discovery.search.search import Search
 from observer_rt.identification.discovery.search.verdict import name_effects
+from observer_rt.identification.likelihood.excerpts import by_operating_point
 from observer_rt.identification.likelihood.measurement import Measurement, with_healthy_offset
-from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.model import effects
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.terms.term import Term

@@ -20,8 +20,7 @@ from observer_rt.foundation.figures import FOUND, GIVEN, MEASURED, svg_figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS, shown, sign, significant
 from observer_rt.foundation.version import __version__
 from observer_rt.identification.discovery.findings import Findings
-from observer_rt.identification.discovery.gaps import LINE_PRESSURE, Gap
-from observer_rt.identification.discovery.injections import MassChange, Overlay
+from observer_rt.identification.discovery.injections import LINE_PRESSURE, Gap, MassChange, Overlay
 from observer_rt.identification.discovery.report import text
 from observer_rt.identification.discovery.search import proposal
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT_EXCESS, Disagreement

@@ -18,9 +18,9 @@ from observer_rt.identification.discovery.search.candidates import Candidate, Ca
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.results import Cell, CellKey, Discovery
 from observer_rt.identification.likelihood.bounded_fit import fit
+from observer_rt.identification.likelihood.excerpts import every_second_point
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, RecordingLikelihood
 from observer_rt.identification.likelihood.open_loop import pressure_gap, simulated
-from observer_rt.identification.likelihood.operating_points import every_second_point
 from observer_rt.identification.likelihood.signals import Pool, Signal, statistics_by_signal
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.effect import Component, Effect, Equation

@@ -17,8 +17,8 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Figure, Inside, key
 from observer_rt.identification.discovery.search.candidates import Candidate, Size
 from observer_rt.identification.discovery.search.proposal import PhaseName, Proposal
+from observer_rt.identification.likelihood.excerpts import point_name
 from observer_rt.identification.likelihood.open_loop import Consequence
-from observer_rt.identification.likelihood.operating_points import point_name
 from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.effect import WITH_A_MEASURED_RATE, Component, Effect, Equation, Likeness
 from observer_rt.model.effects import VOCABULARY

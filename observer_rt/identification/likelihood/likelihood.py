@@ -13,17 +13,10 @@ from observer_rt.core.model.model import InputTerms, Seat
 from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.engine.estimation.gain import GainSchedule
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.likelihood import jitter, windows
+from observer_rt.identification.likelihood import open_loop, windows
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.identification.likelihood.events import MARGIN
 from observer_rt.identification.likelihood.measurement import Measurement, Rows, expected_of
-from observer_rt.identification.likelihood.open_loop import (
-    METER_ERROR,
-    SPARE_SUBSTEPS,
-    MeasuredRate,
-    as_by_meter,
-    rate_as_recorded,
-)
 from observer_rt.identification.likelihood.true_inputs import LiftNoise, TrueInputs, rail_on_time
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel
@@ -64,7 +57,7 @@ class RecordingLikelihood:
         self._rows = Rows(measurement)
         rate = measurement.recording.sample_rate
         needed = substeps_needed(nominal.injector, rate, nominal.departures)
-        self._substeps = max(needed, min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS))
+        self._substeps = max(needed, min(needed + open_loop.SPARE_SUBSTEPS, MAX_SUBSTEPS))
         self._gains: dict[tuple[Any, float, float], GainSchedule] = {}
         self._nominal = nominal
         self._nominal_rail = rail_on_time(measurement, nominal.inputs)
@@ -72,16 +65,16 @@ class RecordingLikelihood:
         c = measurement.coefficients_of(nominal)
         self._batch = windows.batch_of(measurement, self._rows, self._nominal_inputs, 0, nominal.sensor.offset, c)
         self._begins, self._normalised_by = (nominal.sensor.offset, c), (c.chamber_pressure, c.pressure_scale)
-        self._jitter = jitter.ShotJitter(self._batch.commands, self._rows.counted, self._rows.counted_bounds)
-        for _ in range(jitter.ROUNDS if self._jitter.nominal_delays else 0):
+        self._jitter = windows.ShotJitter(self._batch.commands, self._rows.counted, self._rows.counted_bounds)
+        for _ in range(windows.ROUNDS if self._jitter.nominal_delays else 0):
             self._jitter.observe(self._run(nominal), self._schedule(nominal).innovation_sigma)
         every = windows.phases(measurement, self._batch)
         self.phases = every[self._rows.counted]  # (n,) of the judged innovations
         self.rate_phases = np.zeros(0, np.int8)  # (m,) of the judged samples of a measured rate; (0,) without one
-        self._rate: MeasuredRate | None = None
+        self._rate: open_loop.MeasuredRate | None = None
         if measurement.recording.injection_rate is not None:
             self.rate_phases = every[self._rows.rate_rows]
-            self._rate = MeasuredRate(measurement, self._rows, self._rate_noise_by_lift(nominal))
+            self._rate = open_loop.MeasuredRate(measurement, self._rows, self._rate_noise_by_lift(nominal))
 
     @cached_property
     def _lift_noise(self) -> LiftNoise:
@@ -105,14 +98,14 @@ class RecordingLikelihood:
         if not (np.isfinite(z).all() and np.isfinite(moved).all()):
             return None
         if delays:
-            z, logs = jitter.without_jitter(z, delays, moved, self._rows.counted_bounds)
+            z, logs = windows.without_jitter(z, delays, moved, self._rows.counted_bounds)
             log_sigma += logs / z.size
         if model.inputs.lift_lag > 0.0:
             variance = 1.0 + self._lift_noise.variance(model.inputs.lift_lag)
             z /= np.sqrt(variance)
             log_sigma += 0.5 * float(np.mean(np.log(variance)))
         masses = model.coefficients.density * self._rows.volumes(rate)
-        shown = as_by_meter(self.measurement, rate)
+        shown = open_loop.as_by_meter(self.measurement, rate)
         rate_z, volume_z, rate_log_sigma = np.zeros(0), np.zeros(0), 0.0
         if self._rate is not None:
             judged_rate = shown[self._rows.rate_rows + samples_late]
@@ -127,7 +120,7 @@ class RecordingLikelihood:
         return likely if all(np.isfinite(delays).all() for delays in likely) else self._jitter.nominal_delays
 
     def _likely_delays(
-        self, run: jitter.Run, model: EffectiveModel
+        self, run: windows.Run, model: EffectiveModel
     ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
         """As of `ShotJitter.likely`; no delays where the lift was measured."""
         if not self._jitter.nominal_delays:
@@ -149,7 +142,7 @@ class RecordingLikelihood:
         counted = [(e.clock.time, np.arange(e.counted - e.start, e.end - e.start)) for e in self.measurement.events]
         return np.concatenate([start + self.measurement.interval * samples for start, samples in counted])
 
-    def _run(self, model: EffectiveModel) -> jitter.Run:
+    def _run(self, model: EffectiveModel) -> windows.Run:
         inputs, samples_late = self._inputs_of(model), self._samples_late(model)
         return partial(self._predicted, model, inputs, samples_late, self._substeps_of(model))
 
@@ -173,7 +166,7 @@ class RecordingLikelihood:
         setting = windows.setting_of(measurement, model, samples_late, substeps, self._schedule(model).gains[-1])
         delays = shots or self._jitter.nominal_delays
         innovation, rate = windows.followed(batch, setting, model.injector.needle_law, delays=delays)
-        return innovation, rate_as_recorded(measurement, rate)
+        return innovation, open_loop.rate_as_recorded(measurement, rate)
 
     def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
         """Normalised judged innovations (n,) with a lag [s] of the lift undone, which may have other noise."""
@@ -224,12 +217,12 @@ class RecordingLikelihood:
         run, delays = self._run(nominal), self._jitter.nominal_delays
         _, rate = run(delays)
         _, other = self._run(shifted)(delays)
-        moved = as_by_meter(self.measurement, other - rate)
-        for shots in jitter.a_step_later(delays):
+        moved = open_loop.as_by_meter(self.measurement, other - rate)
+        for shots in windows.a_step_later(delays):
             _, other = run(shots)
-            steps = self._jitter.sigma / jitter.DELAY_STEP
-            moved = np.hypot(moved, steps * as_by_meter(self.measurement, other - rate))
-        moved = np.hypot(moved, METER_ERROR * (rate - as_by_meter(self.measurement, rate)))
+            steps = self._jitter.sigma / windows.DELAY_STEP
+            moved = np.hypot(moved, steps * open_loop.as_by_meter(self.measurement, other - rate))
+        moved = np.hypot(moved, open_loop.METER_ERROR * (rate - open_loop.as_by_meter(self.measurement, rate)))
         return np.asarray(moved[self._rows.rate_rows + self._samples_late(nominal)], np.float64)
 
 

@@ -10,10 +10,10 @@ from observer_rt.config.bench import load_injector
 from observer_rt.identification.discovery.search.adequacy import worst
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import Fitter
-from observer_rt.identification.likelihood.jitter import likelier_delays, without_jitter
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements, with_free_needle
 from observer_rt.identification.likelihood.reading import commands_of, with_commanded_lift
+from observer_rt.identification.likelihood.windows import likelier_delays, without_jitter
 from observer_rt.model.effects import VOCABULARY, effective_model
 from tests.observed_plants import commanded
 from tests.plants.parameters import Faults, Injector

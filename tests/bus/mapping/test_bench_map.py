@@ -1,0 +1,22 @@
+"""Maps of several injectors: a message of both stands once, and what they must not share is named."""
+
+from pathlib import Path
+
+from observer_rt.bus.mapping.bench_map import map_bench, shared_resources
+from observer_rt.config.bench import load_bench
+from tests.two_injectors import two_injectors
+
+
+def test_a_message_that_both_read_stands_once_and_what_they_must_not_share_is_named(tmp_path: Path) -> None:
+    bench = load_bench(two_injectors(tmp_path))
+    mapped = map_bench(bench)
+    received = [(layout.name, layout.bus) for layout in mapped.received]
+    assert len(received) == len({*received}) == 5  # one rail pressure, two lifts and line pressures
+    assert [*shared_resources(bench, mapped)] == []
+    path = tmp_path / "two.toml"
+    path.write_text(
+        path.read_text().replace("injector_id = 2", "injector_id = 1").replace('\nlink = "right"\ninj', "\ninj")
+    )
+    bench = load_bench(path)
+    shared = dict(shared_resources(bench, map_bench(bench)))
+    assert shared == {"outputs.injector_id = 1": ["left", "right"]}

@@ -31,6 +31,7 @@ TRADED = (
     "without a needle lift, seat.flow_coefficient is known only as its product with the needle's opening speed: "
     "its interval holds for the speed that stands in [needle]"
 )
+CALIBRATION_TIME = 0.85  # share of all the time; then the observer runs along the recordings
 ROUNDS = 3  # of calibration without a measured lift: delays of shots follow from the round before
 
 
@@ -114,11 +115,11 @@ def fitted_model(
     if gain != 0.0:
         measurements = without_gain(measurements, gain, factor)
         weighed = {number: mass.by(factor) for number, mass in weighed.items()}
+    calibrated = calibrate
     if measurements[0].is_answered:
         doubts.append(TRADED)
-        done = _with_needle(start, measurements, weighed, progress)
-    else:
-        done = calibrate(start, measurements, weighed, progress)
+        calibrated = _with_needle
+    done = calibrated(start, measurements, weighed, lambda share: progress(CALIBRATION_TIME * share))
     done = replace(done, flow_factor=factor)
     baseline = baseline_of(done, digests)
     try:

@@ -168,7 +168,9 @@ def test_recordings_and_masses_become_those_of_the_rail_sensor() -> None:
 
 
 def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path) -> None:
-    fitted = fitted_model(NOMINAL, measured_with(GAIN), {}, {}, lambda _: None, SENSORS)
+    done: list[float] = []
+    fitted = fitted_model(NOMINAL, measured_with(GAIN), {}, {}, done.append, SENSORS)
+    assert 0.5 < max(done) < 1.0  # the observer runs along the recordings afterwards
     assert fitted.done.inadequate == ()
     assert fitted.baseline.line_pressure_sensor_gain == pytest.approx(GAIN, abs=1.8e-3)  # two sigma
     assert fitted.done.injector.line.loss_factor == pytest.approx(NOMINAL.line.loss_factor, rel=0.05)

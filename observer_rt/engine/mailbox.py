@@ -108,7 +108,7 @@ def _write(
     carried["curves"] = learned.network.curves.reshape(carried["curves"].shape)
     carried["bias"] = learned.network.bias
     carried["nozzle"] = learned.network.nozzle
-    carried["rail_from"], carried["rail_to"], carried["known_until"] = known_flow
+    carried["rail_from"], carried["rail_to"], carried["known_from"], carried["known_until"] = known_flow
     carried["learned_offset"] = constants.sensor.offset + learned.offset
     carried["sensor"] = learned.sensor
     carried["sensor"][0] += constants.sensor.lag

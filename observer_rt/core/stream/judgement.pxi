@@ -32,6 +32,8 @@ cdef double RAIL_BIN = 0.08  # p_0
 # Of the mean rate since the opening: standard deviation up to which a rate is known that is as believed, or is not.
 cdef double SHARP = 0.03, SHARP_IF_OTHER = 0.01
 cdef double SHARP_AFTER = 0.2e-3  # s of flow
+# Share of the widest seat area, below which a needle falls, and what the lift's noise may change of an area, A_0.
+cdef double FULL_LIFT = 0.9, AREA_NOISE = 0.02
 cdef double BELIEVED = 0.5  # weight of the filter by which the injector is as believed
 
 
@@ -40,14 +42,21 @@ cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows
     cdef int64_t place = <int64_t> (observer.ring[position & MASK].rail_pressure / RAIL_BIN)
     point = &observer.memory.operating_point
     place = min(max(place, <int64_t> 0), <int64_t> RAIL_BINS - 1)
+    point.known_from = observer.memory.in_force.known_from[place]
     point.known_until = observer.memory.in_force.known_until[place]
     point.in_learned_range = not flows or point.known_until > 0.0
+    point.widest, point.up_until = 0.0, 0.0
     point.flow, point.open_loop_flow, point.flowing = 0.0, 0.0, 0
 
 
 cdef inline bint _is_as_believed(const Sample* row) noexcept nogil:
     """Whether the filters find the injector as believed, or no filter follows."""
     return isnan(row.rate_sigma) or row.as_believed > BELIEVED
+
+
+cdef inline bint _falls(const OperatingPoint* point, const Sample* row) noexcept nogil:
+    """Whether the needle is on its way down."""
+    return max(row.seat_area, 0.0) < FULL_LIFT * point.widest - AREA_NOISE  # it is below 0 beside an opening
 
 
 cdef void follow_flow(Observer* observer, int64_t position) noexcept nogil:
@@ -60,6 +69,9 @@ cdef void follow_flow(Observer* observer, int64_t position) noexcept nogil:
     if memory.needle.is_open:
         if row.opened_since > point.known_until and row.seat_area >= observer.ring[(position - 1) & MASK].seat_area:
             point.in_learned_range = False
+        point.widest = max(point.widest, row.seat_area)
+        if not _falls(point, row):
+            point.up_until = row.opened_since
         point.flow += row.injection_rate
         point.open_loop_flow += row.open_loop_rate
         point.flowing += 1
@@ -74,14 +86,15 @@ cdef bint is_flow_known(const Observer* observer, int64_t position) noexcept nog
     It is known where events have shown it. Filters that follow must find the injector as believed, and know the flow
     sharply. They cannot yet at the opening, where the last event must have been as believed, too. If they find
     another injector, a fault of the line or of a sensor looks alike while it runs: then the last event's own fit must
-    have said that it was the flow.
+    have said that it was the flow. A needle that falls sooner than in all events is at a lift that none has shown.
     """
-    cdef bint is_as_believed
+    cdef bint is_as_believed, is_shown
     cdef double sharp
     memory = observer.memory
     point, row = &memory.operating_point, &observer.ring[position & MASK]
-    if isnan(row.rate_sigma) or not point.in_learned_range:
-        return point.in_learned_range
+    is_shown = point.in_learned_range and (point.up_until >= point.known_from or not _falls(point, row))
+    if isnan(row.rate_sigma) or not is_shown:
+        return is_shown
     is_as_believed = _is_as_believed(row)
     if point.flowing * observer.constants.interval < SHARP_AFTER:
         return is_as_believed and not memory.judgement.differed

@@ -215,9 +215,10 @@ cdef struct Carried:
     Valve valve
     double needle[NEEDLE_NUMBERS]
     int64_t watch_later  # samples by which innovations are watched later, 0 without control flow
-    # where the flow is known well enough: rail pressures, and for each bin of them the time since the needle opened [s]
+    # where the flow is known well enough: rail pressures, and for each bin of them times since the needle opened [s]
     double rail_from
     double rail_to
+    double known_from[RAIL_BINS]  # for a needle that falls
     double known_until[RAIL_BINS]
 
 # judgement.pxi: what innovations are to be like
@@ -228,7 +229,10 @@ cdef struct InnovationNoise:
 # judgement.pxi: whether what was learned tells the flow of the injection under way
 cdef struct OperatingPoint:
     unsigned char in_learned_range  # the flow is known well enough for an injection as the last one
-    double known_until  # s since it opened, for its rail pressure
+    double known_from  # s since it opened, for its rail pressure
+    double known_until
+    double widest  # seat area so far
+    double up_until  # s since it opened, until which it did not fall
     double flow  # sum of the rates of its samples with an open needle
     double open_loop_flow  # .. of those of x^ without the filters
     int64_t flowing  # how many they are

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from observer_rt.engine.learning.indicators import nozzle_change
 from observer_rt.engine.learning.interval import Resimulation
 
 _NOZZLE = int(Parameter.NOZZLE_BIAS)
-MOST_POINTS = 16  # remembered; the oldest is forgotten
+MOST_POINTS, MOST_OPENINGS = 16, 48  # remembered; the oldest is forgotten
 REACH = (0.4, 0.7, 0.4)  # of each number of an `EventPoint`, over which what is wrong with a model changes
 EVENT_SHARE = 0.3  # variance, of what one event tells of its own point, over that between distant points
 UNSEEN = 2e-3  # share of a rate: standard deviation of a learned model's error at a point far from all events
@@ -28,6 +29,7 @@ FULL = 0.95  # p_S over p_L of a sac that is full
 _LONG = 0.8  # mean of p_S over p_L in a long injection
 NEAR = 0.5 * REACH[0]  # p_0 of rail pressure, within which an event shows the flow
 FULL_LIFT = 0.9  # of the widest seat area, below which a needle falls
+LEAST_AREA = 0.02  # of an event's widest seat area, up to which the lift's noise opens a shut needle
 LONGER = 30e-6  # s, by which events of one operating point differ
 FAILS = 0.05  # share of new operating points at which what was learned may fail
 HOLDS = 0.015  # of a mass, within which it holds
@@ -43,15 +45,18 @@ class EventPoint(NamedTuple):
     area: float  # widest
 
 
-def operating_point(window: Window, interval: float) -> EventPoint:
-    """Operating point of an event; interval of its samples [s]."""
-    area = window.inputs[:, 1]
+def opening_points(window: Window, interval: float) -> tuple[EventPoint, ...]:
+    """Operating points of an event's openings that are more than noise, the longest last; interval of samples [s]."""
+    area, rail = window.inputs[:, 1], float(window.inputs[window.opening, 0])
     shut = np.flatnonzero(np.concatenate(([True], area <= 0.0, [True])))
-    longest = int(np.argmax(np.diff(shut)))
-    opened = np.maximum(area[shut[longest] : max(shut[longest + 1] - 1, 1)], 0.0)
-    widest = float(np.max(opened))
-    up = int(np.flatnonzero(opened >= FULL_LIFT * widest)[-1]) + 1
-    return EventPoint(float(window.inputs[window.opening, 0]), math.log(up * interval), widest)
+    points = []
+    for begin, end in pairwise(shut.tolist()):
+        opened = area[begin : end - 1]
+        widest = float(opened.max(initial=0.0))
+        if widest > LEAST_AREA * area.max():
+            up = int(np.flatnonzero(opened >= FULL_LIFT * widest)[-1]) + 1
+            points.append(EventPoint(rail, math.log(up * interval), widest))
+    return tuple(sorted(points, key=lambda each: each.log_open_time)) or (EventPoint(rail, math.log(interval), 0.0),)
 
 
 def extrapolation_sigma(point: EventPoint, learned_at: Sequence[EventPoint]) -> float:
@@ -84,14 +89,18 @@ def is_new(point: EventPoint, learned_at: Sequence[EventPoint]) -> bool:
 
 @dataclass(frozen=True)
 class Transfer:
-    """Numbers of events at new operating points at which what was learned held, and failed; older ones count less."""
+    """Where what was learned held: openings, and numbers of new operating points, of which older ones count less."""
 
     held: float = 0.0
     failed: float = 0.0
+    shown: tuple[EventPoint, ...] = ()  # openings of the events from the last one on at which it failed
 
-    def after(self, holds: bool) -> "Transfer":
-        """The next value, after an event at a new operating point."""
-        return Transfer(FADING * self.held + holds, FADING * self.failed + (not holds))
+    def after(self, holds: bool, openings: Sequence[EventPoint], learned_at: Sequence[EventPoint]) -> "Transfer":
+        """The next value, after an event with these openings; learned_at: points of those before."""
+        shown = (*(self.shown if holds else ()), *openings)[-MOST_OPENINGS:]
+        if not learned_at or not is_new(openings[-1], learned_at):
+            return replace(self, shown=shown)
+        return Transfer(FADING * self.held + holds, FADING * self.failed + (not holds), shown)
 
     @property
     def is_trusted(self) -> bool:
@@ -100,32 +109,33 @@ class Transfer:
 
 
 class KnownFlow(NamedTuple):
-    """Rail pressures and durations at which the flow is known well enough."""
+    """Rail pressures and times since the opening at which the flow is known well enough."""
 
     rail_from: float  # rail pressure [p_0], around the event's
     rail_to: float
-    until: tuple[float, ...]  # (RAIL_BINS,) of each bin of rail pressure: time since the opening [s]; 0: none
+    since: tuple[float, ...]  # (RAIL_BINS,) of each bin of rail pressure [s]: for a needle that falls
+    until: tuple[float, ...]  # (RAIL_BINS,) [s]; 0: at no time
 
 
-EVERYWHERE = KnownFlow(-math.inf, math.inf, (math.inf,) * RAIL_BINS)
-NOWHERE = KnownFlow(math.inf, -math.inf, (0.0,) * RAIL_BINS)
+EVERYWHERE = KnownFlow(-math.inf, math.inf, (0.0,) * RAIL_BINS, (math.inf,) * RAIL_BINS)
+NOWHERE = KnownFlow(math.inf, -math.inf, (0.0,) * RAIL_BINS, (0.0,) * RAIL_BINS)
 
 
 def known_flow(
     event: Resimulation,
     theta: NDArray[np.float64],
     covariance: NDArray[np.float64],
-    learned_at: Sequence[EventPoint],
+    point: EventPoint,
     transfer: Transfer,
 ) -> KnownFlow:
     """Range of the flow that is known with theta (m,), whose error has the covariance (m, m).
 
-    `event`, the last one, shows how its injected volume changes with theta. The fuller the sac, the larger is the
-    nozzle's share of that: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. N_H depends on the rail pressure:
-    a bin of that is known if the error of the flow there is small enough, for as long as events near it lasted (phi
-    cannot hold a product of pressure and time), or without end if what was learned held at new points.
+    `event`, the last one, at a point, shows how its injected volume changes with theta. The fuller the sac, the
+    larger is the nozzle's share of that: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. N_H depends on the
+    rail pressure: a bin of that is known if the error of the flow there is small enough, for as long as openings near
+    it were, since what was learned failed last: theta that was moved at one combination of pressure and time may have
+    become worse at others. It is known without end if what was learned held at new points.
     """
-    point = learned_at[-1]
     pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.log_open_time)
     states = np.array([pressures, np.zeros_like(pressures), FULL * pressures])
     change, slopes = nozzle_change(theta, states, (pressures, point.area), middle)
@@ -152,17 +162,19 @@ def known_flow(
     if sigma(filled) > FLOW_LEARNED:
         return NOWHERE
     fullness = max(filled, _LONG) if sigma(1.0) <= enough(filled) else filled
-    is_near = np.array([np.abs(_RAILS - each.rail_pressure) <= NEAR for each in learned_at])
-    shown = np.exp([each.log_open_time for each in learned_at]) + LONGER
-    until = np.where(is_near, shown[:, None], 0.0).max(axis=0)
+    shown = np.reshape(transfer.shown, (-1, 3, 1))  # one an opening
+    is_near, times = np.abs(_RAILS - shown[:, 0]) <= NEAR, np.exp(shown[:, 1])
+    sooner = LONGER + 2.0 * event.interval  # by which the stream may see a needle fall
+    since = np.where(is_near, times - sooner, math.inf).min(axis=0, initial=math.inf)
+    until = np.where(is_near, times + LONGER, 0.0).max(axis=0, initial=0.0)
     own_bin = min(int(point.rail_pressure / RAIL_BIN), RAIL_BINS - 1)
-    until[own_bin] = max(until[own_bin], shown[-1])
     if transfer.is_trusted:
-        until[:] = math.inf
+        since[:], until[:] = 0.0, math.inf
     is_known = sigma(fullness, by_nozzle[:-1] - full) <= enough(fullness)
     is_known[own_bin] = True
     unknown = np.flatnonzero(~is_known | (until == 0.0))
     below, above = unknown[unknown < own_bin], unknown[unknown > own_bin]
     rail_from = RAIL_BIN * (int(below[-1]) + 1) if below.size else -math.inf
     rail_to = RAIL_BIN * int(above[0]) if above.size else math.inf
-    return KnownFlow(rail_from, rail_to, tuple(np.where(is_known, until, 0.0).tolist()))
+    until = np.where(is_known, until, 0.0)
+    return KnownFlow(rail_from, rail_to, tuple(since.tolist()), tuple(until.tolist()))

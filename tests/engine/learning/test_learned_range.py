@@ -53,15 +53,10 @@ def test_old_points_are_forgotten_and_repeated_ones_leave_little_open() -> None:
 
 
 POINT = EventPoint(1.0, -7.0, 0.5)
-UNTRIED, TRIED = Transfer(), Transfer(held=10.0)
+UNTRIED, TRIED, SHOWN = Transfer(), Transfer(held=10.0), Transfer(shown=(POINT,))
 
 
-def flow_known_by(
-    sigmas: dict[int, float],
-    rate: float = 50e-6,
-    learned_at: tuple[EventPoint, ...] = (POINT,),
-    transfer: Transfer = UNTRIED,
-) -> KnownFlow:
+def flow_known_by(sigmas: dict[int, float], rate: float = 50e-6, transfer: Transfer = SHOWN) -> KnownFlow:
     """After an event of a constant rate [m3/s], with independent errors of theta."""
     filled = 0.9  # p_S / p_L
     slopes = np.zeros((100, PARAMETERS))
@@ -73,29 +68,33 @@ def flow_known_by(
     for column, sigma in sigmas.items():
         covariance[column, column] = sigma**2
     event = Resimulation(run, InputVariance(nothing, nothing), covariance, 1e-5)
-    return known_flow(event, np.zeros(PARAMETERS), covariance, learned_at, transfer)
+    return known_flow(event, np.zeros(PARAMETERS), covariance, POINT, transfer)
 
 
 WEIGHTS = range(Parameter.NOZZLE_WEIGHT, Parameter.BACK_PRESSURE)
 
 
-def test_a_flow_known_well_is_known_where_an_event_was_open_for_as_long() -> None:
-    points = EventPoint(0.55, math.log(1.9e-3), 0.5), EventPoint(1.35, math.log(0.6e-3), 0.5)
-    result = flow_known_by({Parameter.NOZZLE_BIAS: 0.01, Parameter.SEAT_BIAS: 0.01}, learned_at=points)
-    middles = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)
-    expected = np.zeros(RAIL_BINS)
-    for point in points:
-        is_near = np.abs(middles - point.rail_pressure) <= NEAR
-        expected[is_near] = np.maximum(expected[is_near], math.exp(point.log_open_time) + LONGER)
-    assert np.array(result.until) == pytest.approx(expected)
-    assert 1.35 - NEAR - RAIL_BIN < result.rail_from < 1.35 < result.rail_to < 1.35 + NEAR + RAIL_BIN
+WELL: dict[int, float] = {Parameter.NOZZLE_BIAS: 0.005, Parameter.SEAT_BIAS: 0.005}
+
+
+def test_a_flow_known_well_is_known_for_as_long_as_openings_since_it_was_other_have_shown() -> None:
+    low, pilot, main = (EventPoint(p, math.log(t), 0.5) for p, t in ((0.55, 1.9e-3), (1.0, 0.3e-3), (1.0, 1.2e-3)))
+    tried = UNTRIED.after(True, (POINT._replace(rail_pressure=1.6),), ()).after(False, (low,), ())
+    result = flow_known_by(WELL, transfer=tried.after(True, (pilot, main), ()))
+    middles, since, until = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5), np.array(result.since), np.array(result.until)
+    for rail, first, last in ((0.55, 1.9e-3, 1.9e-3), (1.0, 0.3e-3, 1.2e-3)):
+        is_near = np.abs(middles - rail) <= NEAR
+        assert since[is_near] == pytest.approx(first - LONGER - 2e-5)
+        assert until[is_near] == pytest.approx(last + LONGER)
+        until[is_near] = 0.0
+    assert not until.any()
 
 
 def test_where_what_was_learned_has_held_at_new_points_it_is_known_at_others() -> None:
-    sigmas: dict[int, float] = {Parameter.NOZZLE_BIAS: 0.005, Parameter.SEAT_BIAS: 0.005}
-    assert flow_known_by(sigmas).rail_to < math.inf
-    assert set(flow_known_by(sigmas, transfer=TRIED).until) == {math.inf}
-    of_pressure = flow_known_by(sigmas | dict.fromkeys(WEIGHTS, 0.3), transfer=TRIED)
+    assert flow_known_by(WELL).rail_to < math.inf
+    assert set(flow_known_by(WELL, transfer=TRIED).until) == {math.inf}
+    assert set(flow_known_by(WELL, transfer=TRIED).since) == {0.0}
+    of_pressure = flow_known_by(WELL | dict.fromkeys(WEIGHTS, 0.3), transfer=TRIED)
     assert of_pressure.rail_to < math.inf
 
 
@@ -103,7 +102,7 @@ def test_a_new_point_at_which_it_failed_is_remembered_for_longer_than_one_at_whi
     tried = Transfer()
     trusted = []
     for holds in (*(True,) * 5, False, *(True,) * 60):
-        tried = tried.after(holds)
+        tried = tried.after(holds, (POINT,), (EventPoint(0.5, -7.0, 0.5),))
         trusted.append(tried.is_trusted)
     assert not any(trusted[:3])
     assert trusted[4]

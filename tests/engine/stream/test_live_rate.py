@@ -18,10 +18,10 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import sized
 from observer_rt.model.network import constant_network
-from tests.engine.sample_stream import NOISE, NOMINAL, Stream
+from tests.engine.sample_stream import NOISE, NOMINAL, Stream, stroke
 from tests.intervals import Interval
 from tests.observed_plants import bench_at, recording_of
-from tests.plants.laws import NO_LAWS, Laws
+from tests.plants.laws import BY_LIFT, NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, record
 
@@ -123,6 +123,18 @@ def test_rates_are_those_of_plain_filters() -> None:
     np.testing.assert_allclose(part["rate_sigma"], expected[:, 1], rtol=0.02, atol=1e-3 * expected[:, 0].max())
 
 
+@pytest.mark.parametrize(("open_for", "known_until"), [(50, 32), (100, 100), (200, 120)])
+def test_the_flow_is_known_where_openings_have_shown_it(open_for: int, known_until: int) -> None:
+    """A needle that falls sooner than in any of them shows something new, as one that is open for longer."""
+    stream = Stream(events_required=0)
+    carried = stream.observer.memory[0]["in_force"]
+    carried["known_from"], carried["known_until"] = 0.6e-3, 1.2e-3
+    stream.stay_shut(20e-3).move(stroke(open_for)).stay_shut(5e-3)
+    opening = int(np.flatnonzero(stream.rows["seat_area"] > 0.0)[0])
+    is_valid = np.append(stream.rows["valid"][opening : opening + open_for], 0)
+    assert int(is_valid.argmin()) == pytest.approx(known_until, abs=3)
+
+
 Points = tuple[tuple[float, float], ...]
 SHORT_LOW, LONG_HIGH, LONG_LOW, SHORT_HIGH = (60e6, 0.6e-3), (140e6, 1.9e-3), (60e6, 1.9e-3), (140e6, 0.6e-3)
 
@@ -157,14 +169,15 @@ def test_the_first_injection_is_followed(laws: Laws, faults: Faults) -> None:
         assert abs(by_filters / true - 1.0) < abs(by_model / true - 1.0)
 
 
-@pytest.mark.parametrize("share", [-0.1, 0.05, 0.1])
-@pytest.mark.parametrize("times", [1, 2])
-def test_no_rate_is_valid_and_wrong_at_a_new_combination_of_known_points(share: float, times: int) -> None:
-    """A nozzle by the product of two laws, of rail pressure and time, so that no sum of curves holds it."""
-    evaluation, truth = live(
-        (SHORT_LOW, LONG_HIGH) * 6 + (LONG_LOW,) * times + (SHORT_HIGH,) * times, Laws(rail_and_time=share)
-    )
-    for report in evaluation.reports[12:]:
+@pytest.mark.parametrize(
+    ("laws", "new"),
+    [(Laws(rail_and_time=share), (LONG_LOW,) * 2 + (SHORT_HIGH,) * 2) for share in (-0.1, 0.05, 0.1)]
+    + [(Laws(nozzle_product=0.2, second_factor=BY_LIFT), (SHORT_HIGH,))],  # whose needle falls sooner
+)
+def test_no_rate_is_valid_and_wrong_at_a_new_combination_of_known_points(laws: Laws, new: Points) -> None:
+    """A nozzle by the product of two laws, so that no sum of curves holds it."""
+    evaluation, truth = live((SHORT_LOW, LONG_HIGH) * 3 + new, laws)
+    for report in evaluation.reports[6:]:
         window = slice(report.start_index, report.end_index + 1)
         true, trace = truth[window], evaluation.trace
         flows = true > 0.6 * true.max()  # at the flanks a microsecond is more

@@ -23,7 +23,7 @@ from observer_rt.engine.learning.disturbances.masks import Sigmas, without_stret
 from observer_rt.engine.learning.fitting import EventFit, EventFitter
 from observer_rt.engine.learning.hypotheses import NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
-from observer_rt.engine.learning.learned_range import EventPoint, operating_point, with_point
+from observer_rt.engine.learning.learned_range import EventPoint, opening_points, with_point
 from observer_rt.engine.learning.posterior.explaining import LATE_SENSOR, STARTED, Explanation, Weighing
 from observer_rt.engine.learning.posterior.reader import (
     ClosedEvent,
@@ -204,7 +204,7 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
     lead = next((i for i, each in enumerate(explanations) if each.is_good), None)
     if lead is not None:  # it is carried, and run again
         explanations[lead] = explanations[lead].fitted(reader)
-    point = operating_point(window, reader.interval)
+    point = opening_points(window, reader.interval)[-1]
     update = BeliefUpdate(reader, state, point)
     continued = [(each, update.after(each)) for each in explanations]
     return ExplainedEvent(state, event.window, window, point, continued, *account_after(state.account, continued))

@@ -19,7 +19,7 @@ from observer_rt.engine.learning.adequacy import Objection, tempering
 from observer_rt.engine.learning.hypotheses import FLOWS, Velocity
 from observer_rt.engine.learning.interval import resimulated, with_shots
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
-from observer_rt.engine.learning.learned_range import HOLDS, UNSEEN, extrapolation_sigma, is_new, known_flow
+from observer_rt.engine.learning.learned_range import HOLDS, UNSEEN, extrapolation_sigma, known_flow, opening_points
 from observer_rt.engine.learning.posterior.event import Continued, ExplainedEvent, has_lag_for_bounce
 from observer_rt.engine.learning.posterior.event_mass import EventMass, mass_of
 from observer_rt.engine.learning.posterior.explaining import Explanation
@@ -182,8 +182,10 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         changes = c.CHANGES_REMEMBERED * state.changes + changed
         state = replace(state, account=explained.account, changes=changes)
     before = explanation.before
-    if explanation.is_good and before.learned_at and is_new(explained.point, before.learned_at):
-        state = replace(state, elsewhere=state.elsewhere.after(abs(mass.moved_far(before.theta)) <= HOLDS))
+    if explanation.is_good:
+        holds = abs(mass.moved_far(before.theta)) <= HOLDS
+        openings = opening_points(explained.window, setting.interval)
+        state = replace(state, elsewhere=state.elsewhere.after(holds, openings, before.learned_at))
     in_force = theta
     if explanation.kind is hypotheses.QUICK and velocity is not None:
         in_force = _ahead(theta, explanation, velocity, reader)
@@ -209,7 +211,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         resimulated=again,
         outliers=int(explained.window.masked.sum()) - int(explained.unmasked.masked.sum()),
         loudest=state.jitter.loudest(explained.window, explanation.reading.follows.sigmas.innovation),
-        known_flow=known_flow(again, theta, covariance, (*learned.learned_at, explained.point), state.elsewhere),
+        known_flow=known_flow(again, theta, covariance, explained.point, state.elsewhere),
         change=verdict.change,
         posterior=posterior_of(explained.explanations),
     )

@@ -115,11 +115,15 @@ def fitted_model(
     if gain != 0.0:
         measurements = without_gain(measurements, gain, factor)
         weighed = {number: mass.by(factor) for number, mass in weighed.items()}
-    calibrated = calibrate
+
+    def tell(share: float) -> None:
+        progress(CALIBRATION_TIME * share)
+
     if measurements[0].is_answered:
         doubts.append(TRADED)
-        calibrated = _with_needle
-    done = calibrated(start, measurements, weighed, lambda share: progress(CALIBRATION_TIME * share))
+        done = _with_needle(start, measurements, weighed, tell)
+    else:
+        done = calibrate(start, measurements, weighed, tell)
     done = replace(done, flow_factor=factor)
     baseline = baseline_of(done, digests)
     try:

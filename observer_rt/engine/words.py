@@ -93,8 +93,7 @@ REASONS: Mapping[Reason, Words] = {
     Reason.REVISED: Words("learning from it changed its mass by too much", "update the observer that sends it"),
     Reason.INPUT_STALE: Words("one of the inputs stays away", "the log names its message: sensor, device, cable"),
     Reason.NOT_JUDGED: Words(
-        "the event could not be tested, so nothing is known of it",
-        "look for lost frames, a needle that stays open, or a computer that is too slow",
+        "the event could not be tested, so nothing is known of it", "look for lost frames or a needle that stays open"
     ),
     Reason.CONTRADICTED: Words(
         "the line pressure has left what the model can do",

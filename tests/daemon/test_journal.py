@@ -117,6 +117,7 @@ def test_what_is_not_known_is_null(path: Path, journal: JournalWriter) -> None:
     journal(some_report(1, **unknown))
     journal.write()
     (row,) = rows(path)
+    assert row["mass_source"] == "live_rate"
     for name in ("mass_mg", "mass_ci95_low_mg", "peak_rate_mm3_per_ms", "fuel_temperature_degC", "command"):
         assert row[name] is None
     assert (row["valid"], row["reasons"]) == (0, "SAMPLES_LOST")

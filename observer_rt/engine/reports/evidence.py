@@ -19,9 +19,8 @@ from observer_rt.foundation.units import Z_95
 LEAD = 4e-3  # s of shut needle kept before an event, in which a model that is run along it settles
 TAIL = 14e-3  # s of ringing kept after it
 WIDE = 0.01  # of the mass: a wider interval makes an event doubtful
-_OF_KNOWLEDGE = frozenset(
-    {Reason.TOO_FEW_EVENTS, Reason.UNTESTED, Reason.OUTSIDE_LEARNED_RANGE, Reason.LEARNING_LATE}
-)
+_UNSURE = {Reason.OUTSIDE_LEARNED_RANGE, Reason.LEARNING_LATE}
+_OF_KNOWLEDGE = {Reason.TOO_FEW_EVENTS, Reason.UNTESTED, *_UNSURE}
 """Reasons that say nothing against the inputs."""
 
 
@@ -45,7 +44,7 @@ def kind_of(reports: Iterable[InjectionReport]) -> EvidenceKind | None:
     if reasons - _OF_KNOWLEDGE:
         return None
     is_wide = any(report.valid and not Z_95 * report.relative_sigma <= WIDE for report in reports)
-    if is_wide or reasons & {Reason.OUTSIDE_LEARNED_RANGE, Reason.LEARNING_LATE}:
+    if is_wide or reasons & _UNSURE:
         return EvidenceKind.DOUBTFUL
     return EvidenceKind.GOOD
 

@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import Flag, StrEnum, auto
+from enum import Flag, auto
 from functools import cached_property
 from itertools import chain
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -21,7 +21,7 @@ from observer_rt.engine.learning.constants import OFTEN, WRONG
 from observer_rt.engine.learning.indicators import Indicators, indicators_of
 from observer_rt.engine.learning.knowledge import EventRecord
 from observer_rt.engine.stream.state import Reason, State
-from observer_rt.engine.stream.validity import contested, reason_of_injection
+from observer_rt.engine.stream.validity import contested, reason_of_injection, until_learned
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, Z_95
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effective import Coefficients
@@ -48,15 +48,6 @@ class CommandedOpening:
         if math.isnan(self.opening_delay):
             return f"command {self.command}"
         return f"command {self.command}, opened after {self.opening_delay / MICROSECOND:.0f} us"
-
-
-class MassSource(StrEnum):
-    """What a mass is by."""
-
-    EVENT = "event"
-    """The pressures of the whole injection, from which was learned."""
-    LIVE_RATE = "live_rate"
-    """The rate as it was sent while the injection ran: how well it is known nobody has computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +98,8 @@ class InjectionReport:
         """Validity, source of the mass and calibration of its level in words, without the reasons."""
         if not self.valid:
             return "not valid"
-        source = "" if self.mass_source is MassSource.EVENT else ", mass of the live rate, without an interval"
+        source = "" if self.budget else ", mass of the live rate, without an interval"
         return f"valid{source}" if self.calibration.is_calibrated else f"valid{source}, not calibrated"
-
-    @property
-    def mass_source(self) -> MassSource:
-        """What the mass is by."""
-        return MassSource.LIVE_RATE if self.budget is None else MassSource.EVENT
 
     @property
     def mass_bound(self) -> float:
@@ -210,8 +196,8 @@ def report_of(
         of_inputs=Reason(int(event["fault"])),
         was_outlier=passed and outcome is not None and outcome.outliers > 0,
         is_learned=corrected is not None,
-        is_late=judged.is_late,
     )
+    reason = until_learned(reason) if judged.is_late else reason
     state = State(int(injection["state"]))
     reasons: tuple[Reason, ...] = (reason,)
     if is_contested:
@@ -354,7 +340,7 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
     Field("rail_pressure_MPa", float, lambda r, _: r.rail_pressure / MEGAPASCAL, "rail\nMPa", ".1f"),
     Field("mass_mg", float, lambda r, _: r.mass / MILLIGRAM, "mass\nmg", ".2f"),
     Field("mass_ci95_mg", tuple, lambda r, _: r.mass_ci95 and [bound / MILLIGRAM for bound in r.mass_ci95]),
-    Field("mass_source", str, lambda r, _: r.mass_source),
+    Field("mass_source", str, lambda r, _: "event" if r.budget else "live_rate"),
     Field("live_mass_mg", float, lambda r, _: r.live_mass / MILLIGRAM),
     Field("predicted_mass_mg", float, lambda r, _: r.predicted_mass / MILLIGRAM),
     Field("remainder_percent", float, lambda r, _: 100.0 * r.remainder),

@@ -36,7 +36,6 @@ class _PendingEvent:
     examined: Examination | None = None  # once it was
     earlier: Outcome | None = None  # what was learned from an earlier one
     objections: tuple[Objection, ...] = ()  # to it, or to what was learned
-    is_to_be_learned: bool = False  # from it, unless more come than can be learned from
     is_taken: bool = False
 
     @property
@@ -182,14 +181,13 @@ class Judging:
             number,
             observer.constants,
             window,
-            event_standstill(observer, number) if learning else None,
+            event_standstill(observer, number) if learning and window is not None else None,
             event_innovations(observer, number),
             self.knowledge,
         )
         self._waiting.append(closed)
         self._submitted += 1
-        closed.is_to_be_learned = learning and window is not None
-        if not closed.is_to_be_learned:
+        if closed.standstill is None:
             return
         if self._waits or self._learned_from is None:
             self._learn(closed)
@@ -235,7 +233,7 @@ class Judging:
         )
         closed.earlier, self._late = self._late, None
         objections = closed.examined.objections
-        if closed.is_to_be_learned:
+        if closed.standstill is not None:
             objections = tuple(replace(each, reason=until_learned(each.reason)) for each in objections)
         closed.objections = objections or (closed.earlier.forward if closed.earlier else ())
         colour = closed.earlier.knowledge.state.learned.colour if closed.earlier else examiner.colour
@@ -272,7 +270,7 @@ class Judging:
             self.late += 1
             if closed is not self._learned_from and closed.is_learned:
                 self._late = closed.learning.result()
-        is_late = closed.is_to_be_learned and outcome is None
+        is_late = closed.standstill is not None and outcome is None
         return EventRecord(event, objections, outcome, is_late, self.knowledge, closed.constants)
 
     def _put_into_force(self, outcome: Outcome, event: np.void) -> None:

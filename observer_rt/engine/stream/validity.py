@@ -47,19 +47,13 @@ def until_learned(reason: Reason) -> Reason:
 
 
 def reason_of_injection(
-    of_samples: Reason,
-    of_event: Reason,
-    of_inputs: Reason,
-    was_outlier: bool,
-    is_learned: bool = False,
-    is_late: bool = False,
+    of_samples: Reason, of_event: Reason, of_inputs: Reason, was_outlier: bool, is_learned: bool = False
 ) -> Reason:
     """Why an injection is not valid. The judgement of its event may overrule what its samples said.
 
     of_samples: first reason of its samples; of_event: why its event did not pass the tests; of_inputs: why the
     samples of the event cannot be trusted; was_outlier: the samples that contradicted the model were outliers;
-    is_learned: its event was learned from, so that its mass is that of its own pressures; is_late: it was to be, and
-    was judged before.
+    is_learned: its event was learned from, so that its mass is that of its own pressures.
     """
     reason = of_samples
     if is_learned and reason in _OF_LIVE_RATE:
@@ -68,7 +62,7 @@ def reason_of_injection(
         reason = Reason.NONE if was_outlier else of_event or reason
     if of_inputs and reason in (Reason.NONE, Reason.NOT_JUDGED, *_NOT_KNOWN_YET):
         reason = of_inputs
-    return until_learned(reason) if is_late else reason
+    return reason
 
 
 @dataclass(frozen=True)

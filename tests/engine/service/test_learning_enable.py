@@ -9,7 +9,6 @@ from observer_rt.config.bench import load_bench
 from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
-from observer_rt.engine.reports.injection_report import MassSource
 from observer_rt.files.replay.framing import TimedFrame
 from tests.daemon.slow_frames import bed, safe_bed, slow_bench
 from tests.device import Result, Traffic, damaged, inserted, run, simulated
@@ -62,7 +61,6 @@ def test_what_was_learned_stays_in_force(clean: Traffic, with_frames: Callable[.
     assert first.mass_ci95 == usual.reports[0].mass_ci95
     for report in (second, third):
         assert (report.mass, report.mass_ci95) == (report.live_mass, None)
-        assert report.mass_source is MassSource.LIVE_RATE
         assert report.phi_version == 1
         assert report.indicators[OFFSET].value == first.indicators[OFFSET].value
         assert report.indicators[NOZZLE].value == pytest.approx(first.indicators[NOZZLE].value, rel=1e-3)

@@ -34,7 +34,8 @@ def test_scale_at_the_stop(factor: float, is_to_scale: bool) -> None:
     assert is_reported_to_scale is is_to_scale
 
 
-def test_ballistic_openings_tell_nothing_of_the_stop() -> None:
+def test_ballistic_or_few_openings_tell_nothing_of_the_stop() -> None:
+    assert np.isnan(figures([STOP] * 3)[0])
     at_stop, is_reported_to_scale = figures([0.1e-3] * 8, open_for=40)  # up and down, nowhere still
     assert np.isnan(at_stop)
     assert is_reported_to_scale
@@ -43,10 +44,6 @@ def test_ballistic_openings_tell_nothing_of_the_stop() -> None:
 def test_openings_that_stay_lower_do_not_count() -> None:
     at_stop, _ = figures([0.1e-3, STOP, 0.15e-3, STOP, STOP, STOP, 0.12e-3, STOP, STOP])
     assert at_stop == pytest.approx(STOP, rel=0.003)
-
-
-def test_a_few_openings_are_not_enough() -> None:
-    assert np.isnan(figures([STOP] * 3)[0])
 
 
 def run(after_closing: NDArray[np.float64]) -> Stream:

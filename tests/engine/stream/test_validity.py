@@ -88,9 +88,7 @@ NONE = Reason.NONE
         ((Reason.INPUT_FROZEN, NONE, NONE, False, True), Reason.INPUT_FROZEN),
         ((NONE, Reason.NOT_JUDGED, Reason.INPUT_FROZEN, False), Reason.INPUT_FROZEN),
         ((NONE, NONE, Reason.INPUT_FROZEN, False, True), Reason.INPUT_FROZEN),
-        ((Reason.CONTRADICTED, NONE, NONE, False, False, True), Reason.LEARNING_LATE),
         ((Reason.LEARNING_LATE, NONE, NONE, False, True), NONE),
-        ((Reason.PRESSURE_OFFSET, NONE, NONE, False, False, True), Reason.PRESSURE_OFFSET),
         ((Reason.TOO_FEW_EVENTS, NONE, Reason.INPUT_CLIPPED, False), Reason.INPUT_CLIPPED),
     ],
 )

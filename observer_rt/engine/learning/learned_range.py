@@ -89,7 +89,7 @@ def is_new(point: EventPoint, learned_at: Sequence[EventPoint]) -> bool:
 
 @dataclass(frozen=True)
 class Transfer:
-    """Where what was learned held: openings, and numbers of new operating points, of which older ones count less."""
+    """Where what was learned held: openings, and numbers of new operating points; older ones count less."""
 
     held: float = 0.0
     failed: float = 0.0

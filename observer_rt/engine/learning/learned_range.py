@@ -164,8 +164,7 @@ def known_flow(
     fullness = max(filled, _LONG) if sigma(1.0) <= enough(filled) else filled
     shown = np.reshape(transfer.shown, (-1, 3, 1))  # one an opening
     is_near, times = np.abs(_RAILS - shown[:, 0]) <= NEAR, np.exp(shown[:, 1])
-    sooner = LONGER + 2.0 * event.interval  # by which the stream may see a needle fall
-    since = np.where(is_near, times - sooner, math.inf).min(axis=0, initial=math.inf)
+    since = np.where(is_near, times - LONGER - 2.0 * event.interval, math.inf).min(axis=0, initial=math.inf)
     until = np.where(is_near, times + LONGER, 0.0).max(axis=0, initial=0.0)
     own_bin = min(int(point.rail_pressure / RAIL_BIN), RAIL_BINS - 1)
     if transfer.is_trusted:

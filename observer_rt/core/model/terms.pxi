@@ -1,4 +1,4 @@
-# Terms as one program, run without compiling anything anew for another law: see model.terms.program.
+# Terms as one program, run without compiling anything anew for another law: see model.terms.term.
 #
 # A program is postfix: rows (operation, operand), the end of a term adds what is on the stack to its equation's total.
 

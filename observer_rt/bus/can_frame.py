@@ -1,7 +1,4 @@
-"""CAN frames, classic and FD: their lengths, the keys that name them on all buses, and how long one occupies a bus.
-
-The time is by the lengths of the fields of a frame and the stuff bits to be expected.
-"""
+"""CAN frames, classic and FD: their lengths, the keys that name them on all buses, and the time one takes on a bus."""
 
 from bisect import bisect_left
 

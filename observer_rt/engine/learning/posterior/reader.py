@@ -14,20 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.engine.estimation import scalars
 from observer_rt.engine.estimation.belief import Belief, HeldBelief, Matrix, Vector, held_at
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.engine.estimation.phases import PhaseStatistics, phase_statistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.engine.estimation.scalars import (
-    EXACTLY,
-    GAIN_DRIFT,
-    SCALARS,
-    Parameter,
-    Theta,
-    learned_of,
-    with_gain,
-)
 from observer_rt.engine.learning.account import LearnedInjector
 from observer_rt.engine.learning.adequacy import BURN_IN, CLIP, tempering
 from observer_rt.engine.learning.disturbances.colour import LAGS, SEGMENT
@@ -47,7 +39,7 @@ BLOCK_ERROR = 0.01 * MEGAPASCAL  # of such a mean, whatever the noise
 SYSTEMATIC = 0.03 * MEGAPASCAL
 # Standard deviations beyond a belief, from which on no gain is learned: the sensor is another, or not straight.
 SIGNIFICANT = 5.0
-_OFFSET, _GAIN = int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN)
+_OFFSET, _GAIN = int(scalars.Parameter.LINE_PRESSURE_OFFSET), int(scalars.Parameter.LINE_PRESSURE_GAIN)
 _BOTH = [_OFFSET, _GAIN]
 
 COLOURED_RAIL = 1.5  # times the noise of a sample: slow noise of the rail beyond it counts as coloured
@@ -61,7 +53,7 @@ class RestingPressure:
     means: (k,) at theta (m,); slopes: (k, 2) by offset and gain; noise: variance of a mean; pressure_scale: p_0 [Pa].
     """
 
-    theta: Theta
+    theta: scalars.Theta
     means: NDArray[np.float64]
     slopes: NDArray[np.float64]
     noise: float
@@ -70,7 +62,7 @@ class RestingPressure:
     def held(self, belief: Belief) -> HeldBelief:
         """The belief with the gain held at that by the rest; the belief itself where sensors are exact."""
         own = float(belief.covariance[_GAIN, _GAIN])
-        if own <= 2.0 * EXACTLY**2:
+        if own <= 2.0 * scalars.EXACTLY**2:
             return HeldBelief(belief)
         value, variance = self._gain(belief)
         return held_at(belief, _GAIN, value, min(variance, own))
@@ -88,7 +80,7 @@ class RestingPressure:
             return float(before[1]), float(prior[1, 1])
         by_mean, of_means = _taught(prior, middle[None, :], np.array([mean]), of_mean)
         by_blocks, of_blocks = _taught(prior, self.slopes, means, of_block)
-        least = (SYSTEMATIC / self.pressure_scale / max(float(np.ptp(self.slopes[:, 1])), EXACTLY)) ** 2
+        least = (SYSTEMATIC / self.pressure_scale / max(float(np.ptp(self.slopes[:, 1])), scalars.EXACTLY)) ** 2
         variance = of_means - of_blocks
         share = min(max((of_means - least) / variance, 0.0), 1.0) if variance > 0.0 else 0.0
         gain = before[1] + (1.0 - share) * by_mean + share * by_blocks
@@ -104,7 +96,7 @@ def _taught(prior: Matrix, slopes: Matrix, means: Vector, noise: float) -> tuple
 
 
 def resting_pressure(
-    window: Window, cost: EventCost, theta: Theta, interval: float, pressure_scale: float
+    window: Window, cost: EventCost, theta: scalars.Theta, interval: float, pressure_scale: float
 ) -> RestingPressure:
     """Rest of an event whose cost was linearised at theta (m,) last; interval of samples [s], p_0 [Pa]."""
     length = max(round(BLOCK / interval), 1)
@@ -123,7 +115,7 @@ class ClosedEvent(NamedTuple):
 
     window: Window
     standstill: Standstill
-    in_force: Theta
+    in_force: scalars.Theta
     constants: Constants
 
 
@@ -155,7 +147,7 @@ class EventReader:
     healthy: Healthy = NOT_FITTED
     calibration: StatedAccuracy = EXACT
     gains_for: Callable[..., GainSchedule] = gain_schedule
-    _widths: dict[Kind, Theta] = field(default_factory=dict)
+    _widths: dict[Kind, scalars.Theta] = field(default_factory=dict)
 
     @cached_property
     def burn_in(self) -> int:
@@ -170,22 +162,24 @@ class EventReader:
     @cached_property
     def wide(self) -> NDArray[np.float64]:
         """Standard deviations (m,) of theta before any event."""
-        return with_gain(SCALARS.prior(self.pressure_scale), self.calibration.gain)
+        return scalars.with_gain(scalars.SCALARS.prior(self.pressure_scale), self.calibration.gain)
 
     @cached_property
     def drift(self) -> NDArray[np.float64]:
         """Standard deviations (m,) of the change of theta from event to event."""
-        return with_gain(SCALARS.drift(self.pressure_scale), GAIN_DRIFT * self.calibration.gain)
+        return scalars.with_gain(
+            scalars.SCALARS.drift(self.pressure_scale), scalars.GAIN_DRIFT * self.calibration.gain
+        )
 
-    def widths(self, kind: Kind) -> Theta:
+    def widths(self, kind: Kind) -> scalars.Theta:
         """Standard deviations (m,) by which theta moves where an event is of a kind."""
         if kind not in self._widths:
             self._widths[kind] = kind.widths(self.wide, self.drift)
         return self._widths[kind]
 
-    def gains(self, theta: Theta, noise: NoiseLevels, constants: Constants) -> GainSchedule:
+    def gains(self, theta: scalars.Theta, noise: NoiseLevels, constants: Constants) -> GainSchedule:
         """Gains of x~ with theta (m,); with those of another theta a line with waves may become unstable."""
-        learned = learned_of(theta, constants.coefficients)
+        learned = scalars.learned_of(theta, constants.coefficients)
         sensor, rate = constants.sensor, 1.0 / constants.interval
         lag = sensor.lag + float(learned.sensor[0])
         return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, constants.rail_every)
@@ -263,25 +257,25 @@ class EventReading:
         """Nats that noise level and samples left out add to a cost, so that costs of readings can be compared."""
         return (self.cost.terms * math.log(self.cost.sigma) + self.off) / self.cost.temper
 
-    def innovations_at(self, theta: Theta, fit: EventFit | None) -> NDArray[np.float64]:
+    def innovations_at(self, theta: scalars.Theta, fit: EventFit | None) -> NDArray[np.float64]:
         """Innovations (n,) at theta (m,): those of its fit; to first order without a fit."""
         if fit is not None:
             return fit.innovations
         return self.innovations + self.slopes @ (theta - self.first.theta)
 
-    def leaves(self, theta: Theta, fit: EventFit | None) -> PhaseStatistics:
+    def leaves(self, theta: scalars.Theta, fit: EventFit | None) -> PhaseStatistics:
         """Statistics of the clipped innovations at theta (m,)."""
         key = theta.tobytes()
         if key not in self._left:
             self._left[key] = self._statistics(theta, fit, CLIP)
         return self._left[key]
 
-    def at_fault(self, theta: Theta, fit: EventFit | None) -> float:
+    def at_fault(self, theta: scalars.Theta, fit: EventFit | None) -> float:
         """Cost [nats] of the innovations at theta (m,) if the event is at fault, and of the offset at rest."""
         temper = self.cost.temper
         return at_fault(self._statistics(theta, fit), temper) + self.cost.offset_cost(theta) / temper
 
-    def _statistics(self, theta: Theta, fit: EventFit | None, limit: float = math.inf) -> PhaseStatistics:
+    def _statistics(self, theta: scalars.Theta, fit: EventFit | None, limit: float = math.inf) -> PhaseStatistics:
         innovations, cost = self.innovations_at(theta, fit), self.cost
         mask = mask_of(self.window)
         return phase_statistics(innovations, cost.sigma, self.phases, cost.burn_in, mask, limit)

@@ -1,4 +1,4 @@
-"""CAN frames, classic and FD: their lengths, the keys that name them on all buses, and the time one takes on a bus."""
+"""CAN frames, classic and FD: their lengths, keys that name them on all buses, and the time one takes on a bus."""
 
 from bisect import bisect_left
 

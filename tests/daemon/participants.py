@@ -36,7 +36,7 @@ from tests.device import Notes
 from tests.links import FakeLink
 
 BLOCK_ID = 0x100  # of the message with samples
-PATIENCE = 60.0  # s, after which the test fails: the machine is too slow, or the daemon stuck
+PATIENCE = 180.0  # s, after which the test fails: the machine is too slow, or the daemon stuck
 
 
 def until(condition: Callable[[], bool], patience: float = PATIENCE) -> None:

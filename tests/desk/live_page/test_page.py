@@ -24,7 +24,7 @@ from tests.device import frames_of, worn_recording
 from tests.three_injectors import NAMES, lift_id, three_on
 
 pytestmark = pytest.mark.slow
-PATIENCE = 60_000  # ms, after which the machine is too slow or the page stuck
+PATIENCE = 180_000  # ms, after which the machine is too slow or the page stuck
 LIFT_ENDS = 0.12  # s, after which one injector's lift stays away
 RED = "rgb(179, 38, 30)"
 

@@ -163,8 +163,8 @@ def test_a_daemon_sends_summaries_and_status_in_pages(tmp_path: Path) -> None:
     status = _pages(link.sent, "ObserverStatus")[-1]
     assert status["SamplesProcessed"] == daemon.core.processed
     assert status["LostSamples"] == 0
-    # CRC, counter and page too, but nothing of the energizing, of outliers and of refused frames
-    assert len(status) == len(StatusValues._fields) + 3 - 5
+    # CRC, counter and page too, but nothing of the energizing, of outliers, of refused frames and unlearned events
+    assert len(status) == len(StatusValues._fields) + 3 - 6
 
 
 def classic_layout(folder: Path, rate: float) -> Path:

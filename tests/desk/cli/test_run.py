@@ -251,7 +251,7 @@ def test_an_interface_that_is_not_there_is_waited_for(
     tries: list[str] = []
     monkeypatch.setattr(link_opening, "REOPEN", 0.02)
 
-    def opened(_interface: str, channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
+    def opened(_interface: str, channel: str, _fd: bool, wanted: list[tuple[int, bool]], *_: object) -> Link:
         tries.append(channel)
         if len(tries) < 4:
             raise LinkDownError(f"there is no interface {channel}\n  remedy: plug it in")
@@ -272,7 +272,7 @@ def test_another_sender_is_told_before_anything_is_sent_and_what_check_warns_of_
     bench.write_text(bench.read_text().replace("needle_lift_um = 0.4", "needle_lift_um = 10"))
     other = TimedFrame(0.0, 0x202, False, True, bytes(64))
 
-    def opened(_interface: str, _channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
+    def opened(_interface: str, _channel: str, _fd: bool, wanted: list[tuple[int, bool]], *_: object) -> Link:
         is_input = (BLOCK_ID, False) in wanted
         return ScriptedLink((), RunError("that was it")) if is_input else ScriptedLink([other])
 

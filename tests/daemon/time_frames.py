@@ -192,9 +192,9 @@ def write_time_bench(folder: Path, rate: float, signals: dict[str, str]) -> Path
 
 @dataclass(frozen=True)
 class EstimatedInjection:
-    """An injection as estimated: relative error of its volume, RMSE [m3/s] of its rate.
+    """An injection as estimated: relative error of its volume, RMSE [m3/s] of its rates, if valid of valid ones.
 
-    is_valid: all its samples were, and so was what was reported of it.
+    is_valid: so was what was reported of it, and no sample is doubted, but may be one not known sharply yet.
     """
 
     number: int
@@ -244,9 +244,9 @@ class Outcome:
             grid = (truth.time >= times[0]) & (truth.time <= times[-1])
             true = np.trapezoid(truth.injection_rate[grid], truth.time[grid])
             volume = np.trapezoid(rows["injection_rate"], times)
-            is_refused = bool(np.any((refused >= start - LEAD) & (refused < start + 6e-3)))
-            is_valid = bool(rows["valid"].all()) and not is_refused
-            rmse = float(np.sqrt(np.mean(error[inside] ** 2)))
+            is_refused = np.any((refused >= start - LEAD) & (refused < start + 6e-3))
+            is_valid = not is_refused and set(rows["reason"]) <= {Reason.NONE, Reason.OUTSIDE_LEARNED_RANGE}
+            rmse = float(np.sqrt(np.mean(error[inside & self.valid if is_valid else inside] ** 2)))
             injections.append(EstimatedInjection(number, is_valid, float(volume / true - 1.0), rmse))
         return injections
 

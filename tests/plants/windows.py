@@ -37,10 +37,9 @@ class Windows:
         """Mass of every opening [mg]."""
         return tuple((self.masses(rate, density) / MILLIGRAM).tolist())
 
-    def event_masses_mg(self, rate: Array, density: float) -> tuple[float, ...]:
-        """Mass of every event [mg], its openings summed."""
-        masses = self.opening_masses_mg(rate, density)
-        return tuple(sum(masses[i] for i in openings) for openings in self.of_event)
+    def by_event(self, masses: Array) -> Array:
+        """Sum of the masses of every event's openings."""
+        return np.array([masses[list(openings)].sum() for openings in self.of_event])
 
     def mean_squares(self, error: Array) -> tuple[float, ...]:
         """Mean square of an error over every event's union of windows."""

@@ -75,10 +75,9 @@ def two_events() -> tuple[Outcome, Windows]:
 
 def test_masses_are_trapezoids_over_windows(two_events: tuple[Outcome, Windows]) -> None:
     outcome, windows = two_events
-    masses = windows.event_masses_mg(outcome.truth.injection_rate, DENSITY)
+    masses = windows.by_event(windows.masses(outcome.truth.injection_rate, DENSITY))
     # 50 samples at 40 mm3/ms and 100 more; then 100
-    assert masses[0] == pytest.approx(150 * 1e-5 * 40e-6 * DENSITY * 1e6)
-    assert masses[1] == pytest.approx(100 * 1e-5 * 40e-6 * DENSITY * 1e6)
+    assert masses == pytest.approx([150 * 1e-5 * 40e-6 * DENSITY, 100 * 1e-5 * 40e-6 * DENSITY])
 
 
 def test_rate_errors_count_every_sample_of_the_union_once(two_events: tuple[Outcome, Windows]) -> None:

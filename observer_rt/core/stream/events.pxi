@@ -109,7 +109,6 @@ cdef void _part_injections(Observer* observer, int64_t position) noexcept nogil:
 
 cdef void close_event(Observer* observer, int64_t position) noexcept nogil:
     """End the event with `position` as the last sample of its learning window, and have it wait to be judged."""
-    cdef bint long_enough
     memory = observer.memory
     counts, under_way, needle = &memory.counts, &memory.event, &memory.needle
     timing = &observer.constants.timing
@@ -123,11 +122,10 @@ cdef void close_event(Observer* observer, int64_t position) noexcept nogil:
     event.opening_position = under_way.opening_position
     event.start_position = max(under_way.opening_position - timing.learning_lead, memory.positions.segment_start)
     event.end_position = position
-    long_enough = position - under_way.opening_position >= timing.learning_lead
     event.learnable = (
         under_way.learnable
         and not needle.is_open
-        and long_enough
+        and position - under_way.opening_position >= timing.learning_lead
         and position - event.start_position < MAX_EVENT
     )
     event.fault, event.differs = under_way.fault, under_way.differs
@@ -167,12 +165,11 @@ cdef bint judgement_due(Observer* observer, int64_t index) noexcept nogil:
     A verdict must change no flow that is being integrated: it is due outside events, and where x^ follows x~ or is
     missing.
     """
-    cdef bint is_at_rest
     memory = observer.memory
     needle = &memory.needle
-    is_at_rest = not needle.is_open and index - needle.shut_index > observer.constants.timing.settle
-    if memory.event.in_event and memory.synchronisation.synchronised and not is_at_rest:
-        return False
+    if memory.event.in_event and memory.synchronisation.synchronised:
+        if needle.is_open or index - needle.shut_index <= observer.constants.timing.settle:  # it is not at rest
+            return False
     return observer.events[memory.judgement.events_taken % PENDING_EVENTS].due_index <= index
 
 
@@ -191,18 +188,24 @@ cdef void _end_window(Observer* observer, int64_t number, int64_t position) noex
 
 
 cdef void _integrate(Observer* observer, Injection* injection) noexcept nogil:
-    """Integrate an injection's rates over its window by the trapezoidal rule; note their peak and first reason."""
+    """Integrate an injection's rates over its window by the trapezoidal rule; note their peak and why it is not valid.
+
+    Its first samples may be known less sharply than its mass: what counts is the flow at its end, and the mean.
+    """
     cdef int64_t reason = REASON_NONE
-    volume = predicted = peak = 0.0
+    volume = predicted = peak = unknown = 0.0
     for k in range(max(injection.start_position, injection.end_position - MAX_EVENT), injection.end_position + 1):
         row = &observer.ring[k & MASK]
-        if reason == REASON_NONE:
+        if reason == REASON_NONE and row.reason != REASON_OUTSIDE_LEARNED_RANGE:
             reason = row.reason
+        unknown += max(0.0, row.rate_sigma)  # in this order, which leaves out NaN
         peak = max(peak, row.injection_rate)
         if k > injection.start_position:
             previous = &observer.ring[(k - 1) & MASK]
             volume += 0.5 * (previous.injection_rate + row.injection_rate)
             predicted += 0.5 * (previous.open_loop_rate + row.open_loop_rate)
+    if reason == REASON_NONE:
+        reason = REASON_OUTSIDE_LEARNED_RANGE if unknown > SHARP * volume else row.reason
     injection.volume = volume * observer.constants.interval
     injection.predicted_volume = predicted * observer.constants.interval
     injection.peak_rate = NAN if isnan(volume) else peak

@@ -29,8 +29,7 @@ cdef bint judge_event(Observer* observer) noexcept nogil:
 
 
 cdef double RAIL_BIN = 0.08  # p_0
-# Of the mean rate since the opening: standard deviation up to which a rate is known that is as believed, or is not.
-cdef double SHARP = 0.03, SHARP_IF_OTHER = 0.01
+cdef double SHARP = 0.01  # of the mean rate since the opening: standard deviation up to which a rate is known
 cdef double SHARP_AFTER = 0.2e-3  # s of flow
 # Share of the widest seat area, below which a needle falls, and what the lift's noise may change of an area, A_0.
 cdef double FULL_LIFT = 0.9, AREA_NOISE = 0.02
@@ -89,7 +88,6 @@ cdef bint is_flow_known(const Observer* observer, int64_t position) noexcept nog
     have said that it was the flow. A needle that falls sooner than in all events is at a lift that none has shown.
     """
     cdef bint is_as_believed, is_shown
-    cdef double sharp
     memory = observer.memory
     point, row = &memory.operating_point, &observer.ring[position & MASK]
     is_shown = point.in_learned_range and (point.up_until >= point.known_from or not _falls(point, row))
@@ -98,8 +96,7 @@ cdef bint is_flow_known(const Observer* observer, int64_t position) noexcept nog
     is_as_believed = _is_as_believed(row)
     if point.flowing * observer.constants.interval < SHARP_AFTER:
         return is_as_believed and not memory.judgement.differed
-    sharp = SHARP if is_as_believed else SHARP_IF_OTHER
-    return (is_as_believed or memory.judgement.flow_differs) and row.rate_sigma * point.flowing <= sharp * point.flow
+    return (is_as_believed or memory.judgement.flow_differs) and row.rate_sigma * point.flowing <= SHARP * point.flow
 
 
 cdef bint give_up_event(Observer* observer) noexcept nogil:

@@ -82,7 +82,7 @@ def facts_of(scenario: Scenario, outcome: Outcome, published: Results) -> Row:
     verdict = None
     if scenario.is_lasting:
         is_wrong = wrong_samples + wrong_summaries > 0
-        verdict = Verdict.WRONG if is_wrong else _verdict(outcome, published, windows, density)
+        verdict = Verdict.WRONG if is_wrong else _verdict(published, windows, true)
     named = _named(published, begin / interval) if verdict in (None, Verdict.REFUSED) else ()
     true_reasons = frozenset().union(*(each.fault.reasons for each in scenario.placed))
     gone = np.flatnonzero(~published.valid[round(begin / interval) : round(min(end, 1e3) / interval)])
@@ -108,15 +108,15 @@ def facts_of(scenario: Scenario, outcome: Outcome, published: Results) -> Row:
     }
 
 
-def _verdict(outcome: Outcome, published: Results, windows: Windows, density: float) -> Verdict:
-    """Of a recording in which nothing is wrong."""
-    members = windows.of_event[JUDGED]
-    valid = [all(published.valid[windows.opened[i]].all() for i in openings) for openings in members]
-    if sum(valid) < ENOUGH_VALID * len(members):
+def _verdict(published: Results, windows: Windows, true: Array) -> Verdict:
+    """Of a recording in which nothing is wrong, by its injections' summaries."""
+    got = np.full(true.size, np.nan)
+    for summary in (each for each in published.summaries if each.is_valid):
+        got[np.argmin([abs(summary.first - window.start) for window in windows.ranges])] = summary.mass
+    errors = 100.0 * np.abs(windows.by_event(got) / windows.by_event(true) - 1.0)[JUDGED]
+    if np.mean(~np.isnan(errors)) < ENOUGH_VALID:
         return Verdict.REFUSED
-    rates = np.nan_to_num(published.rate), outcome.truth.injection_rate
-    got, true = (np.array(windows.event_masses_mg(rate, density))[JUDGED][valid] for rate in rates)
-    return Verdict.RIGHT if np.percentile(100.0 * np.abs(got / true - 1.0), 95) <= CLOSE_PCT else Verdict.ROUGH
+    return Verdict.RIGHT if np.nanpercentile(errors, 95) <= CLOSE_PCT else Verdict.ROUGH
 
 
 def _named(published: Results, begin: float) -> tuple[str, ...]:

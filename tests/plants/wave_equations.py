@@ -7,6 +7,8 @@ is conserved. Orifice laws are sharp (no transition pressure). Imports nothing o
 
 In 12 steps a sample and 12 elements, against 4 times the steps and twice the elements: mass within 1e-5, rate within
 0.03 mm3/ms, line pressure within 0.05 MPa; the error falls with the square of the step.
+
+Numba keeps what it compiled while this file is unchanged: change it together with `wave_line_equations`.
 """
 
 import math

@@ -69,25 +69,28 @@ def line_rates(
 
     pull (n,): of the friction that remembers [m3/s2]; drain: held flow out of the gallery [m3/s].
     """
-    elements = lattice.inertance.shape[0]
+    # each by itself: a function that is given all of them counts references to every array, ten times the work itself
+    inertance, volume, impedance, losses, stress = lattice[:5]
+    dense, smoothness = lattice.dense, lattice.smoothness
+    elements = inertance.shape[0]
     n = elements * NODES
     p_end = y[2 * n]
     even = faults.bulk_modulus_slope == 0.0 and faults.entrained_air == 0.0 and part.stiffening == 0.0
     stiffness = line_stiffness(p_end, part, faults)
-    pressure0, flow0 = rail, y[0] + (rail - y[n]) / lattice.impedance[0]
+    pressure0, flow0 = rail, y[0] + (rail - y[n]) / impedance[0]
     if lattice.inlet_loss > 0.0:
-        flow0 = _through_inlet(flow0, lattice.impedance[0], lattice.inlet_loss)
+        flow0 = _through_inlet(flow0, impedance[0], lattice.inlet_loss)
         pressure0 = rail - lattice.inlet_loss * flow0 * math.fabs(flow0)
     stress0 = 0.0  # the rail holds its pressure
-    s = _stresses(y, 0, lattice)
+    s = _stresses(y, 0, stress)
     for e in range(elements):
         i, j = e * NODES, n + e * NODES
-        z = lattice.impedance[e]
+        z = impedance[e]
         if e + 1 < elements:
-            beyond = lattice.impedance[e + 1]
+            beyond = impedance[e + 1]
             flow1 = (y[j + 3] - y[j + 4] + z * y[i + 3] + beyond * y[i + 4]) / (z + beyond)
             pressure1 = y[j + 3] + z * (y[i + 3] - flow1)
-            s_after = _stresses(y, e + 1, lattice)
+            s_after = _stresses(y, e + 1, stress)
             stress1 = 0.5 * (s[3] + s_after[0])
         else:
             pressure1, flow1 = p_end, y[i + 3] + (y[j + 3] - p_end) / z
@@ -96,11 +99,11 @@ def line_rates(
         first = force[0] - EDGE * (pressure0 - stress0 - y[j] + s[0])
         last = force[3] + EDGE * (pressure1 - stress1 - y[j + 3] + s[3])
         forces = (first, force[1], force[2], last)
-        ease, loss = 1.0 / lattice.inertance[e], lattice.loss[e]
+        ease, loss = 1.0 / inertance[e], losses[e]
         for k in range(NODES):
-            wall = _resistance(y[i + k], loss, lattice) / density_at(y[j + k], lattice)
+            wall = _resistance(y[i + k], loss, smoothness) / density_at(y[j + k], dense)
             rate[i + k] = -ease * forces[k] - wall - pull[i + k]
-        gain = stiffness / lattice.volume[e]
+        gain = stiffness / volume[e]
         spread = _slopes(y[i], y[i + 1], y[i + 2], y[i + 3])
         rate[j] = -gain * (spread[0] - EDGE * (flow0 - y[i]))
         rate[j + 1] = -gain * spread[1]
@@ -108,29 +111,29 @@ def line_rates(
         rate[j + 3] = -gain * (spread[3] + EDGE * (flow1 - y[i + 3]))
         if not even:
             for k in range(j, j + NODES):
-                rate[k] *= stiffness_at(y[k], density_at(y[k], lattice), part, faults) / stiffness
+                rate[k] *= stiffness_at(y[k], density_at(y[k], dense), part, faults) / stiffness
         pressure0, flow0, stress0, s = pressure1, flow1, stress1, s_after
     leak = faults.guide_leakage * (p_end - part.chamber_pressure)
     rate[2 * n] = (flow0 - drain - leak) * stiffness / lattice.end_volume
 
 
 @njit(cache=True, nogil=True)
-def density_at(p: float, lattice: Lattice) -> float:
+def density_at(p: float, dense: Array) -> float:
     """Density over that without pressure, at a pressure [Pa]: straight lines between each MPa."""
-    if lattice.dense.shape[0] == 1:
+    if dense.shape[0] == 1:
         return 1.0
-    position = min(max(p / MEGAPASCAL, 0.0), lattice.dense.shape[0] - 1.001)
+    position = min(max(p / MEGAPASCAL, 0.0), dense.shape[0] - 1.001)
     below = int(position)
-    share: float = lattice.dense[below] + (position - below) * (lattice.dense[below + 1] - lattice.dense[below])
+    share: float = dense[below] + (position - below) * (dense[below + 1] - dense[below])
     return share
 
 
 @njit(cache=True, nogil=True)
-def _resistance(q: float, loss: float, lattice: Lattice) -> float:
+def _resistance(q: float, loss: float, smoothness: float) -> float:
     """What the wall takes of a flow [m3/s]: by its square, or as Blasius found of a smooth one."""
     speed = math.fabs(q)
-    if lattice.smoothness > 0.0:
-        speed = lattice.smoothness * math.sqrt(speed * math.sqrt(speed))
+    if smoothness > 0.0:
+        speed = smoothness * math.sqrt(speed * math.sqrt(speed))
     return loss * q * speed
 
 
@@ -153,13 +156,13 @@ def _slopes(a: float, b: float, c: float, d: float) -> Four:
 
 
 @njit(cache=True, nogil=True)
-def _stresses(y: Array, e: int, lattice: Lattice) -> Four:
+def _stresses(y: Array, e: int, stress: Array) -> Four:
     """What damps waves, at the nodes of an element [Pa]; the flow at an inner edge is the mean of both sides."""
     i = e * NODES
-    damping = lattice.stress[e]
+    damping = stress[e]
     slopes = _slopes(y[i], y[i + 1], y[i + 2], y[i + 3])
     before = 0.5 * (y[i - 1] - y[i]) if e > 0 else 0.0
-    after = 0.5 * (y[i + 4] - y[i + 3]) if e + 1 < lattice.stress.shape[0] else 0.0
+    after = 0.5 * (y[i + 4] - y[i + 3]) if e + 1 < stress.shape[0] else 0.0
     return (
         damping * (slopes[0] - EDGE * before),
         damping * slopes[1],

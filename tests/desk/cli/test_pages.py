@@ -63,12 +63,6 @@ def without_bus(page: Page) -> list[str]:
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_readme(command: Command, desk: Path) -> None:
-    run_all(command, without_bus(Page("README.md")))
-    assert {"worn.png", "found", "bench.toml"} <= {path.name for path in desk.iterdir()}
-
-
-@pytest.mark.slow
 def test_the_commands_on_many_recordings(command: Command, desk: Path) -> None:
     for name, effect in (("a", ()), ("b", WORN)):
         path = desk / "measured" / f"injector_{name}" / "run_20260301_120000.csv"
@@ -174,15 +168,11 @@ def test_the_commands_of_a_fit(command: Command, tmp_path: Path, monkeypatch: py
     assert Path("fit.png").exists()
 
 
-@pytest.mark.slow
-def test_the_commands_of_a_discovery(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    commands = [words_of(line)[0] for line in Page("docs/discovery.md").commands]
-    of_ones_own, *alone = commands[:4]
-    assert of_ones_own[:2] == ["discover", "--out"]  # the same with other files, of the README
-    assert [words[0] for words in alone] == ["simulate", "discover", "evaluate"]
-    for words in alone:
-        command.done(*words)
+def test_the_first_commands_of_a_discovery_are_those_of_the_readme() -> None:
+    """Which test_tutorial.py runs; options may stand in another order."""
+    first, *others = (words_of(line)[0] for line in Page("docs/discovery.md").commands[:4])
+    assert first[:2] == ["discover", "--out"]  # the same with other files
+    assert [*map(sorted, others)] == [sorted(words_of(line)[0]) for line in without_bus(Page("README.md"))[-3:]]
 
 
 @pytest.mark.slow

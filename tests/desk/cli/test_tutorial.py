@@ -1,4 +1,4 @@
-"""The page of a first hour: its commands and its program as they stand, in one folder, in their order.
+"""The page of a first hour: its commands and its program as they stand, in one folder, in their order; the README's.
 
 Those that need a bus run in tests/daemon/test_on_vcan_pages.py.
 """
@@ -14,7 +14,7 @@ from tests.desk.cli.conftest import Command
 from tests.desk.cli.test_pages import run_all, without_bus
 from tests.pages import Page
 
-PAGE = Page("docs/tutorial.md")
+PAGE, README = Page("docs/tutorial.md"), Page("README.md")
 NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
 
 
@@ -38,8 +38,10 @@ def test_the_first_hour(command: Command, tmp_path: Path, monkeypatch: pytest.Mo
     rows = [line for line in indented(command, amended) if line.endswith("yes")]
     assert len(rows) == 12
     assert all(abs(float(re.findall(r"([+-]\d+\.\d)%", row)[0])) < 1.0 for row in rows)
-    run_all(command, [example, check])
+    Path("worn.png").unlink()
+    run_all(command, [example, check, *(line for line in without_bus(README) if line not in without_bus(PAGE))])
     assert Path("found/report.html").exists()
+    assert Path("worn.png").exists()
 
 
 def indented(command: Command, line: str) -> list[str]:

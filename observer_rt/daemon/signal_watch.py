@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import LARGEST_DRIFT, MessageTiming
 from observer_rt.bus.mapping.bus_map import BusMap
@@ -21,7 +20,7 @@ from observer_rt.engine.signal_survey import OPEN, SignalSurvey, Survey, implaus
 from observer_rt.engine.stream.standstill import LiftFigures
 from observer_rt.engine.stream.state import Reason
 from observer_rt.engine.words import TOPICS, Topic
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, Floats
 
 LOOKS = 5  # in a row that find something of a value, before it is reported
 RAIL_LOOKS = 30  # of a rail pressure that does not change: it may be steady and coarse
@@ -36,7 +35,7 @@ LASTING = 20  # looks with another rate and a contradicted model before the rate
 MIN_FRAMES = 100  # whose stamps determine a rate
 _FROZEN = "is frozen: the same value all the time while another input shows an injection"
 
-Samples = Mapping[Role, NDArray[np.float64]]
+Samples = Mapping[Role, Floats]
 """Samples of every role [SI, pressures to any zero], at the same times."""
 
 
@@ -78,7 +77,7 @@ class _WatchedRole:
     constant: int = 0  # looks in a row
     moved: int = 0  # of these, after the first, in which another input moved
 
-    def is_frozen(self, values: NDArray[np.float64], others_move: bool) -> bool:
+    def is_frozen(self, values: Floats, others_move: bool) -> bool:
         """Whether the signal is frozen by now; values (n,): its samples since the last look."""
         first = float(values[0])
         if np.ptp(values) > 0.0 or (self.constant and first != self.held):
@@ -123,7 +122,7 @@ class ValueWatch:
         self._odd, self._frozen = _Findings(LOOKS, names), _Findings(1, names)
         self._is_frozen: dict[str, str] = {}
 
-    def look(self, newest: NDArray[np.float64], samples: Samples) -> Iterator[Notice]:
+    def look(self, newest: Floats, samples: Samples) -> Iterator[Notice]:
         """Notices; newest (3,) [SI]: last value received of every role, whether it could be used or not.
 
         A missing value is a fault only while there are no samples: the last frame of a window may be filled up with
@@ -201,7 +200,7 @@ class UnitWatch:
         """Faults by signal, as reported, in words with their remedy."""
         return self._findings.reported
 
-    def look(self, newest: NDArray[np.float64], samples: Samples) -> Iterator[Notice]:
+    def look(self, newest: Floats, samples: Samples) -> Iterator[Notice]:
         """Notices; newest (3,) [SI]: last value of every role; samples: since the last look."""
         for role, value in zip(ROLES, newest.tolist(), strict=True):
             _take_values(self._survey, role, np.array([value]))
@@ -225,7 +224,7 @@ class UnitWatch:
         self._looks = 0
 
 
-def _take_values(survey_of_all: Survey, role: Role, values: NDArray[np.float64]) -> None:
+def _take_values(survey_of_all: Survey, role: Role, values: Floats) -> None:
     """Take in values (n,) that need not follow each other: their differences carry no meaning."""
     values = values[np.isfinite(values)]
     if values.size:

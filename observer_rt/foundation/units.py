@@ -6,6 +6,10 @@
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]  # values in such a unit
 MEGAPASCAL = 1e6  # Pa
 MILLIMETRE = 1e-3  # m
 MICROMETRE = 1e-6  # m

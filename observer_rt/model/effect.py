@@ -160,21 +160,21 @@ class SizedEffect:
     values: tuple[float, ...]
 
 
-def scaled(section: str, *names: str) -> ModelChange:
-    """Change by a share: the parameters `names` of a section of the injector file times 1 + value [-]."""
-    return partial(_scaled, section, names)
+def scaled(part: str, *names: str) -> ModelChange:
+    """Change by a share: the values `names` of a part of the model, as of `added`, times 1 + value [-]."""
+    return partial(_scaled, part, names)
 
 
-def added(terms: str, name: str) -> ModelChange:
-    """Change by a value [SI], added to `name` of the model's `terms`: its `departures`, `inputs` or `sensor`."""
-    return partial(_added, terms, name)
+def added(part: str, name: str) -> ModelChange:
+    """Change by a value [SI], added to `name` of a part of the model, as of `EffectiveModel.part`."""
+    return partial(_added, part, name)
 
 
 # Functions of the module, for closures could not be pickled, nor results which hold effects.
-def _scaled(section: str, names: tuple[str, ...], model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    before = getattr(model.injector, section)
-    return model.with_section(section, **{name: getattr(before, name) * (1.0 + values[0]) for name in names})
+def _scaled(part: str, names: tuple[str, ...], model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+    before = model.part(part)
+    return model.with_changes(part, **{name: getattr(before, name) * (1.0 + values[0]) for name in names})
 
 
-def _added(terms: str, name: str, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    return model.with_changes(terms, **{name: getattr(getattr(model, terms), name) + values[0]})
+def _added(part: str, name: str, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+    return model.with_changes(part, **{name: getattr(model.part(part), name) + values[0]})

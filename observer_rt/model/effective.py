@@ -6,10 +6,9 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.model import InputTerms, Nozzle, Sac, Seat, Sensor
-from observer_rt.foundation.units import MILLIMETRE
+from observer_rt.foundation.units import MILLIMETRE, Floats
 from observer_rt.model.fuel import USUAL_PRESSURE
 from observer_rt.model.hydraulics import Valve, nozzle_of, sac_of, seat_flow_scale, seat_of, valve_of
 from observer_rt.model.line import LumpLine
@@ -101,7 +100,7 @@ class EffectiveModel:
         return coefficients(self.injector, self.departures)
 
     @cached_property
-    def program(self) -> NDArray[np.float64]:
+    def program(self) -> Floats:
         """Program of the terms (n, 2) for compiled code, empty without any."""
         if not self.terms:
             return NO_PROGRAM
@@ -113,15 +112,16 @@ class EffectiveModel:
         """The model with a term more."""
         return replace(self, terms=(*self.terms, term))
 
-    def with_section(self, section: str, **values: float) -> "EffectiveModel":
-        """The model with other values in a section of the injector file, which are not validated."""
-        changed = getattr(self.injector, section).model_copy(update=values)
-        return replace(self, injector=self.injector.model_copy(update={section: changed}))
+    def part(self, name: str) -> Any:
+        """Its `departures`, `inputs` or `sensor`, or a section of the injector file."""
+        return getattr(self if hasattr(self, name) else self.injector, name)
 
     def with_changes(self, part: str, **changes: float) -> "EffectiveModel":
-        """The model with other values in a part of it: `departures`, `inputs` or `sensor`."""
-        changed = getattr(self, part)._replace(**changes)
-        return replace(self, **{part: changed})
+        """The model with other values in a part of it, which are not validated."""
+        if hasattr(self, part):
+            return replace(self, **{part: self.part(part)._replace(**changes)})
+        section = self.part(part).model_copy(update=changes)
+        return replace(self, injector=self.injector.model_copy(update={part: section}))
 
 
 def sensor_of(terms: SensorTerms, pressure_scale: float, interval: float) -> Sensor:

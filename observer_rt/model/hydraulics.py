@@ -33,14 +33,9 @@ class Valve(model.Valve):
 def valve_of(parameters: InjectorParameters) -> Valve:
     """The valve of an injector's file."""
     line = parameters.line
-    start, end = line.control_start, line.control_end
-    return Valve(
-        CONTROL_START if start is None else start,
-        CONTROL_END if end is None else end,
-        line.control_hold or 0.0,
-        line.control_exponent or 0.0,
-        commanded=0.0,
-    )
+    start = CONTROL_START if line.control_start is None else line.control_start
+    end = CONTROL_END if line.control_end is None else line.control_end
+    return Valve(start, end, line.control_hold or 0.0, line.control_exponent or 0.0, commanded=0.0)
 
 
 def control_flow_at_scale(parameters: InjectorParameters) -> float:

@@ -9,9 +9,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model import model
+from observer_rt.foundation.units import Floats
 from observer_rt.model.fuel import USUAL_PRESSURE, parabola
 from observer_rt.model.hydraulics import control_flow_at_scale
 from observer_rt.model.parameters import Departures, InjectorParameters
@@ -93,17 +93,17 @@ class LumpLine(model.LumpLine):
         return math.sqrt(self.a1 / self.a3)
 
     @property
-    def by_rail(self) -> NDArray[np.float64]:
+    def by_rail(self) -> Floats:
         """Derivative of x' [1/s] with respect to the rail pressure, (states,)."""
         result = np.zeros(3 + self.further)
         result[1] = self.a3
         return result
 
-    def further_variance(self, flow: float) -> NDArray[np.float64]:
+    def further_variance(self, flow: float) -> Floats:
         """Variances (further,) of the further states of a line that rings; flow: variance of x_2."""
         return np.zeros(self.further)
 
-    def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def transition(self, interval: float) -> tuple[Floats, Floats]:
         """The line at rest over an interval [s]: its states' (m, m) matrix, the effect of the rail pressure (m,).
 
         Exact without friction.
@@ -139,7 +139,7 @@ class MeanLumpLine(LumpLine):
     further = 1
     averaged = True
 
-    def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def transition(self, interval: float) -> tuple[Floats, Floats]:
         """As of `LumpLine`, with an integral that begins anew as the last state."""
         of_line, rail = super().transition(interval)
         angle, impedance = self.mode * interval, self.impedance

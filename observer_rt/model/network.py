@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model import model
+from observer_rt.foundation.units import Floats
 
 OVERLAP = 0.7  # width of a neuron, in distances between their centres
 
@@ -31,7 +31,7 @@ class Group(NamedTuple):
     first: float
     last: float
 
-    def basis(self, reach: float) -> NDArray[np.float64]:
+    def basis(self, reach: float) -> Floats:
         """Cubics (PIECES, 4, neurons) of the neurons over an input from 0 to its reach, in pieces from 0 to 1."""
         centres, distance = np.linspace(self.first, self.last, self.neurons, retstep=True)
         scale, piece = 1.0 / (OVERLAP * distance), reach / model.PIECES
@@ -72,12 +72,12 @@ _PER_PIECE = 0.5 * model.PIECES / np.array(model.REACH)
 class Network(NamedTuple):
     """The network of (7), and a rise of p_C: it changes the nozzle flow near p_S = p_C as no bounded network can."""
 
-    curves: NDArray[np.float64]  # (CURVES, PIECES, 4); (0, PIECES, 4) without hidden layer
-    bias: NDArray[np.float64]  # b (2,)
-    nozzle: NDArray[np.float64]  # (NOZZLE_NUMBERS,) rise of p_C [p_0] its law sees: while open, by u2 = A_S/A_0
+    curves: Floats  # (CURVES, PIECES, 4); (0, PIECES, 4) without hidden layer
+    bias: Floats  # b (2,)
+    nozzle: Floats  # (NOZZLE_NUMBERS,) rise of p_C [p_0] its law sees: while open, by u2 = A_S/A_0
 
 
-def network_with(weights: NDArray[np.float64]) -> Network:
+def network_with(weights: Floats) -> Network:
     """The network with these weights (HIDDEN,) of its neurons, group by group; bias and rise of p_C are 0."""
     padded = np.zeros((model.CURVES, model.MOST_NEURONS, 1))
     padded[_USED, 0] = weights
@@ -90,9 +90,7 @@ def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
     return Network(np.zeros((0, model.PIECES, 4)), np.array([nozzle, seat]), np.zeros(model.NOZZLE_NUMBERS))
 
 
-def activations(
-    x: Sequence[float | NDArray[np.float64]] | NDArray[np.float64], u: Sequence[float | NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def activations(x: Sequence[float | Floats] | Floats, u: Sequence[float | Floats]) -> Floats:
     """Outputs (..., HIDDEN) of the neurons at states x (3, ...), inputs u = [p_R, A_S, time since the opening]."""
     inputs = np.stack(np.broadcast_arrays(x[2], u[1], u[2], u[0], x[0] - x[2]), axis=-1) * _PER_PIECE
     places = np.minimum(np.maximum(inputs[..., _ALONG].sum(axis=-1), 0.0), model.PIECES)

@@ -49,7 +49,7 @@ def in_stable_cells(model: EffectiveModel, interval: float, highest_pressure: fl
         if cells <= FEWEST_CELLS:
             return None
         fewer = max(FEWEST_CELLS, min(cells - 1, int(cells * (STABLE / strain) ** 0.5)))
-        model = model.with_section("line", cells=fewer)
+        model = model.with_changes("line", cells=fewer)
     return model
 
 

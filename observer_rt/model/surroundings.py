@@ -50,11 +50,9 @@ def at_temperature(injector: InjectorParameters, temperature: float) -> Injector
     """
     fluid = injector.fluid
     if fluid.reference_temperature is None:
-        raise UserError(
-            "fluid.reference_temperature",
-            "is missing, so that nothing says at which temperature the densities and bulk moduli hold",
-            "add the temperature of the fuel they were taken at, in K, such as 313.15",
-        )
+        problem = "is missing, so that nothing says at which temperature the densities and bulk moduli hold"
+        remedy = "add the temperature of the fuel they were taken at, in K, such as 313.15"
+        raise UserError("fluid.reference_temperature", problem, remedy)
     warmer = temperature - fluid.reference_temperature
     expanded = 1.0 - fluid.thermal_expansion * warmer
     softened = fluid.bulk_modulus_slope * warmer

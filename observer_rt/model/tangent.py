@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import BY_LINE, BY_NOZZLE, BY_SEAT, COLUMNS, FIRST_OF_SEAT
+from observer_rt.foundation.units import Floats
 from observer_rt.model.effective import Coefficients
 
 
@@ -17,19 +18,19 @@ class ByTheta(NamedTuple):
     seat_bias: int
     seat_weight: int
     neurons: NDArray[np.int64]  # (CURVES,), of every curve
-    basis: NDArray[np.float64]  # (CURVES, PIECES, 4, MOST_NEURONS), of the neurons
+    basis: Floats  # (CURVES, PIECES, 4, MOST_NEURONS), of the neurons
     nozzle: NDArray[np.int64]  # (NOZZLE_NUMBERS,)
     valve: NDArray[np.int64]  # (VALVE_NUMBERS,)
-    valve_sizes: NDArray[np.float64]  # of theta = 1
+    valve_sizes: Floats  # of theta = 1
     needle: NDArray[np.int64]  # (NEEDLE_NUMBERS,)
-    needle_sizes: NDArray[np.float64]
+    needle_sizes: Floats
     shots: int  # commands of an event, with two columns of delays each
     first_shot: int  # the first of these columns
     sensor: NDArray[np.int64]  # (SENSOR_NUMBERS,)
     offset: int  # of the line-pressure sensor
     line_columns: NDArray[np.int64]  # (k,) of theta, those of a column one after another
     line_coefficients: NDArray[np.int64]  # (k,)
-    line_slopes: NDArray[np.float64]  # (k,) d(coefficient)/d(theta) of these pairs, all that are not 0
+    line_slopes: Floats  # (k,) d(coefficient)/d(theta) of these pairs, all that are not 0
     elsewhere: int  # a column behind all others, for numbers that are not wanted
 
 
@@ -40,14 +41,14 @@ class Tangent(NamedTuple):
     is a multiple of COLUMNS, so that the last columns may be unused.
     """
 
-    by: NDArray[np.float64]
-    moved: NDArray[np.float64]  # (n, m)
-    by_state: NDArray[np.float64]  # (4, n, COLUMNS), of x' by x at the stages of a lump's step
-    by_number: NDArray[np.float64]  # (4, n, m), of x' by the numbers of line and valve, x held
-    by_flow: NDArray[np.float64]  # (4, n, 2), of x' by q_H, q_S
-    of_flows: NDArray[np.float64]  # (4, 2, m), of q_H, q_S by the numbers of phi, x held
+    by: Floats
+    moved: Floats  # (n, m)
+    by_state: Floats  # (4, n, COLUMNS), of x' by x at the stages of a lump's step
+    by_number: Floats  # (4, n, m), of x' by the numbers of line and valve, x held
+    by_flow: Floats  # (4, n, 2), of x' by q_H, q_S
+    of_flows: Floats  # (4, 2, m), of q_H, q_S by the numbers of phi, x held
     parts: NDArray[np.uint8]  # (m / COLUMNS,) bits BY_... of what the numbers of COLUMNS columns act on
-    by_coefficient: NDArray[np.float64]  # (n, k), of x' by the k coefficients of the line
+    by_coefficient: Floats  # (n, k), of x' by the k coefficients of the line
     theta: ByTheta
 
 

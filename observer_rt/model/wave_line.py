@@ -18,10 +18,9 @@ x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1), p_n a step before, w_1 .. w_
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model import model
-from observer_rt.foundation.units import MICROSECOND
+from observer_rt.foundation.units import MICROSECOND, Floats
 from observer_rt.model.fuel import HIGHEST_PRESSURE, USUAL_PRESSURE
 from observer_rt.model.line import at_closed_end
 from observer_rt.model.parameters import FEWEST_CELLS, MOST_CELLS, WAVE_LINES, Departures, InjectorParameters
@@ -122,7 +121,7 @@ class WaveLine(model.WaveLine):
         return math.sqrt(self.b_near / self.a3_near)
 
     @property
-    def by_rail(self) -> NDArray[np.float64]:
+    def by_rail(self) -> Floats:
         result = np.zeros(3 + self.further)
         result[flow_at(1, int(self.cells))] = self.a3
         return result
@@ -147,18 +146,18 @@ class WaveLine(model.WaveLine):
             f"{step / MICROSECOND:.3g} us"
         )
 
-    def further_variance(self, flow: float) -> NDArray[np.float64]:
+    def further_variance(self, flow: float) -> Floats:
         cells = int(self.cells)
         pressures = np.full(cells - 1, flow * self.impedance**2)
         return np.concatenate([pressures, np.full(cells - 1, flow), np.zeros(1 + model.MEMORIES)])
 
-    def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def transition(self, interval: float) -> tuple[Floats, Floats]:
         """Transition by the steps themselves, without friction."""
         steps = model.steps_in(interval)
         moved = np.linalg.matrix_power(self.one_step(interval / steps), steps)
         return moved[:-1, :-1], moved[:-1, -1]
 
-    def one_step(self, step: float) -> NDArray[np.float64]:
+    def one_step(self, step: float) -> Floats:
         """Matrix of the line at rest over one step [s], by its states and, last, the rail pressure."""
         n = int(self.cells)
         size = 2 * n + 1 + model.MEMORIES
@@ -192,7 +191,7 @@ class WaveLine(model.WaveLine):
             flows[row[memory_at(0, n)] : size] = 0.0
         return np.asarray(pressures @ flows, np.float64)
 
-    def _drag(self, flows: NDArray[np.float64], faces: list[int], first: int, step: float) -> None:
+    def _drag(self, flows: Floats, faces: list[int], first: int, step: float) -> None:
         """Add the friction at the wall to the matrix `flows` of a step [s]; faces: rows of q_i, first: row of w_1."""
         change = np.mean(flows[faces], axis=0)
         change[faces] -= 1.0 / len(faces)
@@ -223,10 +222,10 @@ class MeanWaveLine(WaveLine):
         """As of `WaveLine`, and the integral."""
         return super().further + 1
 
-    def further_variance(self, flow: float) -> NDArray[np.float64]:
+    def further_variance(self, flow: float) -> Floats:
         return np.append(super().further_variance(flow), 0.0)
 
-    def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def transition(self, interval: float) -> tuple[Floats, Floats]:
         """As of `WaveLine`, with an integral that begins anew as the last state."""
         steps = model.steps_in(interval)
         step = interval / steps

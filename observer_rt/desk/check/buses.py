@@ -41,11 +41,9 @@ def _links(bench: Bench) -> Iterator[Statement]:
         config, location = link.config, f"{bench.path}: {link.location}"
         require_interface(f"{location}.interface", config.interface)
         if config.fd and config.data_bit_rate < config.bit_rate:
-            yield UserError(
-                f"{location}.data_bit_rate",
-                f"{config.data_bit_rate:g} bit/s, less than bit_rate, {config.bit_rate:g} bit/s",
-                "state both in bit/s; the data phase of CAN FD is the faster one",
-            )
+            problem = f"{config.data_bit_rate:g} bit/s, less than bit_rate, {config.bit_rate:g} bit/s"
+            remedy = "state both in bit/s; the data phase of CAN FD is the faster one"
+            yield UserError(f"{location}.data_bit_rate", problem, remedy)
 
 
 @ruled("buses")

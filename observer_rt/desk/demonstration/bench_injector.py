@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import odeint
 
 from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.units import Floats
 
 DENSITY = 830.0  # kg/m3
 STIFFNESS = 1.6e9  # of fuel in line and sac, Pa
@@ -97,7 +97,7 @@ class BenchRecording(NamedTuple):
     """A recording as sensors and bus give it, and the true injection rate [m3/s], (n,)."""
 
     recording: Recording
-    injection_rate: NDArray[np.float64]
+    injection_rate: Floats
 
     def mass(self, first: int, last: int) -> float:
         """Mass [kg] that was injected over the samples first..last."""
@@ -125,9 +125,7 @@ def record(operation: BenchOperation, departure: Departure, sample_rate: float, 
     return BenchRecording(recording, rate)
 
 
-def _rates(
-    x: NDArray[np.float64], time: float, operation: BenchOperation, departure: Departure
-) -> tuple[float, float, float]:
+def _rates(x: Floats, time: float, operation: BenchOperation, departure: Departure) -> tuple[float, float, float]:
     """Rates of p_L, Q_L and p_S [1/s], each over its scale."""
     line, flow, sac = (x * _SCALES).tolist()
     lift = operation.lift(time)
@@ -162,6 +160,6 @@ def _travelled(time: float) -> float:
     return time - 0.5 * ACCELERATION_TIME
 
 
-def _coded(values: NDArray[np.float64], sigma: float, code: float, noise: np.random.Generator) -> NDArray[np.float64]:
+def _coded(values: Floats, sigma: float, code: float, noise: np.random.Generator) -> Floats:
     """Values (n,) as a sensor shows them, in codes of the bus."""
     return np.asarray(np.rint((values + noise.normal(0.0, sigma, values.size)) / code) * code)

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from observer_rt.bus.links.opening import open_link
@@ -32,7 +31,7 @@ from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.stop_request import stop_on_signals
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, Floats
 
 FIGURES = "observer_rt.desk.evaluation.figures"
 RAIL_PRESSURES = (60 * MEGAPASCAL, 100 * MEGAPASCAL, 140 * MEGAPASCAL)
@@ -86,7 +85,7 @@ class Demo:
         self.recording = self._truth.recording
         self._nominal = NominalInjection(self.bench.injector)
         self._compared: dict[int, Sequence[ComparedRate]] = {}  # true and nominal, by the injection
-        self._published: dict[int, NDArray[np.float64]] = {}
+        self._published: dict[int, Floats] = {}
         self._reports: list[InjectionReport] = []
 
     def run(self, speed: float, show: Callable[[View, threading.Event], None] | None = None) -> DemoResult:

@@ -5,7 +5,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.needle import NeedleStroke, lift_of_stroke
 from observer_rt.desk.evaluation.trace import InjectionSamples, Signal, trace_of
@@ -15,7 +14,7 @@ from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.reports.injection_report import FIELDS, MASS_BOUND, Field, InjectionReport, Output
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95, Floats
 from observer_rt.model.effective import Coefficients
 
 
@@ -134,13 +133,13 @@ def injection_result(
     measured = trace.measured_rate if has_rate and is_known else None
     nominal, rate = trace.nominal_rate, trace.injection_rate
 
-    def mass(rate: NDArray[np.float64]) -> float:
+    def mass(rate: Floats) -> float:
         return float(np.trapezoid(rate)) * (1.0 / sample_rate) * report.density
 
-    def shown(rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shown(rate: Floats) -> Floats:
         return shown_slowly(rate, 1.0 / sample_rate, *meter)
 
-    def rmse(rate: NDArray[np.float64]) -> float:
+    def rmse(rate: Floats) -> float:
         return math.nan if measured is None or not rate.size else math.sqrt(np.mean((shown(rate) - measured) ** 2))
 
     flowing = trace.corrected_rate_sigma[rate != 0.0]

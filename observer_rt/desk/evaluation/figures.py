@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.curves import MassRow, RateCurves, numbers_shown
 from observer_rt.desk.evaluation.evaluation import Evaluation
@@ -21,7 +20,7 @@ from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.files.learned_picture import FLOWS, draw_learned, height_of
 from observer_rt.foundation.figures import NotebookFigure, save_figure
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95, Floats
 
 ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
 RECORDINGS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2")
@@ -126,7 +125,7 @@ def _draw_points(axes: Axes, table: pd.DataFrame, colour: str, nominal: str) -> 
 def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
     """Wear over injections with its 95 % interval, as far as it is known."""
     axes.axhline(0, color=REFERENCE, lw=0.8)
-    shown: list[NDArray[np.float64]] = []
+    shown: list[Floats] = []
     for i, recording in enumerate(recordings):
         numbers = np.array([row.number for row in recording.masses], float)
         for effect, (_, own, style) in WEAR.items():

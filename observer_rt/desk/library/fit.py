@@ -6,12 +6,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
 from observer_rt.foundation.errors import require
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 from observer_rt.identification.fit.fitted_file import baseline_of, rounded
@@ -172,7 +171,7 @@ def answered_again(injector: InjectorParameters, recordings: Sequence[Measuremen
     )
 
 
-def _answered(model: EffectiveModel, measurement: Measurement) -> NDArray[np.float64]:
+def _answered(model: EffectiveModel, measurement: Measurement) -> Floats:
     """Commands (k, 2) moved by the likeliest delays of the shots."""
     commands = commands_of(measurement.recording)
     model = model.with_changes("sensor", offset=model.sensor.offset + standstill(measurement)[0])

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from observer_rt.core.model.laws import take_tanh
 from observer_rt.core.paper.scheme import sweep
 from observer_rt.engine.estimation.predictor import Window
+from observer_rt.foundation.units import Floats
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import Network, constant_network
 
@@ -51,13 +52,13 @@ class FreeNetwork(NamedTuple):
     `unit` is the identification gain l.
     """
 
-    hidden: NDArray[np.float64]
-    output: NDArray[np.float64]
-    bias: NDArray[np.float64]
+    hidden: Floats
+    output: Floats
+    bias: Floats
     unit: float
 
 
-def free_network(p: NDArray[np.float64], unit: float) -> FreeNetwork:
+def free_network(p: Floats, unit: float) -> FreeNetwork:
     """The network of a parameter vector p = [v_1 .. v_q, row 1 of W .. row m of W, b] (48,).
 
     (12) orders W by columns while the gradient (13) orders it by rows; rows are used here.
@@ -70,7 +71,7 @@ def free_network(p: NDArray[np.float64], unit: float) -> FreeNetwork:
     )
 
 
-def scaled_identity(beta: float) -> NDArray[np.float64]:
+def scaled_identity(beta: float) -> Floats:
     """The start of Algorithm 1, V = W = b = beta I, as a vector p (48,).
 
     None of the three is square: V and W get beta on their main diagonals and 0 elsewhere, so that hidden neuron i
@@ -81,7 +82,7 @@ def scaled_identity(beta: float) -> NDArray[np.float64]:
     )
 
 
-def no_fault() -> NDArray[np.float64]:
+def no_fault() -> Floats:
     """The vector p (48,) of a network that says phi = 0."""
     return np.zeros(WEIGHTS)
 
@@ -92,14 +93,14 @@ class FaultCost:
     Sums go by lanes of eight samples: their order decides what thirty epochs come to.
     """
 
-    def __init__(self, z: NDArray[np.float64], target: NDArray[np.float64], unit: float) -> None:
+    def __init__(self, z: Floats, target: Floats, unit: float) -> None:
         """Samples z: (n, 6) rows [x^ u 1]; target of phi: (n, 3) [1/s]; unit of the outputs [1/s]."""
         spare = ((0, -len(z) % LANES), (0, 0))
         self._z = np.ascontiguousarray(np.pad(z, spare).T)
         self._target = np.ascontiguousarray(np.pad(target / unit, spare).T)
         self._counts = np.arange(self._z.shape[1]) < len(z)
 
-    def value(self, p: NDArray[np.float64]) -> float:
+    def value(self, p: Floats) -> float:
         """J at p (48,); inf where it is not finite."""
         network = free_network(p, 1.0)
         sigmas = network.hidden[:, :1] * self._z[0]
@@ -114,7 +115,7 @@ class FaultCost:
         total = 0.5 * float(_sums(squares.reshape(1, -1))[0])
         return total if np.isfinite(total) else np.inf
 
-    def gradient(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gradient(self, p: Floats) -> Floats:
         """Gradient (48,) of J at the p whose value was asked for last, in the order of `free_network`.
 
         (13) prints the slope of sigma_i as (sigma_i + 1)^2 / exp(2 v_i z), which is 1 - sigma_i^2 of tanh (9).
@@ -129,7 +130,7 @@ class FaultCost:
         return -np.concatenate([by_hidden, by_output, _sums(errors)])
 
 
-def _sums(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sums(values: Floats) -> Floats:
     """Sum (m,) over the samples of each row (m, n)."""
     lanes = np.add.reduce(values.reshape(len(values), -1, LANES), axis=1)
     return np.asarray(np.cumsum(lanes, axis=1)[:, -1])
@@ -148,14 +149,14 @@ class PaperSetting(NamedTuple):
 class EventPass(NamedTuple):
     """One event swept once, n samples."""
 
-    x: NDArray[np.float64]  # (n, 3) x^
-    phi: NDArray[np.float64]  # (n, 3) [1/s]
-    rate: NDArray[np.float64]  # (n,) Q_H^ [m3/s]
-    error: NDArray[np.float64]  # (n,) e~ [p_0]
+    x: Floats  # (n, 3) x^
+    phi: Floats  # (n, 3) [1/s]
+    rate: Floats  # (n,) Q_H^ [m3/s]
+    error: Floats  # (n,) e~ [p_0]
     driven: NDArray[np.bool_]  # (n,) where x^ runs on phi; before the opening and with the needle long shut it is x~
 
 
-def design_vector(c: Coefficients) -> NDArray[np.float64]:
+def design_vector(c: Coefficients) -> Floats:
     """L = [1 0 a6/a2]^T (3,), which gives line and sac their share of the measured error."""
     return np.array([1.0, 0.0, c.sac.a6 / c.line.a2_nozzle])
 
@@ -177,24 +178,22 @@ def swept(window: Window, setting: PaperSetting, network: FreeNetwork) -> EventP
 class Objective(Protocol):
     """A cost J(theta) with its gradient; theta (m,)."""
 
-    def value(self, theta: NDArray[np.float64]) -> float:
+    def value(self, theta: Floats) -> float:
         """J(theta); inf outside the admissible region."""
 
-    def gradient(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gradient(self, theta: Floats) -> Floats:
         """Gradient (m,) of J at the theta whose value was asked for last."""
 
 
 class SearchEnd(NamedTuple):
     """End of a search: weights theta, value of the function there, number of iterations."""
 
-    theta: NDArray[np.float64]
+    theta: Floats
     value: float
     iterations: int
 
 
-def minimise(
-    objective: Objective, start: NDArray[np.float64], inverse_hessian: NDArray[np.float64], max_iterations: int
-) -> SearchEnd:
+def minimise(objective: Objective, start: Floats, inverse_hessian: Floats, max_iterations: int) -> SearchEnd:
     """Minimise from `start` (m,) with a first inverse Hessian (m, m).
 
     The update is skipped unless d'v > 0, and the inverse is reset to the first one when its direction does not
@@ -227,7 +226,7 @@ def minimise(
 
 
 def _armijo(
-    objective: Objective, theta: NDArray[np.float64], value: float, direction: NDArray[np.float64], slope: float
+    objective: Objective, theta: Floats, value: float, direction: Floats, slope: float
 ) -> tuple[float, float]:
     """A step that decreases J sufficiently (18), and J there: 1, halved as often as need be; 0 if none does.
 
@@ -242,9 +241,7 @@ def _armijo(
     return 0.0, value
 
 
-def train(
-    window: Window, setting: PaperSetting, in_force: NDArray[np.float64], start: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def train(window: Window, setting: PaperSetting, in_force: Floats, start: Floats) -> Floats:
     """Weights p (48,): one pass over the event with those in force, then 30 epochs from those to start with.
 
     z is taken along x^, the target L l e~ from x~; both stay fixed while J is minimised (10).
@@ -254,9 +251,7 @@ def train(
     return minimise(cost, start, np.eye(WEIGHTS) / GAMMA, EPOCHS).theta
 
 
-def training_data(
-    window: Window, seen: EventPass, setting: PaperSetting
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def training_data(window: Window, seen: EventPass, setting: PaperSetting) -> tuple[Floats, Floats]:
     """Arguments z = [x^ u 1] (k, 6) and targets L l e~ (k, 3) [1/s] of the k samples driven by phi."""
     z = np.column_stack([seen.x, window.inputs[:, 0], np.maximum(window.inputs[:, 1], 0.0), np.ones(seen.error.size)])
     target = setting.gain * np.outer(seen.error, design_vector(setting.coefficients))

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench
 from observer_rt.core.model.laws import normalised_area
@@ -28,7 +27,7 @@ from observer_rt.engine.estimation.predictor import SETTLE, Window
 from observer_rt.engine.observer import LEARNING_LEAD, WINDOW_LEAD, WINDOW_TAIL, Durations
 from observer_rt.engine.service.injector import bench_constants
 from observer_rt.files.replay.framing import bench_for
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, Floats
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import sized
 from observer_rt.model.network import constant_network
@@ -60,7 +59,7 @@ class InjectionWindow(NamedTuple):
         return slice(self.first, self.last)
 
 
-def injection_windows(needle_lift: NDArray[np.float64], sample_rate: float) -> list[InjectionWindow]:
+def injection_windows(needle_lift: Floats, sample_rate: float) -> list[InjectionWindow]:
     """Windows of all strokes in a noise-free lift [m] (n,): 0.15 ms before opening to 0.5 ms after shutting."""
     is_open = np.concatenate([[False], needle_lift > SHUT, [False]])
     edges = np.flatnonzero(np.diff(is_open))
@@ -71,7 +70,7 @@ def injection_windows(needle_lift: NDArray[np.float64], sample_rate: float) -> l
     ]
 
 
-def true_states(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
+def true_states(truth: Truth, c: Coefficients) -> Floats:
     """True states x of (24), (n, 3), normalised."""
     return np.column_stack(
         [
@@ -82,13 +81,13 @@ def true_states(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
     )
 
 
-def inputs(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
+def inputs(truth: Truth, c: Coefficients) -> Floats:
     """Inputs u of (24), (n, 2), normalised."""
     area = [normalised_area(lift, c.seat) for lift in truth.needle_lift]
     return np.column_stack([(truth.rail_pressure - c.chamber_pressure) / c.pressure_scale, np.array(area)])
 
 
-def true_fault(x: NDArray[np.float64], u: NDArray[np.float64], c: Coefficients, wear: float) -> NDArray[np.float64]:
+def true_fault(x: Floats, u: Floats, c: Coefficients, wear: float) -> Floats:
     """True phi of (27), (n, 3) [1/s], for a nozzle wear v_H and v_S = 0, along x (n, 3) and u (n, 2)."""
     network = constant_network(nozzle=wear)
     return np.array([phi_and_rate(row, col, c, network)[0] for row, col in zip(x, u, strict=True)])

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.needle import CORNER_ROUNDING, NeedleStroke, stroke_of
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, Floats
 from observer_rt.model.parameters import InjectorParameters
 
 FIRST_EVENT = 0.15  # s, standstill in which a reader learns noise and offsets
@@ -68,7 +67,7 @@ class Schedule:
     events: tuple[Event, ...]
     duration: float
 
-    def rail_pressure(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rail_pressure(self, time: Floats) -> Floats:
         """Rail pressure [Pa] at `time` [s], shape (n,).
 
         Constant during an event; a change takes the middle half of the gap to the next, smooth to the second
@@ -190,16 +189,14 @@ def stroke(shot: Shot, start: float, rail_pressure: float, parameters: InjectorP
     return None if answer is None else NeedleStroke(**answer)
 
 
-def energized(
-    schedule: Schedule, time: NDArray[np.float64], jitter: float = 0.0, seed: int = 0
-) -> NDArray[np.float64]:
+def energized(schedule: Schedule, time: Floats, jitter: float = 0.0, seed: int = 0) -> Floats:
     """1 at times (n,) [s] at which the injector is energized, else 0.
 
     jitter [s]: one sigma, by which each opening and closing of the needle answers later or earlier.
     """
     shots = [(event.start + shot.offset, shot.duration) for event in schedule.events for shot in event.shots]
     starts, durations = np.array(shots, np.float64).reshape(-1, 2).T
-    late: NDArray[np.float64] = np.random.default_rng(seed).normal(0.0, jitter, (2, starts.size))
+    late: Floats = np.random.default_rng(seed).normal(0.0, jitter, (2, starts.size))
     ends, starts = starts + durations - late[1], starts - late[0]
     last = np.maximum(np.searchsorted(starts, time, side="right") - 1, 0)
     return np.asarray((starts[last] <= time) & (time < ends[last]), np.float64)

@@ -79,12 +79,8 @@ def _of_model_and_bench(discovery: Discovery, basis: Basis) -> Iterator[Caveat]:
     if basis.healthy_warning:
         yield Caveat("healthy_recordings", "what is named may be the model's own error", basis.healthy_warning)
     for remedy in remedies(discovery):
-        yield Caveat(
-            "bench_file",
-            remedy,
-            f"What was found is of the bench, not of the injector: {remedy}, and give the command again with it. "
-            "Until then there is no amended model.",
-        )
+        text = f"What was found is of the bench, not of the injector: {remedy}, and give the command again with it."
+        yield Caveat("bench_file", remedy, f"{text} Until then there is no amended model.")
 
 
 def _of_operating_points(discovery: Discovery, basis: Basis) -> Iterator[Caveat]:

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import computed_field
 
 from observer_rt.foundation.documents import Entry, Figure, Inside, key, unit
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS, Floats
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.likelihood.excerpts import every_second_point
 from observer_rt.identification.likelihood.measurement import Measurement, in_mass_window, noisier
@@ -121,8 +120,8 @@ def _point(
 
 
 def _errors(
-    measurement: Measurement, model: EffectiveModel, true_masses: NDArray[np.float64], seed: int | None = None
-) -> dict[str, NDArray[np.float64]]:
+    measurement: Measurement, model: EffectiveModel, true_masses: Floats, seed: int | None = None
+) -> dict[str, Floats]:
     """Model minus recording by quantity [SI]: line pressure (n,), a measured rate (m,), masses (events,).
 
     A rate counts while fuel is injected. seed: of noise that is added to the inputs of the model; None adds none.
@@ -139,7 +138,7 @@ def _errors(
     return errors
 
 
-def rms(values: NDArray[np.float64]) -> float:
+def rms(values: Floats) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(values**2)))
 

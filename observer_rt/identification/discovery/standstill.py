@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.foundation.documents import Entry, Figure
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS, Floats
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT_EXCESS
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -98,9 +98,9 @@ def _judged(
 class _PeriodMeans(NamedTuple):
     """Means over whole periods of the line, in which its ringing cancels, (b,) each, SI."""
 
-    differences: NDArray[np.float64]  # line minus rail pressure
-    times: NDArray[np.float64]  # from the mean of their stretch of standstill
-    lines: NDArray[np.float64]  # pressures, from the mean of their stretch of standstill
+    differences: Floats  # line minus rail pressure
+    times: Floats  # from the mean of their stretch of standstill
+    lines: Floats  # pressures, from the mean of their stretch of standstill
 
 
 def _period_means(measurement: Measurement, period: float) -> list[_PeriodMeans]:

@@ -7,12 +7,12 @@ from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.fit import search
 from observer_rt.identification.fit.causes import TriedCause, tried_causes
 from observer_rt.identification.fit.comparison import Comparison, compared
@@ -112,7 +112,7 @@ class CalibrationResult:
         return tuple(sorted(over, key=lambda phase: -self.comparison.unexplained.chi2[phase]))
 
     @property
-    def shares_by_pressures(self) -> NDArray[np.float64]:
+    def shares_by_pressures(self) -> Floats:
         """Standard deviation of a mass by its own pressures, as a share, if only alpha_H were unknown: (folds,)."""
         calibration, at = self.fitted.calibration, self.fitted.minimum.at
         if NOZZLE not in calibration.free:
@@ -237,7 +237,7 @@ def rate_meter(measured: Sequence[Measurement], model: EffectiveModel) -> tuple[
     ]
     rate = np.concatenate([recorded for _, _, recorded in runs])
 
-    def missed(lags: NDArray[np.float64]) -> NDArray[np.float64]:
+    def missed(lags: Floats) -> Floats:
         shown = np.concatenate([shown_slowly(modelled, interval, *lags) for interval, modelled, _ in runs])
         gain = (shown @ rate) / (shown @ shown)
         return np.asarray(rate - shown * gain)

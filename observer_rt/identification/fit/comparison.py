@@ -7,13 +7,12 @@ from functools import cached_property
 from typing import Annotated, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from observer_rt.engine.estimation.phases import BLOCKS, Phase, PhaseStatistics
 from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, Floats
 from observer_rt.identification.fit.problem import Calibration, Fold
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
 from observer_rt.identification.likelihood.signals import Pool, Signal, pool_of
@@ -99,7 +98,7 @@ class ModelOnFolds:
     models: Sequence[EffectiveModel]
 
     @classmethod
-    def of(cls, injector: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]) -> Self | None:
+    def of(cls, injector: InjectorParameters, offsets: Floats, folds: Sequence[Fold]) -> Self | None:
         """An injector's model on folds, None without a finite solution; offsets (folds,): of the sensor [MPa]."""
         calibration = Calibration(injector, (), folds)
         judged = calibration.judge_all(offsets)
@@ -190,7 +189,7 @@ class Comparison:
 
 
 def compared(
-    file: InjectorParameters, fitted: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]
+    file: InjectorParameters, fitted: InjectorParameters, offsets: Floats, folds: Sequence[Fold]
 ) -> Comparison:
     """Compares the fitted model with the file's. offsets: of the line-pressure sensor in each fold [MPa]."""
     after = ModelOnFolds.of(fitted, offsets, folds)

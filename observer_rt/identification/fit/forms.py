@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.model import STEP
-from observer_rt.foundation.units import CUBIC_MILLIMETRE, MICROSECOND, MILLIMETRE, MM3_PER_MS
+from observer_rt.foundation.units import CUBIC_MILLIMETRE, MICROSECOND, MILLIMETRE, MM3_PER_MS, Floats
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import coefficients
@@ -198,9 +197,7 @@ STRUCTURES: tuple[Structure, ...] = tuple(
 PLAIN = STRUCTURES[:4]  # one lump, and waves without losses of their own
 
 
-def with_values(
-    injector: InjectorParameters, free: Sequence[FreeParameter], values: NDArray[np.float64]
-) -> InjectorParameters:
+def with_values(injector: InjectorParameters, free: Sequence[FreeParameter], values: Floats) -> InjectorParameters:
     """An injector with other values (p,) [SI] of its free parameters."""
     sections: dict[str, dict[str, float]] = {}
     for parameter, value in zip(free, values, strict=True):
@@ -212,6 +209,6 @@ def with_values(
     return injector.model_copy(update=changed)
 
 
-def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> NDArray[np.float64]:
+def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> Floats:
     """Values (p,) [SI] of the free parameters of an injector."""
     return np.array([parameter.of(injector) for parameter in free])

@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.model import STEP
-from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.foundation.units import MEGAPASCAL, Floats
 from observer_rt.identification.fit.forms import STIFFENING, FreeParameter, with_values
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.suitability import standstill
@@ -38,11 +37,11 @@ class Fold:
 
     measurement: Measurement  # with shortened events
     recording: int  # its number
-    weights: NDArray[np.float64]  # (events,) number of injections for which each event stands
+    weights: Floats  # (events,) number of injections for which each event stands
     weighed: MeanMass | None = None  # None: not measured
     rate_shape: bool = False  # whether a measured rate counts sample by sample, and not by its integrals alone
 
-    def mass_residuals(self, masses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def mass_residuals(self, masses: Floats) -> Floats:
         """Mean of modelled masses (events,) [kg] beside the measured one, in standard deviations (1,), or (0,)."""
         if self.weighed is None:
             return np.zeros(0)
@@ -118,7 +117,7 @@ class Calibration:
         """The same, but for parameters on a linear scale their usual values."""
 
     @property
-    def prior_sigmas(self) -> NDArray[np.float64]:
+    def prior_sigmas(self) -> Floats:
         """Standard deviations of theta (p + folds,) before anything was measured."""
         return np.array([one.spread for one in self.free] + [OFFSET_SIGMA / MEGAPASCAL] * len(self.folds))
 
@@ -128,18 +127,18 @@ class Calibration:
         sized = [Range(one.theta_of(one.lowest), one.theta_of(one.highest), _DIFFERENCE_STEP) for one in self.free]
         return sized + [Range(-20.0, 20.0, _DIFFERENCE_STEP) for _ in self.folds]
 
-    def injector(self, theta: NDArray[np.float64]) -> InjectorParameters:
+    def injector(self, theta: Floats) -> InjectorParameters:
         """The injector at theta."""
         values = [one.value_of(float(place)) for one, place in zip(self.free, theta, strict=False)]
         return with_values(self._injector, self.free, np.array(values))
 
-    def model(self, theta: NDArray[np.float64], number: int) -> EffectiveModel:
+    def model(self, theta: Floats, number: int) -> EffectiveModel:
         """The model at theta of one of the folds."""
         model = effective_model(self.injector(theta))
         offset = float(theta[len(self.free) + number]) * MEGAPASCAL
         return model.with_changes("sensor", offset=model.sensor.offset + offset)
 
-    def judge(self, theta: NDArray[np.float64], number: int) -> JudgedModel | None:
+    def judge(self, theta: Floats, number: int) -> JudgedModel | None:
         """A fold at theta; None where the model has no solution."""
         p = len(self.free)
         key = (*theta[:p].tolist(), float(theta[p + number]))
@@ -153,13 +152,13 @@ class Calibration:
             kept[key] = self.recordings[number].judge(model) if is_stable else None
         return kept[key]
 
-    def judge_all(self, theta: NDArray[np.float64]) -> list[JudgedModel] | None:
+    def judge_all(self, theta: Floats) -> list[JudgedModel] | None:
         """All folds at theta; None where the model has no solution."""
         judged = [self.judge(theta, number) for number in range(len(self.folds))]
         complete = [one for one in judged if one is not None]
         return complete if len(complete) == len(judged) else None
 
-    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
+    def residuals(self, theta: Floats) -> Residuals | None:
         """Line pressure, rate and masses of every fold, then theta beside its prior; None without a solution.
 
         The line pressure counts by means of a few innovations. Cells do not carry short waves as a pipe does: single
@@ -172,7 +171,7 @@ class Calibration:
         groups.append(((theta - self.prior_mean) / self.prior_sigmas, 0.0))
         return Residuals.of(groups)
 
-    def _groups(self, number: int, judged_model: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
+    def _groups(self, number: int, judged_model: JudgedModel) -> list[tuple[Floats, float]]:
         fold = self.folds[number]
         samples = max(1, round(RESOLVED / fold.measurement.interval))
         # whole blocks only
@@ -184,7 +183,7 @@ class Calibration:
             (fold.mass_residuals(judged_model.masses), 0.0),
         ]
 
-    def residuals_of(self, theta: NDArray[np.float64], number: int) -> Residuals | None:
+    def residuals_of(self, theta: Floats, number: int) -> Residuals | None:
         """Residuals of one fold, without the prior."""
         judged = self.judge(theta, number)
         return None if judged is None else Residuals.of(self._groups(number, judged))
@@ -195,7 +194,7 @@ class Certainty:
     """Certainty of the parameters by the data alone, with unknown offsets."""
 
     free: tuple[FreeParameter, ...]
-    sigmas: NDArray[np.float64]  # (p,) on the scales, inf for a parameter that the data do not determine at all
+    sigmas: Floats  # (p,) on the scales, inf for a parameter that the data do not determine at all
 
     @property
     def undetermined(self) -> FreeParameter | None:

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.fit import forms, problem
 from observer_rt.identification.fit.comparison import UnexplainedSignal, pooled
 from observer_rt.identification.fit.forms import INERTANCE
@@ -42,7 +42,7 @@ class HeldOut:
     """Every fold judged with the parameters that the other folds give."""
 
     unexplained: UnexplainedSignal  # residuals of the line pressure
-    mass_shift: NDArray[np.float64]  # (folds,) change of a fold's masses, as a share, when it is left out of the fit
+    mass_shift: Floats  # (folds,) change of a fold's masses, as a share, when it is left out of the fit
 
 
 def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
@@ -61,7 +61,7 @@ def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
     return HeldOut(pooled(calibration.recordings, left_out), np.array(shifts))
 
 
-def without(calibration: Calibration, at: Quadratic, number: int) -> NDArray[np.float64]:
+def without(calibration: Calibration, at: Quadratic, number: int) -> Floats:
     """theta by all folds but one. The offset of this one stays, and so does the level, which it may have measured."""
     own = calibration.residuals_of(at.theta, number)
     assert own is not None  # the minimum has it
@@ -93,7 +93,7 @@ class FittedStructure:
         return self.calibration.injector(self.minimum.at.theta)
 
     @property
-    def offsets(self) -> NDArray[np.float64]:
+    def offsets(self) -> Floats:
         """Offsets of the line-pressure sensor in each fold [MPa]."""
         return self.minimum.at.theta[len(self.calibration.free) :]
 

@@ -6,10 +6,9 @@ Standstill shows offset and gain of the line-pressure sensor.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, Floats
 from observer_rt.identification.likelihood.events import open_time, rail_pressure_before
 from observer_rt.identification.likelihood.excerpts import POINT_DURATION, distinct
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -39,7 +38,7 @@ def refuse_clipped(recordings: Sequence[Measurement]) -> None:
                 raise UserError(f"{recording.path or 'recording'}, {name}", problem, "record with a wider range")
 
 
-def _clipped(values: NDArray[np.float64], both: bool) -> tuple[float, int] | None:
+def _clipped(values: Floats, both: bool) -> tuple[float, int] | None:
     """The edge at which a noisy signal stays, and its longest run there; None for a signal that does not."""
     present = values[np.isfinite(values)]
     if present.size < 2 or float(np.mean(np.diff(present) == 0.0)) > _MOST_EQUAL:

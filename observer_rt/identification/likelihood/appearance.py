@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.healthy_course import EventStretch
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, ShapeFit, together
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, residuals_of
 from observer_rt.identification.likelihood.measurement import Measurement, expected_of, stretches
 from observer_rt.model.baseline import Appearance, HealthyRemainder, PhaseFigures
@@ -32,8 +32,8 @@ class Signature:
 
     effect: Effect
     size: float  # SI
-    information: NDArray[np.float64]  # (recordings,) squared length of the change
-    gain: NDArray[np.float64]  # (recordings,) product of the change with the residuals
+    information: Floats  # (recordings,) squared length of the change
+    gain: Floats  # (recordings,) product of the change with the residuals
 
     @property
     def sigma(self) -> float:
@@ -114,7 +114,7 @@ def healthy_remainder(
     )
 
 
-def _by_event(measurement: Measurement, z: NDArray[np.float64]) -> list[tuple[EventStretch, NDArray[np.float64]]]:
+def _by_event(measurement: Measurement, z: Floats) -> list[tuple[EventStretch, Floats]]:
     """Normalised innovations (n,) of a recording, event by event."""
     parts = stretches(measurement)
     ends = np.cumsum([part.samples for part in parts])

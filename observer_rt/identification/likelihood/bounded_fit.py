@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.whitening import HUBER, robust_cost
+from observer_rt.foundation.units import Floats
 
 MAX_ITERATIONS = 15
 MAX_TRIALS = 8  # of ever shorter steps in one iteration
@@ -27,12 +28,12 @@ NORMAL_975 = 1.959964  # quantile of the normal distribution, of a 95 % interval
 class Residuals:
     """Normalised residuals of a model on all recordings."""
 
-    z: NDArray[np.float64]  # (n,) in groups, one after another
+    z: Floats  # (n,) in groups, one after another
     counts: NDArray[np.int64]  # (groups,) how many
-    log_sigma: NDArray[np.float64]  # (groups,) logarithm of the standard deviation they were divided by
+    log_sigma: Floats  # (groups,) logarithm of the standard deviation they were divided by
 
     @classmethod
-    def of(cls, groups: Sequence[tuple[NDArray[np.float64], float]]) -> Self:
+    def of(cls, groups: Sequence[tuple[Floats, float]]) -> Self:
         """Groups of residuals (n,), each with its log_sigma, as one."""
         sizes = np.array([z.size for z, _ in groups])
         return cls(np.concatenate([z for z, _ in groups]), sizes, np.array([log_sigma for _, log_sigma in groups]))
@@ -48,7 +49,7 @@ class Residuals:
         return 2.0 * float(robust_cost(self.z, 0, 1.0))
 
     @property
-    def roots(self) -> NDArray[np.float64]:
+    def roots(self) -> Floats:
         """Roots (n,) of the weights that make least squares of `statistic` round here."""
         return np.asarray(np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(self.z), HUBER))))
 
@@ -58,7 +59,7 @@ class Residuals:
         return max(1.0, self.squares / self.z.size)
 
 
-Problem = Callable[[NDArray[np.float64]], Residuals | None]
+Problem = Callable[[Floats], Residuals | None]
 """Residuals as a function of parameters theta (p,); None where the model has no solution."""
 
 
@@ -75,15 +76,15 @@ class Range:
 class Quadratic:
     """-2 log L round theta (p,), to second order."""
 
-    theta: NDArray[np.float64]
+    theta: Floats
     residuals: Residuals
     statistic: float
-    gradient: NDArray[np.float64]  # (p,) half of it
-    information: NDArray[np.float64]  # (p, p) of Fisher
-    slopes: NDArray[np.float64]  # (n, p) dz/dtheta with sigma held, weighted
+    gradient: Floats  # (p,) half of it
+    information: Floats  # (p, p) of Fisher
+    slopes: Floats  # (n, p) dz/dtheta with sigma held, weighted
 
 
-def linearise(problem: Problem, theta: NDArray[np.float64], here: Residuals, ranges: Sequence[Range]) -> Quadratic:
+def linearise(problem: Problem, theta: Floats, here: Residuals, ranges: Sequence[Range]) -> Quadratic:
     """Slopes by one-sided differences, inwards where a bound is near or the model has no solution on the other side.
 
     With z = e/sigma, -log L = sum rho(z) + log sigma has the Fisher information z'z' (sigma held) + 2 (log sigma)'^2.
@@ -112,7 +113,7 @@ def linearise(problem: Problem, theta: NDArray[np.float64], here: Residuals, ran
     return Quadratic(theta, here, here.statistic, gradient, information, slopes)
 
 
-def _squares(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _squares(slopes: Floats) -> Floats:
     """slopes.T @ slopes (p, p), in blocks so small that BLAS starts no threads, which would wait more than work."""
     p = slopes.shape[1]
     rows = max(1, _ONE_THREAD_PRODUCTS // max(1, p * p))
@@ -127,7 +128,7 @@ def _squares(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
 class Minimum:
     """Minimum of a problem at which the search ended: theta (p,) and the residuals there."""
 
-    theta: NDArray[np.float64]
+    theta: Floats
     residuals: Residuals
     stuck: bool  # whether no step along the slopes was short enough to lower -2 log L, as beside a kink
     problem: Problem
@@ -144,14 +145,14 @@ class Minimum:
         """-2 log L at the minimum."""
         return self.residuals.statistic
 
-    def sigmas(self) -> NDArray[np.float64]:
+    def sigmas(self) -> Floats:
         """Standard deviations of the parameters (p,), inf where the data say nothing."""
         return sigmas_of(self.at.information)
 
 
 def fit(
     problem: Problem,
-    start: NDArray[np.float64],
+    start: Floats,
     ranges: Sequence[Range],
     max_iterations: int = MAX_ITERATIONS,
     at_start: Residuals | None = None,
@@ -174,7 +175,7 @@ def fit(
     return Minimum(theta, residuals, False, problem, ranges)
 
 
-def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
+def sigmas_of(information: Floats) -> Floats:
     """Standard deviations of parameters (p,) by their information (p, p); inf if open, of two that do the same."""
     seen = np.flatnonzero(np.diag(information) > 0.0)
     variances = np.full(len(information), np.inf)
@@ -190,7 +191,7 @@ def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _lower(
     problem: Problem, here: Quadratic, ranges: Sequence[Range], damping: float
-) -> tuple[tuple[NDArray[np.float64], Residuals] | None, float]:
+) -> tuple[tuple[Floats, Residuals] | None, float]:
     """A lower point, None where none is expected, and the next damping: inf where no step was short enough."""
     lowest = np.array([r.lowest for r in ranges])
     highest = np.array([r.highest for r in ranges])

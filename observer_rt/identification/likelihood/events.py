@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.predictor import SETTLE
 from observer_rt.engine.observer import Durations
 from observer_rt.files.signals.recording import Recording
-from observer_rt.foundation.units import MICROMETRE
+from observer_rt.foundation.units import MICROMETRE, Floats
 from observer_rt.identification.likelihood.openings import Opening, find_openings, ramp_samples
 from observer_rt.model.effective import NO_CLOCK, Clock
 
@@ -140,7 +140,7 @@ def shut_mask(recording: Recording, openings: Sequence[Opening]) -> NDArray[np.b
     return result
 
 
-def noise_level(values: NDArray[np.float64], chosen: NDArray[np.bool_], sample_rate: float) -> float:
+def noise_level(values: Floats, chosen: NDArray[np.bool_], sample_rate: float) -> float:
     """Standard deviation of the white noise that is as strong as the signal's at the frequencies of a line's waves.
 
     An anti-alias filter makes single samples differ less, but hardly the means of their pairs: where these tell of
@@ -152,7 +152,7 @@ def noise_level(values: NDArray[np.float64], chosen: NDArray[np.bool_], sample_r
     return by_pairs if sample_rate >= _FINE_RATE and by_pairs > _COLOUR_RATIO * by_samples else by_samples
 
 
-def white_noise(values: NDArray[np.float64], chosen: NDArray[np.bool_], order: int = _ORDER) -> float:
+def white_noise(values: Floats, chosen: NDArray[np.bool_], order: int = _ORDER) -> float:
     """Standard deviation of a sample's white noise: the clipped one of differences. nan: of too few.
 
     values, chosen: (n,); only runs of chosen samples without a nan count. order: of the differences.

@@ -49,11 +49,9 @@ def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
     if dropped:
         say(console, f"{folder}: {dropped} events were dropped for newer ones before they were read")
     if not events:
-        raise UserError(
-            f"--from-evidence {folder}",
-            "holds no evidence" if folder.is_dir() else "is no folder",
-            'state [evidence] folder = "..." in the bench file, and let `observer-rt run` see some injections',
-        )
+        problem = "holds no evidence" if folder.is_dir() else "is no folder"
+        remedy = 'state [evidence] folder = "..." in the bench file, and let `observer-rt run` see some injections'
+        raise UserError(f"--from-evidence {folder}", problem, remedy)
     return tuple(events)
 
 
@@ -68,11 +66,8 @@ def evidence_of_model(
     model = model_sha256 or str(events[-1].belief["model_sha256"])
     own = [event for event in events if event.belief["model_sha256"] == model]
     if not own:
-        raise UserError(
-            option,
-            "was kept with another model than this one",
-            f"give the model that was in force by --model: {events[-1].belief['injector_file']}",
-        )
+        remedy = f"give the model that was in force by --model: {events[-1].belief['injector_file']}"
+        raise UserError(option, "was kept with another model than this one", remedy)
     for kind in EvidenceKind:
         chosen = [event for event in own if event.kind is kind]
         if len(chosen) >= FEWEST_EVENTS:

@@ -7,12 +7,12 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.model import InputTerms, Seat
 from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.engine.estimation.gain import GainSchedule
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood import open_loop, windows
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.identification.likelihood.events import MARGIN
@@ -29,16 +29,16 @@ _MOST_GAINS = 4096  # cached: those round a few candidates
 class JudgedModel:
     """A model on one recording of n judged innovations."""
 
-    z: NDArray[np.float64]  # (n,) normalised innovations
+    z: Floats  # (n,) normalised innovations
     log_sigma: float  # logarithm of their standard deviation
-    rate_z: NDArray[np.float64]  # (k,) normalised residuals of the rate, as of `MeasuredRate`; (0,): not measured
-    volume_z: NDArray[np.float64]  # of its integral over every event
+    rate_z: Floats  # (k,) normalised residuals of the rate, as of `MeasuredRate`; (0,): not measured
+    volume_z: Floats  # of its integral over every event
     rate_log_sigma: float  # rise of the logarithm of the rate's standard deviation by a lag of the lift
-    masses: NDArray[np.float64]  # (events,) injected [kg], by the observer's estimate
+    masses: Floats  # (events,) injected [kg], by the observer's estimate
     delay_square: float = 0.0  # mean square of the delays of shots, in standard deviations; 0: the lift was measured
 
     @property
-    def z_of_rate(self) -> NDArray[np.float64]:
+    def z_of_rate(self) -> Floats:
         """`rate_z` of the samples alone, without the gain's error at its end."""
         return self.rate_z[:-1]
 
@@ -119,16 +119,14 @@ class RecordingLikelihood:
         likely = self._jitter.shots(self._likely_delays(self._run(model), model)[0])
         return likely if all(np.isfinite(delays).all() for delays in likely) else self._jitter.nominal_delays
 
-    def _likely_delays(
-        self, run: windows.Run, model: EffectiveModel
-    ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    def _likely_delays(self, run: windows.Run, model: EffectiveModel) -> tuple[list[Floats], Floats]:
         """As of `ShotJitter.likely`; no delays where the lift was measured."""
         if not self._jitter.nominal_delays:
             return [], np.empty((0, 0))
         sigma = self._schedule(model).innovation_sigma
         return self._jitter.likely(run, sigma, partial(self._normalised, model=model))
 
-    def _normalised(self, innovation: NDArray[np.float64], model: EffectiveModel) -> NDArray[np.float64]:
+    def _normalised(self, innovation: Floats, model: EffectiveModel) -> Floats:
         """Judged innovations in standard deviations, less the healthy injector's mean."""
         sigma = self._schedule(model).innovation_sigma
         z = innovation[self._rows.counted] / sigma
@@ -137,7 +135,7 @@ class RecordingLikelihood:
         return np.asarray(z)
 
     @property
-    def times(self) -> NDArray[np.float64]:
+    def times(self) -> Floats:
         """Times (n,) of the judged innovations [s], on the clock of laws."""
         counted = [(e.clock.time, np.arange(e.counted - e.start, e.end - e.start)) for e in self.measurement.events]
         return np.concatenate([start + self.measurement.interval * samples for start, samples in counted])
@@ -153,7 +151,7 @@ class RecordingLikelihood:
         samples_late: int,
         substeps: int,
         shots: windows.ShotDelays = (),
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[Floats, Floats]:
         """Innovations and rate of all rows, the line pressure recorded `samples_late` whole samples late."""
         measurement, c, offset = self.measurement, self.measurement.coefficients_of(model), model.sensor.offset
         is_nominal = inputs is self._nominal_inputs and (c.chamber_pressure, c.pressure_scale) == self._normalised_by
@@ -168,7 +166,7 @@ class RecordingLikelihood:
         innovation, rate = windows.followed(batch, setting, model.injector.needle_law, delays=delays)
         return innovation, open_loop.rate_as_recorded(measurement, rate)
 
-    def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
+    def _with_lift_lag(self, measurement: Measurement, lag: float) -> Floats:
         """Normalised judged innovations (n,) with a lag [s] of the lift undone, which may have other noise."""
         model = self._nominal.with_changes("inputs", lift_lag=lag)
         innovation, _ = self._predicted(model, self._inputs(measurement, model), 0, self._substeps_of(model))
@@ -210,7 +208,7 @@ class RecordingLikelihood:
             rail = rail_on_time(self.measurement, terms)
         return TrueInputs(measurement, terms, c, rail, model.injector.needle_law)
 
-    def _rate_noise_by_lift(self, nominal: EffectiveModel) -> NDArray[np.float64]:
+    def _rate_noise_by_lift(self, nominal: EffectiveModel) -> Floats:
         """Standard deviation of the modelled rate (m,) by the recorded lift's noise, by jitter and by the meter."""
         noise = self.measurement.noise.needle_lift
         shifted = nominal.with_changes("inputs", lift_shift=nominal.inputs.lift_shift + noise)
@@ -237,11 +235,9 @@ def joint_likelihood(
         rate = measurement.recording.sample_rate
         substeps = substeps_needed(nominal.injector, rate, nominal.departures)
         if substeps > MAX_SUBSTEPS:
-            raise UserError(
-                str(measurement.recording.path or "recording"),
-                f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS})",
-                f"record with {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give the model a larger sac",
-            )
+            problem = f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS})"
+            remedy = f"record with {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give the model a larger sac"
+            raise UserError(str(measurement.recording.path or "recording"), problem, remedy)
     return JointLikelihood([RecordingLikelihood(measurement, nominal, healthy) for measurement in recordings])
 
 

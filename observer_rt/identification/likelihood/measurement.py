@@ -18,7 +18,7 @@ from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS, Floats
 from observer_rt.identification.likelihood.events import (
     EVENT_GAP,
     LEAD,
@@ -69,7 +69,7 @@ class Measurement:
     duration: float  # mean time the needle is open in an event [s]
     injections: FoundInjections  # in the whole recording
     stated: tuple[SizedEffect, ...] = ()  # delays and lags of its channels
-    commands: NDArray[np.float64] | None = None  # (k, 2) delayed starts and ends [samples]; None: lift measured
+    commands: Floats | None = None  # (k, 2) delayed starts and ends [samples]; None: lift measured
     is_free: bool = False  # every model has its own lift by the commands
 
     @property
@@ -140,11 +140,8 @@ def measurement_of(
     if not events:
         refuse_unshut(recording)
         lacks = sorted({str(event.lack) for event in injections.left_out})
-        raise UserError(
-            _name(recording),
-            "no complete injection" + "".join(f"; {lack}" for lack in lacks),
-            f"record {LEAD * 1e3:g} ms of shut needle before an injection and {EVENT_GAP * 1e3:g} ms after it",
-        )
+        remedy = f"record {LEAD * 1e3:g} ms of shut needle before an injection and {EVENT_GAP * 1e3:g} ms after it"
+        raise UserError(_name(recording), "no complete injection" + "".join(f"; {lack}" for lack in lacks), remedy)
     pressure = float(np.mean([rail_pressure_before(event, recording) for event in events]))
     duration = float(np.mean([open_time(event, recording) for event in events]))
     return Measurement(recording, *_noise(recording, openings), events, pressure, duration, injections)
@@ -226,7 +223,7 @@ class Rows:
         self._injecting = np.concatenate([in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events])
         self._interval = measurement.interval
 
-    def volumes(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    def volumes(self, rate: Floats) -> Floats:
         """Volume of every event (w,) [m3] by the injection rate (n,) [m3/s] of its rows."""
         inside = np.where(self._injecting, rate, 0.0)
         return np.add.reduceat(inside, self.bounds[:-1]) * self._interval
@@ -266,7 +263,7 @@ def noisier(measurement: Measurement, seed: int) -> Measurement:
     return replace(measurement, recording=replace(recording, **louder))
 
 
-def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: float, **of: Any) -> Recording:
+def joined(parts: Sequence[Mapping[str, Floats]], sample_rate: float, **of: Any) -> Recording:
     """One recording of the signals of several, by name, with a gap between any two; of: its further fields."""
     gap = np.full(round(PART_GAP * sample_rate), np.nan)
     signals: dict[str, Any] = {
@@ -283,7 +280,7 @@ def stretches(measurement: Measurement) -> tuple[EventStretch, ...]:
     )
 
 
-def expected_of(shape: HealthyShape, measurement: Measurement) -> NDArray[np.float64]:
+def expected_of(shape: HealthyShape, measurement: Measurement) -> Floats:
     """Mean innovation [Pa] of a healthy injector at the counted samples (n,) of a recording."""
     return np.concatenate([expected(shape, stretch) for stretch in stretches(measurement)])
 

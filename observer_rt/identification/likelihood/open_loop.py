@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.stream.state import noise_gain
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.foundation.documents import key, unit
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, Floats
 from observer_rt.identification.likelihood import windows
 from observer_rt.identification.likelihood.events import JudgedEvent
 from observer_rt.identification.likelihood.measurement import Measurement, Rows, in_mass_window
@@ -37,10 +37,10 @@ class SimulatedInjection:
 
     event: JudgedEvent
     samples: NDArray[np.int64]  # (n,) of the recording, that the line pressure belongs to
-    line_pressure: NDArray[np.float64]
+    line_pressure: Floats
     rate_samples: NDArray[np.int64]  # (n,) of the recording, that the rate belongs to
-    rate: NDArray[np.float64]
-    shown_rate: NDArray[np.float64]  # as its meter shows it
+    rate: Floats
+    shown_rate: Floats  # as its meter shows it
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def mass(measurement: Measurement, injection: SimulatedInjection, density: float
     return float(np.trapezoid(injection.rate[inside])) * measurement.interval * density
 
 
-def pressure_gap(measurement: Measurement, injection: SimulatedInjection) -> NDArray[np.float64]:
+def pressure_gap(measurement: Measurement, injection: SimulatedInjection) -> Floats:
     """Simulated minus measured line pressure of an event (n,) [Pa]."""
     return injection.line_pressure - measurement.recording.line_pressure[injection.samples]
 
@@ -139,7 +139,7 @@ def measured_mass(measurement: Measurement, injection: SimulatedInjection, densi
     return float(np.trapezoid(measured[injection.rate_samples[inside]] + late)) * measurement.interval * density
 
 
-def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+def rate_as_recorded(measurement: Measurement, rate: Floats) -> Floats:
     """A modelled injection rate (n,) as it would be recorded: averaged over each period if samples are means."""
     if not measurement.means:
         return rate
@@ -148,7 +148,7 @@ def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDA
     return np.append(rate[:1], middle / 24.0)
 
 
-def as_by_meter(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+def as_by_meter(measurement: Measurement, rate: Floats) -> Floats:
     """A modelled injection rate (n,) as the meter shows it; events lie so far apart that it rests before each."""
     return shown_slowly(rate, measurement.interval, *(measurement.recording.meter or ()))
 
@@ -156,7 +156,7 @@ def as_by_meter(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[
 class MeasuredRate:
     """The measured rate of a recording at the m judged samples, and over its events."""
 
-    def __init__(self, measurement: Measurement, rows: Rows, by_lift: NDArray[np.float64]) -> None:
+    def __init__(self, measurement: Measurement, rows: Rows, by_lift: Floats) -> None:
         """by_lift: standard deviation of the modelled rate (m,) [m3/s] by lift, jitter and meter as recorded."""
         rate = measurement.recording.injection_rate
         assert rate is not None
@@ -166,24 +166,22 @@ class MeasuredRate:
         self._volume_noise = self._noise * np.sqrt(injecting * self._interval)
         self._sigma = self._sigma_at(0.0)
 
-    def residuals(self, rate: NDArray[np.float64], lift_lag: float) -> tuple[NDArray[np.float64], float]:
+    def residuals(self, rate: Floats, lift_lag: float) -> tuple[Floats, float]:
         """Residuals (m + 1,) of a modelled rate (m,), and the mean rise of log sigma by a lag of the lift [s]."""
         sigma = self._sigma_at(lift_lag) if lift_lag > 0.0 else self._sigma
         return _without_gain_error(self._rate, rate, sigma), float(np.mean(np.log(sigma / self._sigma)))
 
-    def volume_residuals(self, volumes: NDArray[np.float64]) -> NDArray[np.float64]:
+    def volume_residuals(self, volumes: Floats) -> Floats:
         """Residuals (events + 1,) of modelled integrals (events,) as the meter shows them."""
         return _without_gain_error(self._volumes, volumes, np.hypot(self._volume_noise, VOLUME_ERROR * volumes))
 
-    def _sigma_at(self, lift_lag: float) -> NDArray[np.float64]:
+    def _sigma_at(self, lift_lag: float) -> Floats:
         """Standard deviation (m,) of measured minus modelled rate: its own noise, and that of the restored lift."""
         by_lift = noise_gain(lift_lag / self._interval) * self._by_lift
         return np.asarray(np.hypot(self._noise, by_lift), np.float64)
 
 
-def _without_gain_error(
-    measured: NDArray[np.float64], modelled: NDArray[np.float64], sigma: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _without_gain_error(measured: Floats, modelled: Floats, sigma: Floats) -> Floats:
     """Normalised residuals (n + 1,) of measured values (n,) without the gain error, which is appended in sigmas."""
     residual, scale = (measured - modelled) / sigma, modelled / sigma
     gain = float(scale @ residual) / (float(scale @ scale) + GAIN_ERROR**-2)

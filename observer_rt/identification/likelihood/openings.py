@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import CONFIRM, FOOT, LOOK_BACK, dead_band
 from observer_rt.engine.stream.state import noise_gain
+from observer_rt.foundation.units import Floats
 
 MOST_RAMP_SAMPLES = 8  # samples at most, through which the straight line of a ramp is laid
 RAMP_TIME = 80e-6  # s, of these samples
@@ -39,7 +40,7 @@ def ramp_samples(sample_rate: float) -> int:
     return min(max(round(RAMP_TIME * sample_rate), 2), MOST_RAMP_SAMPLES)
 
 
-def find_openings(lift: NDArray[np.float64], noise: float, ramp: int = MOST_RAMP_SAMPLES) -> list[Opening]:
+def find_openings(lift: Floats, noise: float, ramp: int = MOST_RAMP_SAMPLES) -> list[Opening]:
     """Openings in a measured lift [m] (n,) with white noise [m] of this standard deviation.
 
     ramp: samples through which the straight line of a ramp is laid.
@@ -60,7 +61,7 @@ def find_openings(lift: NDArray[np.float64], noise: float, ramp: int = MOST_RAMP
     return result
 
 
-def opening_between(lift: NDArray[np.float64], first: int, last: int, ramp: int) -> Opening:
+def opening_between(lift: Floats, first: int, last: int, ramp: int) -> Opening:
     """The opening of these samples in a lift [m] (n,). ramp: samples its straight lines are laid through."""
     inside = lift[first : last + 1]
     return Opening(first, last, _ramp(inside, ramp), _ramp(inside[::-1], ramp))
@@ -80,7 +81,7 @@ def _next(starts: NDArray[np.int64], k: int) -> int | None:
     return int(starts[index]) if index < starts.size else None
 
 
-def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float, ramp: int) -> Opening:
+def _opening(lift: Floats, first: int, last: int, opens: float, ramp: int) -> Opening:
     for _ in range(LOOK_BACK):
         if first > 0 and lift[first - 1] > FOOT * opens:
             first -= 1
@@ -89,7 +90,7 @@ def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float, ram
     return opening_between(lift, first, last, ramp)
 
 
-def _ramp(lift: NDArray[np.float64], samples: int) -> Ramp:
+def _ramp(lift: Floats, samples: int) -> Ramp:
     """The straight line through the first samples of a ramp but the very first, in its foot; level where they fall.
 
     Of an opening shorter than two ramps the line goes through the first half.
@@ -102,13 +103,13 @@ def _ramp(lift: NDArray[np.float64], samples: int) -> Ramp:
     return Ramp(level, max(slope, 0.0))
 
 
-def without_lag(lift: NDArray[np.float64], sample_rate: float, lag: float) -> NDArray[np.float64]:
+def without_lag(lift: Floats, sample_rate: float, lag: float) -> Floats:
     """y + lag y' [m] (n,) of a recorded lift y; central differences leave straight ramps exact."""
     return np.asarray(lift + lag * sample_rate * np.gradient(lift))
 
 
 def openings_without_lag(
-    lift: NDArray[np.float64], noise: float, recorded: Sequence[Opening], sample_rate: float, lag: float
+    lift: Floats, noise: float, recorded: Sequence[Opening], sample_rate: float, lag: float
 ) -> list[tuple[float, list[Opening]]]:
     """Openings of a lift whose lag [s] is undone: those at the multiples of LAG_GRID beside it, with weights.
 

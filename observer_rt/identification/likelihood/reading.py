@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 
 from observer_rt.core.model.needle import CORNER_ROUNDING, NeedleStroke, lift_of_stroke, stroke_of
@@ -20,7 +19,7 @@ from observer_rt.files.signals.stream import HeldSignals, Sampled, SignalStream
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.files import file_hash
-from observer_rt.foundation.units import first_of
+from observer_rt.foundation.units import Floats, first_of
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES, measured
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.effect import SizedEffect
@@ -85,11 +84,9 @@ def refuse_sample_rates(recordings: Sequence[Sampled]) -> None:
     first = recordings[0]
     for other in recordings[1:]:
         if abs(other.sample_rate - first.sample_rate) > _SAMPLE_RATE_TOLERANCE * first.sample_rate:
-            raise UserError(
-                str(other.path),
-                f"is sampled at {other.sample_rate:g} Hz, {first.path} at {first.sample_rate:g} Hz",
-                "give recordings of one sample rate: sort them into several calls, or resample them",
-            )
+            problem = f"is sampled at {other.sample_rate:g} Hz, {first.path} at {first.sample_rate:g} Hz"
+            remedy = "give recordings of one sample rate: sort them into several calls, or resample them"
+            raise UserError(str(other.path), problem, remedy)
 
 
 def refuse_rates_missing(recordings: Sequence[Recording]) -> None:
@@ -98,11 +95,8 @@ def refuse_rates_missing(recordings: Sequence[Recording]) -> None:
     for other in recordings[1:]:
         if (other.injection_rate is None) != (first.injection_rate is None):
             without = other if other.injection_rate is None else first
-            raise UserError(
-                str(without.path),
-                "has no measured injection rate, other recordings have one",
-                "leave the column out of all recordings, or give only those that have it",
-            )
+            remedy = "leave the column out of all recordings, or give only those that have it"
+            raise UserError(str(without.path), "has no measured injection rate, other recordings have one", remedy)
 
 
 def coverage(measurement: Measurement) -> str:
@@ -132,7 +126,7 @@ def chosen_words(measurement: Measurement) -> str:
     )
 
 
-def commands_of(recording: Recording) -> NDArray[np.float64]:
+def commands_of(recording: Recording) -> Floats:
     """Starts and ends of energizing (k, 2), in samples: half a sample before the first that shows them."""
     is_on = np.asarray(recording.arrays["energizing"] > 0.5)
     edges = np.flatnonzero(np.diff(is_on, prepend=False, append=False)).astype(np.float64)
@@ -143,15 +137,13 @@ def with_commanded_lift(injector: InjectorParameters, recordings: Sequence[Recor
     """Recordings with the lift by which a needle answers their commands. Raises `UserError` if it answers none."""
     results = [commanded_lift(injector, one, commands_of(one)) for one in recordings]
     if not any(one.needle_lift.any() for one in results):
-        raise UserError(
-            str(recordings[0].path or "recording"),
-            "no command is answered by the injector file's needle",
-            "check `energizing`, and the delays in [needle] of the injector file",
-        )
+        problem = "no command is answered by the injector file's needle"
+        remedy = "check `energizing`, and the delays in [needle] of the injector file"
+        raise UserError(str(recordings[0].path or "recording"), problem, remedy)
     return results
 
 
-def commanded_lift(injector: InjectorParameters, recording: Recording, commands: NDArray[np.float64]) -> Recording:
+def commanded_lift(injector: InjectorParameters, recording: Recording, commands: Floats) -> Recording:
     """A recording with the lift by which an injector's needle would answer commands (k, 2) [samples]."""
     lift, rate = np.zeros(recording.samples), recording.sample_rate
     needle = effective_model(injector).injector.needle_law

@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.identification.areas import fill_areas
 from observer_rt.core.model.model import InputTerms
 from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, commanded_areas
 from observer_rt.core.stream.stream import dead_band
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
 from observer_rt.model.effective import Coefficients
@@ -26,7 +26,7 @@ NOISE_DRAWS = 8  # of the lift's noise, by which a variance is found
 LAG_GRID = 6e-6  # s of lag, at whose multiples it is found
 AVERAGED_SAMPLES = 15  # samples over which it is averaged
 
-Innovations = Callable[[Measurement, float], NDArray[np.float64]]
+Innovations = Callable[[Measurement, float], Floats]
 """Normalised innovations (n,) of a recording with a lag [s] of its lift undone."""
 FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
 
@@ -36,7 +36,7 @@ def smoothing_of(interval: float) -> float:
     return max(SMOOTHING_WIDTH, interval)
 
 
-def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.float64]:
+def true_rail_pressure(measurement: Measurement, delay: float) -> Floats:
     """Rail pressure [Pa] (n,), smoothed, of a channel that records it `delay` [s] late.
 
     The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass unchanged. A rail at rest during
@@ -57,7 +57,7 @@ def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.flo
     return np.asarray(np.convolve(beyond, weights[::-1] / weights.sum(), "valid"), np.float64)
 
 
-def rail_on_time(measurement: Measurement, terms: InputTerms) -> NDArray[np.float64]:
+def rail_on_time(measurement: Measurement, terms: InputTerms) -> Floats:
     """Recorded rail pressure [Pa] (n,), smoothed, at the times of the other two channels."""
     half_period = 0.5 * measurement.interval if measurement.means else 0.0
     return true_rail_pressure(measurement, terms.rail_delay + half_period)
@@ -75,16 +75,16 @@ class LiftNoise:
     def __init__(self, measurement: Measurement, innovations: Innovations) -> None:
         self._measurement = measurement
         self._innovations = innovations
-        self._cache: dict[int, NDArray[np.float64]] = {}
+        self._cache: dict[int, Floats] = {}
 
-    def variance(self, lag: float) -> NDArray[np.float64]:
+    def variance(self, lag: float) -> Floats:
         """Variance (n,) added by a lag [s], linear between multiples of `LAG_GRID`, so that a fit meets no step."""
         below = math.floor(lag / LAG_GRID)
         share = lag / LAG_GRID - below
         added = (1.0 - share) * self._at(below) + share * self._at(below + 1)
         return np.asarray(np.maximum(added - self._at(0), 0.0))
 
-    def _at(self, multiple: int) -> NDArray[np.float64]:
+    def _at(self, multiple: int) -> Floats:
         """Variance (n,) with a lag of so many times LAG_GRID, by draws of the noise."""
         if multiple in self._cache:
             return self._cache[multiple]
@@ -113,7 +113,7 @@ class TrueInputs:
         measurement: Measurement,
         terms: InputTerms,
         c: Coefficients,
-        rail: NDArray[np.float64] | None = None,
+        rail: Floats | None = None,
         needle: NeedleLaw | None = None,
     ) -> None:
         """rail: `rail_on_time` of the same terms, if computed before; needle: answers commands, if there are any."""
@@ -130,9 +130,7 @@ class TrueInputs:
             self.area = 0.5 * (self.area + later)
 
 
-def _answered_areas(
-    measurement: Measurement, commands: NDArray[np.float64], needle: NeedleLaw, c: Coefficients
-) -> NDArray[np.float64]:
+def _answered_areas(measurement: Measurement, commands: Floats, needle: NeedleLaw, c: Coefficients) -> Floats:
     """Normalised seat areas (n,) of a needle that answers commands (k, 2)."""
     recording, n, nothing = measurement.recording, measurement.recording.samples, np.zeros(NEEDLE_NUMBERS)
     pressures = np.nan_to_num(recording.rail_pressure[commands[:, 0].astype(np.int64)] / CONTROL_REFERENCE, nan=1.0)
@@ -141,7 +139,7 @@ def _answered_areas(
     return area
 
 
-def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> NDArray[np.float64]:
+def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> Floats:
     """Normalised seat areas (n,) of the true lift, at the times of its samples."""
     lift, noise = measurement.recording.needle_lift, measurement.noise.needle_lift
     openings = [o for event in measurement.events for o in event.openings]
@@ -156,12 +154,8 @@ def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> NDAr
 
 
 def _areas_of(
-    measurement: Measurement,
-    lift: NDArray[np.float64],
-    openings: Sequence[Opening],
-    terms: InputTerms,
-    c: Coefficients,
-) -> NDArray[np.float64]:
+    measurement: Measurement, lift: Floats, openings: Sequence[Opening], terms: InputTerms, c: Coefficients
+) -> Floats:
     """Normalised seat areas (n,) of a lift [m] (n,) without lag, with its openings."""
     area = np.zeros(lift.size)
     if not openings:

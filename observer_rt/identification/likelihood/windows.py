@@ -20,6 +20,7 @@ from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood.events import shut_mask
 from observer_rt.identification.likelihood.measurement import Measurement, Rows
 from observer_rt.identification.likelihood.true_inputs import TrueInputs, smoothing_of
@@ -27,10 +28,9 @@ from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
 
 START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
 
-ShotDelays = Sequence[NDArray[np.float64]]  # (k, 2) of the k shots of every event [s]
-Vector = NDArray[np.float64]
+ShotDelays = Sequence[Floats]  # (k, 2) of the k shots of every event [s]
 Bounds = NDArray[np.int64]
-Run = Callable[[ShotDelays], tuple[Vector, Vector]]
+Run = Callable[[ShotDelays], tuple[Floats, Floats]]
 """Innovations (n,) and injection rate (n,) of a model whose shots have these delays."""
 DELAY_STEP = 5e-6  # s, of the finite difference by a delay
 LEAST_JITTER, WIDEST_JITTER = 12e-6, 60e-6  # s, standard deviations between which that of the jitter lies
@@ -41,15 +41,15 @@ ROUNDS = 2  # in which delays are found, the second beginning where the first le
 class Batch(NamedTuple):
     """All windows of a recording, one after another; n samples in w windows, normalised by (24), as in `Window`."""
 
-    inputs: NDArray[np.float64]  # (n, 2)
-    output: NDArray[np.float64]  # (n,)
+    inputs: Floats  # (n, 2)
+    output: Floats  # (n,)
     resting: NDArray[np.bool_]  # (n,)
-    starts: NDArray[np.float64]  # (w, states + 1)
+    starts: Floats  # (w, states + 1)
     bounds: NDArray[np.int64]  # (w + 1,) window i is [bounds[i], bounds[i+1])
     openings: NDArray[np.int64]  # (w,) in the window
-    knots: NDArray[np.float64]  # (n, 2) or (0, 2)
-    clocks: NDArray[np.float64]  # (w, 2) as of `Clock`
-    commands: tuple[NDArray[np.float64], ...] = ()  # of a needle that is free
+    knots: Floats  # (n, 2) or (0, 2)
+    clocks: Floats  # (w, 2) as of `Clock`
+    commands: tuple[Floats, ...] = ()  # of a needle that is free
 
     def window(self, number: int) -> Window:
         """A window by its number."""
@@ -88,7 +88,7 @@ def batch_of(
     )
 
 
-def starts_of(measurement: Measurement, offset: float, c: Coefficients) -> NDArray[np.float64]:
+def starts_of(measurement: Measurement, offset: float, c: Coefficients) -> Floats:
     """States at rest (w, states + 1) with which the windows begin, the line pressure read with an offset [Pa]."""
     line, lead = measurement.recording.line_pressure, round(START_MEAN * measurement.recording.sample_rate)
     starts = np.zeros((len(measurement.events), c.states + 1))
@@ -112,7 +112,7 @@ def schedule_of(measurement: Measurement, model: EffectiveModel) -> GainSchedule
 
 
 def setting_of(
-    measurement: Measurement, model: EffectiveModel, samples_late: int, substeps: int, gain: NDArray[np.float64]
+    measurement: Measurement, model: EffectiveModel, samples_late: int, substeps: int, gain: Floats
 ) -> Setting:
     """Setting of a model for the windows when the line pressure is recorded `samples_late` whole samples late."""
     c, sensor = measurement.coefficients_of(model), model.sensor
@@ -122,7 +122,7 @@ def setting_of(
 
 def followed(
     batch: Batch, setting: Setting, needle: NeedleLaw, until_opening: bool = False, delays: ShotDelays = ()
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Normalised innovations (n,) and injection rate [m3/s] (n,) of x~ over all windows of a recording.
 
     needle: answers the commands of the batch, if it has any; delays: of its shots, by jitter; until_opening: of x^
@@ -150,7 +150,7 @@ def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:
 class ShotJitter:
     """Delays of the shots in one recording."""
 
-    def __init__(self, commands: Sequence[Vector], counted: NDArray[np.bool_], bounds: Bounds) -> None:
+    def __init__(self, commands: Sequence[Floats], counted: NDArray[np.bool_], bounds: Bounds) -> None:
         """commands: of every event (k, 2); counted: judged innovations; bounds (events + 1,): of events in these."""
         self.nominal_delays = [np.zeros_like(of_event) for of_event in commands]  # (k, 2) by the nominal model [s]
         self.sigma = LEAST_JITTER  # standard deviation of the delays [s]
@@ -170,8 +170,8 @@ class ShotJitter:
         self.sigma = max(LEAST_JITTER, math.sqrt(squares / max(np.size(seen) - len(seen[0]), 1)))
 
     def likely(
-        self, run: Run, innovation_sigma: float, normalised: Callable[[Vector], Vector]
-    ) -> tuple[list[Vector], Vector]:
+        self, run: Run, innovation_sigma: float, normalised: Callable[[Floats], Floats]
+    ) -> tuple[list[Floats], Floats]:
         """Likeliest delays (columns,) of every event beyond the nominal ones, in standard deviations.
 
         Also, by what one standard deviation of each moves the judged innovations (n, columns), made by `normalised`.
@@ -187,13 +187,13 @@ class ShotJitter:
             shots = self.shots(delays)
         return delays, moved
 
-    def shots(self, delays: Sequence[Vector]) -> ShotDelays:
+    def shots(self, delays: Sequence[Floats]) -> ShotDelays:
         """Delays [s] of all shots with further ones (columns,) of every event, in standard deviations."""
         moves = [self.sigma * np.clip(of_event, -MOST_SIGMAS, MOST_SIGMAS) for of_event in delays]
         pairs = zip(self.nominal_delays, moves, strict=True)
         return [nominal + move[: nominal.size].reshape(-1, 2) for nominal, move in pairs]
 
-    def _derivatives(self, run: Run, here: Vector, shots: ShotDelays) -> Vector:
+    def _derivatives(self, run: Run, here: Floats, shots: ShotDelays) -> Floats:
         moved = [run(later)[0] - here for later in a_step_later(shots)]
         return np.asarray(np.column_stack(moved)[self._counted] / DELAY_STEP)
 
@@ -205,7 +205,7 @@ def a_step_later(shots: ShotDelays) -> list[ShotDelays]:
     return [[one + DELAY_STEP * (column == n) for one, n in zip(shots, numbers, strict=True)] for column in columns]
 
 
-def likelier_delays(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> list[Vector]:
+def likelier_delays(z: Floats, delays: Sequence[Floats], moved: Floats, bounds: Bounds) -> list[Floats]:
     """Delays (columns,) of the shots of every event, in standard deviations, by innovations at others (n,)."""
     results = []
     for delay, first, end in zip(delays, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
@@ -215,7 +215,7 @@ def likelier_delays(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: 
     return results
 
 
-def without_jitter(z: Vector, delays: Sequence[Vector], moved: Vector, bounds: Bounds) -> tuple[Vector, float]:
+def without_jitter(z: Floats, delays: Sequence[Floats], moved: Floats, bounds: Bounds) -> tuple[Floats, float]:
     """White innovations (n,), and the sum of the logarithms of their standard deviations beyond 1.
 
     z (n,): at the likely delays; moved (n, columns): by one standard deviation of the delays of every shot, drawn

@@ -14,7 +14,7 @@ from observer_rt.model.parameters import NO_DEPARTURES, LineOutflow
 def _bulk_modulus(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
     share, fluid = values[0], model.injector.fluid
     of_modulus = fluid.in_line.stiffness(USUAL_PRESSURE) / fluid.bulk_modulus_line
-    stiffer = model.with_section("fluid", bulk_modulus_line=fluid.bulk_modulus_line * (1.0 + share * of_modulus))
+    stiffer = model.with_changes("fluid", bulk_modulus_line=fluid.bulk_modulus_line * (1.0 + share * of_modulus))
     slope = model.departures.stiffness_slope + share * fluid.bulk_modulus_by_pressure
     return stiffer.with_changes("departures", stiffness_slope=slope)
 
@@ -136,7 +136,7 @@ def _control_flow(model: EffectiveModel, values: Sequence[float]) -> EffectiveMo
     if flow == 0.0:
         return model
     valve, flow = valve_of(model.injector), (model.injector.line.control_flow or 0.0) + flow
-    return model.with_section(
+    return model.with_changes(
         "line", control_flow=flow, control_start=valve.start + start, control_end=valve.end + end
     )
 

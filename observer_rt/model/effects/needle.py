@@ -1,19 +1,14 @@
 """Effects in how the needle answers its commands: they show where its lift is not recorded."""
 
 from collections.abc import Sequence
-from functools import partial
 
 from observer_rt.foundation.units import MICROMETRE, MICROSECOND
-from observer_rt.model.effect import Component, Effect, Likeness, Proof, Relation, parameter, scaled
+from observer_rt.model.effect import Component, Effect, Likeness, Proof, Relation, added, parameter, scaled
 from observer_rt.model.effective import EffectiveModel
 
 
-def _increase(name: str, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    return model.with_section("needle", **{name: getattr(model.injector.needle, name) + values[0]})
-
-
 def _bounce(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    return _increase("bounce_length", _increase("landing_bounce", model, values), values[1:])
+    return added("needle", "bounce_length")(added("needle", "landing_bounce")(model, values), values[1:])
 
 
 BESIDE = dict.fromkeys(("seat_area", "opening_speed"), ("opening_delay",)) | {
@@ -28,7 +23,7 @@ OPENING_DELAY = Effect(
     id="opening_delay",
     component=Component.NEEDLE,
     parameters=_DELAY,
-    apply=partial(_increase, "opening_delay"),
+    apply=added("needle", "opening_delay"),
     sentence="The needle leaves its seat later (or earlier) after the start of energizing than the file says, by d.",
     signature="The line pressure begins to fall later, and the injection is shorter, by the same time always.",
     relations=(
@@ -51,7 +46,7 @@ CLOSING_DELAY = Effect(
     id="closing_delay",
     component=Component.NEEDLE,
     parameters=_DELAY,
-    apply=partial(_increase, "closing_delay"),
+    apply=added("needle", "closing_delay"),
     sentence="The needle begins to fall later (or earlier) after the end of energizing than the file says, by d.",
     signature="The injection ends later by the same time always, and is larger by as much.",
     relations=(Relation(("orifice_area", "seat_area"), Likeness.ALIKE, Proof.LIFT_RECORDED),),

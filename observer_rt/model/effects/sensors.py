@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
-from observer_rt.model.effect import Component, Effect, Likeness, Proof, Relation, added, parameter
+from observer_rt.model.effect import Component, Effect, Likeness, Proof, Relation, added, parameter, scaled
 from observer_rt.model.effective import EffectiveModel
 
 _LIKE_ANOTHER_SEAT = (
@@ -47,15 +47,11 @@ LINE_PRESSURE_SENSOR_OFFSET = Effect(
 )
 
 
-def _lift_gain(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    return model.with_changes("inputs", lift_factor=model.inputs.lift_factor * (1.0 + values[0]))
-
-
 LIFT_GAIN = Effect(
     id="lift_gain",
     component=Component.LIFT_SENSOR,
     parameters=(parameter("g", -0.3, 0.3, 0.003),),
-    apply=_lift_gain,
+    apply=scaled("inputs", "lift_factor"),
     sentence="The recorded lift is too small (or too large) by a factor: true = measured (1 + g).",
     signature="Like a wider (or narrower) seat: shows while the seat throttles, at small lift.",
     relations=(Relation(("lift_offset",), Likeness.ALIKE, Proof.LIFT_GAUGE), *_LIKE_ANOTHER_SEAT),

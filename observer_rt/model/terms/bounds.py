@@ -11,7 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.terms.law import Lag, Law, Resonance, Values
+from observer_rt.foundation.units import Floats
+from observer_rt.model.terms.law import Lag, Law, Resonance
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
 
@@ -49,7 +50,7 @@ class TermDomain:
     in_cells: bool = False  # the line has cells: a resonance of the sensor would make the observer unstable
 
     @cached_property
-    def points(self) -> dict[str, Values]:
+    def points(self) -> dict[str, Floats]:
         """Values (n,) of every variable; time and injection number, which have no bounds, are at their start."""
         random = np.random.default_rng(1)
         ranges = _RANGES | {Variable.NEEDLE_LIFT: (0.0, self.max_lift)}
@@ -109,7 +110,7 @@ def refuse_unbounded(term: Term, domain: TermDomain) -> None:
                 raise _unsound(term, domain, at, problem)
 
 
-def _refuse_values(term: Term, value: Values, domain: TermDomain) -> None:
+def _refuse_values(term: Term, value: Floats, domain: TermDomain) -> None:
     if not np.all(np.isfinite(value)):
         raise _unsound(term, domain, int(np.argmin(np.isfinite(value))), "has no finite value")
     unit = "" if term.equation.is_share else f" {term.equation.unit}"
@@ -122,21 +123,21 @@ def _refuse_values(term: Term, value: Values, domain: TermDomain) -> None:
             raise _unsound(term, domain, at, problem)
 
 
-def _over(law: Law, term: Term, domain: TermDomain) -> Values:
+def _over(law: Law, term: Term, domain: TermDomain) -> Floats:
     """A law's values (n,), with the values at other points of the domain as history."""
     return np.broadcast_to(law.at(domain.points, term.coefficient, _elsewhere), (_POINTS,))
 
 
-def _elsewhere(law: Lag | Resonance, values: Values) -> Values:
+def _elsewhere(law: Lag | Resonance, values: Floats) -> Floats:
     before = np.roll(values, 1) if np.ndim(values) else values
     return before if isinstance(law, Lag) else RUNG * (before - values)
 
 
-def _slope(law: Law, by: Variable, term: Term, domain: TermDomain) -> Values:
+def _slope(law: Law, by: Variable, term: Term, domain: TermDomain) -> Floats:
     """A law's slopes (n,) by a variable with the same history; 0 at a jump, and where undefined."""
-    before: dict[Law, Values] = {}
+    before: dict[Law, Floats] = {}
 
-    def values(step: float) -> Values:
+    def values(step: float) -> Floats:
         points = domain.points | {by.word: domain.points[by.word] + step}
         return law.at(points, term.coefficient, lambda one, now: before.setdefault(one, _elsewhere(one, now)))
 

@@ -10,13 +10,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.model import Operation
+from observer_rt.foundation.units import Floats
 from observer_rt.model.terms.variable import Variable, unit_named
 
-Values = NDArray[np.float64]
-Memory = Callable[["Lag | Resonance", Values], Values]
+Memory = Callable[["Lag | Resonance", Floats], Floats]
 """Values of a law that remembers, by the law and the values of its argument."""
 
 LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
@@ -101,7 +100,7 @@ class Law:
                 return replace(self, argument=argument.settled())
         return self
 
-    def at(self, values: Mapping[str, Any], c: float = 1.0, memory: Memory | None = None) -> Values:
+    def at(self, values: Mapping[str, Any], c: float = 1.0, memory: Memory | None = None) -> Floats:
         """Values (n,) of the law at those of its variables, by name, each (n,) or a number.
 
         memory: gives the values of a lag or a resonance by those of its argument. Raises ValueError without it for a

@@ -11,7 +11,6 @@ from types import MappingProxyType
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.model import (
     HIGHEST_TOTAL,
@@ -22,10 +21,9 @@ from observer_rt.core.model.model import (
     OP_RINGING,
     OP_VARIABLE,
 )
+from observer_rt.foundation.units import Floats
 from observer_rt.model.terms.law import Call, Coefficient, Lag, Law, LawTable, Number, Quantity, Resonance
 from observer_rt.model.terms.variable import FLOW, LIFT, PRESSURE, PURE, Unit, Variable
-
-Numbers = NDArray[np.float64]
 
 
 class TermEquation(StrEnum):
@@ -90,7 +88,7 @@ class Term:
         return f"{text}, c = {self.coefficient:.4g}{within}"
 
 
-def program_of(terms: Sequence[Term], fixed: Mapping[Variable, float] = MappingProxyType({})) -> Numbers:
+def program_of(terms: Sequence[Term], fixed: Mapping[Variable, float] = MappingProxyType({})) -> Floats:
     """The program (n, 2) of terms, those of the sensor last; fixed: variables that are constants."""
     rows: list[tuple[float, float]] = []
     for term in sorted(terms, key=lambda term: term.equation is TermEquation.LINE_PRESSURE_SENSOR):

@@ -2,10 +2,10 @@
 
 import numpy as np
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.signal import lsim
 
 from observer_rt.core.model.model import Operation
+from observer_rt.foundation.units import Floats
 from observer_rt.model.terms.bounds import TermDomain
 from observer_rt.model.terms.law import (
     FUNCTIONS,
@@ -19,7 +19,6 @@ from observer_rt.model.terms.law import (
     Number,
     Quantity,
     Resonance,
-    Values,
 )
 from observer_rt.model.terms.variable import Variable
 
@@ -53,7 +52,7 @@ def laws(lagged: bool = True) -> st.SearchStrategy[Law]:
     return st.recursive(_LEAVES, larger, max_leaves=12)
 
 
-def moments(seed: int, count: int = 40) -> dict[str, NDArray[np.float64]]:
+def moments(seed: int, count: int = 40) -> dict[str, Floats]:
     """Values (n,) of every variable."""
     points = TermDomain(0.24).points
     chosen = np.random.default_rng(seed).integers(0, len(points["time"]), count)
@@ -66,7 +65,7 @@ def moments(seed: int, count: int = 40) -> dict[str, NDArray[np.float64]]:
 def sampled(interval_ms: float) -> Memory:
     """What laws that remember make of samples so far apart [ms], held for a lag, straight lines for a resonance."""
 
-    def remembered(law: Lag | Resonance, values: Values) -> Values:
+    def remembered(law: Lag | Resonance, values: Floats) -> Floats:
         before = values - values[0]
         times = interval_ms * np.arange(values.size)
         if isinstance(law, Lag):

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.discovery.search.candidates import Candidate, CandidateKey, sizing
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.results import Cell, CellKey, Discovery
@@ -212,18 +212,18 @@ class HeldOutPoints:
 class _Events:
     """Events held out."""
 
-    theta: NDArray[np.float64]  # (p,) fitted to the other events
-    statistic: NDArray[np.float64]  # (events,) -2 log L
-    gap: NDArray[np.float64]  # (events,) mean square of the line pressure's open-loop gap [Pa2]
+    theta: Floats  # (p,) fitted to the other events
+    statistic: Floats  # (events,) -2 log L
+    gap: Floats  # (events,) mean square of the line pressure's open-loop gap [Pa2]
 
 
-def _sum_with_scatter(values: NDArray[np.float64]) -> tuple[float, float]:
+def _sum_with_scatter(values: Floats) -> tuple[float, float]:
     """Sum of values (events,), and its standard deviation by their scatter, which is 0 for a single event."""
     scatter = float(np.std(values, ddof=1)) * math.sqrt(values.size) if values.size > 1 else 0.0
     return float(np.sum(values)), scatter
 
 
-def _statistic_by_event(recorded: RecordingLikelihood, judged_model: JudgedModel) -> NDArray[np.float64]:
+def _statistic_by_event(recorded: RecordingLikelihood, judged_model: JudgedModel) -> Floats:
     """-2 log L of the events of a recording (events,); the part of a measured rate is divided among them evenly."""
     sizes = np.array([event.end - event.counted for event in recorded.measurement.events])
     beyond = np.array([2.0 * robust_cost(judged_model.z, first, 1.0) for first in [0, *np.cumsum(sizes).tolist()]])

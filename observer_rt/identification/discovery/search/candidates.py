@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from observer_rt.foundation.units import shown, sign, significant
+from observer_rt.foundation.units import Floats, shown, sign, significant
 from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Minimum, Problem, Range, fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood
 from observer_rt.identification.likelihood.open_loop import NO_CONSEQUENCE, Consequence
@@ -53,12 +52,12 @@ class Hypothesis:
         """One effect more, at the end."""
         return Hypothesis((*self.effects, effect))
 
-    def split(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def split(self, theta: Floats) -> tuple[Floats, ...]:
         """theta by effects."""
         ends = np.cumsum([len(effect.parameters) for effect in self.effects])
         return tuple(np.split(theta, ends[:-1])) if self.effects else ()
 
-    def model(self, nominal: EffectiveModel, theta: NDArray[np.float64]) -> EffectiveModel:
+    def model(self, nominal: EffectiveModel, theta: Floats) -> EffectiveModel:
         """The nominal model with these effects at these sizes."""
         for effect, values in zip(self.effects, self.split(theta), strict=True):
             nominal = effect.apply(nominal, tuple(float(value) for value in values))
@@ -85,11 +84,11 @@ class Hypothesis:
         return tuple(len(law.numbers) if isinstance(law, TermLaw) else 0 for law in laws)
 
     @property
-    def off(self) -> NDArray[np.float64]:
+    def off(self) -> Floats:
         """Sizes without any of the effects."""
         return np.array([p.off for p in self.parameters])
 
-    def starts(self) -> list[NDArray[np.float64]]:
+    def starts(self) -> list[Floats]:
         """Starts of a search: all combinations of the starts of the last effect, the others off."""
         if not self.effects:
             return [np.zeros(0)]
@@ -153,7 +152,7 @@ class Candidate:
         return self.ids, self.sizes
 
     @property
-    def theta(self) -> NDArray[np.float64]:
+    def theta(self) -> Floats:
         """The sizes as a vector (p,)."""
         return np.array(self.sizes)
 
@@ -188,7 +187,7 @@ class Candidate:
         return self.within_bounds and not self.plausible
 
     @property
-    def parts(self) -> tuple[tuple[Effect, NDArray[np.float64], NDArray[np.float64]], ...]:
+    def parts(self) -> tuple[tuple[Effect, Floats, Floats], ...]:
         """Every effect with its sizes, and their half widths where these are known."""
         split = self.hypothesis.split
         return tuple(zip(self.hypothesis.effects, split(self.theta), split(np.array(self.half)), strict=True))
@@ -222,7 +221,7 @@ class Candidate:
         """The nominal model with these effects."""
         return self.hypothesis.model(nominal, self.theta)
 
-    def without(self, effect: Effect) -> tuple[Hypothesis, NDArray[np.float64]]:
+    def without(self, effect: Effect) -> tuple[Hypothesis, Floats]:
         """All but one of the effects, and their sizes."""
         left = [(other, sizes) for other, sizes, _ in self.parts if other is not effect]
         return Hypothesis(tuple(other for other, _ in left)), np.concatenate([np.zeros(0), *(one for _, one in left)])
@@ -244,7 +243,7 @@ def sizing(likelihood: JointLikelihood, nominal: EffectiveModel, hypothesis: Hyp
 def minimum_from(
     problem: Problem,
     ranges: Sequence[Range],
-    starts: Sequence[NDArray[np.float64]],
+    starts: Sequence[Floats],
     max_iterations: int = MAX_ITERATIONS,
     second_if_stuck: bool = False,
 ) -> Minimum | None:

@@ -13,9 +13,9 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.discovery.search.scores import Scores
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import TermLaw, term_effect
@@ -23,8 +23,6 @@ from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.parser import LETTERS, FormNumber, parse
 from observer_rt.model.terms.term import TermEquation
 from observer_rt.model.terms.variable import Variable
-
-Floats = NDArray[np.float64]
 
 MOST_LAWS = 4  # made at once
 MOST_OF_CURVE = 3  # over one variable, each of another shape
@@ -273,7 +271,7 @@ def turned(sine: Effect, swings: Sequence[float]) -> Effect:
     return term_effect(law.equation, law.form, (frequency, phase._replace(value=angle)))
 
 
-def lines(left: Sequence[NDArray[np.float64]], times: Sequence[NDArray[np.float64]], interval: float) -> list[float]:
+def lines(left: Sequence[Floats], times: Sequence[Floats], interval: float) -> list[float]:
     """Frequencies [Hz] that stand out of the spectrum of the residuals, the strongest first.
 
     left: normalised residuals (n,) of each recording; times: theirs [s] (n,), whole numbers of intervals apart.

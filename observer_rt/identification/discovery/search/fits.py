@@ -11,8 +11,8 @@ from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.discovery.search.candidates import (
     Candidate,
     CandidateKey,
@@ -76,7 +76,7 @@ class Fitter:
         # has one minimum, and the first search for it stands
         self._fits: dict[tuple[str, ...], Candidate | None] = {}
         self.signatures: dict[str, appearance.Signature] = {}
-        self._sigmas: dict[CandidateKey, NDArray[np.float64]] = {}
+        self._sigmas: dict[CandidateKey, Floats] = {}
         self._judged: dict[CandidateKey, list[JudgedModel] | None] = {}
         samples = sum(one.phases.size + one.rate_phases.size for one in likelihood.recordings)
         self._most_kept = max(LEAST_KEPT, KEPT_SAMPLES // samples)
@@ -109,7 +109,7 @@ class Fitter:
         assert judged is not None  # it was fitted
         return judged
 
-    def _judged_at(self, hypothesis: Hypothesis, theta: NDArray[np.float64]) -> list[JudgedModel] | None:
+    def _judged_at(self, hypothesis: Hypothesis, theta: Floats) -> list[JudgedModel] | None:
         key = hypothesis.ids, tuple(theta.tolist())
         if (kept := self._judged.get(key, _UNKNOWN)) is not _UNKNOWN:
             return kept
@@ -129,13 +129,13 @@ class Fitter:
         return residuals_of(self.judged(candidate))
 
     def _problem(self, hypothesis: Hypothesis) -> Problem:
-        def residuals(theta: NDArray[np.float64]) -> Residuals | None:
+        def residuals(theta: Floats) -> Residuals | None:
             judged = self._judged_at(hypothesis, theta)
             return None if judged is None else residuals_of(judged)
 
         return residuals
 
-    def sigmas(self, candidate: Candidate) -> NDArray[np.float64]:
+    def sigmas(self, candidate: Candidate) -> Floats:
         """Standard deviations of a candidate's sizes by noise; inf for sizes without information."""
         if candidate.key not in self._sigmas:
             hypothesis, residuals = candidate.hypothesis, self.residuals(candidate)
@@ -176,11 +176,11 @@ class Fitter:
         slopes = np.array([*by_number.values()], np.float32).reshape(-1, here.z.size).T
         return scored([effects[number] for number in by_number], np.array([*by_number], np.int64), slopes, here)
 
-    def laws(self, hypotheses: Sequence[tuple[Hypothesis, NDArray[np.float64]]]) -> list[Candidate]:
+    def laws(self, hypotheses: Sequence[tuple[Hypothesis, Floats]]) -> list[Candidate]:
         """Fits of laws, perhaps beside effects of one size, each from its start; without those that fail."""
         return [one for one in self.map(lambda item: self._law(*item), hypotheses) if one is not None]
 
-    def _law(self, hypothesis: Hypothesis, start: NDArray[np.float64]) -> Candidate | None:
+    def _law(self, hypothesis: Hypothesis, start: Floats) -> Candidate | None:
         def minimum_of_law() -> Minimum | None:
             problem, ranges = self._problem(hypothesis), hypothesis.ranges()
             for share in (1.0, 0.3):  # of what was scored, should the model have no solution there
@@ -253,11 +253,11 @@ class Fitter:
         return sorted([*refined, *rough[most:]], key=attrgetter("price"))
 
     def _fitted_all(
-        self, tasks: Sequence[tuple[Hypothesis, Sequence[NDArray[np.float64]]]], max_iterations: int
+        self, tasks: Sequence[tuple[Hypothesis, Sequence[Floats]]], max_iterations: int
     ) -> list[Candidate]:
         """Hypotheses, each fitted from its starts; those without a solution are left out."""
 
-        def fitted(task: tuple[Hypothesis, Sequence[NDArray[np.float64]]]) -> Candidate | None:
+        def fitted(task: tuple[Hypothesis, Sequence[Floats]]) -> Candidate | None:
             hypothesis, starts = task
             key = hypothesis.ids if max_iterations == MAX_ITERATIONS else (*hypothesis.ids, ROUGH)
             problem, further = self._problem(hypothesis), len(hypothesis.effects) > 1

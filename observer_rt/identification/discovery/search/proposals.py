@@ -10,13 +10,12 @@ from dataclasses import replace
 from operator import attrgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.effects import term_domain
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE, MILLISECOND, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE, MILLISECOND, MM3_PER_MS, Floats
 from observer_rt.identification.discovery.search.adequacy import Adequacy, HeldOutPoints, worst
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.fits import Fitter
@@ -112,7 +111,7 @@ def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange
     }
 
 
-def _widened(values: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
+def _widened(values: Sequence[Floats]) -> tuple[float, float]:
     """Lowest and highest of all values, with the margin."""
     low, high = (float(end(list(map(end, values)))) for end in (np.nanmin, np.nanmax))
     margin = MARGIN * (high - low)

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
 
@@ -22,36 +23,36 @@ class Scores:
 
     effects: tuple[Effect, ...]
     numbers: NDArray[np.int64]  # (m,) of the effects among those tried
-    information_of: NDArray[np.float64]  # (parts, m, m) of every part of the data
-    gradient_of: NDArray[np.float64]  # (parts, m) half the fall of -2 log L
+    information_of: Floats  # (parts, m, m) of every part of the data
+    gradient_of: Floats  # (parts, m) half the fall of -2 log L
     slopes: WeightedSlopes  # (n, m)
     left: float  # weighted sum of squares of the residuals
 
     @cached_property
-    def information(self) -> NDArray[np.float64]:
+    def information(self) -> Floats:
         """Information of all data (m, m)."""
         return np.asarray(self.information_of.sum(axis=0))
 
     @cached_property
-    def gradient(self) -> NDArray[np.float64]:
+    def gradient(self) -> Floats:
         """Gradient of all data (m,)."""
         return np.asarray(self.gradient_of.sum(axis=0))
 
     @cached_property
-    def gains(self) -> NDArray[np.float64]:
+    def gains(self) -> Floats:
         """Gains of -2 log L (m,) by sizes within their bounds."""
         own = np.diag(self.information)
         sizes = self._within_bounds(self.gradient / own)
         return np.asarray(2.0 * sizes * self.gradient - sizes**2 * own)
 
     @cached_property
-    def validated(self) -> NDArray[np.float64]:
+    def validated(self) -> Floats:
         """Gains (m,) of every part of the data by the sizes that the other parts give."""
         own, total = np.diagonal(self.information_of, axis1=1, axis2=2), np.diag(self.information)
         sizes = self._within_bounds((self.gradient - self.gradient_of) / np.maximum(total - own, 1e-12 * total))
         return np.asarray(np.sum(2.0 * sizes * self.gradient_of - sizes**2 * own, axis=0))
 
-    def _within_bounds(self, sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _within_bounds(self, sizes: Floats) -> Floats:
         lowest, highest = np.array([bounds_of(one) for one in self.effects]).reshape(-1, 2).T
         return np.clip(sizes, lowest, highest)
 
@@ -67,7 +68,7 @@ class Scores:
         information, gradient = self.information_of[:, rows[:, None], rows], self.gradient_of[:, rows]
         return Scores(effects, numbers, information, gradient, self.slopes[:, rows], self.left)
 
-    def sizes(self, rows: Sequence[int]) -> NDArray[np.float64]:
+    def sizes(self, rows: Sequence[int]) -> Floats:
         """Sizes (k,) of several rows together."""
         information = self.information[np.ix_(rows, rows)]
         return np.asarray(np.linalg.lstsq(information, self.gradient[list(rows)], rcond=1e-9)[0])

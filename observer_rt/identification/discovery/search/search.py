@@ -259,15 +259,12 @@ class Search:
         """The best fit, or one that explains as much by fewer effects, equations or numbers, adequate ones first."""
         best = min(fits, key=attrgetter("price"))
         limit = best.price + max(self._own_error(best), TIED_GAIN * best.spread)
-        tied = sorted(
-            (one for one in fits if one.price <= limit),
-            key=lambda one: (
-                len(one.ids),
-                len(one.hypothesis.equations),
-                max(one.hypothesis.numbers) > MOST_NAMED,
-                one.price,
-            ),
-        )
+
+        def burden(candidate: Candidate) -> tuple[int, int, bool, float]:
+            of = candidate.hypothesis
+            return len(candidate.ids), len(of.equations), max(of.numbers) > MOST_NAMED, candidate.price
+
+        tied = sorted((one for one in fits if one.price <= limit), key=burden)
         return next(filter(self._is_adequate, tied), tied[0])
 
     def _without_idle(self, best: Candidate) -> Candidate:
@@ -287,15 +284,9 @@ class Search:
             winner = next((one for one, _ in posterior if not one.terms), self._nothing)
         ratio = self._is_adequate.ratio(winner)
         rivals = [one for one in self._alternatives(best) if one.statistic < best.statistic + TIED_GAIN * best.spread]
-        return SearchOutcome(
-            self._nothing,
-            winner,
-            posterior,
-            () if adequate else (best, *rivals),
-            tuple(self._tried),
-            self._threshold(best),
-            min(ratio, 1.0) if winner is best and adequate else ratio,
-        )
+        left, tried = () if adequate else (best, *rivals), tuple(self._tried)
+        ratio = min(ratio, 1.0) if winner is best and adequate else ratio
+        return SearchOutcome(self._nothing, winner, posterior, left, tried, self._threshold(best), ratio)
 
     def _alternatives(self, best: Candidate) -> list[Candidate]:
         """Explanations of no more effects that might be right instead, one by laws of each equation."""

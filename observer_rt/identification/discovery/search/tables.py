@@ -11,6 +11,7 @@ from itertools import product
 
 import numpy as np
 
+from observer_rt.foundation.units import Floats
 from observer_rt.identification.discovery.search import curves
 from observer_rt.identification.discovery.search.candidates import PRICE
 from observer_rt.identification.discovery.search.scores import Scores
@@ -85,7 +86,7 @@ def _gain(curve: curves.FreeCurve) -> float:
     return float(2.0 * values @ gradient - values @ information @ values)
 
 
-def _values(information: curves.Floats, gradient: curves.Floats) -> curves.Floats:
+def _values(information: Floats, gradient: Floats) -> Floats:
     held = information + RIDGE_SHARE * np.diag(np.diag(information))
     return np.asarray(np.linalg.lstsq(held, gradient, rcond=1e-12)[0])
 
@@ -111,19 +112,19 @@ def _simplest(curve: curves.FreeCurve) -> Effect | None:
     return _table(curve, symmetry, kept)
 
 
-def _is_smooth(values: curves.Floats) -> bool:
+def _is_smooth(values: Floats) -> bool:
     """Whether a curve turns at few of its knots."""
     steps = np.diff(values)
     return bool(np.count_nonzero(steps[1:] * steps[:-1] < 0.0) <= MOST_TURNS * max(values.size - 2, 1))
 
 
-def _best_values(curve: curves.FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> curves.Floats:
+def _best_values(curve: curves.FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Floats:
     """Best values at the knots kept."""
     shapes = _shapes(curve.knots, symmetry, kept)
     return _values(shapes.T @ curve.scores.information @ shapes, shapes.T @ curve.scores.gradient)
 
 
-def _shapes(knots: curves.Floats, symmetry: Symmetry, kept: Sequence[int]) -> curves.Floats:
+def _shapes(knots: Floats, symmetry: Symmetry, kept: Sequence[int]) -> Floats:
     """Values (k, m) at all knots of the curves that are 1 at one of the kept knots and 0 at the others."""
     places, values = knots[list(kept)], np.eye(len(kept))
     if symmetry is ODD_SYMMETRY:
@@ -177,7 +178,7 @@ class _Factor:
 
     form: curves.Form
     numbers: tuple[FormNumber, ...]
-    values: curves.Floats
+    values: Floats
 
 
 def products(score: curves.Score, is_guessed: Callable[[Effect], bool]) -> list[Effect]:

@@ -83,11 +83,8 @@ def _led_by(outcome: results.SearchOutcome, chosen: Sequence[str]) -> results.Se
         if set(candidate.ids) == set(chosen):
             return replace(outcome, winner=candidate)
     left = ", ".join(" + ".join(candidate.ids) for candidate in tied if candidate.ids) or "nothing"
-    raise UserError(
-        f"--choose {'+'.join(chosen)}",
-        f"is no answer to these recordings, which leave open: {left}",
-        "choose one of these, or leave --choose out",
-    )
+    problem = f"is no answer to these recordings, which leave open: {left}"
+    raise UserError(f"--choose {'+'.join(chosen)}", problem, "choose one of these, or leave --choose out")
 
 
 def healthy_baseline(

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
@@ -18,14 +17,14 @@ from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.stream.standstill import LiftFigures
 from observer_rt.files.replay.framing import TimedFrame
-from observer_rt.foundation.units import NANOSECONDS
+from observer_rt.foundation.units import NANOSECONDS, Floats
 from tests.benches import SAMPLE_RATE, block_bench
 from tests.device import damaged, frames_of, later, worn_recording
 
 LIFT = "NeedleLiftBlock 0x111 (needle_lift)"
 RAIL = "RailPressureBlock 0x110 (rail_pressure)"
 LINE = "LinePressureBlock 0x112 (line_pressure)"
-Values = NDArray[np.float64]
+Values = Floats
 LIFT_ID = 0x111
 
 

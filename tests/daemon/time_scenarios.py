@@ -7,18 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from observer_rt.engine.stream.state import Reason, State
-from tests.daemon.time_frames import (
-    Clock,
-    Outcome,
-    StampedFrame,
-    batches,
-    jitter,
-    merged,
-    observe,
-    rare,
-    send,
-    write_time_bench,
-)
+from tests.daemon import time_frames
+from tests.daemon.time_frames import Clock, StampedFrame, batches, jitter, merged, observe, rare, send
 
 RATE = 20e3
 GRID = Clock(RATE)
@@ -231,9 +221,9 @@ SCENARIOS = (
 )  # fmt: skip
 
 
-def run(scenario: Scenario, folder: Path) -> Outcome:
+def run(scenario: Scenario, folder: Path) -> time_frames.Outcome:
     """The scenario through a core of its own."""
-    bench = write_time_bench(folder, scenario.rate, scenario.signals)
+    bench = time_frames.write_time_bench(folder, scenario.rate, scenario.signals)
     grid = Clock(scenario.rate, 0.0, -150e-6 if "-150" in scenario.name else 0.0)
     learning = scenario.wear != 0.0
     return observe(bench, scenario.frames(), grid, scenario.restart, learning, scenario.wear)
@@ -249,7 +239,7 @@ class Figures:
     sample_error: float
 
     @classmethod
-    def of(cls, outcome: Outcome) -> "Figures":
+    def of(cls, outcome: time_frames.Outcome) -> "Figures":
         valid = [injection for injection in outcome.injections() if injection.is_valid]
         return cls(
             len(valid),

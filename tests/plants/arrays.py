@@ -1,6 +1,5 @@
 """The arrays that plants and benchmarks compute with."""
 
-import numpy as np
-from numpy.typing import NDArray
+from observer_rt.foundation.units import Floats
 
-Array = NDArray[np.float64]
+Array = Floats

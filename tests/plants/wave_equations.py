@@ -16,18 +16,9 @@ import math
 import numpy as np
 from numba import njit
 
+from tests.plants import equations
 from tests.plants.arrays import Array
-from tests.plants.equations import (
-    Rail,
-    chamber_pressure,
-    is_shut,
-    lagged,
-    lift_at,
-    line_stiffness,
-    nozzle_factor,
-    sac_stiffness,
-    seat_factor,
-)
+from tests.plants.equations import Rail
 from tests.plants.laws import (
     Laws,
     Moment,
@@ -74,14 +65,14 @@ def _implicit(
 
     The seat's law is solved exactly; Newton's method for p_S, kept in its bracket.
     """
-    seat, p_c = seat_factor(lift, gallery, part, faults), chamber_pressure(lift, part, faults)
+    seat, p_c = equations.seat_factor(lift, gallery, part, faults), equations.chamber_pressure(lift, part, faults)
     resistance = gallery_gain * seat
     low, high = min(p_c, gallery, sac) - 1.0, max(p_c, gallery, sac) + 1.0
     p = min(max(sac, low), high)
     for _ in range(80):
         drop = _through_seat(gallery - p, resistance)
         q_s = seat * signed_root(drop)
-        nozzle = nozzle_factor(p, p_c, lift, part, faults)
+        nozzle = equations.nozzle_factor(p, p_c, lift, part, faults)
         q_h = nozzle * signed_root(p - p_c)
         residual = p - sac - sac_gain * (q_s - q_h)
         if residual > 0.0:
@@ -99,7 +90,7 @@ def _implicit(
         if math.fabs(change) < SOLVED or high - low < SOLVED:
             break
     q_s = seat * signed_root(_through_seat(gallery - p, resistance))
-    return q_s, nozzle_factor(p, p_c, lift, part, faults) * signed_root(p - p_c)
+    return q_s, equations.nozzle_factor(p, p_c, lift, part, faults) * signed_root(p - p_c)
 
 
 @njit(cache=True, nogil=True)
@@ -117,8 +108,8 @@ def seat_step(
 
     inflow: held flow into the gallery [m3/s]; lifts: true, after GAMMA steps and after the step [m].
     """
-    by_gallery = step * line_stiffness(p_l, part, faults) / end_volume
-    by_sac = step * sac_stiffness(p_s, part, faults) / part.sac_volume
+    by_gallery = step * equations.line_stiffness(p_l, part, faults) / end_volume
+    by_sac = step * equations.sac_stiffness(p_s, part, faults) / part.sac_volume
     lift, lift1 = lifts
     gallery = p_l + GAMMA * by_gallery * inflow
     q_s1, q_h1 = _implicit(gallery, p_s, GAMMA * by_gallery, GAMMA * by_sac, lift, part, faults)
@@ -137,7 +128,7 @@ def seat_step(
 @njit(cache=True, nogil=True)
 def _lift_in(time: float, strokes: Array, remembered: float, max_lift: float, laws: Laws) -> float:
     """True lift [m] at a time [s]."""
-    lift: float = true_lift(lift_at(time, strokes), remembered, max_lift, laws)
+    lift: float = true_lift(equations.lift_at(time, strokes), remembered, max_lift, laws)
     return lift
 
 
@@ -184,16 +175,16 @@ def run_wave(
     max_lift = part.max_lift
     for k in range(result.shape[0]):
         t0 = start + k * interval
-        shut = laws.least_lift == 0.0 and is_shut(p_s, t0 + interval, t0, strokes, remembered[-1], part)
+        shut = laws.least_lift == 0.0 and equations.is_shut(p_s, t0 + interval, t0, strokes, remembered[-1], part)
         late = interval - faults.channel_skew % interval  # after t0; whole intervals are the caller's
-        lift1 = 0.0 if shut else lift_at(t0, strokes)
+        lift1 = 0.0 if shut else equations.lift_at(t0, strokes)
         now = part
         for j in range(steps):
             time, lift0, p_l0, seen0 = t0 + j * step, lift1, y[end], seen
             rail0 = rail[k] + (rail[k + 1] - rail[k]) * j / steps
             rail1 = rail[k] + (rail[k + 1] - rail[k]) * (j + 1) / steps
             if not shut:
-                lift1 = lift_at(time + step, strokes)
+                lift1 = equations.lift_at(time + step, strokes)
             if beyond:
                 open0, speed = true_lift(lift0, remembered[-1], max_lift, laws), (lift1 - lift0) / step
                 since = since_opening(time, strokes)
@@ -201,7 +192,7 @@ def run_wave(
                 moment = Moment(time, since, open0, speed, flows[-1], p_l0, p_s, remembered[-2], valve, rail0)
                 now = altered(part, laws, moment)
                 _grow_inertance(usual, lattice, flows, laws)
-                remembered[-1] = lagged(remembered[-1], lift0, lift1, step, laws.lift_memory)
+                remembered[-1] = equations.lagged(remembered[-1], lift0, lift1, step, laws.lift_memory)
                 remembered[-1] = forgetting(remembered[-1], lift1)
             middle = time + 0.5 * step
             if shut:
@@ -225,14 +216,14 @@ def run_wave(
                 drain = 0.5 * (before + after)
             if beyond:
                 resist(flows, pressures, remembered, inertances, loss, laws, step)
-                remembered[-2] = lagged(remembered[-2], p_l0, y[end], step, laws.pressure_memory)
-            seen = lagged(seen0, p_l0, y[end], step, faults.line_pressure_sensor_lag)
-            seen_lift = lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)
+                remembered[-2] = equations.lagged(remembered[-2], p_l0, y[end], step, laws.pressure_memory)
+            seen = equations.lagged(seen0, p_l0, y[end], step, faults.line_pressure_sensor_lag)
+            seen_lift = equations.lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)
             if j * step < late <= (j + 1) * step * (1.0 + 1e-12):
                 recorded = seen0 + (seen - seen0) * (late / step - j)
         open1 = true_lift(lift1, remembered[-1], max_lift, laws)
-        p_c = chamber_pressure(open1, part, faults)
-        result[k, 0] = nozzle_factor(p_s, p_c, open1, now, faults) * signed_root(p_s - p_c)
+        p_c = equations.chamber_pressure(open1, part, faults)
+        result[k, 0] = equations.nozzle_factor(p_s, p_c, open1, now, faults) * signed_root(p_s - p_c)
         result[k, 1] = p_s
         result[k, 2] = lift1
         result[k, 3] = y[end]

@@ -14,17 +14,9 @@ from pydantic import computed_field
 from observer_rt.foundation.documents import Entry, Figure, Inside, key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS, Floats
 from observer_rt.identification.discovery.search.candidates import Candidate
+from observer_rt.identification.likelihood import open_loop
 from observer_rt.identification.likelihood.excerpts import every_second_point
 from observer_rt.identification.likelihood.measurement import Measurement, in_mass_window, noisier
-from observer_rt.identification.likelihood.open_loop import (
-    GAIN_ERROR,
-    SimulatedInjection,
-    mass,
-    mean_mass,
-    measured_mass,
-    pressure_gap,
-    simulated,
-)
 from observer_rt.model.effective import EffectiveModel
 
 LINE_PRESSURE, RATE, MASS = "line_pressure", "injection_rate", "injected_mass"
@@ -100,16 +92,16 @@ def _point(
 ) -> PointGaps:
     """Gaps of a recording. amended: has the masses that count as true if no rate was measured."""
     density, is_measured = amended.coefficients.density, measurement.recording.injection_rate is not None
-    mass_of, model = (measured_mass, nominal) if is_measured else (mass, amended)
-    true_masses = np.array([mass_of(measurement, one, density) for one in simulated(measurement, model)])
+    mass_of, model = (open_loop.measured_mass, nominal) if is_measured else (open_loop.mass, amended)
+    true_masses = np.array([mass_of(measurement, one, density) for one in open_loop.simulated(measurement, model)])
     before, after = (_errors(measurement, model, true_masses) for model in (nominal, refitted))
     noisy = [_errors(measurement, refitted, true_masses, seed) for seed in range(NOISE_RUNS)]
     own_errors = {LINE_PRESSURE: [measurement.noise.line_pressure]}
     if is_measured:
-        runs = simulated(measurement, refitted)
+        runs = open_loop.simulated(measurement, refitted)
         rate = [one.rate[in_mass_window(measurement, one.event, one.rate_samples)] for one in runs]
-        own_errors[RATE] = [measurement.rate_noise, GAIN_ERROR * rms(np.concatenate(rate))]
-    own_errors[MASS] = [GAIN_ERROR * float(np.mean(true_masses)) if is_measured else 0.0]
+        own_errors[RATE] = [measurement.rate_noise, open_loop.GAIN_ERROR * rms(np.concatenate(rate))]
+    own_errors[MASS] = [open_loop.GAIN_ERROR * float(np.mean(true_masses)) if is_measured else 0.0]
     by_name = {}
     for name, own in own_errors.items():
         si = UNITS[name][1]
@@ -127,9 +119,9 @@ def _errors(
     A rate counts while fuel is injected. seed: of noise that is added to the inputs of the model; None adds none.
     """
     rate = measurement.recording.injection_rate
-    runs = simulated(measurement if seed is None else noisier(measurement, seed), model)
-    masses = np.array([mass(measurement, one, model.coefficients.density) for one in runs])
-    pressures = [pressure_gap(measurement, one) for one in runs]
+    runs = open_loop.simulated(measurement if seed is None else noisier(measurement, seed), model)
+    masses = np.array([open_loop.mass(measurement, one, model.coefficients.density) for one in runs])
+    pressures = [open_loop.pressure_gap(measurement, one) for one in runs]
     errors = {LINE_PRESSURE: np.concatenate(pressures), MASS: masses - true_masses}
     if rate is not None:
         inside = [in_mass_window(measurement, one.event, one.rate_samples) for one in runs]
@@ -149,8 +141,8 @@ class Overlay:
 
     title: str
     measurement: Measurement
-    before: SimulatedInjection  # by the model as given
-    after: SimulatedInjection | None  # with the effects found, if any
+    before: open_loop.SimulatedInjection  # by the model as given
+    after: open_loop.SimulatedInjection | None  # with the effects found, if any
     samples: int  # number of those shown
     noise_floor: float  # gap of the line pressure by noise alone [Pa]
 
@@ -164,10 +156,10 @@ def typical_overlays(
     overlays = []
     for recording, point in chosen.items():
         measurement = measured[recording]
-        every = simulated(measurement, nominal)
-        number = int(np.argmax([rms(pressure_gap(measurement, one)) for one in every]))
+        every = open_loop.simulated(measurement, nominal)
+        number = int(np.argmax([rms(open_loop.pressure_gap(measurement, one)) for one in every]))
         before = every[number]
-        after = simulated(measurement, gaps.refitted)[number] if shown.ids else None
+        after = open_loop.simulated(measurement, gaps.refitted)[number] if shown.ids else None
         last = before.event.openings[-1].last + round(SHOWN_RINGING * measurement.recording.sample_rate)
         pressure, duration = measurement.rail_pressure / MEGAPASCAL, measurement.duration / MILLISECOND
         title = f"{pressure:.0f} MPa, needle open {duration:.2f} ms, injection {number + 1} of {len(every)}"
@@ -220,13 +212,13 @@ def injection_gaps(
     gaps: ModelGaps, measured: Sequence[Measurement], nominal: EffectiveModel
 ) -> tuple[InjectionGap, ...]:
     """Gaps of every event, in the order of the recordings."""
-    return tuple(
-        InjectionGap(recording, number, *(rms(pressure_gap(measurement, run)) for run in runs))
-        for recording, measurement in enumerate(measured)
-        for number, runs in enumerate(
-            zip(simulated(measurement, nominal), simulated(measurement, gaps.refitted), strict=True), start=1
-        )
-    )
+    result = []
+    for recording, measurement in enumerate(measured):
+        runs = (open_loop.simulated(measurement, model) for model in (nominal, gaps.refitted))
+        for number, pair in enumerate(zip(*runs, strict=True), start=1):
+            both = (rms(open_loop.pressure_gap(measurement, run)) for run in pair)
+            result.append(InjectionGap(recording, number, *both))
+    return tuple(result)
 
 
 def mass_changes(
@@ -238,7 +230,7 @@ def mass_changes(
     moved = [shown.hypothesis.model(nominal, np.clip(shown.theta + step, lowest, highest)) for step in steps]
     result = []
     for recording, measurement in enumerate(measured):
-        before, after = (mean_mass([measurement], model) for model in (nominal, shown.model(nominal)))
-        half = math.hypot(left * after, *(mean_mass([measurement], model) - after for model in moved))
+        before, after = (open_loop.mean_mass([measurement], model) for model in (nominal, shown.model(nominal)))
+        half = math.hypot(left * after, *(open_loop.mean_mass([measurement], model) - after for model in moved))
         result.append(MassChange(recording, before, after - before, half))
     return tuple(result)

@@ -162,18 +162,12 @@ class Comparison:
     @cached_property
     def residuals(self) -> tuple[Residual, ...]:
         """Residuals of every signal in every phase there is."""
-        return tuple(
-            Residual(
-                signal=signal,
-                phase=phase.label,
-                rms=self._both(ModelOnFolds.rms, signal, phase),
-                unit=signal.unit,
-                chi2=self._both(ModelOnFolds.chi2, signal, phase),
-            )
-            for signal, statistics in self.after.pool.items()
-            for phase in Phase
-            if statistics.samples[phase] > 0
-        )
+        result = []
+        for signal, statistics in self.after.pool.items():
+            for phase in [one for one in Phase if statistics.samples[one] > 0]:
+                rms, chi2 = (self._both(of, signal, phase) for of in (ModelOnFolds.rms, ModelOnFolds.chi2))
+                result.append(Residual(signal=signal, phase=phase.label, rms=rms, unit=signal.unit, chi2=chi2))
+        return tuple(result)
 
     def masses(self, level: float) -> tuple[RecordingMass, ...]:
         """Masses of every fold; level: factor on all, for a sensor's gain that was removed before the fit."""

@@ -10,33 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer_rt.engine.estimation.phases import Phase
+from observer_rt.identification.fit import forms, search
 from observer_rt.identification.fit.comparison import UnexplainedSignal
-from observer_rt.identification.fit.forms import (
-    OPTIONAL_GROUPS,
-    STIFFENING,
-    STIFFNESS,
-    WAVE_DAMPING,
-    FreeParameter,
-    Structure,
-    with_values,
-)
+from observer_rt.identification.fit.forms import OPTIONAL_GROUPS, FreeParameter, Structure, with_values
 from observer_rt.identification.fit.problem import Fold
-from observer_rt.identification.fit.search import (
-    EXPLAINED_CHI2,
-    ROUGH_ITERATIONS,
-    FailedStructure,
-    FittedStructure,
-    certain_groups,
-    fitted,
-    searched,
-)
+from observer_rt.identification.fit.search import FailedStructure, FittedStructure, certain_groups, fitted, searched
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
 # Times the best chi2, of the mean and of a phase, up to which one is as good.
 MEAN_MARGIN, WORST_MARGIN = 1.15, 1.5
 CHANCE_CHI2 = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
 # Mean chi2 of a kind of line, up to which no further kind is tried.
-ENOUGH_CHI2 = {"lump": MEAN_MARGIN + CHANCE_CHI2, "wave": EXPLAINED_CHI2}
+ENOUGH_CHI2 = {"lump": MEAN_MARGIN + CHANCE_CHI2, "wave": search.EXPLAINED_CHI2}
 Trial = FittedStructure | FailedStructure
 
 
@@ -97,7 +82,7 @@ def _trials(
     fits = [full]
 
     def simplified(structure: Structure, fuller: FittedStructure) -> Trial:
-        return fitted(structure, fuller.injector, (*structure.free, *common), folds, ROUGH_ITERATIONS)
+        return fitted(structure, fuller.injector, (*structure.free, *common), folds, search.ROUGH_ITERATIONS)
 
     for structure in sorted(conserving, key=lambda one: -len(one.free)):
         fuller = [one for one in fits if set(structure.free) < set(one.structure.free)]
@@ -115,21 +100,22 @@ def _fullest(
     structure: Structure, file: InjectorParameters, further: Sequence[FreeParameter], folds: Sequence[Fold]
 ) -> Trial:
     """A structure with every optional part that is certain and explains recordings left out better than without."""
-    stiffens = WAVE_DAMPING in structure.free or STIFFENING.stated(file)
+    stiffens = forms.WAVE_DAMPING in structure.free or forms.STIFFENING.stated(file)
     every = [one for group in OPTIONAL_GROUPS for one in group]
-    free = [*structure.free, *further, *every, *((STIFFENING,) if stiffens else ())]
+    free = [*structure.free, *further, *every, *((forms.STIFFENING,) if stiffens else ())]
     full = searched(structure, file, free, folds)
     if isinstance(full, FailedStructure):
         return full
 
     def without(parts: Sequence[FreeParameter], fuller: FittedStructure) -> Trial:
         others = [one for one in fuller.calibration.free if one not in parts]
-        return fitted(structure, _as_stated(fuller.injector, parts, file, folds), others, folds, ROUGH_ITERATIONS)
+        stated = _as_stated(fuller.injector, parts, file, folds)
+        return fitted(structure, stated, others, folds, search.ROUGH_ITERATIONS)
 
     has = [one for group in certain_groups(full) for one in group]
     if len(has) < len(every):
         full = without([one for one in every if one not in has], full)
-    for parts in (has, [STIFFENING] if stiffens and not STIFFENING.stated(file) else []):
+    for parts in (has, [forms.STIFFENING] if stiffens and not forms.STIFFENING.stated(file) else []):
         if parts and isinstance(full, FittedStructure):
             simpler = without(parts, full)
             if isinstance(simpler, FittedStructure) and _is_as_good(judged_by(simpler), judged_by(full)):
@@ -141,11 +127,11 @@ def _as_stated(
     injector: InjectorParameters, parts: Sequence[FreeParameter], file: InjectorParameters, folds: Sequence[Fold]
 ) -> InjectorParameters:
     """An injector with parts as in the file; fuel that stiffens no more is as stiff as at the mean rail pressure."""
-    if STIFFENING in parts:
+    if forms.STIFFENING in parts:
         pressure = float(np.mean([fold.measurement.rail_pressure for fold in folds]))
         slope = injector.fluid.bulk_modulus_by_pressure - file.fluid.bulk_modulus_by_pressure
         stiffness = injector.fluid.bulk_modulus_line + slope * pressure
-        injector = with_values(injector, (STIFFNESS,), np.array([stiffness]))
+        injector = with_values(injector, (forms.STIFFNESS,), np.array([stiffness]))
     for part in parts:
         section = getattr(injector, part.section).model_copy(update={part.key: part.stated(file)})
         injector = injector.model_copy(update={part.section: section})

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from operator import attrgetter
 from pkgutil import iter_modules
 from types import MappingProxyType
 
@@ -9,14 +10,9 @@ from observer_rt.model.effect import Component, Effect, SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
 
-
-def _of_this_folder() -> dict[str, Effect]:
-    modules = (import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__))
-    effects = (value for module in modules for value in vars(module).values() if isinstance(value, Effect))
-    return {effect.id: effect for effect in sorted(effects, key=lambda effect: effect.id)}
-
-
-_in_use = _of_this_folder()
+_modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
+_effects = [value for module in _modules for value in vars(module).values() if isinstance(value, Effect)]
+_in_use = {effect.id: effect for effect in sorted(_effects, key=attrgetter("id"))}
 VOCABULARY: Mapping[str, Effect] = MappingProxyType(_in_use)
 """All effects by id."""
 

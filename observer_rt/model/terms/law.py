@@ -245,11 +245,9 @@ def _printed(law: Law) -> tuple[str, int]:
         case Quantity(variable):
             return variable.word, _WHOLE
         case Lag(argument, milliseconds):
-            time = repr(milliseconds).removesuffix(".0")
-            return f"{LAGGED}({argument}, {time})", _WHOLE
+            return f"{LAGGED}({argument}, {repr(milliseconds).removesuffix('.0')})", _WHOLE
         case Resonance(argument, kilohertz, damping):
-            frequency = repr(kilohertz).removesuffix(".0")
-            return f"{RINGING}({argument}, {frequency}, {damping})", _WHOLE
+            return f"{RINGING}({argument}, {repr(kilohertz).removesuffix('.0')}, {damping})", _WHOLE
         case LawTable(argument, points, values):
             knots = ", ".join(f"{point}, {value}" for point, value in zip(points, values, strict=True))
             return f"{TABLE}({argument}, {knots})", _WHOLE

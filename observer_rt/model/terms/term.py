@@ -12,15 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from observer_rt.core.model.model import (
-    HIGHEST_TOTAL,
-    LOWEST_TOTAL,
-    OP_END,
-    OP_LAG,
-    OP_NUMBER,
-    OP_RINGING,
-    OP_VARIABLE,
-)
+from observer_rt.core.model import model
 from observer_rt.foundation.units import Floats
 from observer_rt.model.terms.law import Call, Coefficient, Lag, Law, LawTable, Number, Quantity, Resonance
 from observer_rt.model.terms.variable import FLOW, LIFT, PRESSURE, PURE, Unit, Variable
@@ -49,7 +41,7 @@ class TermEquation(StrEnum):
         """A member that is its name and knows the rest."""
         member, count = str.__new__(cls, name), len(cls.__members__)
         member._value_, member.unit, member.words, member.number = name, unit, words, count
-        member.bounds = LOWEST_TOTAL[count], HIGHEST_TOTAL[count]
+        member.bounds = model.LOWEST_TOTAL[count], model.HIGHEST_TOTAL[count]
         return member
 
     @property
@@ -93,26 +85,26 @@ def program_of(terms: Sequence[Term], fixed: Mapping[Variable, float] = MappingP
     rows: list[tuple[float, float]] = []
     for term in sorted(terms, key=lambda term: term.equation is TermEquation.LINE_PRESSURE_SENSOR):
         rows.extend(_rows(term.law, term.coefficient, fixed))
-        rows.append((OP_END, term.equation.number))
+        rows.append((model.OP_END, term.equation.number))
     return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
 def _rows(law: Law, c: float, fixed: Mapping[Variable, float]) -> Iterator[tuple[float, float]]:
     match law:
         case Number():
-            yield OP_NUMBER, law.reckoned
+            yield model.OP_NUMBER, law.reckoned
         case Coefficient():
-            yield OP_NUMBER, c
+            yield model.OP_NUMBER, c
         case Quantity(variable):
-            yield (OP_NUMBER, fixed[variable]) if variable in fixed else (OP_VARIABLE, variable)
+            yield (model.OP_NUMBER, fixed[variable]) if variable in fixed else (model.OP_VARIABLE, variable)
         case Lag(argument, milliseconds):
             yield from _rows(argument, c, fixed)
-            yield OP_LAG, milliseconds
+            yield model.OP_LAG, milliseconds
         case Resonance(argument, kilohertz, damping):
             yield from _rows(argument, c, fixed)
-            yield OP_NUMBER, kilohertz
-            yield OP_NUMBER, damping
-            yield OP_RINGING, 0.0
+            yield model.OP_NUMBER, kilohertz
+            yield model.OP_NUMBER, damping
+            yield model.OP_RINGING, 0.0
         case LawTable():
             yield from _rows(law.spelled, c, fixed)
         case Call(operation, arguments):

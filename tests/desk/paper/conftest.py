@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.paper.scheme import PaperSetting
@@ -12,6 +10,7 @@ from observer_rt.desk.paper.study import injection_windows, inputs, learning_win
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import simulate
 from observer_rt.engine.estimation.predictor import Window
+from observer_rt.foundation.units import Floats
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.effects import sized
 from observer_rt.model.stability import substeps_needed
@@ -26,9 +25,9 @@ class Injection:
 
     c: Coefficients
     window: Window
-    x: NDArray[np.float64]
-    fault: NDArray[np.float64]
-    rate: NDArray[np.float64]
+    x: Floats
+    fault: Floats
+    rate: Floats
     scored: slice
 
     def setting(self, gain: float = GAIN) -> PaperSetting:

@@ -5,18 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.desk.paper.scheme import (
-    BETA,
-    FaultCost,
-    design_vector,
-    free_network,
-    minimise,
-    no_fault,
-    scaled_identity,
-    swept,
-    train,
-    training_data,
-)
+from observer_rt.desk.paper import scheme
 from observer_rt.model.effective import coefficients
 from tests.desk.paper.conftest import Injection, make_injection
 
@@ -26,15 +15,15 @@ C = coefficients(load_injector())
 def squared_error(injection: Injection, weights: NDArray[np.float64], gain: float = 1e5) -> float:
     """MSE of x3 (28) with weights p (48,)."""
     setting = injection.setting(gain)
-    seen = swept(injection.window, setting, free_network(weights, setting.gain))
+    seen = scheme.swept(injection.window, setting, scheme.free_network(weights, setting.gain))
     return float(np.mean((seen.x - injection.x)[injection.scored, 2] ** 2))
 
 
 def trained(injection: Injection, trainings: int = 1, gain: float = 1e5) -> NDArray[np.float64]:
     """Weights p (48,) after so many trainings, each in force for the next."""
-    in_force, start = no_fault(), scaled_identity(BETA)
+    in_force, start = scheme.no_fault(), scheme.scaled_identity(scheme.BETA)
     for _ in range(trainings):
-        in_force = start = train(injection.window, injection.setting(gain), in_force, start)
+        in_force = start = scheme.train(injection.window, injection.setting(gain), in_force, start)
     return in_force
 
 
@@ -42,7 +31,7 @@ def test_phi_and_rate_are_the_formulas(worn: Injection) -> None:
     """phi = unit (W tanh(V z) + b), written with matrices, and the balance of (27)."""
     p = 0.1 * np.random.default_rng(7).normal(size=48)
     hidden, output, bias = p[:30].reshape(5, 6), p[30:45].reshape(3, 5), p[45:]
-    seen = swept(worn.window, worn.setting(), free_network(p, 50.0))
+    seen = scheme.swept(worn.window, worn.setting(), scheme.free_network(p, 50.0))
     x, u = seen.x[seen.driven], np.maximum(worn.window.inputs[seen.driven], 0.0)
     z = np.column_stack([x, u, np.ones(len(x))])
     phi = 50.0 * (np.tanh(z @ hidden.T) @ output.T + bias)
@@ -55,7 +44,7 @@ def test_phi_and_rate_are_the_formulas(worn: Injection) -> None:
 
 
 def test_scaled_identity_of_matrices_that_are_not_square() -> None:
-    network = free_network(scaled_identity(0.1), 1.0)
+    network = scheme.free_network(scheme.scaled_identity(0.1), 1.0)
     assert network.hidden.shape == (5, 6)
     assert network.output.shape == (3, 5)
     np.testing.assert_array_equal(np.argwhere(network.hidden), [[i, i] for i in range(5)])
@@ -66,41 +55,41 @@ def test_scaled_identity_of_matrices_that_are_not_square() -> None:
 def test_cost_is_half_the_sum_of_squares_in_units_of_the_network() -> None:
     target = np.array([[3.0, 0.0, -4.0], [0.0, 6.0, 0.0]])
     z = np.column_stack([np.zeros((2, 5)), np.ones(2)])
-    cost = FaultCost(z, target, 2.0)
-    assert cost.value(no_fault()) == pytest.approx(0.5 * (9 + 16 + 36) / 4)
+    cost = scheme.FaultCost(z, target, 2.0)
+    assert cost.value(scheme.no_fault()) == pytest.approx(0.5 * (9 + 16 + 36) / 4)
 
 
 def test_error_is_given_to_line_and_sac_in_the_ratio_of_the_paper() -> None:
-    np.testing.assert_allclose(design_vector(C), [1, 0, 12], rtol=1e-3)
+    np.testing.assert_allclose(scheme.design_vector(C), [1, 0, 12], rtol=1e-3)
 
 
 @pytest.mark.slow
 def test_training_is_thirty_epochs_downhill(worn: Injection) -> None:
-    start, setting = scaled_identity(BETA), worn.setting()
-    seen = swept(worn.window, setting, free_network(no_fault(), setting.gain))
-    cost = FaultCost(*training_data(worn.window, seen, setting), setting.gain)
-    end = minimise(cost, start, np.eye(start.size), 30)
+    start, setting = scheme.scaled_identity(scheme.BETA), worn.setting()
+    seen = scheme.swept(worn.window, setting, scheme.free_network(scheme.no_fault(), setting.gain))
+    cost = scheme.FaultCost(*scheme.training_data(worn.window, seen, setting), setting.gain)
+    end = scheme.minimise(cost, start, np.eye(start.size), 30)
     assert end.iterations == 30
     assert end.value < 0.01 * cost.value(start)
-    np.testing.assert_array_equal(end.theta, train(worn.window, setting, no_fault(), start))
+    np.testing.assert_array_equal(end.theta, scheme.train(worn.window, setting, scheme.no_fault(), start))
 
 
 @pytest.mark.parametrize("nozzle_wear", [-0.5, -0.2, 0.2, 0.5])
 def test_one_training_improves_x_3_two_to_three_times(nozzle_wear: float) -> None:
     """As the paper shows in its Fig. 5: better at every v_H, far from perfect."""
     injection = make_injection(nozzle_wear)
-    ratio = squared_error(injection, no_fault()) / squared_error(injection, trained(injection))
+    ratio = squared_error(injection, scheme.no_fault()) / squared_error(injection, trained(injection))
     assert 1.8 < ratio < 3.2
 
 
 def test_more_gain_identifies_more(worn: Injection) -> None:
     """The target is the fault through a high pass whose corner falls with the gain."""
     errors = [squared_error(worn, trained(worn, gain=gain), gain) for gain in (1e4, 1e5)]
-    assert errors[1] < 0.7 * errors[0] < 0.7 * squared_error(worn, no_fault())
+    assert errors[1] < 0.7 * errors[0] < 0.7 * squared_error(worn, scheme.no_fault())
 
 
 def test_trained_on_it_stays_wrong(worn: Injection) -> None:
     """Ten trainings: the mass stays several per cent off."""
     setting = worn.setting()
-    rate = swept(worn.window, setting, free_network(trained(worn, 10), setting.gain)).rate
+    rate = scheme.swept(worn.window, setting, scheme.free_network(trained(worn, 10), setting.gain)).rate
     assert -0.12 < rate[worn.scored].sum() / worn.rate[worn.scored].sum() - 1.0 < -0.03

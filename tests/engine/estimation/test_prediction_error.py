@@ -16,18 +16,8 @@ from observer_rt.model.line import stiffened
 from observer_rt.model.parameters import LineOutflow
 from observer_rt.model.wave_line import RESOLVED
 from tests.differences import differences
-from tests.engine.estimation.conftest import (
-    SAMPLE_RATE,
-    SMOOTH,
-    Case,
-    changes_of_flows,
-    event_inputs,
-    innovations_at,
-    make_case,
-    simulated_event,
-    start_at_rest,
-    worn_theta,
-)
+from tests.engine.estimation import conftest
+from tests.engine.estimation.conftest import Case, event_inputs, innovations_at, make_case, simulated_event
 from tests.model.conftest import with_line
 
 BURN_IN = 20
@@ -48,21 +38,20 @@ def spiked(window: Window) -> Window:
 
 
 @pytest.mark.parametrize("outliers", [False, True])
-@pytest.mark.parametrize("theta", [HEALTHY, worn_theta()], ids=["healthy", "worn"])
+@pytest.mark.parametrize("theta", [HEALTHY, conftest.worn_theta()], ids=["healthy", "worn"])
 def test_gradient_is_the_derivative(case: Case, theta: NDArray[np.float64], outliers: bool) -> None:
-    window = simulated_event(case, worn_theta(7), event_inputs(), seed=3)
+    window = simulated_event(case, conftest.worn_theta(7), event_inputs(), seed=3)
     cost = cost_of(case, spiked(window) if outliers else window)
     linearised = cost.linearised(theta)
     assert linearised.value == cost.value(theta)
     numeric = differences(cost.value, theta, 1e-6)
-    np.testing.assert_allclose(
-        linearised.gradient[SMOOTH], numeric[SMOOTH], atol=1e-5 * np.abs(numeric[SMOOTH]).max()
-    )
+    smooth, slopes = numeric[conftest.SMOOTH], linearised.gradient[conftest.SMOOTH]
+    np.testing.assert_allclose(slopes, smooth, atol=1e-5 * np.abs(smooth).max())
 
 
 @pytest.mark.parametrize("temper", [1.0, 2.5])
 def test_chi2_beyond_noise_is_that_of_the_innovations_however_tempered(nominal: Case, temper: float) -> None:
-    theta = worn_theta(7)
+    theta = conftest.worn_theta(7)
     window = simulated_event(nominal, theta, event_inputs(), seed=3)
     cost = EventCost(window, nominal.setting, SIGMA, BURN_IN, temper=temper)
     beyond, e = 2.0 * temper * cost.value(theta) - cost.terms, innovations_at(nominal, window, theta)
@@ -75,7 +64,7 @@ def test_chi2_beyond_noise_is_that_of_the_innovations_however_tempered(nominal: 
 
 def test_a_noisier_sample_counts_as_a_smaller_one(nominal: Case) -> None:
     """Value, gradient and information of innovations and slopes over their level."""
-    theta = worn_theta(7)
+    theta = conftest.worn_theta(7)
     window = simulated_event(nominal, theta, event_inputs(), seed=3)
     levels = np.random.default_rng(1).uniform(1.0, 3.0, len(window.output))
     cost = EventCost(window, nominal.setting, SIGMA, BURN_IN, levels=levels)
@@ -92,8 +81,8 @@ def test_a_noisier_sample_counts_as_a_smaller_one(nominal: Case) -> None:
 
 def test_vector_points_to_the_minimum_of_the_quadratic(nominal: Case) -> None:
     """information @ (theta + step) where the step is Gauss and Newton's: the normal equations."""
-    theta = worn_theta(7)
-    window = simulated_event(nominal, worn_theta(), event_inputs(), seed=3)
+    theta = conftest.worn_theta(7)
+    window = simulated_event(nominal, conftest.worn_theta(), event_inputs(), seed=3)
     here = cost_of(nominal, window).linearised(theta)
     step = -np.linalg.lstsq(here.information, here.gradient, rcond=1e-12)[0]
     np.testing.assert_allclose(here.information @ (theta + step), here.vector, rtol=1e-6, atol=1e-2)
@@ -104,7 +93,7 @@ def test_gauss_newton_finds_the_truth_without_noise(nominal: Case) -> None:
 
     A valve without flow says nothing; the slope by the lift's delay is a difference.
     """
-    truth, columns = worn_theta(), np.delete(np.arange(PARAMETERS), [*WEIGHTS, Parameter.LIFT_DELAY])
+    truth, columns = conftest.worn_theta(), np.delete(np.arange(PARAMETERS), [*WEIGHTS, Parameter.LIFT_DELAY])
     truth[WEIGHTS] = 0.0
     events = [simulated_event(nominal, truth, event_inputs(rail=rail)) for rail in (0.45, 0.95, 1.55)]
     theta = HEALTHY.copy()
@@ -143,13 +132,13 @@ def test_meaning_of_a_parameter_vector() -> None:
     assert learned.coefficients == c._replace(line=changed)
     assert learned.offset == 0.3
     assert learned.sensor[0] == pytest.approx(40e-6)
-    assert changes_of_flows(x, u, learned.network) == (0.0, 0.0)
+    assert conftest.changes_of_flows(x, u, learned.network) == (0.0, 0.0)
     theta[Parameter.NOZZLE_BIAS] = 0.2
-    assert changes_of_flows(x, u, network_of(theta)) == pytest.approx((0.2, 0.0))
+    assert conftest.changes_of_flows(x, u, network_of(theta)) == pytest.approx((0.2, 0.0))
     theta[Parameter.SEAT_BIAS] = -0.1
-    assert changes_of_flows(x, u, network_of(theta)) == pytest.approx((0.2, -0.1))
+    assert conftest.changes_of_flows(x, u, network_of(theta)) == pytest.approx((0.2, -0.1))
     theta[Parameter.NOZZLE_WEIGHT] = 0.05  # of the pressure drop, the centres .16 p_0 apart
-    nozzle, seat = changes_of_flows(x, u, network_of(theta))
+    nozzle, seat = conftest.changes_of_flows(x, u, network_of(theta))
     assert nozzle == pytest.approx(0.2 + 0.05 * math.tanh((x[2] - 0.1) / (0.7 * 0.16)), abs=1e-5)
     assert seat == pytest.approx(-0.1)
 
@@ -167,13 +156,13 @@ def test_samples_that_count_together_count_by_their_mean(together: int) -> None:
 def test_short_waves_do_not_count_on_a_line_of_cells() -> None:
     """Value, gradient and information are those of means over the time that cells resolve."""
     case = make_case(with_line(load_injector(), model="wave").model_copy(update={"line_outflow": LineOutflow.SEAT}))
-    inputs, theta = event_inputs(), worn_theta(7)
+    inputs, theta = event_inputs(), conftest.worn_theta(7)
     unexplained = inputs[:, 0] - 0.04 * inputs[:, 1] + np.random.default_rng(2).normal(0.0, 1e-3, len(inputs))
-    start = start_at_rest(case.c, float(inputs[0, 0]))
+    start = conftest.start_at_rest(case.c, float(inputs[0, 0]))
     window = Window(inputs, unexplained, np.arange(len(inputs)) < 100, start, 100)
     cost = cost_of(case, window)
     linearised = cost.linearised(theta)
-    samples = round(RESOLVED * SAMPLE_RATE)
+    samples = round(RESOLVED * conftest.SAMPLE_RATE)
     counted = (window.output.size - BURN_IN) // samples * samples
     z = cost.innovations[BURN_IN:][:counted].reshape(-1, samples).sum(axis=1) / (SIGMA * math.sqrt(samples))
     slopes = cost.slopes[BURN_IN:][:counted].reshape(-1, samples, PARAMETERS).sum(axis=1)

@@ -11,17 +11,8 @@ from observer_rt.engine.estimation.predictor import Window, innovations_with_sen
 from observer_rt.engine.estimation.scalars import EVERY, LAWLESS, NEEDLE_LAW, PARAMETERS, Parameter
 from observer_rt.model.effective import LAG_UNIT
 from tests.differences import assert_columns_agree, differences
-from tests.engine.estimation.conftest import (
-    SMOOTH,
-    Case,
-    event_inputs,
-    innovations_at,
-    make_case,
-    recorded_late,
-    simulated_event,
-    start_at_rest,
-    worn_theta,
-)
+from tests.engine.estimation import conftest
+from tests.engine.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
 from tests.model.conftest import with_line
 from tests.plants.arrays import Array
 
@@ -53,7 +44,7 @@ def assert_slopes(case: Case, window: Window, theta: Array, by_corners: float = 
     still = {*VALVE, *(NEEDLE if window.needle is None else [Parameter.LIFT_DELAY])}
     assert moves[[p for p in range(PARAMETERS) if p not in still]].all()
     assert moves[VALVE].all() == (theta[Parameter.CONTROL_FLOW] > 0.0)
-    assert_columns_agree(slopes[:, SMOOTH], expected[:, SMOOTH], share)
+    assert_columns_agree(slopes[:, conftest.SMOOTH], expected[:, conftest.SMOOTH], share)
     _, by_lawless = with_slopes(case, window, theta, LAWLESS)
     np.testing.assert_array_equal(by_lawless, slopes[:, LAWLESS])
     if window.needle is not None:
@@ -81,8 +72,8 @@ def commanded(case: Case, line: str, commands: list[tuple[float, float]]) -> tup
     injector = load_injector()
     window = simulated_event(case, worn_theta(seed=7), event_inputs(rail=0.7), seed=3)
     if line == "wave":
-        case = make_case(with_line(injector, model="wave"))
-        window = window._replace(start=start_at_rest(case.c, 0.7))
+        case = conftest.make_case(with_line(injector, model="wave"))
+        window = window._replace(start=conftest.start_at_rest(case.c, 0.7))
     return case, window._replace(needle=injector.needle_law, commands=np.array(commands))
 
 
@@ -143,7 +134,7 @@ def test_nothing_flows_and_nothing_is_learned_while_shut(case: Case) -> None:
 def test_the_true_delay_of_the_lift_leaves_least(case: Case, delay: float) -> None:
     """The corners between samples leave the rest."""
     theta, window = worn_theta(), simulated_event(case, worn_theta(), event_inputs())
-    late = recorded_late(window, delay / case.setting.interval)
+    late = conftest.recorded_late(window, delay / case.setting.interval)
     tried = delay + np.array([-10e-6, -2e-6, 0.0, 2e-6, 10e-6])
     moves = np.outer(tried / LAG_UNIT, np.eye(PARAMETERS)[Parameter.LIFT_DELAY])
     left = [np.linalg.norm(innovations_at(case, late, theta + move)) for move in moves]
@@ -166,6 +157,6 @@ def test_slopes_of_a_servo_injector_on_a_line_with_waves(case: Case) -> None:
     recorded = simulated_event(case, worn_theta(seed=7), event_inputs(rail=0.7), seed=3)
     outflow = "nozzle" if case.c.line.a2_nozzle > 0.0 else "seat"
     on_waves = with_line(load_injector(), model="wave", cells=5)
-    waves = make_case(on_waves.model_copy(update={"line_outflow": outflow}))
-    window = recorded._replace(start=start_at_rest(waves.c, 0.7))
+    waves = conftest.make_case(on_waves.model_copy(update={"line_outflow": outflow}))
+    window = recorded._replace(start=conftest.start_at_rest(waves.c, 0.7))
     assert_slopes(waves, window, SERVO, by_corners=0.5)  # the needle displaces fuel

@@ -4,12 +4,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learned_laws import LearnedLaw, furthest, leading, learned_laws
-from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, Floats
 from observer_rt.model.effects import effective_model
 from tests.engine.plant_runs import DURATIONS, HEALTHY, RAIL_PRESSURES, in_turn
 from tests.engine.sample_stream import NOISE
@@ -18,7 +17,7 @@ from tests.plants.laws import COKING_TIME, REFERENCE, TEN_PRODUCTS, Laws
 from tests.plants.parameters import Injector
 from tests.plants.plant import Bench, Needle, record
 
-Curve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Curve = Callable[[Floats], Floats]
 
 
 def curves_after(

@@ -17,17 +17,11 @@ from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
+from observer_rt.identification.fit import suitability
 from observer_rt.identification.fit.calibrate import calibrate
 from observer_rt.identification.fit.fitted_file import baseline_of, write_fitted
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import folds_of, thinned
-from observer_rt.identification.fit.suitability import (
-    refuse_clipped,
-    sensor_gain,
-    share_between_samples,
-    standstill,
-    warnings,
-)
 from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from tests.identification.fit.healthy import LUMPS, NOMINAL, POINTS, simulations
@@ -68,7 +62,7 @@ def test_one_recording_with_a_mass_is_not_taken_apart() -> None:
 def test_an_offset_is_found_at_standstill() -> None:
     recording = TWO[0].recording
     (moved,) = measurements([replace(recording, line_pressure=recording.line_pressure + 0.8e6)])
-    (before, pressure), (after, _) = (standstill(one) for one in (TWO[0], moved))
+    (before, pressure), (after, _) = (suitability.standstill(one) for one in (TWO[0], moved))
     assert pressure == pytest.approx(60e6, abs=0.3e6)
     assert after - before == pytest.approx(0.8e6, abs=1.0)
 
@@ -93,7 +87,7 @@ def changed(signal: str, change: Change) -> Recording:
 )
 def test_a_clipped_signal_is_refused(signal: str, change: Change, level: str) -> None:
     with pytest.raises(UserError, match=f"{signal}: is clipped: .* exactly {level}"):
-        refuse_clipped(measurements([changed(signal, change)]))
+        suitability.refuse_clipped(measurements([changed(signal, change)]))
 
 
 @pytest.mark.parametrize(
@@ -104,11 +98,11 @@ def test_a_clipped_signal_is_refused(signal: str, change: Change, level: str) ->
     ],
 )
 def test_a_coarse_signal_and_a_zero_at_rest_are_not_clipped(signal: str, change: Change) -> None:
-    refuse_clipped(measurements([changed(signal, change)]))
+    suitability.refuse_clipped(measurements([changed(signal, change)]))
 
 
 def test_one_operating_point_is_warned_of() -> None:
-    words = warnings(measurements([RECORDING]))
+    words = suitability.warnings(measurements([RECORDING]))
     assert any("one rail pressure and one energizing time only" in one for one in words)
     assert any("3 injections only" in one for one in words)
 
@@ -120,8 +114,8 @@ def _every_fifth(meaning: Meaning) -> Recording:
 
 def test_slow_instants_are_warned_of_and_make_masses_less_sure() -> None:
     (slow,) = measurements([_every_fifth(Meaning.INSTANT)])
-    assert share_between_samples(slow) == pytest.approx(0.005)
-    (warning,) = (one for one in warnings([slow]) if "instants" in one)
+    assert suitability.share_between_samples(slow) == pytest.approx(0.005)
+    (warning,) = (one for one in suitability.warnings([slow]) if "instants" in one)
     assert "20000 Hz" in warning
     assert 'meaning = "mean"' in warning
 
@@ -129,19 +123,19 @@ def test_slow_instants_are_warned_of_and_make_masses_less_sure() -> None:
 @pytest.mark.parametrize("recording", [RECORDING, _every_fifth(Meaning.MEAN)], ids=["100 kHz", "means"])
 def test_fast_instants_and_means_are_not_warned_of(recording: Recording) -> None:
     (measurement,) = measurements([recording])
-    assert share_between_samples(measurement) == pytest.approx(0.0, abs=1e-6)
-    assert not any("instants" in words for words in warnings([measurement]))
+    assert suitability.share_between_samples(measurement) == pytest.approx(0.0, abs=1e-6)
+    assert not any("instants" in words for words in suitability.warnings([measurement]))
 
 
 def test_one_pressure_and_one_duration_are_warned_of() -> None:
     by_time = [one.recording for one in simulations([(100e6, 0.6e-3), (100e6, 1.9e-3)])]
-    assert any("one rail pressure only" in one for one in warnings(measurements(by_time)))
+    assert any("one rail pressure only" in one for one in suitability.warnings(measurements(by_time)))
     by_pressure = [one.recording for one in simulations([(60e6, 1.9e-3), (61e6, 1.9e-3), (140e6, 1.9e-3)])]
-    assert any("one energizing time only" in one for one in warnings(measurements(by_pressure)))
+    assert any("one energizing time only" in one for one in suitability.warnings(measurements(by_pressure)))
 
 
 def test_six_points_need_no_warning() -> None:
-    assert warnings(measurements([one.recording for one in simulations(POINTS)])) == []
+    assert suitability.warnings(measurements([one.recording for one in simulations(POINTS)])) == []
 
 
 def measured_with(gain: float, offset: float = 0.3e6, injections: int = 3) -> list[Measurement]:
@@ -152,12 +146,12 @@ def measured_with(gain: float, offset: float = 0.3e6, injections: int = 3) -> li
 
 def test_several_pressures_tell_it_from_an_offset() -> None:
     """Before the line has rung."""
-    assert sensor_gain(measured_with(GAIN, injections=1), SENSORS) == pytest.approx(GAIN, abs=3e-4)
-    assert sensor_gain(measured_with(GAIN), EXACT) == 0.0
+    assert suitability.sensor_gain(measured_with(GAIN, injections=1), SENSORS) == pytest.approx(GAIN, abs=3e-4)
+    assert suitability.sensor_gain(measured_with(GAIN), EXACT) == 0.0
 
 
 def test_one_pressure_leaves_it_within_the_accuracy() -> None:
-    assert abs(sensor_gain(measured_with(GAIN)[:1], SENSORS)) < 0.2 * GAIN
+    assert abs(suitability.sensor_gain(measured_with(GAIN)[:1], SENSORS)) < 0.2 * GAIN
 
 
 def test_recordings_and_masses_become_those_of_the_rail_sensor() -> None:

@@ -21,16 +21,8 @@ from observer_rt.identification.discovery.search.candidates import (
     minimum_from,
 )
 from observer_rt.identification.discovery.search.scores import SWITCH_SIZE, Scores, WeightedSlopes, bounds_of, scored
-from observer_rt.identification.likelihood import appearance
-from observer_rt.identification.likelihood.bounded_fit import (
-    MAX_ITERATIONS,
-    Minimum,
-    Problem,
-    Residuals,
-    fit,
-    linearise,
-    sigmas_of,
-)
+from observer_rt.identification.likelihood import appearance, bounded_fit
+from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Minimum, Problem, Residuals, fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, residuals_of
 from observer_rt.identification.likelihood.signals import Pool, pool_of
 from observer_rt.model.baseline import Appearance
@@ -139,9 +131,9 @@ class Fitter:
         """Standard deviations of a candidate's sizes by noise; inf for sizes without information."""
         if candidate.key not in self._sigmas:
             hypothesis, residuals = candidate.hypothesis, self.residuals(candidate)
-            at = linearise(self._problem(hypothesis), candidate.theta, residuals, hypothesis.ranges())
+            at = bounded_fit.linearise(self._problem(hypothesis), candidate.theta, residuals, hypothesis.ranges())
             spread = np.sqrt(max(1.0, float(np.mean(residuals.z**2))))
-            self._sigmas[candidate.key] = sigmas_of(at.information) * spread
+            self._sigmas[candidate.key] = bounded_fit.sigmas_of(at.information) * spread
         return self._sigmas[candidate.key]
 
     def map(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:

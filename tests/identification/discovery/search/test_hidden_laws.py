@@ -7,13 +7,12 @@ from itertools import product
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.healthy_events import learn_laws
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.learned_laws import LearnedLaw, furthest
 from observer_rt.files.signals.recording import Recording
-from observer_rt.foundation.units import MILLISECOND
+from observer_rt.foundation.units import MILLISECOND, Floats
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.results import Verdict
@@ -30,7 +29,6 @@ from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import LINE, Bench, Event, Needle, Shot, Surroundings, record, seen_as
 
 pytestmark = pytest.mark.slow
-Floats = NDArray[np.float64]
 Change = Callable[[Bench], Bench]
 POINTS = tuple(product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))  # Pa, s
 INJECTIONS = 4

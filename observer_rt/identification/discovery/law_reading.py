@@ -117,8 +117,8 @@ def line_of(law: Law) -> StraightLaw | None:
     # the largest lift is 1, so that a lift is a share of it; all others are varied
     zero = {variable.word: float(variable is Variable.MAX_LIFT) for variable in law.variables}
     varied = sorted(law.variables - {Variable.MAX_LIFT})
-    constant = float(law.at(zero))
-    slopes = {variable: _rounded(float(law.at(zero | {variable.word: 1.0})) - constant) for variable in varied}
+    constant = law.at(zero).item()
+    slopes = {variable: _rounded(law.at(zero | {variable.word: 1.0}).item() - constant) for variable in varied}
     probes = {variable: number * _PROBES for number, variable in enumerate(varied, start=1)}
     straight = constant + sum(slope * probes[variable] for variable, slope in slopes.items())
     rounding = 1e-9 * max(map(abs, slopes.values()), default=0.0)

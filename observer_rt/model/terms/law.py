@@ -1,4 +1,4 @@
-"""Laws as trees: printed and evaluated over arrays.
+"""Laws as trees: printed, evaluated over arrays, and enclosed over boxes of their variables.
 
 A law is made of numbers, the coefficient `c`, variables, operations on them, lags and tables. Numbers are in the
 units of `variable`, whatever unit they were written in.
@@ -7,16 +7,17 @@ units of `variable`, whatever unit they were written in.
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from observer_rt.core.model.model import Operation
 from observer_rt.foundation.units import Floats
+from observer_rt.model.terms.enclosure import SAME, Enclosure, enclosed
 from observer_rt.model.terms.variable import Variable, unit_named
 
 Memory = Callable[["Lag | Resonance", Floats], Floats]
-"""Values of a law that remembers, by the law and the values of its argument."""
+"""Ends (2, n) of a law that remembers, by the law and those of its argument."""
 
 LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
 
@@ -26,6 +27,15 @@ _COMPARISON, _ADDITION, _FACTOR, _MINUS, _RAISED, _WHOLE = range(6)
 
 FUNCTIONS = {operation.name.lower(): operation for operation in Operation if operation >= Operation.SQRT}
 PAIRS = (Operation.MIN, Operation.MAX)  # the functions of two arguments
+
+
+class Boxes(NamedTuple):
+    """Boxes: ends (2, n) of variables, the value of the coefficient, the variable of slopes."""
+
+    ends: Mapping[Variable, Floats] | Floats
+    c: float
+    by: Variable | None = None
+    memory: Memory | None = None
 
 
 class Law:
@@ -80,12 +90,8 @@ class Law:
 
     def held(self, seen: Mapping[Variable, tuple[float, float]]) -> "Law":
         """The law with its inputs held between the ends of ranges, in the units of `variable`."""
-        return self.replaced(
-            {
-                variable: Call(Operation.MIN, (Call(Operation.MAX, (Quantity(variable), Number(low))), Number(high)))
-                for variable, (low, high) in seen.items()
-            }
-        )
+        above = {one: Call(Operation.MAX, (Quantity(one), Number(low))) for one, (low, _) in seen.items()}
+        return self.replaced({one: Call(Operation.MIN, (above[one], Number(seen[one][1]))) for one in seen})
 
     def settled(self) -> "Law":
         """The law once its variables have been constant for long."""
@@ -100,33 +106,31 @@ class Law:
                 return replace(self, argument=argument.settled())
         return self
 
-    def at(self, values: Mapping[str, Any], c: float = 1.0, memory: Memory | None = None) -> Floats:
-        """Values (n,) of the law at those of its variables, by name, each (n,) or a number.
-
-        memory: gives the values of a lag or a resonance by those of its argument. Raises ValueError without it for a
-        law that remembers.
-        """
-        with np.errstate(all="ignore"):
-            return np.asarray(self._at(values, c, memory), dtype=np.float64)
-
-    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
+    def enclosed(self, boxes: Boxes) -> Enclosure:
+        """Ends of the law's values and slopes in boxes."""
         match self:
             case Number():
-                return np.float64(self.reckoned)
+                return Enclosure(SAME + self.reckoned)
             case Coefficient():
-                return np.float64(c)
+                return Enclosure(SAME + boxes.c)
             case Quantity(variable):
-                return np.asarray(values[variable.word], dtype=np.float64)
+                return Enclosure(boxes.ends[variable], SAME + float(variable is boxes.by))
             case Call(operation, arguments):
-                return _NUMPY[operation](*(one._at(values, c, memory) for one in arguments))
-            case LawTable(argument, points, heights):
-                places, sizes = ([number.reckoned for number in row] for row in (points, heights))
-                return np.interp(argument._at(values, c, memory), places, sizes)
-            case Lag(argument) | Resonance(argument):
-                if memory is None:
-                    raise ValueError(f"'{self}' remembers: say what its memory makes of values")
-                return memory(self, np.asarray(argument._at(values, c, memory), dtype=np.float64))
-        raise TypeError(f"no law: {self!r}")
+                return enclosed(operation, *(one.enclosed(boxes) for one in arguments))
+            case LawTable():
+                return self.spelled.enclosed(boxes)
+            case Lag(argument) | Resonance(argument) if boxes.memory:
+                return Enclosure(boxes.memory(self, argument.enclosed(boxes).values))
+        raise ValueError(f"'{self}' remembers: say what its memory makes of values")
+
+    def at(self, values: Mapping[str, Any], c: float = 1.0, memory: Memory | None = None) -> Floats:
+        """Floats (n,) of the law at those of its variables, by name, each (n,) or a number; nan where undefined.
+
+        Raises ValueError without `memory` for a law that remembers.
+        """
+        ends = {one: np.array([values[one.word]] * 2, dtype=np.float64).reshape(2, -1) for one in self.variables}
+        with np.errstate(all="ignore"):
+            return np.asarray(self.enclosed(Boxes(ends, c, None, memory)).values[0])
 
 
 @dataclass(frozen=True)
@@ -202,25 +206,6 @@ class LawTable(Law):
 
 
 ZERO, ONE = Number(0.0), Number(1.0)
-_NUMPY: Mapping[Operation, Callable[..., Any]] = {
-    Operation.ADD: np.add,
-    Operation.SUBTRACT: np.subtract,
-    Operation.MULTIPLY: np.multiply,
-    Operation.DIVIDE: np.divide,
-    Operation.POWER: np.power,
-    Operation.GREATER: lambda a, b: np.greater(a, b).astype(np.float64),
-    Operation.LESS: lambda a, b: np.less(a, b).astype(np.float64),
-    Operation.NEGATE: np.negative,
-    Operation.SQRT: lambda a: np.copysign(np.sqrt(np.abs(a)), a),
-    Operation.ABS: np.abs,
-    Operation.EXP: np.exp,
-    Operation.LOG: np.log,
-    Operation.SIN: np.sin,
-    Operation.COS: np.cos,
-    Operation.TANH: np.tanh,
-    Operation.MIN: np.minimum,
-    Operation.MAX: np.maximum,
-}
 
 
 _SIGNS = {  # and how tightly they bind

@@ -13,6 +13,7 @@ from observer_rt.model.terms.term import Term, TermEquation
 
 CELLS = TermDomain(0.24, in_cells=True)
 DOMAIN = TermDomain(0.24, friction=3e-4)
+SPIKE = "1000 * exp(-((line_pressure - 100.0371) / 0.0005)^2)"
 
 
 def term(equation: str, law: str, c: float = 1.0) -> Term:
@@ -77,6 +78,7 @@ def test_units_that_do_not_fit(equation: str, law: str, said: str) -> None:
         ("needle_lift", "c * closed", 0.003),
         ("needle_lift", "-0.06 * (needle_lift / max_lift - lagged(needle_lift / max_lift, 0.1))", 1.0),
         ("needle_lift", "0.05 * open", 1.0),
+        ("rail_pressure", "50 * (line_flow > 9.0371) - 50 * (line_flow > 9.0371) + 5", 1.0),
     ],
 )
 def test_sound_terms(equation: str, law: str, c: float) -> None:
@@ -104,6 +106,14 @@ def test_sound_terms(equation: str, law: str, c: float) -> None:
         ("line_pressure", "-0.11 * line_pressure", 1.0, "falls by 0.11 mm3/ms per MPa of line_pressure"),
         ("line_pressure", "c * sqrt(line_pressure - chamber_pressure)", -0.4, "feeds back"),
         ("line_flow", "line_flow - lagged(line_flow, 0.2) * 2", 1.0, "more than"),
+        ("line_pressure_sensor", SPIKE, 1.0, "more than 5 times its bound 10, at line_pressure = 100"),
+        ("rail_pressure", "500 * (time < 1) * (abs(line_flow - 9.0371) < 1e-6)", 1.0, "is 500 MPa"),
+        (
+            "rail_pressure",
+            "tanh(1 / (line_flow - rail_pressure + 1e-300))",
+            1.0,
+            "for '1 / (line_flow - rail_pressure",
+        ),
     ],
 )
 def test_unsound_terms(equation: str, law: str, c: float, said: str) -> None:

@@ -152,7 +152,7 @@ class Form:
         text = self.law.replace("u", "time")
         for letter, number in zip(LETTERS, numbers, strict=False):
             text = text.replace(letter, f"({number.value!r})")
-        return np.broadcast_to(_parsed(text).at({"time": knots}), knots.shape)
+        return np.broadcast_to(_values_at(text, tuple(knots.tolist())), knots.shape)
 
     def over(self, axis: Axis) -> str:
         """The law over the variable of an axis."""
@@ -160,7 +160,7 @@ class Form:
 
 
 # many curves share an axis, and with it all forms
-_parsed = lru_cache(maxsize=4096)(parse)
+_values_at = lru_cache(maxsize=16384)(lambda text, knots: parse(text).at({"time": np.array(knots)}))
 RINGING = Form(
     "exp(-u/A)*sin(6.283185307*W*u + F)",
     (

@@ -74,7 +74,7 @@ def test_no_law_of_the_injection_number_is_a_constant(first: int, last: int) -> 
     for effect in library(RecordingSpan(1.0, first, last)):
         law = parse(effect.id.partition(": ")[2])
         if {variable.word for variable in law.variables} == {"injection_number"}:
-            values = {float(law.at({"injection_number": float(n)})) for n in range(first, last + 1)}
+            values = {law.at({"injection_number": float(n)}).item() for n in range(first, last + 1)}
             assert len(values) > 1, effect.id
 
 

@@ -26,7 +26,7 @@ def test_it_is_evaluated_and_what_needs_the_lift_says_so(tmp_path: Path, command
     assert f"{path}, needle_lift: was not recorded" in outcome.err.replace("\n", "")
 
 
-POINTS = "--rail-pressure", "60,100,140", "--energizing-time", "0.6,1.9", "--injections", 12
+POINTS = "--rail-pressure", "60,100,140", "--energizing-time", "0.6,1.9", "--injections", 6
 
 
 @pytest.mark.slow
@@ -49,7 +49,7 @@ def test_a_needle_that_answers_late_is_named_and_enters_the_model(tmp_path: Path
     (effect,) = load_injector(answer / "amended.toml").effects
     low, high = effect.parameters["d"].ci95 or (0.0, 0.0)
     assert effect.id == "closing_delay"
-    assert low < 60.0 < high < low + 20.0
+    assert low < 60.0 < high < low + 28.0
     late_by = [
         document(command, path, "--model", model)["recordings"][0]["injections"][-1]["indicators"]
         for model in (NOMINAL_INJECTOR, answer / "amended.toml")
@@ -64,7 +64,7 @@ def test_a_fit_finds_needle_and_nozzle(tmp_path: Path, command: Command) -> None
     own.write_text(NOMINAL_INJECTOR.read_text().replace("0.32e-3", "0.36e-3").replace("0.27e-3", "0.19e-3"))
     paths = [tmp_path / "60.csv", tmp_path / "140.csv"]
     for path in paths:
-        point = "--rail-pressure", path.stem, "--energizing-time", "0.7,1.2,1.8", "--injections", 6
+        point = "--rail-pressure", path.stem, "--energizing-time", "0.7,1.2,1.8", "--injections", 3
         command.done("simulate", "--model", own, "--no-lift", *point, "--output", path)
     command.done("fit", *paths, "--model", NOMINAL_INJECTOR, "--output", fitted)
     injector = load_injector(fitted)

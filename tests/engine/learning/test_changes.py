@@ -94,7 +94,7 @@ def test_wear_that_goes_on_is_valid_soon_after_a_sensor_that_came_back() -> None
     assert all(run.valid[BEGINS + 8 :])
 
 
-@pytest.mark.decisive(3)
+@pytest.mark.decisive(2)
 @pytest.mark.parametrize(("laws", "faults"), NINE_LAWS.values(), ids=NINE_LAWS)
 def test_a_law_of_nozzle_or_seat_is_learned(laws: Laws, faults: Faults) -> None:
     run = seen(lambda _: faults, 24, laws=laws)
@@ -103,6 +103,7 @@ def test_a_law_of_nozzle_or_seat_is_learned(laws: Laws, faults: Faults) -> None:
     assert np.mean(run.inside) >= 0.9
 
 
+@pytest.mark.decisive(2)
 @pytest.mark.parametrize("faults", [HEALTHY, Faults(orifice_area=0.2), Faults(seat_area=-0.2)])
 def test_where_no_law_shows_other_pressures_are_known_at_once(faults: Faults) -> None:
     """The third rail pressure is the highest, and was not seen before."""

@@ -31,25 +31,25 @@ from tests.plants.plant import LINE, Bench, Event, Needle, Shot, Surroundings, r
 pytestmark = pytest.mark.slow
 Change = Callable[[Bench], Bench]
 POINTS = tuple(product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))  # Pa, s
-INJECTIONS = 4
+INJECTIONS = 2
 NUMBER = r"\d+\.?\d*"
 
 
-def recorded(change: Change) -> list[Recording]:
+def recorded(change: Change, injections: int = INJECTIONS) -> list[Recording]:
     """Recordings of a bench that is changed."""
     made = []
     for number, (pressure, duration) in enumerate(POINTS):
-        shots = np.random.default_rng(number).uniform(0.0, 1e-5, INJECTIONS)  # s, anywhere between samples
+        shots = np.random.default_rng(number).uniform(0.0, 1e-5, injections)  # s, anywhere between samples
         events = tuple(Event(pressure, (Shot(shot, duration),), Faults()) for shot in shots)
         bench = Bench(Injector(), Needle(), events, seed=number)
         made.append(recording_of(record(change(bench))))
     return made
 
 
-def found_in(change: Change) -> tuple[Term, ...]:
+def found_in(change: Change, injections: int = INJECTIONS) -> tuple[Term, ...]:
     """The terms found in them."""
     nominal = effective_model(NOMINAL)
-    fits = Fitter(joint_likelihood(measurements(recorded(change)), nominal), nominal, workers=2)
+    fits = Fitter(joint_likelihood(measurements(recorded(change, injections)), nominal), nominal, workers=2)
     outcome = Search(fits, ()).run()
     return (outcome.left or outcome.nearest)[0].terms
 
@@ -62,7 +62,7 @@ def plugged(bench: Bench) -> Bench:
 
 
 def test_a_law_is_found_that_is_large_against_the_noise() -> None:
-    (term,) = found_in(plugged)
+    (term,) = found_in(plugged, 4)
     assert term.equation is TermEquation.NOZZLE_FLOW
     assert str(term.law) == "c * (injection_number > 2)"
     assert term.coefficient == pytest.approx(-0.5, abs=0.01)
@@ -156,7 +156,7 @@ def test_what_no_form_explains_is_one_table() -> None:
 
 def test_several_names_do_not_stand_for_one_law() -> None:
     """A seat that lets more through while the needle closes: a lagged sensor and a seat by its lift come near."""
-    made = measurements(recorded(with_laws(seat_hysteresis=0.47)))
+    made = measurements(recorded(with_laws(seat_hysteresis=0.47), 4))
     discovery = name_effects(effective_model(NOMINAL), made)
     assert discovery.named.ids == ()
     assert {term.equation for term in discovery.ranking[0].terms} == {TermEquation.SEAT_FLOW}
@@ -177,7 +177,7 @@ def test_a_name_does_not_stand_for_a_step_beside_a_fitted_model() -> None:
 def test_what_laws_explain_better_is_not_named_though_they_are_too_small() -> None:
     """A leak that the vocabulary lacks is nearly friction of the line, and moves no mass by .01 mg."""
     nominal = effective_model(NOMINAL)
-    leaking = measurements(recorded(with_faults(guide_leakage=7.5e-15)))
+    leaking = measurements(recorded(with_faults(guide_leakage=7.5e-15), 4))
     fitter = Fitter(joint_likelihood(leaking, nominal), nominal)
     names = [one for one in representatives(has_lift=True) if one.id != "guide_leakage"]
     fitter.measure(names)

@@ -40,7 +40,7 @@ def test_as_a_module_results_and_messages_apart_and_a_figure_without_what_a_note
     worn: Path, tmp_path: Path
 ) -> None:
     figure = tmp_path / "worn.svg"
-    process = module("evaluate", worn, "--json", "--plot", figure, environment={"MPLBACKEND": "module://absent"})
+    process = module("evaluate", worn, "--json", "--plot", figure, environment={"MPLBACKEND": "absent"})
     out, err = process.communicate()
     assert process.returncode == 0, err
     assert len(json.loads(out)["recordings"][0]["injections"]) == 4

@@ -202,7 +202,7 @@ def _by_a_meter(recording: Recording, *lags: float) -> Recording:
 @pytest.mark.parametrize(("lags", "mean"), [((), 79e-6), ((0.2e-3,), 200e-6), ((0.25e-3, 0.08e-3), 330e-6)])
 def test_a_rate_of_a_meter_with_dynamics_gives_the_level_by_its_integral(lags: Sequence[float], mean: float) -> None:
     """Its shape would make sac and seat others, or the needle late; by how much it is late in the mean is found."""
-    made = [_by_a_meter(one.recording, *lags) for one in simulations(measured_rate=True)]
+    made = [_by_a_meter(one.recording, *lags) for one in simulations(POINTS[::2], measured_rate=True)]
     done = _fit(measurements(made), _wrong_inertance())
     assert done.inadequate == ()
     assert abs(_mass_error(done.injector)) < 0.01

@@ -7,7 +7,7 @@ import pytest
 from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
 from observer_rt.identification.fit.forms import CONTROL, DISPLACEMENT, OPTIONAL_GROUPS
 from observer_rt.identification.likelihood.measurement import measurements
-from tests.identification.fit.healthy import LUMPS, of_independent_plant, off_by_ten_percent
+from tests.identification.fit.healthy import LUMPS, POINTS, of_independent_plant, off_by_ten_percent
 from tests.plants.laws import Laws
 from tests.plants.parameters import Injector
 from tests.plants.plant import Needle
@@ -16,16 +16,16 @@ MM3_PER_MS, MICROSECOND = 1e-6, 1e-6
 
 
 @cache
-def fitted(laws: Laws) -> CalibrationResult:
-    """To six recordings of an independent plant, from numbers 10 % off and no control flow."""
-    measured_recordings = measurements(of_independent_plant(Injector(), laws=laws))
+def fitted(laws: Laws, points: tuple[tuple[float, float], ...] = POINTS[:2] + POINTS[4:]) -> CalibrationResult:
+    """To a recording a point of an independent plant, from numbers 10 % off and no control flow."""
+    measured_recordings = measurements(of_independent_plant(Injector(), points, laws=laws))
     return calibrate(off_by_ten_percent(), measured_recordings, {}, lambda _: None, LUMPS)
 
 
 @pytest.mark.parametrize("flow", [1.5, pytest.param(8.0, marks=pytest.mark.slow)])
 def test_its_control_flow_is_found(flow: float) -> None:
     laws = Laws(control_flow=flow * MM3_PER_MS)
-    done = fitted(laws)
+    done = fitted(laws, POINTS)
     assert done.inadequate == ()
     size = done.sizes["line.control_flow"]
     assert size.value == pytest.approx(flow, abs=0.15)

@@ -112,6 +112,7 @@ def test_near_ties_are_ambiguous_with_what_would_decide() -> None:
     assert "lift sensor" in decisive.measurement
 
 
+@pytest.mark.slow
 def test_two_effects_are_named_together() -> None:
     result = _discover(sized("orifice_area", v_H=0.1), sized("line_friction", k=0.5))
     assert result.verdict is Verdict.NAMED

@@ -120,7 +120,7 @@ def test_effects_are_in_force_on_a_scheduler_that_is_there(scheduler: str, tmp_p
     arguments = ("injector_a.csv", "--scheduler", scheduler, "--out", "own", "--model", "amended.toml")
     said = ended(started(*arguments, cwd=tmp_path))
     assert (said["done"], said["failed"]) == (1, [])
-    found = [row["mass_mg"] for row in read_injections(tmp_path / "own").to_pylist()]
+    by_batch = [row["mass_mg"] for row in read_injections(tmp_path / "own").to_pylist()]
     with_wear = masses(tmp_path / "injector_a.csv", tmp_path / "amended.toml")
-    assert found == pytest.approx(with_wear, rel=1e-12)
-    assert found != pytest.approx(masses(tmp_path / "injector_a.csv"), rel=1e-6)
+    assert by_batch == pytest.approx(with_wear, rel=1e-12)
+    assert by_batch != pytest.approx(masses(tmp_path / "injector_a.csv"), rel=1e-6)

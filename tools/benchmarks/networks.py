@@ -135,8 +135,7 @@ def score_law(law: str, network: str, seed: int) -> Row:
         errors = 100.0 * np.abs(np.array(made[0].masses) / true_masses(outcome, case.bench) - 1.0)[FROM:]
         return row | {"error_pct": errors.tolist(), "wrong_valid": int(np.sum(errors > WRONG_MASS))}
     facts = score_evaluation(case, outcome, bench, evaluation).facts()
-    reports = evaluation.reports
-    true = true_masses(outcome, case.bench)
+    reports, true = evaluation.reports, true_masses(outcome, case.bench)
     predicted = 100.0 * np.abs(np.array([report.predicted_mass for report in reports]) / true - 1.0)[FROM:]
     learned = [abs(report.remainder) <= LEARNED * report.relative_sigma for report in reports[LEARNED_FROM:]]
     row |= {"predicted_pct": predicted.tolist(), "learned": float(np.mean(learned))}
@@ -162,8 +161,7 @@ def networks(
     """Our network on laws of one and of two inputs and on even wear; beside it the paper's, a filter, none."""
     seeds = range(seed, seed + cases)
     todo = [(law, name, each) for name in (OURS, PAPERS) for law in ALL_LAWS for each in seeds]
-    worn = range(seed, seed + PLANTS * cases)
-    todo += [(NO_LAW, name, each) for name in (OURS, WITHOUT, FILTER) for each in worn]
+    todo += [(NO_LAW, name, seed + n) for name in (OURS, WITHOUT, FILTER) for n in range(PLANTS * cases)]
     out = out or Path("build/networks")
     frame = run_cases("networks", score_law, {" ".join(map(str, each)): each for each in todo}, jobs, out)
     of_laws, of_none = frame[frame["law"].ne(NO_LAW)], frame[frame["law"].eq(NO_LAW)]

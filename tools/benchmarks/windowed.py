@@ -23,8 +23,7 @@ def evaluate_windowed(bench: Bench, recording: Recording) -> Evaluation:
     spans = windows_of((recording,))
     history = evaluate(bench, [part_of(recording, span) for span in spans])
     together = Evaluation(HeldSignals(recording))
-    together.first_index = 0
-    together.trace = trace_of(np.repeat(UNKNOWN, recording.samples))
+    together.first_index, together.trace = 0, trace_of(np.repeat(UNKNOWN, recording.samples))
     together.trace.state[:] = State.WAITING_FOR_DATA
     for span, part in zip(spans, history.evaluations, strict=True):
         together.trace[span.start : span.end] = part.trace

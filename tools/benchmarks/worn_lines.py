@@ -32,8 +32,7 @@ def worn_case(discrepancy: Discrepancy, seed: int, number: int) -> Case:
     rng = np.random.default_rng([seed, discrepancy.number, number, zlib.crc32(b"worn")])
     faults = Faults(orifice_area=rng.uniform(-NOZZLE, NOZZLE), seat_area=rng.uniform(-SEAT, SEAT))
     points = [(rng.uniform(*RAIL_PRESSURES), rng.uniform(*DURATIONS)) for _ in range(EVENTS)]
-    if number % 2 == 0:
-        points = [points[0]] * EVENTS
+    points = points if number % 2 else [points[0]] * EVENTS
     events = tuple(Event(p, (Shot(rng.uniform(0.0, 1e-5), d),), faults) for p, d in points)
     bench = on_line(Bench(Injector(), Needle(), events, seed=int(rng.integers(2**62))), discrepancy, seed)
     return Case(discrepancy, seed, number, bench)
@@ -56,8 +55,7 @@ def on_line(bench: Bench, discrepancy: Discrepancy, seed: int) -> Bench:
 def worn_model(discrepancy: Discrepancy, seed: int, out: Path, laws: Laws = NO_LAWS) -> Path:
     """The injector file that `fit` makes of healthy recordings of a plant. Raises RunError where it fails."""
     folder = out / f"{discrepancy}-{seed}{'' if laws == NO_LAWS else f'-{zlib.crc32(str(laws).encode())}'}"
-    weighed = folder / "masses.txt"
-    is_weighed = discrepancy is Discrepancy.LENGTH
+    weighed, is_weighed = folder / "masses.txt", discrepancy is Discrepancy.LENGTH
 
     def recorded(folder: Path) -> list[Path]:
         healthy = enumerate(healthy_benches(Rig(discrepancy, False, seed)))

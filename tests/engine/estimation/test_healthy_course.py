@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.model.needle import NEEDLE_JITTER
 from observer_rt.engine.estimation.healthy_course import KNOTS, EventStretch, expected, expected_in, needle_course
-from observer_rt.engine.estimation.prediction_error import EventCost
-from observer_rt.engine.estimation.predictor import Window, innovations
+from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, PARAMETERS, learned_of
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.baseline import HealthyShape
@@ -87,15 +85,3 @@ def test_slopes_are_the_derivatives_by_needle_and_shots(case: Case, shots: str) 
     here = needle_course(SHAPE, window, learned_of(theta, case.c), case.setting)
     assert_columns_agree(here.by_numbers, differences(course, theta[NEEDLE], step), 0.2)
     assert_columns_agree(here.by_shots, differences(late, np.zeros(window.shot_columns), step), 0.2)
-
-
-def test_the_cost_has_the_course_where_its_needle_is(case: Case) -> None:
-    """It is taken out at theta's needle, whose shots are as late as the cost has found them."""
-    window, learned = commanded_window(case, "stop"), learned_of(moved_needle(), case.c)
-    cost = EventCost(window, case.setting, 1.5e-3, 20, shape=SHAPE)
-    cost.linearised(moved_needle())
-    answered = window.with_jitter(cost.jitter * NEEDLE_JITTER, case.setting.interval)
-    raw = np.empty(window.output.size)
-    innovations(answered, case.setting, learned, raw)
-    course = needle_course(SHAPE, answered, learned, case.setting).expected
-    assert np.linalg.norm(raw - course - cost.unfiltered) < 0.1 * np.linalg.norm(course)

@@ -13,12 +13,9 @@ from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import PARAMETERS, VALVE_LAW, WEIGHTS, Parameter, learned_of, network_of
 from observer_rt.model.effective import coefficients
 from observer_rt.model.line import stiffened
-from observer_rt.model.parameters import LineOutflow
-from observer_rt.model.wave_line import RESOLVED
 from tests.differences import differences
 from tests.engine.estimation import conftest
-from tests.engine.estimation.conftest import Case, event_inputs, innovations_at, make_case, simulated_event
-from tests.model.conftest import with_line
+from tests.engine.estimation.conftest import Case, event_inputs, simulated_event
 
 BURN_IN = 20
 HEALTHY = np.zeros(PARAMETERS)
@@ -47,45 +44,6 @@ def test_gradient_is_the_derivative(case: Case, theta: NDArray[np.float64], outl
     numeric = differences(cost.value, theta, 1e-6)
     smooth, slopes = numeric[conftest.SMOOTH], linearised.gradient[conftest.SMOOTH]
     np.testing.assert_allclose(slopes, smooth, atol=1e-5 * np.abs(smooth).max())
-
-
-@pytest.mark.parametrize("temper", [1.0, 2.5])
-def test_chi2_beyond_noise_is_that_of_the_innovations_however_tempered(nominal: Case, temper: float) -> None:
-    theta = conftest.worn_theta(7)
-    window = simulated_event(nominal, theta, event_inputs(), seed=3)
-    cost = EventCost(window, nominal.setting, SIGMA, BURN_IN, temper=temper)
-    beyond, e = 2.0 * temper * cost.value(theta) - cost.terms, innovations_at(nominal, window, theta)
-    np.testing.assert_array_equal(cost.innovations, e)
-    z = e[BURN_IN:] / SIGMA
-    assert np.abs(z).max() < 4.0  # nothing is robustified here
-    assert cost.terms == z.size
-    assert beyond == pytest.approx(z @ z - z.size, rel=1e-9)
-
-
-def test_a_noisier_sample_counts_as_a_smaller_one(nominal: Case) -> None:
-    """Value, gradient and information of innovations and slopes over their level."""
-    theta = conftest.worn_theta(7)
-    window = simulated_event(nominal, theta, event_inputs(), seed=3)
-    levels = np.random.default_rng(1).uniform(1.0, 3.0, len(window.output))
-    cost = EventCost(window, nominal.setting, SIGMA, BURN_IN, levels=levels)
-    plain = cost_of(nominal, window)
-    linearised = cost.linearised(theta)
-    plain.linearised(theta)
-    z = (plain.innovations / levels)[BURN_IN:] / SIGMA
-    slopes = (plain.slopes / levels[:, None])[BURN_IN:] / SIGMA
-    assert linearised.value == pytest.approx(0.5 * z @ z, rel=1e-9)
-    np.testing.assert_allclose(linearised.gradient, slopes.T @ z, rtol=1e-9)
-    np.testing.assert_allclose(linearised.information, slopes.T @ slopes, rtol=1e-9)
-    np.testing.assert_array_equal(cost.unfiltered, plain.innovations)
-
-
-def test_vector_points_to_the_minimum_of_the_quadratic(nominal: Case) -> None:
-    """information @ (theta + step) where the step is Gauss and Newton's: the normal equations."""
-    theta = conftest.worn_theta(7)
-    window = simulated_event(nominal, conftest.worn_theta(), event_inputs(), seed=3)
-    here = cost_of(nominal, window).linearised(theta)
-    step = -np.linalg.lstsq(here.information, here.gradient, rcond=1e-12)[0]
-    np.testing.assert_allclose(here.information @ (theta + step), here.vector, rtol=1e-6, atol=1e-2)
 
 
 def test_gauss_newton_finds_the_truth_without_noise(nominal: Case) -> None:
@@ -150,32 +108,6 @@ def test_samples_that_count_together_count_by_their_mean(together: int) -> None:
     z = np.abs(e[10 : 10 + 7 * together].reshape(7, together).mean(axis=1)) / (SIGMA / math.sqrt(together))
     expected = np.where(z <= 4.0, 0.5 * z**2, 4.0 * (z - 2.0)).sum()
     assert robust_cost(e, 10, SIGMA, together) == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.slow
-def test_short_waves_do_not_count_on_a_line_of_cells() -> None:
-    """Value, gradient and information are those of means over the time that cells resolve."""
-    case = make_case(with_line(load_injector(), model="wave").model_copy(update={"line_outflow": LineOutflow.SEAT}))
-    inputs, theta = event_inputs(), conftest.worn_theta(7)
-    unexplained = inputs[:, 0] - 0.04 * inputs[:, 1] + np.random.default_rng(2).normal(0.0, 1e-3, len(inputs))
-    start = conftest.start_at_rest(case.c, float(inputs[0, 0]))
-    window = Window(inputs, unexplained, np.arange(len(inputs)) < 100, start, 100)
-    cost = cost_of(case, window)
-    linearised = cost.linearised(theta)
-    samples = round(RESOLVED * conftest.SAMPLE_RATE)
-    counted = (window.output.size - BURN_IN) // samples * samples
-    z = cost.innovations[BURN_IN:][:counted].reshape(-1, samples).sum(axis=1) / (SIGMA * math.sqrt(samples))
-    slopes = cost.slopes[BURN_IN:][:counted].reshape(-1, samples, PARAMETERS).sum(axis=1)
-    slopes /= SIGMA * math.sqrt(samples)
-    weights = np.minimum(1.0, 4.0 / np.abs(z))
-    assert (weights < 1.0).any()
-    assert cost.terms == len(z)
-    assert linearised.value == pytest.approx(
-        np.where(weights < 1.0, 4.0 * (np.abs(z) - 2.0), 0.5 * z**2).sum(), rel=1e-9
-    )
-    np.testing.assert_allclose(linearised.gradient, slopes.T @ (weights * z), rtol=1e-9, atol=1e-6)
-    expected = slopes.T @ (weights[:, None] * slopes)
-    np.testing.assert_allclose(linearised.information, expected, atol=1e-9 * np.abs(expected).max())
 
 
 def test_what_an_event_cannot_tell_apart_is_no_singularity() -> None:

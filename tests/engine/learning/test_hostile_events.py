@@ -1,7 +1,6 @@
 """Whatever numbers an event yields, it is refused at worst: no error, and no belief that the next one cannot use."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -43,17 +42,3 @@ def test_hostile_events_are_refused_at_worst(hostile: list[Window]) -> None:
         assert np.isfinite(outcome.knowledge.in_force).all()
         in_force = outcome.knowledge.in_force
         np.linalg.cholesky(learner.state.learned.belief.covariance)
-
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("error", [OverflowError, ValueError, np.linalg.LinAlgError])
-def test_numbers_that_end_a_computation_refuse_it(error: type[Exception], monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(*_: object) -> None:
-        np.square(np.array([1e200]))
-        raise error("by numbers of an event")
-
-    monkeypatch.setattr("observer_rt.engine.learning.learner.explain", fails)
-    learner = Learner(CONSTANTS, no_knowledge(NOISE, SCALE))
-    still = Standstill(samples=0, offset=0.0, noise=None)
-    outcome = learner.learn(stroke_of(seed=1), still, np.zeros_like(learner.state.learned.theta))
-    assert [each.reason.name for each in outcome.objections] == ["NOT_LEARNED"]

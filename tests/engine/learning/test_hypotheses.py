@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.learning import hypotheses
 
@@ -37,10 +36,3 @@ def test_it_moves_its_columns_and_no_other(kind: hypotheses.Kind) -> None:
 def test_every_column_may_change_by_a_kind_of_its_own_name() -> None:
     assert len({kind.name for kind in HYPOTHESES}) == len(HYPOTHESES)
     assert {column for kind in hypotheses.NEW for column in kind.columns} == set(range(SCALARS.width))
-
-
-def test_a_surer_belief_is_not_alike() -> None:
-    older = prior_belief(np.zeros(SCALARS.width), np.diag((0.2 * WIDE) ** 2))
-    surer = prior_belief(np.minimum(1e-5, 0.1 * WIDE), np.diag((0.01 * WIDE) ** 2))
-    assert not hypotheses.is_alike(older, surer)
-    assert hypotheses.is_alike(surer, surer)

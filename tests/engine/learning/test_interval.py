@@ -1,23 +1,12 @@
 """The intervals of an injected volume and of a rate against the distribution they claim."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from observer_rt.engine.estimation.predictor import InputVariance, OpenLoop
-from observer_rt.engine.estimation.scalars import PARAMETERS
-from observer_rt.engine.estimation.shot_delays import ShotDelays
-from observer_rt.engine.learning.interval import (
-    Resimulation,
-    corrected_rate,
-    rate_sigma,
-    volume_budget,
-    volume_in,
-    with_shots,
-)
+from observer_rt.engine.learning.interval import Resimulation, corrected_rate, rate_sigma, volume_budget, volume_in
 
 SIZE, SAMPLES = 13, 121
 INTERVAL = 1e-5
@@ -87,14 +76,3 @@ def test_ramps_are_less_certain_than_a_steady_rate() -> None:
     steepest, steady = np.argmax(np.gradient(RATE)), np.argmax(RATE)
     assert sigma[steady] < 1e-3 * sigma[steepest]
     assert 0.0 < sigma[steepest] < np.gradient(RATE)[steepest]
-
-
-def test_delays_of_a_shot_move_the_rate_of_that_shot_only() -> None:
-    """Of two that open at samples 10 and 60, those of the second are not known."""
-    needle = SimpleNamespace(opening_delay=10 * INTERVAL)
-    window: Any = SimpleNamespace(needle=needle, commands=np.array([[0.0, 5.0], [50.0, 5.0]]))
-    delays = ShotDelays(NOTHING, NOTHING, np.diag([0.0, 0.0, 1.0, 1.0]), by_theta=np.zeros((4, PARAMETERS)))
-    exact = event(9)
-    run = exact.run._replace(slopes=np.ones((SAMPLES, PARAMETERS)))
-    by_rate = with_shots(replace(exact, run=run), window, delays).by_inputs.rate
-    assert np.flatnonzero(by_rate).tolist() == list(range(60, SAMPLES))

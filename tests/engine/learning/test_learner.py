@@ -92,37 +92,6 @@ def test_event_that_cannot_be_learned_from_changes_nothing(damage: Callable[[Vec
     assert wear_of(after.estimate) == pytest.approx(0.3, abs=0.02)
 
 
-def swinging(window: Window) -> Window:
-    """The open line swings as no model of it does."""
-    window.output[120:260] += 0.02 * np.sin(np.arange(140) / 6)
-    return window
-
-
-def humming(window: Window) -> Window:
-    """Something swings in the shut line that the model does not know."""
-    window.output[:100] += 4e-3 * np.sin(np.arange(100) / 8)
-    return window
-
-
-@pytest.mark.decisive(3)
-@pytest.mark.parametrize("fault", [swinging, humming])
-@pytest.mark.parametrize("lasts", [1, 3, 8])
-def test_of_events_at_fault_nothing_is_learned(fault: Callable[[Window], Window], lasts: int) -> None:
-    """What was in force stays, none of them is valid, and two events later what comes is again."""
-    learner, carried = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0)), nozzle_wear(0.0)
-    for number in range(4 + lasts + 4):
-        window, is_at_fault = event(0.3, seed=number), 4 <= number < 4 + lasts
-        outcome = learner.learn(fault(window) if is_at_fault else window, NO_STANDSTILL, carried)
-        if is_at_fault:
-            assert outcome.adoption is Adoption.REJECTED
-            assert outcome.objections
-            assert outcome.posterior[0][0] in ("at fault", "model inadequate")
-        elif number >= 4 + lasts + 2:
-            assert not outcome.objections
-        carried = outcome.knowledge.in_force
-        assert number < 1 or wear_of(carried) == pytest.approx(0.3, abs=0.02)
-
-
 def as_text(state: LearningState) -> str:
     """As a file keeps it, arrays as lists."""
     return json.dumps(to_plain(state), default=np.ndarray.tolist)

@@ -1,8 +1,5 @@
 """What the coil's current adds to the line pressure is taken out once its end is clear, and not before."""
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -80,19 +77,3 @@ def test_an_edge_is_as_clear_after_many_events_and_forgotten_once_it_ends() -> N
         search = search.after(sums if event < 200 else sums * [[0.0], [1.0]])
         edges.append(search.edge(places))
     assert (edges[60], edges[199], edges[-1]) == (BEFORE, BEFORE, None)
-
-
-def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
-    current = after(20, 1.5)
-    height = SIGMA if current.pulse is None else current.pulse.height
-    output = current.undone(window(np.ones(COUNT))).output
-    taken = np.zeros(COUNT, np.bool_)
-    for opening, shut in OPENINGS:
-        taken[opening - BEFORE : shut - UNTIL] = True
-    assert np.allclose(output, np.where(taken, 1.0 - height, 1.0))
-    cost: Any = SimpleNamespace(value=lambda _: 0.0, innovations=np.zeros(COUNT), burn_in=0)
-    fit: Any = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)), slopes=SLOPES)
-    coil = coil_current.CoilDisturbance(current=current)
-    without, said = coil.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, flows=False)
-    assert (said, without.is_known) == (True, False)
-    assert without.current.undone(window(np.ones(COUNT))).output.min() == 1.0

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.engine.learning.disturbances.coil_current import (
-    EdgeSearch,
-    ThetaColumns,
-    edge_places,
-    sums_at_rest,
-    sums_beside_flow,
-)
+from observer_rt.engine.learning.disturbances.coil_current import EdgeSearch, edge_places, sums_at_rest
 
 INTERVAL = 1e-5  # s
 COUNT, OPENING = 400, 100
@@ -67,18 +61,3 @@ def test_a_lift_that_is_recorded_late_is_no_edge() -> None:
         return np.where(k >= -3, -8.0, 0.0) + np.where((k >= -20) & (event % 7 == 3), -30.0, 0.0)
 
     assert not any(search.edge(PLACES) for search in searches(20, late))
-
-
-FLOW = np.where(np.arange(COUNT) > OPENING - 20, np.minimum(np.arange(COUNT) - OPENING + 20, 60) / 20.0, 0.0)
-
-
-@pytest.mark.parametrize(("height", "flow"), [(1.5, 0.0), (-1.5, 3.0), (0.0, 3.0)])
-def test_a_pulse_is_told_from_a_flow_that_begins_with_it(height: float, flow: float) -> None:
-    search = EdgeSearch()
-    other = ThetaColumns.of(FLOW[:, np.newaxis], np.full(1, 10.0))
-    pulse = response_from(OPENING - PLACES.longest) - response_from(OPENING + 200)
-    for seed in range(12):
-        signal = flow * FLOW + height * (response_from(OPENING - DELAY) - response_from(OPENING + 200))
-        innovations = other.taken_from(np.random.default_rng(seed).normal(size=COUNT) + signal)
-        search = search.after(sums_beside_flow(OPENING, innovations, pulse, other, PLACES))
-    assert search.edge(PLACES) == (pytest.approx(DELAY, abs=1) if height else None)

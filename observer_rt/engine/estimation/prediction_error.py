@@ -5,7 +5,7 @@ A high pass, which takes their slow part away, and an autoregressive filter make
 
 import math
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,12 +62,18 @@ def forgetting_of(time_constant: float, interval: float) -> float:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """Cost of an event round theta: value, gradient (m,) and Gauss-Newton information (m, m)."""
+    """Cost of an event round theta: value, gradient (m,) and Gauss-Newton information (m, m).
+
+    slopes (n, m): of the whitened innovations; jitter, delays: as of `EventCost`.
+    """
 
     theta: NDArray[np.float64]
     value: float
     gradient: NDArray[np.float64]
     information: NDArray[np.float64]
+    slopes: NDArray[np.float64] = field(default_factory=lambda: NO_SLOPES)
+    jitter: NDArray[np.float64] = field(default_factory=lambda: NO_RATE)
+    delays: ShotDelays | None = None
 
     @property
     def vector(self) -> NDArray[np.float64]:
@@ -82,11 +88,12 @@ class Linearisation:
     def moved(self, theta: NDArray[np.float64], value: float) -> "Linearisation":
         """Quadratic approximation expanded round another theta (m,), where the cost is `value`."""
         gradient = self.gradient + self.information @ (theta - self.theta)
-        return Linearisation(theta, value, gradient, self.information)
+        return replace(self, theta=theta, value=value, gradient=gradient)
 
     def tempered(self, factor: float) -> "Linearisation":
         """Linearisation of the cost divided by a factor."""
-        return Linearisation(self.theta, self.value / factor, self.gradient / factor, self.information / factor)
+        value, gradient, information = self.value / factor, self.gradient / factor, self.information / factor
+        return replace(self, value=value, gradient=gradient, information=information)
 
     def score(self, covariance: NDArray[np.float64]) -> float:
         """Score test of a belief with this covariance (m, m) and its mean here: chi2 over its degrees of freedom.
@@ -198,7 +205,8 @@ class EventCost:
         by_offset[_OFFSET], by_offset[_GAIN] = 1.0, self._rail_pressure
         gradient += self._offset_weight * self._offset_error(theta) * by_offset
         information += self._offset_weight * np.outer(by_offset, by_offset)
-        return Linearisation(theta, value, gradient / self.temper, information / self.temper)
+        gradient, information = gradient / self.temper, information / self.temper
+        return Linearisation(theta, value, gradient, information, self.slopes, self.jitter, self.delays)
 
     def whitened(self, values: NDArray[np.float64], masked: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """Innovations (n,), or slopes of them (n, m), as they count in J; masked: (n,), None: as in the event."""

@@ -22,7 +22,6 @@ from observer_rt.engine.estimation.belief import ENTER, STAY, Alike, Belief, Gat
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, Parameter, Theta
-from observer_rt.engine.estimation.shot_delays import ShotDelays
 from observer_rt.engine.learning.constants import BEYOND, LEAST_LAG, MOVED_IN_TIME, NEARLY_WHITE, NEARLY_WHITE_BLOCKS
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.model.effective import LAG_UNIT, LIFT_UNIT, Coefficients
@@ -87,8 +86,6 @@ class EventFit:
     linearisation: Linearisation
     innovations: Vector  # (n,) at the estimate
     unfiltered: Vector  # (n,) with the noise's colour
-    slopes: Matrix  # (n, m) where linearised
-    delays: ShotDelays | None  # as of `EventCost`
     stuck: bool = False  # whether no step was short enough to lower what slopes promise to lower, as beside a kink
 
 
@@ -128,10 +125,10 @@ class EventFitter:
             best, chosen = best_subset(joint, covariance, gate, active)
             best[self.unused] = 0.0
             target = self._within_reach(here.theta, best)
+            self.cost.jitter = here.jitter
             value, promised = self.cost.value(target), here.expected(target)
-            as_expected = abs(value - promised) < AGREEMENT and self._has_delays_of(here)
-            if as_expected and total(target, value) <= here_total + ROUNDING:
-                here, active = here.moved(target, value), chosen
+            if abs(value - promised) < AGREEMENT and total(target, value) <= here_total + ROUNDING:
+                here, active = replace(here.moved(target, value), jitter=self.cost.jitter), chosen
                 break
             left_out = [column for column in gate.columns if here.theta[column] != 0.0 and column not in chosen]
             saved = 0.5 * sum(STAY if column in active else ENTER for column in left_out)  # so much dearer may it be
@@ -143,6 +140,7 @@ class EventFitter:
             before, ahead_total = here_total, total(ahead.theta, ahead.value)
             if not ahead_total < limit:
                 stuck = here_total - total(target, promised) >= TOLERANCE
+                self.cost.jitter = here.jitter
                 here = self.cost.linearised(here.theta)
                 active = frozenset(column for column in gate.columns if here.theta[column] != 0.0)
                 break
@@ -151,13 +149,7 @@ class EventFitter:
                 break
         if stuck:
             here = replace(here, gradient=prior_vector - prior_information @ here.theta)
-        cost = self.cost
-        return EventFit(active, here, cost.innovations, cost.unfiltered, cost.slopes, cost.delays, stuck)
-
-    def _has_delays_of(self, here: Linearisation) -> bool:
-        """Whether the shots' delays are of this linearisation; another fit may have followed the event since."""
-        delays = self.cost.delays
-        return delays is None or np.array_equal(delays.theta, here.theta)
+        return EventFit(active, here, self.cost.innovations, self.cost.unfiltered, stuck)
 
     def _within_reach(self, here: Vector, target: Vector) -> Vector:
         """The target, or the point towards it up to which the slopes hold; within bounds."""

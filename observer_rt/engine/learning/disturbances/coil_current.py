@@ -279,7 +279,7 @@ class CoilDisturbance:
 
         def columns() -> ThetaColumns:
             """Theta, and flows of a pilot valve of the usual size at other times."""
-            as_fitted, slopes = standardised(window), [fit.slopes / sigma]
+            as_fitted, slopes = standardised(window), [fit.linearisation.slopes / sigma]
             for earlier in OTHER_STARTS:
                 other = theta.copy()
                 other[Parameter.CONTROL_FLOW] += wide[Parameter.CONTROL_FLOW]

@@ -248,10 +248,14 @@ class _OfferedKinds:
         is_far = first.value - evidence.cost.expected(evidence.theta) > c.FALLS_FAR
         if not (is_far or self._learned.is_prior):
             return False
-        values = [cost.value(first.theta + move) for move in moves]
+        values = []
+        for move in moves:
+            cost.jitter = first.jitter
+            values.append(cost.value(first.theta + move))
         best = int(np.argmin(values))
         if values[best] >= first.value:
             return False
+        cost.jitter = first.jitter
         evidence.weigh(cost.linearised(first.theta + moves[best]), self._reader.limits)
         return True
 

@@ -162,7 +162,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     # before anything was learned the best explanation is carried, though it is not believed
     theta = explanation.theta if learned.is_prior else learned.theta
     covariance = learned.gated.covariance
-    window, delays = explained.window, None if explanation.fit is None else explanation.fit.delays
+    window, delays = explained.window, None if explanation.fit is None else explanation.fit.linearisation.delays
     if delays is not None:
         window = window.with_jitter(delays.seconds(theta), setting.interval)
     again = resimulated(window, setting, explained.state.noise, theta, covariance)

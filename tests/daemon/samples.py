@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from observer_rt.engine.estimation.belief import Belief
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
-from observer_rt.engine.estimation.prediction_error import Whitening
+from observer_rt.engine.estimation.run import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.account import Account, LearnedInjector, Overdispersion
 from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilDisturbance, CoilPulse, EdgeSearch

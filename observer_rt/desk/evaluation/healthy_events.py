@@ -16,8 +16,8 @@ from observer_rt.config.injector_sections import Meaning, SamplingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.healthy_course import EventStretch, stretch_of
 from observer_rt.engine.estimation.phases import Phase, no_statistics
-from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Setting, Window
+from observer_rt.engine.estimation.run import EventCost
 from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning.account import TemperedEvent, overdispersion_of
 from observer_rt.engine.learning.adequacy import BURN_IN, Innovations, event_statistics
@@ -122,9 +122,9 @@ def _remainder(collected: Sequence[Sequence[_HealthyEvent]]) -> HealthyRemainder
         shape = fit.shape(number if several else None)
         total = no_statistics()
         for event in events:
-            cost = event.cost(shape)
-            tempered.append(TemperedEvent(cost.linearised(event.theta), event.covariance))
-            innovations = Innovations(cost.innovations, event.sigma)
+            run = event.cost(shape).linearised(event.theta)
+            tempered.append(TemperedEvent(run, event.covariance))
+            innovations = Innovations(run.innovations, event.sigma)
             phase_values = event_statistics(event.window, innovations, event.setting.interval, NOT_FITTED)
             total = total.faded(1.0, phase_values)
         statistics.append(total)
@@ -139,7 +139,6 @@ def _remainder(collected: Sequence[Sequence[_HealthyEvent]]) -> HealthyRemainder
 def _innovations(event: _HealthyEvent) -> tuple[EventStretch, NDArray[np.float64]]:
     """Normalised, an outlier counting for little."""
     setting, cost = event.setting, event.cost()
-    cost.value(event.theta)
-    z = np.clip(cost.innovations / event.sigma, -OUTLIER, OUTLIER)
+    z = np.clip(cost.innovations(event.theta) / event.sigma, -OUTLIER, OUTLIER)
     z[: cost.burn_in] = 0.0
     return stretch_of(event.window, setting.coefficients, setting.interval), z

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.belief import Belief, GatedBelief, held_at
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
-from observer_rt.engine.estimation.prediction_error import Linearisation
+from observer_rt.engine.estimation.run import Run
 from observer_rt.engine.estimation.scalars import EXACTLY, SCALARS, Parameter, Theta, with_gain
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise
 from observer_rt.engine.learning.healthy import SAME_RATE
@@ -116,14 +116,14 @@ def of_healthy(factor: float) -> Overdispersion:
 
 
 class TemperedEvent(NamedTuple):
-    """The cost of an event round the belief before it, and the covariance (m, m) of that belief."""
+    """The run of an event with the belief before it, and the covariance (m, m) of that belief."""
 
-    cost: Linearisation
+    run: Run
     covariance: NDArray[np.float64]
 
     def ratio(self, factor: float) -> float:
         """Ratio of a score to the usual one, tempered by a factor."""
-        return _ratio(self.cost.tempered(factor).score(self.covariance))
+        return _ratio(self.run.tempered(factor).score(self.covariance))
 
 
 def overdispersion_of(events: Sequence[TemperedEvent]) -> float:

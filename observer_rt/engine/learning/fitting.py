@@ -20,7 +20,7 @@ from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.engine.estimation.belief import ENTER, STAY, Alike, Belief, Gate, Matrix, Vector, best_subset
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
-from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
+from observer_rt.engine.estimation.run import EventCost, Run
 from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, Parameter, Theta
 from observer_rt.engine.learning.constants import BEYOND, LEAST_LAG, MOVED_IN_TIME, NEARLY_WHITE, NEARLY_WHITE_BLOCKS
 from observer_rt.engine.learning.healthy import Healthy
@@ -78,19 +78,17 @@ def theta_limits(c: Coefficients, needle: NeedleLaw | None = None, is_fitted: bo
     return Limits(lowest, highest, SCALARS.longest_step(c.pressure_scale), gate, least_lag)
 
 
-@dataclass(frozen=True)
-class EventFit:
-    """One event fitted: active columns, and the cost round the estimate: if stuck, level beside the prior."""
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An event fitted: run at the estimate, and active columns; if stuck, its parabola is level beside the prior."""
 
+    run: Run
     active: frozenset[int]
-    linearisation: Linearisation
-    innovations: Vector  # (n,) at the estimate
-    unfiltered: Vector  # (n,) with the noise's colour
     stuck: bool = False  # whether no step was short enough to lower what slopes promise to lower, as beside a kink
 
 
 @dataclass(frozen=True)
-class EventFitter:
+class Fitter:
     """Fits one event from any prior; active: the gated columns in use; unused: columns that stay 0."""
 
     cost: EventCost
@@ -98,50 +96,48 @@ class EventFitter:
     limits: Limits
     unused: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
-    def fit(self, start: Linearisation, prior: Belief, iterations: int) -> EventFit:
+    def fit(self, start: Run, prior: Belief, iterations: int) -> Fit:
         """Minimise cost and distance from the prior, at most so many steps from `start`.
 
-        A step that lowers the total as its linearisation says is the last: there is nothing to be learned from
-        repeating it. One that does not lower it is halved, and at last not taken. A sensor that only looks late is
-        taken to be in time. Raises numpy.linalg.LinAlgError when singular.
+        A step that lowers the total as its slopes say is the last: there is nothing to be learned from repeating it.
+        One that does not lower it is halved, and at last not taken. A sensor that only looks late is taken to be in
+        time. Raises numpy.linalg.LinAlgError when singular.
         """
         fit = self._fit(start, prior, iterations, self.limits.gate)
-        if _LAG in fit.active and fit.linearisation.theta[_LAG] < self.limits.least_lag:
+        if _LAG in fit.active and fit.run.theta[_LAG] < self.limits.least_lag:
             return self._fit(start, prior, iterations, self.limits.gate_of_lag(float(self.limits.highest[_LAG])))
         return fit
 
-    def _fit(self, start: Linearisation, prior: Belief, iterations: int, gate: Gate) -> EventFit:
+    def _fit(self, start: Run, prior: Belief, iterations: int, gate: Gate) -> Fit:
         prior_information = prior.information
         prior_vector = prior_information @ prior.mean
 
-        def total(theta: Vector, value: float) -> float:
-            return value + 0.5 * prior.distance(theta)
+        def total(run: Run) -> float:
+            return run.value + 0.5 * prior.distance(run.theta)
 
         here, active, stuck = start, self.active, False
-        here_total = total(here.theta, here.value)
+        here_total = total(here)
         for _ in range(iterations):
             covariance, _ = inverse_of(prior_information + here.information)
             joint = covariance @ (prior_vector + here.vector)
             best, chosen = best_subset(joint, covariance, gate, active)
             best[self.unused] = 0.0
             target = self._within_reach(here.theta, best)
-            self.cost.jitter = here.jitter
-            value, promised = self.cost.value(target), here.expected(target)
-            if abs(value - promised) < AGREEMENT and total(target, value) <= here_total + ROUNDING:
-                here, active = replace(here.moved(target, value), jitter=self.cost.jitter), chosen
+            there, promised = self.cost.at(target, here), here.expected(target)
+            if abs(there.value - promised) < AGREEMENT and total(there) <= here_total + ROUNDING:
+                here, active = there, chosen
                 break
             left_out = [column for column in gate.columns if here.theta[column] != 0.0 and column not in chosen]
             saved = 0.5 * sum(STAY if column in active else ENTER for column in left_out)  # so much dearer may it be
-            ahead, limit = self.cost.linearised(target), here_total + saved
+            ahead, limit = self.cost.linearised(target, there), here_total + saved
             for _ in range(HALVINGS):
-                if total(ahead.theta, ahead.value) < limit:
+                if total(ahead) < limit:
                     break
-                ahead, limit = self.cost.linearised(0.5 * (here.theta + ahead.theta)), here_total
-            before, ahead_total = here_total, total(ahead.theta, ahead.value)
+                ahead, limit = self.cost.linearised(0.5 * (here.theta + ahead.theta), ahead), here_total
+            before, ahead_total = here_total, total(ahead)
             if not ahead_total < limit:
-                stuck = here_total - total(target, promised) >= TOLERANCE
-                self.cost.jitter = here.jitter
-                here = self.cost.linearised(here.theta)
+                stuck = here_total - (promised + 0.5 * prior.distance(target)) >= TOLERANCE
+                here = self.cost.linearised(here.theta, here)
                 active = frozenset(column for column in gate.columns if here.theta[column] != 0.0)
                 break
             here, here_total, active = ahead, ahead_total, chosen
@@ -149,7 +145,7 @@ class EventFitter:
                 break
         if stuck:
             here = replace(here, gradient=prior_vector - prior_information @ here.theta)
-        return EventFit(active, here, self.cost.innovations, self.cost.unfiltered, stuck)
+        return Fit(here, active, stuck)
 
     def _within_reach(self, here: Vector, target: Vector) -> Vector:
         """The target, or the point towards it up to which the slopes hold; within bounds."""
@@ -166,13 +162,13 @@ class Evidence(NamedTuple):
     covariance: Matrix
 
 
-def evidence_of(cost: Linearisation, prior: Belief, limits: Limits) -> Evidence:
-    """Integrates exp(-cost) over a Gaussian prior, the cost a parabola round where it was linearised.
+def evidence_of(run: Run, prior: Belief, limits: Limits) -> Evidence:
+    """Integrates exp(-cost) over a Gaussian prior, the cost a parabola round where the event was run.
 
     What that promises beyond the limits, or further off than slopes hold, is fiction: no more than `BEYOND` of it
     counts. Raises numpy.linalg.LinAlgError when singular.
     """
-    return Evidence(*integrate_cost(cost, limits, prior, BEYOND))
+    return Evidence(*integrate_cost(run, limits, prior, BEYOND))
 
 
 def nearly_white(clipped: PhaseStatistics, temper: float, healthy: Healthy) -> float:

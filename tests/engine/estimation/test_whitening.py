@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from observer_rt.core.learning.whitening import LEVEL_SAMPLES
-from observer_rt.engine.estimation.prediction_error import Whitening
+from observer_rt.engine.estimation.run import Whitening
 
 TAPS = np.array([-0.8, 0.2, 0.05])
 

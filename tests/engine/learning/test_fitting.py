@@ -1,15 +1,16 @@
 """An event fitted from a prior."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.belief import prior_belief
-from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
+from observer_rt.engine.estimation.run import EventCost, Run
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, Theta
-from observer_rt.engine.learning.fitting import EventFitter, evidence_of, theta_limits
+from observer_rt.engine.learning.fitting import Fitter, evidence_of, theta_limits
 from tests.engine.estimation.conftest import make_case
 
 
@@ -17,16 +18,15 @@ class CostOfOne(EventCost):
     """A cost by one column of theta, whose slope, and information of 1, are said to be the same everywhere."""
 
     def __init__(self, column: int, cost: Callable[[float], float], slope: float) -> None:
-        self._column, self._cost_at, self._slope = column, cost, slope * np.eye(PARAMETERS)[column]
-        self.delays, self.slopes = None, np.zeros((1, PARAMETERS))
+        vars(self).update(column=int(column), cost=cost, slope=slope * np.eye(PARAMETERS)[column])
 
-    def value(self, theta: Theta) -> float:
-        self.innovations = self.unfiltered = theta[[self._column]]
-        return self._cost_at(float(theta[self._column]))
+    def linearised(self, theta: Theta, near: Run | None = None) -> Run:
+        column: int = vars(self)["column"]
+        value, information = vars(self)["cost"](float(theta[column])), np.diag(np.eye(PARAMETERS)[column])
+        return Run(theta, value, vars(self)["slope"], information, theta[[column]])
 
-    def linearised(self, theta: Theta) -> Linearisation:
-        information = np.diag(np.eye(PARAMETERS)[self._column])
-        return Linearisation(theta, self.value(theta), self._slope, information)
+    def at(self, theta: Theta, near: Run) -> Run:
+        return replace(self.linearised(theta), gradient=near.gradient + near.information @ (theta - near.theta))
 
 
 @pytest.mark.parametrize(
@@ -51,8 +51,8 @@ def test_a_step_that_lowers_nothing_is_not_taken_unless_a_scalar_does_not_pay(
 ) -> None:
     event, wide = CostOfOne(column, cost, slope), prior_belief(np.zeros(PARAMETERS), 1e4 * np.eye(PARAMETERS))
     active, limits = frozenset({int(Parameter.SENSOR_LAG)}), theta_limits(make_case(load_injector()).c)
-    fit = EventFitter(event, active, limits).fit(event.linearised(start * np.eye(PARAMETERS)[column]), wide, 8)
+    fit = Fitter(event, active, limits).fit(event.linearised(start * np.eye(PARAMETERS)[column]), wide, 8)
     assert fit.stuck is stuck
-    assert fit.linearisation.theta[column] == fit.innovations[0] == pytest.approx(end, abs=2e-3)
+    assert fit.run.theta[column] == fit.run.innovations[0] == pytest.approx(end, abs=2e-3)
     if stuck:  # what the slopes promise is not believed
-        assert evidence_of(fit.linearisation, wide, limits).theta[column] == pytest.approx(end)
+        assert evidence_of(fit.run, wide, limits).theta[column] == pytest.approx(end)

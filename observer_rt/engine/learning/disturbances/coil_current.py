@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.belief import Matrix, Vector
-from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.run import EventCost, Run
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
-from observer_rt.engine.learning.fitting import EventFit
 from observer_rt.foundation.records import NOT_KEPT
 from observer_rt.model.effective import LAG_UNIT
 
@@ -257,14 +256,15 @@ class CoilDisturbance:
         return self.current.pulse is not None
 
     def after(
-        self, window: Window, fit: EventFit, sigma: float, cost_of: Costs, wide: Vector, interval: float, flows: bool
+        self, window: Window, run: Run, sigma: float, cost_of: Costs, wide: Vector, interval: float, flows: bool
     ) -> tuple["CoilDisturbance", bool]:
-        """The next value, after a fitted event as it was recorded; whether that has a pulse that was not taken out.
+        """The next value, after an event as it was recorded; whether that has a pulse that was not taken out.
 
-        sigma: of innovations, as events scatter [p_0]; cost_of: a window's cost; wide: standard deviations (m,) of
-        theta before any event; interval: of samples [s]; flows: whether the flow of a pilot valve is in the event.
+        run: of the event as it was fitted; sigma: of innovations, as events scatter [p_0]; cost_of: a window's cost;
+        wide: standard deviations (m,) of theta before any event; interval: of samples [s]; flows: whether the flow of
+        a pilot valve is in the event.
         """
-        places, theta = edge_places(interval), fit.linearisation.theta
+        places, theta = edge_places(interval), run.theta
         first = window.opening - places.longest
         if first <= 0:
             return self, False
@@ -272,14 +272,13 @@ class CoilDisturbance:
         def standardised(window: Window, theta: Vector = theta) -> Vector:
             """Innovations in standard deviations, by default at the fit."""
             cost = cost_of(window)
-            cost.value(theta)
-            counts = cost.innovations / sigma
+            counts = cost.innovations(theta) / sigma
             counts[: cost.burn_in] = 0.0
             return counts
 
         def columns() -> ThetaColumns:
             """Theta, and flows of a pilot valve of the usual size at other times."""
-            as_fitted, slopes = standardised(window), [fit.linearisation.slopes / sigma]
+            as_fitted, slopes = standardised(window), [run.slopes / sigma]
             for earlier in OTHER_STARTS:
                 other = theta.copy()
                 other[Parameter.CONTROL_FLOW] += wide[Parameter.CONTROL_FLOW]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.whitening import NO_HIGH_PASS, high_passed, take_in_products
 from observer_rt.engine.estimation.phases import BLOCKS, deviate
-from observer_rt.engine.estimation.prediction_error import Whitening, forgetting_of
 from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.run import Whitening, forgetting_of
 from observer_rt.engine.learning.disturbances.masks import mask_of
 
 TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to choose from

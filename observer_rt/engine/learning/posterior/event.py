@@ -7,20 +7,19 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.phases import phases_of
 from observer_rt.engine.estimation.belief import best_subset
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
-from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS, Parameter
+from observer_rt.engine.estimation.run import EventCost, Run
+from observer_rt.engine.estimation.scalars import LAWLESS, NEEDLE_LAW, SCALARS, Parameter
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.account import Account, LearnedInjector
 from observer_rt.engine.learning.adequacy import pooled
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, is_same, resting_segments
 from observer_rt.engine.learning.disturbances.masks import Sigmas, without_stretches
-from observer_rt.engine.learning.fitting import EventFit, EventFitter
+from observer_rt.engine.learning.fitting import Fit, Fitter
 from observer_rt.engine.learning.hypotheses import NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_range import EventPoint, opening_points, with_point
@@ -30,7 +29,6 @@ from observer_rt.engine.learning.posterior.reader import (
     EventReader,
     EventReading,
     RestingPressure,
-    Tracking,
     resting_pressure,
     setting_of,
 )
@@ -76,7 +74,7 @@ class BeliefUpdate:
     def _learned(self, explanation: Explanation) -> LearnedInjector:
         before, cost, limits = explanation.before, explanation.cost, self.reader.limits
         held, reading, fit = explanation.held, explanation.reading, explanation.fit
-        statistics = reading.healthy.relative(reading.leaves(explanation.theta, fit))
+        statistics = self.reader.healthy.relative(reading.leaves(explanation.run))
         temper = self.reader.temper_in(self.state, before, statistics, reading.cost.temper)
         information = cost.information / temper
         belief = held.prior.updated(information, cost.vector / temper)
@@ -100,21 +98,18 @@ class BeliefUpdate:
 
     def _noise(self, explanation: Explanation) -> Noise:
         """Noise by the belief before an explanation, and by the event; computed once for each reading."""
-        learned, reading, fit = explanation.before, explanation.reading, explanation.fit
+        learned, reading = explanation.before, explanation.reading
         key = id(learned.at_rest), id(reading)
         if key not in self._noises:
-            unfiltered = reading.unfiltered if fit is None else fit.unfiltered
-            self._noises[key] = noise_after(learned, reading.window, unfiltered, reading.follows, self.reader)
+            self._noises[key] = noise_after(learned, reading, explanation.run, self.reader)
         return self._noises[key]
 
 
-def noise_after(
-    learned: LearnedInjector, window: Window, unfiltered: NDArray[np.float64], follows: Tracking, reader: EventReader
-) -> Noise:
-    """Noise by a belief, and by the unfiltered innovations (n,) of an event at rest."""
-    stretches = resting_segments(window, reader.burn_in, reader.resting)
-    at_rest = learned.at_rest.after([unfiltered[each] for each in stretches], reader.interval)
-    return Noise(at_rest, at_rest.colour(learned.colour, reader.interval, follows.sigmas.innovation))
+def noise_after(learned: LearnedInjector, reading: EventReading, run: Run, reader: EventReader) -> Noise:
+    """Noise by a belief, and by the innovations of a run of an event at rest."""
+    stretches = resting_segments(reading.window, reader.burn_in, reader.resting)
+    at_rest = learned.at_rest.after([run.unfiltered[each] for each in stretches], reader.interval)
+    return Noise(at_rest, at_rest.colour(learned.colour, reader.interval, reading.white_sigma))
 
 
 def is_late(active: frozenset[int]) -> bool:
@@ -234,10 +229,10 @@ class _EventReadings:
         likeliest = self.weighing.likeliest_fit
         if likeliest is None or likeliest.fit is None or learned.colour is not None:
             return
-        fit, reader = likeliest.fit, self._reader
-        colour = noise_after(learned, window, fit.unfiltered, likeliest.reading.follows, reader).colour
+        run = likeliest.run
+        colour = noise_after(learned, likeliest.reading, run, self._reader).colour
         if colour is not None:
-            learned = replace(learned, colour=colour, theta=fit.linearisation.theta)
+            learned = replace(learned, colour=colour, theta=run.theta)
             self.weigh(replace(self._state.account, learned=learned), window)
 
     def weigh_masked(self) -> None:
@@ -245,64 +240,52 @@ class _EventReadings:
         best = self.weighing.likeliest
         if best is None:
             return
-        reading, innovations = best.reading, best.reading.innovations_at(best.theta, best.fit)
-        sigmas = reading.follows.sigmas_in(best.before)
-        masked = without_stretches(reading.window, innovations, sigmas, self._reader.burn_in)
+        noise = self._state.noise.line_pressure / self._reader.pressure_scale
+        sigmas = Sigmas(best.reading.cost.sigma, noise)
+        masked = without_stretches(best.reading.window, best.run.innovations, sigmas, self._reader.burn_in)
         if masked is not None:
             whose = next((each for each in self.rivals if each.learned is best.before), self._state.account)
             self.weigh(replace(whose, learned=best.before), masked.window, masked.nats)
 
     def _read(self, learned: LearnedInjector, window: Window, off: float) -> EventReading:
         """Reads the event round a belief."""
-        state, event, reader, offset = self._state, self._event, self._reader, self._offset
+        state, event, reader = self._state, self._event, self._reader
         schedule = reader.gains(learned.theta, state.noise, event.constants)
-        follows = Tracking(
-            setting_of(event.constants, schedule),
-            Sigmas(schedule.innovation_sigma, state.noise.line_pressure / reader.pressure_scale),
-            offset,
-        )
-        cost = reader.cost_of(state, learned, window, follows)
-        first, resting = self._linearised(learned, window, cost)
-        of_cost = cost.innovations, cost.unfiltered, cost.slopes
-        return EventReading(
-            learned, window, schedule, follows, cost, first, *of_cost, self._phases, reader.healthy, resting, off
-        )
+        setting, white_sigma = setting_of(event.constants, schedule), schedule.innovation_sigma
+        cost = reader.cost_of(state, learned, window, setting, white_sigma, self._offset)
+        first, resting = self._run(learned, cost)
+        return EventReading(learned, cost, first, white_sigma, self._phases, resting, off)
 
-    def _first(self, learned: LearnedInjector, window: Window, cost: EventCost) -> Linearisation:
-        """The cost at the belief, or in the first event of a needle that answers commands the best of several fits.
+    def _first(self, learned: LearnedInjector, cost: EventCost) -> Run:
+        """The run at the belief, or in the first event of a needle that answers commands the best of several fits.
 
         The fits have no law of nozzle and seat, which would make up for a needle and a line that are far from theirs.
         The best fit with a late line sensor, which looks like delays and a bounce of the needle, becomes a rival.
         """
         first = cost.linearised(learned.theta)
-        if window.needle is None or not learned.is_prior or learned.active:
+        if cost.window.needle is None or not learned.is_prior or learned.active:
             return first
-        prior, fits = learned.belief, list[EventFit]()
+        prior, fits = learned.belief, list[Fit]()
+        fitter = Fitter(replace(cost, columns=LAWLESS), learned.active, self._reader.limits)
         filed = prior.narrowed(STATED, c.FILED)
         for belief, move in [*product((filed, prior), STARTED[NEEDLE_CHANGED]), *product((prior,), LATE_SENSOR)]:
-            lawless = cost.without_laws()
-            start = lawless.linearised(learned.theta + move)
-            fits.append(EventFitter(lawless, learned.active, self._reader.limits).fit(start, belief, c.FIRST_STEPS))
-        fits.sort(key=lambda fit: fit.linearisation.value + 0.5 * prior.distance(fit.linearisation.theta))
+            fits.append(fitter.fit(fitter.cost.linearised(learned.theta + move), belief, c.FIRST_STEPS))
+        fits.sort(key=lambda fit: fit.run.value + 0.5 * prior.distance(fit.run.theta))
         late, others = ([fit for fit in fits if is_late(fit.active) is wanted] for wanted in (True, False))
         sought, starts = [*NEEDLE_LAW.columns.tolist(), *STATED], []
         for fit in (*others[:1], *late[:1]):
             starts.append(learned.theta.copy())
-            starts[-1][sought] = fit.linearisation.theta[sought]
+            starts[-1][sought] = fit.run.theta[sought]
         self.rivals = [Account(replace(learned, theta=start, active=late[0].active)) for start in starts[1:]]
-        cost.jitter = np.zeros_like(cost.jitter)
         return cost.linearised(starts[0])
 
-    def _linearised(
-        self, learned: LearnedInjector, window: Window, cost: EventCost
-    ) -> tuple[Linearisation, RestingPressure]:
-        """Linearise a cost at the belief, with offset and gain as rest says if these differ from the belief's."""
-        reader = self._reader
-        first = self._first(learned, window, cost)
-        resting = resting_pressure(window, cost, learned.theta, reader.interval, reader.pressure_scale)
+    def _run(self, learned: LearnedInjector, cost: EventCost) -> tuple[Run, RestingPressure]:
+        """Run an event at the belief, with offset and gain as rest says if these differ from the belief's."""
+        first = self._first(learned, cost)
+        resting = resting_pressure(cost, first)
         move = resting.held(learned.belief).prior.mean - learned.belief.mean
         move[list(SCALARS.gate.columns)] = 0.0
-        if np.abs(move[list(_SENSOR)]).max() * reader.pressure_scale < MOVED:
+        if np.abs(move[list(_SENSOR)]).max() * self._reader.pressure_scale < MOVED:
             return first, resting
-        first = cost.linearised(first.theta + move)
-        return first, resting_pressure(window, cost, first.theta, reader.interval, reader.pressure_scale)
+        first = cost.linearised(first.theta + move, first)
+        return first, resting_pressure(cost, first)

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.belief import Belief, HeldBelief
-from observer_rt.engine.estimation.prediction_error import Linearisation
+from observer_rt.engine.estimation.run import Run
 from observer_rt.engine.estimation.scalars import PARAMETERS, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning import hypotheses
 from observer_rt.engine.learning.account import Account, LearnedInjector
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
-from observer_rt.engine.learning.fitting import EventFit, EventFitter, Limits, evidence_of, nearly_white
+from observer_rt.engine.learning.fitting import Fit, Fitter, Limits, evidence_of, nearly_white
 from observer_rt.engine.learning.hypotheses import BEFORE, QUICK, Drift, Kind, Mode, drift_of, transitions
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
 from observer_rt.engine.learning.scales import (
@@ -45,8 +45,8 @@ class Explanation:
     """Explanation of an event as one kind: the prior, and the theta that explains it best.
 
     before: belief before the event; log_weight: logarithm of its weight; weight: normalised over all explanations;
-    held: the prior, with the gain as the samples at rest say; scales: likeliest of the network's weights; cost:
-    linearised about theta (m,); fit: None where theta was not fitted; drift: of wear that moves on, if it does.
+    held: the prior, with the gain as the samples at rest say; scales: likeliest of the network's weights; cost: run
+    whose parabola gave theta (m,); fit: None where theta was not fitted; drift: of wear that moves on, if it does.
     """
 
     before: LearnedInjector
@@ -56,9 +56,9 @@ class Explanation:
     prior: Belief
     held: HeldBelief
     scales: ScaleChoice
-    cost: Linearisation
+    cost: Run
     theta: Theta
-    fit: EventFit | None
+    fit: Fit | None
     drift: Drift | None
     weight: float = 0.0
 
@@ -66,6 +66,11 @@ class Explanation:
     def is_good(self) -> bool:
         """Whether the event can be learned from."""
         return self.kind.mode.is_good
+
+    @cached_property
+    def run(self) -> Run:
+        """The event run with theta, to first order where that was not fitted."""
+        return _run_at(self.reading, self.theta, self.fit)
 
     @cached_property
     def score_as_believed(self) -> float | None:
@@ -80,7 +85,12 @@ class Explanation:
             return self
         likeliest = self.scales.of(self.held.prior)
         fit = fitter_of(self.before, self.reading, reader).fit(self.cost, likeliest, c.STEPS)
-        return replace(self, fit=fit, cost=fit.linearisation, theta=fit.linearisation.theta)
+        return replace(self, fit=fit, cost=fit.run, theta=fit.run.theta)
+
+
+def _run_at(reading: EventReading, theta: Theta, fit: Fit | None) -> Run:
+    """The run of an event with theta (m,): that of its fit, if there is one."""
+    return reading.first.to_first_order(theta) if fit is None else fit.run
 
 
 @dataclass(eq=False)
@@ -96,19 +106,19 @@ class _KindEvidence:
     pairs: Pairs
     scale_log_priors: NDArray[np.float64]
     log: float = field(init=False)
-    cost: Linearisation = field(init=False)
+    cost: Run = field(init=False)
     scales: ScaleChoice = field(init=False)
     theta: Theta = field(init=False)
-    fit: EventFit | None = None
+    fit: Fit | None = None
 
-    def weigh(self, cost: Linearisation, limits: Limits) -> None:
-        """Evidence by a cost as it is linearised, over all scales."""
+    def weigh(self, cost: Run, limits: Limits) -> None:
+        """Evidence by the parabola of a run, over all scales."""
         by_whole = evidence_of(cost, self.held.prior, limits)
         logs, self.theta = weigh_choices(by_whole.theta, by_whole.covariance, self.pairs, self.scale_log_priors)
         self.cost, self.scales = cost, ScaleChoice(int(np.argmax(logs)), self.pairs)
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
 
-    def refine(self, fitter: EventFitter, start: Linearisation, steps: int) -> None:
+    def refine(self, fitter: Fitter, start: Run, steps: int) -> None:
         """Fit the kind at its likeliest scales, and again if others are the likeliest from there.
 
         Of a fall of the cost that the last linearisation promises, and no fit confirmed, `BEYOND` counts at most.
@@ -116,7 +126,7 @@ class _KindEvidence:
         for _ in range(c.SCALE_FITS):
             scales = self.scales
             self.fit = fitter.fit(start, scales.of(self.held.prior), steps)
-            start = self.fit.linearisation
+            start = self.fit.run
             self.weigh(start, fitter.limits)
             if self.scales == scales or self.fit.stuck:
                 break
@@ -124,9 +134,9 @@ class _KindEvidence:
         self.theta = self.cost.theta
 
 
-def fitter_of(before: LearnedInjector, reading: EventReading, reader: EventReader) -> EventFitter:
+def fitter_of(before: LearnedInjector, reading: EventReading, reader: EventReader) -> Fitter:
     """The fitter of an event that starts from a belief."""
-    return EventFitter(reading.cost, before.active, reader.limits, other_columns(pairs_in_use(before.belief)))
+    return Fitter(reading.cost, before.active, reader.limits, other_columns(pairs_in_use(before.belief)))
 
 
 def kind_log_priors(account: Account, has_lift: bool) -> Mapping[Kind, float]:
@@ -180,7 +190,7 @@ class _OfferedKinds:
                 logs[kind] = evidence.log + self._nearly_white(evidence)
         if logs and hypotheses.AT_FAULT in self._logs:  # the cost of its theta is part of it
             at_fault = before.log + before.cost.expected(before.theta)
-            at_fault -= self._reading.at_fault(before.theta, before.fit)
+            at_fault -= self._reading.at_fault(_run_at(self._reading, before.theta, before.fit))
             logs |= dict.fromkeys((hypotheses.AT_FAULT, hypotheses.INADEQUATE), at_fault)
         for kind, log in logs.items():
             evidence = self._evidence.get(kind, before)
@@ -248,15 +258,11 @@ class _OfferedKinds:
         is_far = first.value - evidence.cost.expected(evidence.theta) > c.FALLS_FAR
         if not (is_far or self._learned.is_prior):
             return False
-        values = []
-        for move in moves:
-            cost.jitter = first.jitter
-            values.append(cost.value(first.theta + move))
+        values = [cost.at(first.theta + move, first).value for move in moves]
         best = int(np.argmin(values))
         if values[best] >= first.value:
             return False
-        cost.jitter = first.jitter
-        evidence.weigh(cost.linearised(first.theta + moves[best]), self._reader.limits)
+        evidence.weigh(cost.linearised(first.theta + moves[best], first), self._reader.limits)
         return True
 
     def _nearly_white(self, evidence: _KindEvidence) -> float:
@@ -264,7 +270,8 @@ class _OfferedKinds:
         before, reading = self._evidence[BEFORE], self._reading
         leaves, as_before = (each.cost.expected(each.theta) for each in (evidence, before))
         alike = before if abs(leaves - as_before) < c.LEFT_ALIKE else evidence
-        return nearly_white(reading.leaves(alike.theta, alike.fit), reading.cost.temper, reading.healthy)
+        left = reading.leaves(_run_at(reading, alike.theta, alike.fit))
+        return nearly_white(left, reading.cost.temper, self._reader.healthy)
 
     def _fit(self, evidence: _KindEvidence, behind: float) -> None:
         """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""

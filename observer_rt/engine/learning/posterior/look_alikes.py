@@ -55,17 +55,18 @@ def look_alikes_in(explained: ExplainedEvent, reader: EventReader) -> LookAlikes
     return LookAlikes(state, objections, begins_anew)
 
 
-def named(against: Sequence[adequacy.Objection], explained: ExplainedEvent) -> tuple[adequacy.Objection, ...]:
+def named(
+    against: Sequence[adequacy.Objection], explained: ExplainedEvent, reader: EventReader
+) -> tuple[adequacy.Objection, ...]:
     """Objections to an event, with phases."""
-    return tuple(_with_phase(each, explained) for each in against)
+    return tuple(_with_phase(each, explained, reader) for each in against)
 
 
-def _with_phase(objection: adequacy.Objection, explained: ExplainedEvent) -> adequacy.Objection:
+def _with_phase(objection: adequacy.Objection, explained: ExplainedEvent, reader: EventReader) -> adequacy.Objection:
     """An objection to an event that is not explained, with the phase in which that shows."""
     if objection.reason not in UNEXPLAINED or objection.phase is not None:
         return objection
-    explanation, reading = explained.lead, explained.lead.reading
-    left = reading.healthy.relative(reading.leaves(explanation.theta, explanation.fit))
+    left = reader.healthy.relative(explained.lead.reading.leaves(explained.lead.run))
     return replace(objection, phase=adequacy.inadequate_phase(left))
 
 
@@ -73,9 +74,7 @@ def _followed(
     state: LearningState, explained: ExplainedEvent, explanation: Explanation, reader: EventReader
 ) -> LearningState:
     """Adds an explained event to the state that is followed."""
-    reading, fit, first = explanation.reading, explanation.fit, reader.burn_in
-    assert fit is not None
-    sigma = reading.follows.sigmas.innovation
+    sigma, first = explanation.reading.white_sigma, reader.burn_in
     segments = resting_segments(explained.window, first, reader.resting)
     overdispersion = state.overdispersion
     if explanation.score_as_believed is not None:
@@ -84,7 +83,7 @@ def _followed(
         state,
         events=state.events + 1,
         overdispersion=overdispersion,
-        jitter=state.jitter.after(explained.window, fit.unfiltered, sigma, first),
+        jitter=state.jitter.after(explained.window, explanation.run.unfiltered, sigma, first),
         slow_rail=state.slow_rail.after([explained.window.inputs[part, 0] for part in segments], reader.interval),
     )
 
@@ -96,17 +95,16 @@ def _with_coil(
 
     Then what was learned so far was of other line pressures than those that come.
     """
-    reading, learned, fit = explanation.reading, explanation.before, explanation.fit
-    assert fit is not None
-    unaware = replace(reading.follows, offset=None)
+    reading, white_sigma = explanation.reading, explanation.reading.white_sigma
+    unaware = replace(reading.cost, offset=None)
     energizing, is_disturbed = state.energizing.after(
         explained.window._replace(output=explained.recorded.output),
-        fit,
+        explanation.run,
         reading.cost.sigma * math.sqrt(reading.cost.temper),
-        lambda window: reader.cost_of(explained.state, learned, window, unaware),
+        lambda window: replace(unaware, window=window, levels=explained.state.jitter.levels(window, white_sigma)),
         reader.wide,
         reader.interval,
-        learned_of(explanation.theta, reading.follows.setting.coefficients).coefficients.line.control_flow > 0.0,
+        learned_of(explanation.theta, reading.cost.setting.coefficients).coefficients.line.control_flow > 0.0,
     )
     begins_anew = energizing.is_known and not state.energizing.is_known
     state = replace(state, energizing=energizing)

@@ -158,11 +158,11 @@ def _reason_of(explanation: Explanation, theta: Theta, wide: Theta) -> Reason:
 def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReader) -> Outcome:
     """Outcome of an event that was explained. Raises numpy.linalg.LinAlgError when singular."""
     explanation, learned, velocity = explained.lead, explained.account.learned, explained.account.velocity
-    setting = explanation.reading.follows.setting
+    setting = explanation.reading.cost.setting
     # before anything was learned the best explanation is carried, though it is not believed
     theta = explanation.theta if learned.is_prior else learned.theta
     covariance = learned.gated.covariance
-    window, delays = explained.window, None if explanation.fit is None else explanation.fit.linearisation.delays
+    window, delays = explained.window, explanation.run.delays
     if delays is not None:
         window = window.with_jitter(delays.seconds(theta), setting.interval)
     again = resimulated(window, setting, explained.state.noise, theta, covariance)
@@ -176,7 +176,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     )
     shares = shares_of(mass, explained, systematic)
     verdict = verdict_of(explained, mass, shares, look_alikes.objections, reader.wide)
-    state, forward = look_alikes.state, named(verdict.forward, explained)
+    state, forward = look_alikes.state, named(verdict.forward, explained, reader)
     if not look_alikes.begins_anew:
         changed = sum(each.weight for each, _ in explained.explanations if each.kind in hypotheses.UNLIKE_BEFORE)
         changes = c.CHANGES_REMEMBERED * state.changes + changed
@@ -205,12 +205,12 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         knowledge=Knowledge(state, in_force),
         schedule=reader.gains(theta, state.noise, event.constants),
         forward=forward,
-        objections=named(verdict.own, explained),
+        objections=named(verdict.own, explained, reader),
         estimate=theta,
         covariance=covariance,
         resimulated=again,
         outliers=int(explained.window.masked.sum()) - int(explained.unmasked.masked.sum()),
-        loudest=state.jitter.loudest(explained.window, explanation.reading.follows.sigmas.innovation),
+        loudest=state.jitter.loudest(explained.window, explanation.reading.white_sigma),
         known_flow=known_flow(again, theta, covariance, explained.point, state.elsewhere),
         change=verdict.change,
         posterior=posterior_of(explained.explanations),

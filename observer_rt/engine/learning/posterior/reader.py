@@ -7,7 +7,7 @@ one, and its high pass would then hide the offset.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,13 +18,13 @@ from observer_rt.engine.estimation import scalars
 from observer_rt.engine.estimation.belief import Belief, HeldBelief, Matrix, Vector, held_at
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.engine.estimation.phases import PhaseStatistics, phase_statistics
-from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Setting, Window
+from observer_rt.engine.estimation.run import EventCost, Run
 from observer_rt.engine.learning.account import LearnedInjector
 from observer_rt.engine.learning.adequacy import BURN_IN, CLIP, tempering
 from observer_rt.engine.learning.disturbances.colour import LAGS, SEGMENT
-from observer_rt.engine.learning.disturbances.masks import Sigmas, mask_of
-from observer_rt.engine.learning.fitting import EventFit, Limits, at_fault
+from observer_rt.engine.learning.disturbances.masks import mask_of
+from observer_rt.engine.learning.fitting import Limits, at_fault
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.hypotheses import Kind
 from observer_rt.engine.learning.knowledge import LearningState
@@ -95,19 +95,19 @@ def _taught(prior: Matrix, slopes: Matrix, means: Vector, noise: float) -> tuple
     return float(-weights @ means), float(prior[1, 1] - weights @ along)
 
 
-def resting_pressure(
-    window: Window, cost: EventCost, theta: scalars.Theta, interval: float, pressure_scale: float
-) -> RestingPressure:
-    """Rest of an event whose cost was linearised at theta (m,) last; interval of samples [s], p_0 [Pa]."""
-    length = max(round(BLOCK / interval), 1)
+def resting_pressure(cost: EventCost, run: Run) -> RestingPressure:
+    """Rest of an event that was run with its slopes."""
+    window, setting = cost.window, cost.setting
+    length = max(round(BLOCK / setting.interval), 1)
     counts = window.resting & ~mask_of(window)
     counts[: cost.burn_in] = False
     at_rest = np.flatnonzero(counts)
     places = at_rest[at_rest.size % length :].reshape(-1, length)
-    means = cost.unfiltered[places].mean(axis=1)
-    slopes = cost.unfiltered_slopes[places][:, :, _BOTH].mean(axis=1)
+    means = run.unfiltered[places].mean(axis=1)
+    slopes = run.unfiltered_slopes[places][:, :, _BOTH].mean(axis=1)
     scatter = 0.5 * float(np.mean(np.diff(means) ** 2)) if means.size > 1 else 0.0
-    return RestingPressure(theta, means, slopes, max(cost.sigma**2 / length, scatter), pressure_scale)
+    noise = max(cost.sigma**2 / length, scatter)
+    return RestingPressure(run.theta, means, slopes, noise, setting.coefficients.pressure_scale)
 
 
 class ClosedEvent(NamedTuple):
@@ -117,20 +117,6 @@ class ClosedEvent(NamedTuple):
     standstill: Standstill
     in_force: scalars.Theta
     constants: Constants
-
-
-@dataclass(frozen=True, eq=False)
-class Tracking:
-    """Setting of x~ over an event; sigmas: if its noise is white; offset [p_0] at rest before it, None: unknown."""
-
-    setting: Setting
-    sigmas: Sigmas
-    offset: float | None
-
-    def sigmas_in(self, learned: LearnedInjector) -> Sigmas:
-        """Standard deviations with the colour of noise that was learned: that of the innovations after whitening."""
-        colour = learned.colour
-        return self.sigmas if colour is None else replace(self.sigmas, innovation=colour.sigma)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,17 +170,25 @@ class EventReader:
         lag = sensor.lag + float(learned.sensor[0])
         return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, constants.rail_every)
 
-    def cost_of(self, state: LearningState, learned: LearnedInjector, window: Window, follows: Tracking) -> EventCost:
-        """Cost of an event, whitened by the colour of the noise that was learned."""
+    def cost_of(
+        self,
+        state: LearningState,
+        learned: LearnedInjector,
+        window: Window,
+        setting: Setting,
+        white_sigma: float,
+        offset: float | None,
+    ) -> EventCost:
+        """Cost of an event, whitened by the colour of the noise that was learned; white_sigma: without a colour."""
         colour = learned.colour
         return EventCost(
             window,
-            follows.setting,
-            follows.sigmas_in(learned).innovation,
+            setting,
+            white_sigma if colour is None else colour.sigma,
             self.burn_in,
             None if colour is None else colour.whitening,
-            follows.offset,
-            state.jitter.levels(window, follows.sigmas.innovation),
+            offset,
+            state.jitter.levels(window, white_sigma),
             state.overdispersion.factor,
             self.healthy.shape,
         )
@@ -230,52 +224,44 @@ def setting_of(constants: Constants, schedule: GainSchedule) -> Setting:
 
 @dataclass(frozen=True, eq=False)
 class EventReading:
-    """Cost of an event at the theta of `learned`, and its linearisation there.
+    """An event read round the belief `learned`: its cost, and the run from which fits begin.
 
-    schedule: gains by the noise at rest; innovations (n,): whitened; unfiltered (n,): with the colour of the noise;
-    slopes (n, m): of the innovations; phases (n,); healthy: residuals of a healthy injector; resting: line pressure
-    at rest around the event; off: nats of the samples that were left out of the window, as what they are.
+    white_sigma: of innovations without a colour [p_0]; phases (n,); resting: line pressure at rest; off: nats of the
+    samples that were left out of the window, as what they are.
     """
 
     learned: LearnedInjector
-    window: Window
-    schedule: GainSchedule
-    follows: Tracking
     cost: EventCost
-    first: Linearisation
-    innovations: NDArray[np.float64]
-    unfiltered: NDArray[np.float64]
-    slopes: NDArray[np.float64]
+    first: Run
+    white_sigma: float
     phases: NDArray[np.int8]
-    healthy: Healthy
     resting: RestingPressure
     off: float = 0.0
     _left: dict[bytes, PhaseStatistics] = field(default_factory=dict)
+
+    @property
+    def window(self) -> Window:
+        """Samples of the event."""
+        return self.cost.window
 
     @cached_property
     def level(self) -> float:
         """Nats that noise level and samples left out add to a cost, so that costs of readings can be compared."""
         return (self.cost.terms * math.log(self.cost.sigma) + self.off) / self.cost.temper
 
-    def innovations_at(self, theta: scalars.Theta, fit: EventFit | None) -> NDArray[np.float64]:
-        """Innovations (n,) at theta (m,): those of its fit; to first order without a fit."""
-        if fit is not None:
-            return fit.innovations
-        return self.innovations + self.slopes @ (theta - self.first.theta)
-
-    def leaves(self, theta: scalars.Theta, fit: EventFit | None) -> PhaseStatistics:
-        """Statistics of the clipped innovations at theta (m,)."""
-        key = theta.tobytes()
+    def leaves(self, run: Run) -> PhaseStatistics:
+        """Statistics of the clipped innovations of a run."""
+        key = run.theta.tobytes()
         if key not in self._left:
-            self._left[key] = self._statistics(theta, fit, CLIP)
+            self._left[key] = self._statistics(run, CLIP)
         return self._left[key]
 
-    def at_fault(self, theta: scalars.Theta, fit: EventFit | None) -> float:
-        """Cost [nats] of the innovations at theta (m,) if the event is at fault, and of the offset at rest."""
+    def at_fault(self, run: Run) -> float:
+        """Cost [nats] of the innovations of a run if the event is at fault, and of the offset at rest."""
         temper = self.cost.temper
-        return at_fault(self._statistics(theta, fit), temper) + self.cost.offset_cost(theta) / temper
+        return at_fault(self._statistics(run), temper) + self.cost.offset_cost(run.theta) / temper
 
-    def _statistics(self, theta: scalars.Theta, fit: EventFit | None, limit: float = math.inf) -> PhaseStatistics:
-        innovations, cost = self.innovations_at(theta, fit), self.cost
-        mask = mask_of(self.window)
-        return phase_statistics(innovations, cost.sigma, self.phases, cost.burn_in, mask, limit)
+    def _statistics(self, run: Run, limit: float = math.inf) -> PhaseStatistics:
+        cost = self.cost
+        mask = mask_of(cost.window)
+        return phase_statistics(run.innovations, cost.sigma, self.phases, cost.burn_in, mask, limit)

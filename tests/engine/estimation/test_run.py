@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.learning.whitening import robust_cost
-from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.run import EventCost, Run
 from observer_rt.engine.estimation.scalars import PARAMETERS, VALVE_LAW, WEIGHTS, Parameter, learned_of, network_of
 from observer_rt.model.effective import coefficients
 from observer_rt.model.line import stiffened
@@ -40,8 +40,8 @@ def test_gradient_is_the_derivative(case: Case, theta: NDArray[np.float64], outl
     window = simulated_event(case, conftest.worn_theta(7), event_inputs(), seed=3)
     cost = cost_of(case, spiked(window) if outliers else window)
     linearised = cost.linearised(theta)
-    assert linearised.value == cost.value(theta)
-    numeric = differences(cost.value, theta, 1e-6)
+    assert linearised.value == cost.at(theta, linearised).value
+    numeric = differences(lambda moved: cost.at(moved, linearised).value, theta, 1e-6)
     smooth, slopes = numeric[conftest.SMOOTH], linearised.gradient[conftest.SMOOTH]
     np.testing.assert_allclose(slopes, smooth, atol=1e-5 * np.abs(smooth).max())
 
@@ -68,8 +68,8 @@ def test_prediction_that_is_no_number_has_infinite_cost(nominal: Case) -> None:
     output = window.output.copy()
     output[200] = np.nan
     cost = cost_of(nominal, window._replace(output=output))
-    assert cost.value(HEALTHY) == math.inf
-    assert cost.linearised(HEALTHY).value == math.inf
+    run = cost.linearised(HEALTHY)
+    assert run.value == cost.at(HEALTHY, run).value == math.inf
 
 
 def test_meaning_of_a_parameter_vector() -> None:
@@ -116,7 +116,7 @@ def test_what_an_event_cannot_tell_apart_is_no_singularity() -> None:
     slopes[:, 2], slopes[:, 3] = -2.0 * slopes[:, 1], 0.0
     information, prior = slopes.T @ slopes, np.diag([0.1, 0.2, 1e-9, 0.3])
     gradient = slopes.T @ np.random.default_rng(4).normal(size=200)
-    score = Linearisation(np.zeros(4), 0.0, gradient, information).score(prior)
+    score = Run(np.zeros(4), 0.0, gradient, information).score(prior)
     both = np.ix_([0, 1], [0, 1])
     spread = information[both] + information[both] @ prior[both] @ information[both]
     chi2 = float(gradient[:2] @ np.linalg.solve(spread, gradient[:2]))

@@ -66,7 +66,7 @@ path.write_text(NOMINAL_INJECTOR.read_text().replace("# model = \\"lump\\"", "mo
 rigid, lump = (effective_model(load_injector(each)).coefficients.line for each in (path, NOMINAL_INJECTOR))
 print(json.dumps({{"type": type(rigid).__name__, "stiffness": rigid.a1 / lump.a1, "mode": rigid.mode / lump.mode}}))
 """
-SCALARS = "engine/estimation/scalars.py"
+SCALARS = "engine/estimation/parameters.py"
 SCALAR_EDITS = (
     (SCALARS, "\n\n_MM3_PER_MS = ", "    INERTANCE = 26 + HIDDEN\n\n\n_MM3_PER_MS = "),
     (
@@ -83,8 +83,8 @@ SCALAR_EDITS = (
 SCALAR = """
 import json
 
-from observer_rt.engine.estimation.scalars import SCALARS, Parameter
-from observer_rt.engine.learning.indicators import indicators_of
+from observer_rt.engine.estimation.parameters import SCALARS, Parameter
+from observer_rt.engine.reports.indicators import indicators_of
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.observer import make_observer

@@ -18,7 +18,7 @@ from rich.console import Console
 
 from observer_rt.config.signals import in_words
 from observer_rt.daemon.notifier import Notifier
-from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
+from observer_rt.engine.estimation.parameters import NOZZLE, OFFSET
 from observer_rt.engine.reports.injection_report import InjectionReport, beyond_learned, injection_record
 from observer_rt.engine.reports.news import MeasuredMass, MissingInjection, News, Notice
 from observer_rt.engine.stream.state import Reason

@@ -4,10 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import FURTHEST_ZERO, MOST_CROSSTALK
-from observer_rt.engine.estimation.scalars import SCALARS, sensor_lag
-from observer_rt.engine.learning.account import LearnedInjector
+from observer_rt.engine.estimation.parameters import SCALARS, sensor_lag
 from observer_rt.engine.learning.adequacy import LARGEST_LAG, is_worn_beyond_limits
-from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.learning.knowledge import Knowledge, LearnedInjector
 
 
 def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:

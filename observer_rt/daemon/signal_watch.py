@@ -13,7 +13,7 @@ from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.core.frames.frames import IMPOSSIBLE
 from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.daemon.arrivals import WatchedMessage
-from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.predictor import NoiseLevels
 from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.noise import SIGNALS
 from observer_rt.engine.signal_survey import OPEN, SignalSurvey, Survey, implausible, swapped, unshut

@@ -190,7 +190,7 @@ class SnapshotKeeper:
     def _laws(self, knowledge: Knowledge) -> tuple[Mapping[str, Any], ...]:
         """Curves of what was learned, worked out once for each event."""
         if knowledge is not self._learned[0]:
-            from observer_rt.engine.learning.learned_laws import learned_laws  # where a page asks for them
+            from observer_rt.engine.reports.learned_laws import learned_laws  # where a page asks for them
 
             laws = learned_laws(knowledge, self._c)
             self._learned = knowledge, tuple(law.columns for law in laws if not law.is_surface)

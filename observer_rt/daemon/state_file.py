@@ -17,8 +17,8 @@ from pydantic import BaseModel
 
 from observer_rt.daemon.array_texts import ArrayTexts
 from observer_rt.daemon.plausibility import doubt_of, problem_of
-from observer_rt.engine.estimation.gain import LARGEST_NOISE
-from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.estimation.parameters import SCALARS
+from observer_rt.engine.estimation.predictor import LARGEST_NOISE
 from observer_rt.engine.learning.knowledge import Knowledge, LearningState, no_state
 from observer_rt.engine.stream.standstill import RestingLift
 from observer_rt.foundation.errors import RunError, UserError

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from observer_rt.core.stream.stream import PENDING_EVENTS, RING, SLOTS, SLOW_PEAK
-from observer_rt.engine.estimation.gain import GainSchedule
-from observer_rt.engine.estimation.scalars import Parameter, learned_of
+from observer_rt.engine.estimation.parameters import Parameter, learned_of
+from observer_rt.engine.estimation.predictor import GainSchedule
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
-from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
+from observer_rt.engine.learning.mass import EVERYWHERE, KnownFlow
 from observer_rt.engine.stream.state import Observer, Reason
 
 # s, after which the flow of a pilot valve is known, beside the time by which it is ahead of the lift.

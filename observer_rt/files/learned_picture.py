@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.gridspec import SubplotSpec
 
-from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.learned_laws import LearnedLaw
+from observer_rt.engine.estimation.parameters import NOZZLE, SEAT
+from observer_rt.engine.reports.learned_laws import LearnedLaw
 from observer_rt.foundation.figures import svg_figure
 
 FLOWS = {NOZZLE: ("nozzle", "#d62728"), SEAT: ("seat", "#9467bd")}  # name and colour

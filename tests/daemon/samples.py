@@ -7,19 +7,15 @@ import numpy as np
 from hypothesis import strategies as st
 
 from observer_rt.engine.estimation.belief import Belief
-from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.parameters import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
-from observer_rt.engine.estimation.run import Whitening
-from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
-from observer_rt.engine.learning.account import Account, LearnedInjector, Overdispersion
-from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilDisturbance, CoilPulse, EdgeSearch
-from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail
-from observer_rt.engine.learning.disturbances.time_jitter import TimeJitter
-from observer_rt.engine.learning.hypotheses import Mode, Velocity
-from observer_rt.engine.learning.indicators import Estimate
-from observer_rt.engine.learning.interval import VolumeBudget
-from observer_rt.engine.learning.knowledge import Knowledge, LearningState
-from observer_rt.engine.learning.learned_range import EventPoint
+from observer_rt.engine.estimation.predictor import NoiseLevels
+from observer_rt.engine.learning.coil_current import CoilCurrent, CoilDisturbance, CoilPulse, EdgeSearch
+from observer_rt.engine.learning.kinds import Mode, Velocity
+from observer_rt.engine.learning.knowledge import Account, Knowledge, LearnedInjector, LearningState, Overdispersion
+from observer_rt.engine.learning.mass import EventPoint, VolumeBudget
+from observer_rt.engine.learning.noise import ORDERS, Colour, RestingNoise, SlowRail, TimeJitter, Whitening
+from observer_rt.engine.reports.indicators import Estimate
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift
 from observer_rt.engine.stream.state import Reason, State

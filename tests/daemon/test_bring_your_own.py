@@ -15,7 +15,7 @@ from observer_rt.bus.mapping.output_signals import StatusValues
 from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.engine.estimation.scalars import NOZZLE
+from observer_rt.engine.estimation.parameters import NOZZLE
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.recording_frames import recording_frames

@@ -19,8 +19,8 @@ from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.daemon.array_texts import ArrayTexts
 from observer_rt.daemon.state_file import VERSION, RestoredKnowledge, load_knowledge, model_hash, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
+from observer_rt.engine.estimation.parameters import PARAMETERS, SCALARS, Parameter
+from observer_rt.engine.estimation.predictor import NoiseLevels
 from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.engine.stream.standstill import HeldRail
 from observer_rt.foundation.documents import Section

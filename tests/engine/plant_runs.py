@@ -4,9 +4,8 @@ from collections.abc import Callable, Sequence
 from functools import cache
 
 from observer_rt.config.bench import load_injector
-from observer_rt.engine.estimation.scalar_table import Element
-from observer_rt.engine.estimation.scalars import SCALARS
-from observer_rt.engine.learning.indicators import Estimate
+from observer_rt.engine.estimation.parameters import SCALARS, Element
+from observer_rt.engine.reports.indicators import Estimate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import coefficients
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters

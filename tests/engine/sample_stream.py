@@ -13,7 +13,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.core.stream.stream import INJECTIONS, RECORDED, RECORDED_RING, RING, Break
 from observer_rt.desk.simulation.plant import Truth, run_plant
 from observer_rt.desk.simulation.schedule import make_schedule, strokes
-from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.predictor import NoiseLevels
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.knowledge import Outcome, no_knowledge
 from observer_rt.engine.learning.learner import Learner

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from observer_rt.core.stream.stream import REACH
-from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET, SEAT
+from observer_rt.engine.estimation.parameters import NOZZLE, OFFSET, SEAT
 from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.engine.stream.state import samples_ahead
 from observer_rt.model.effect import SizedEffect

@@ -2,7 +2,7 @@
 
 import pytest
 
-from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET, SEAT
+from observer_rt.engine.estimation.parameters import NOZZLE, OFFSET, SEAT
 from observer_rt.engine.stream.state import Reason
 from tests.engine.plant_runs import EVENTS, GATED, HEALTHY, indicator, run_plant
 from tests.observed_plants import ObservedRun

@@ -12,8 +12,8 @@ from observer_rt.bus.mapping.output_signals import StatusValues
 from observer_rt.config.bench import load_injector
 from observer_rt.daemon.log import EventLogger, ServiceLog
 from observer_rt.daemon.notifier import Notifier
-from observer_rt.engine.estimation.scalars import OFFSET
-from observer_rt.engine.learning.indicators import Estimate
+from observer_rt.engine.estimation.parameters import OFFSET
+from observer_rt.engine.reports.indicators import Estimate
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import COUNTERS, REASONS, STATES, TOPICS, Topic
 from observer_rt.model.effects import effective_model

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import normalised_area, seat_area_slope
 from observer_rt.core.model.model import REACH, rates_of_change, slopes_of_flows
-from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
+from observer_rt.engine.estimation.parameters import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.line import LumpLine

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.model import FORGETTING, WEIGHTS, advance_state, phi_and_rate, slopes_of_flows
-from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
+from observer_rt.engine.estimation.parameters import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.network import constant_network

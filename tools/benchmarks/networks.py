@@ -17,8 +17,8 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.paper import scheme
 from observer_rt.desk.paper.study import LARGEST_GAIN
+from observer_rt.engine.estimation.parameters import WEIGHTS
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import WEIGHTS
 from observer_rt.engine.learning.knowledge import Knowledge, Outcome
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.stream.state import Constants

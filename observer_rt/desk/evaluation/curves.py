@@ -8,9 +8,8 @@ import numpy as np
 
 from observer_rt.core.model.needle import NeedleStroke, lift_of_stroke
 from observer_rt.desk.evaluation.trace import InjectionSamples, Signal, trace_of
-from observer_rt.engine.estimation.scalar_table import ShownIndicator
-from observer_rt.engine.estimation.scalars import NEEDLE_LAW, SCALARS
-from observer_rt.engine.learning.indicators import Estimate
+from observer_rt.engine.estimation.parameters import NEEDLE_LAW, SCALARS, ShownIndicator
+from observer_rt.engine.reports.indicators import Estimate
 from observer_rt.engine.reports.injection_report import FIELDS, MASS_BOUND, Field, InjectionReport, Output
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.foundation.errors import UserError

@@ -16,7 +16,7 @@ from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.observer_run import ObserverRun, Progress
 from observer_rt.desk.evaluation.trace import open_trace
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.learning.learned_laws import learned_laws
+from observer_rt.engine.reports.learned_laws import learned_laws
 from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.injector import LearnerFactory, make_learner

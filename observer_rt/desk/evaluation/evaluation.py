@@ -8,8 +8,8 @@ import numpy as np
 
 from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
 from observer_rt.desk.evaluation.trace import SAMPLE, InjectionSamples, Trace, trace_arrays, trace_of
-from observer_rt.engine.learning.learned_laws import LearnedLaw
 from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.reports.learned_laws import LearnedLaw
 from observer_rt.engine.reports.news import MeasuredMass
 from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.stream.standstill import Standstill

@@ -14,10 +14,10 @@ from matplotlib.ticker import MaxNLocator
 
 from observer_rt.desk.evaluation.curves import MassRow, RateCurves, numbers_shown
 from observer_rt.desk.evaluation.evaluation import Evaluation
-from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.hypotheses import BEFORE
-from observer_rt.engine.learning.indicators import Estimate
-from observer_rt.engine.learning.learned_laws import LearnedLaw
+from observer_rt.engine.estimation.parameters import NOZZLE, SEAT
+from observer_rt.engine.learning.kinds import BEFORE
+from observer_rt.engine.reports.indicators import Estimate
+from observer_rt.engine.reports.learned_laws import LearnedLaw
 from observer_rt.files.learned_picture import FLOWS, draw_learned, height_of
 from observer_rt.foundation.figures import NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95, Floats

@@ -14,18 +14,16 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import Bench, BenchInjector, load_bench
 from observer_rt.config.injector_sections import Meaning, SamplingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.engine.estimation.healthy_course import EventStretch, stretch_of
+from observer_rt.engine.estimation.parameters import Parameter, Theta
 from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.engine.estimation.run import EventCost
-from observer_rt.engine.estimation.scalars import Parameter, Theta
-from observer_rt.engine.learning.account import TemperedEvent, overdispersion_of
 from observer_rt.engine.learning.adequacy import BURN_IN, Innovations, event_statistics
-from observer_rt.engine.learning.healthy import NOT_FITTED, ShapeFit
-from observer_rt.engine.learning.knowledge import Knowledge, Outcome
-from observer_rt.engine.learning.learned_laws import LearnedLaw
+from observer_rt.engine.learning.event import setting_of
+from observer_rt.engine.learning.healthy import NOT_FITTED, EventStretch, ShapeFit, stretch_of
+from observer_rt.engine.learning.knowledge import Knowledge, Outcome, TemperedEvent, overdispersion_of
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.learning.posterior.reader import setting_of
+from observer_rt.engine.learning.run import EventCost
+from observer_rt.engine.reports.learned_laws import LearnedLaw
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants
 from observer_rt.files.signals.recording import Recording

@@ -13,9 +13,9 @@ from rich.table import Table
 from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.desk.evaluation.curves import RESULT_FIELDS, SHOWN, InjectionResult, in_words
 from observer_rt.desk.evaluation.evaluation import Evaluation
-from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
-from observer_rt.engine.learning.learned_laws import furthest
+from observer_rt.engine.estimation.parameters import NOZZLE, SCALARS, SEAT
 from observer_rt.engine.reports.injection_report import FIELDS, WEAR, Field, beyond_learned, injection_record
+from observer_rt.engine.reports.learned_laws import furthest
 from observer_rt.engine.service.noise import SIGNALS
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.console import plain_table, say

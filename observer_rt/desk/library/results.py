@@ -15,8 +15,8 @@ from observer_rt.desk.evaluation.curves import SHOWN
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.histories import write_state
 from observer_rt.desk.evaluation.trace import TRACE_COLUMNS, trace_arrays
-from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.learning.mass import VolumeBudget
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
 from observer_rt.engine.stream.state import State
 from observer_rt.foundation.errors import require

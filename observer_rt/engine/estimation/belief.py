@@ -9,13 +9,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.gating import search_subsets
 from observer_rt.core.learning.matrices import inverse_of
+from observer_rt.engine.estimation.parameters import Gate
 
 _EXACTLY = 1e-14  # variance of a held parameter
 Vector = NDArray[np.float64]
@@ -160,31 +160,6 @@ def _zeroed(values: Vector, column: int) -> Vector:
     result = values.copy()
     result[column] = 0.0
     return result
-
-
-class Alike(NamedTuple):
-    """Two columns that one event may not tell apart, and the least value of the first that is carried on."""
-
-    first: int
-    other: int
-    least: float
-
-
-@dataclass(frozen=True)
-class Gate:
-    """Lowest values that the gated parameters may take, by column; held: columns that no event tells of.
-
-    alike: while its first column is active, that stays at no price, and the other enters at a high one.
-    """
-
-    lowest: Mapping[int, float]
-    held: tuple[int, ...] = ()
-    alike: Alike | None = None
-
-    @property
-    def columns(self) -> tuple[int, ...]:
-        """Columns of the gated parameters."""
-        return tuple(self.lowest)
 
 
 def best_subset(

@@ -1,135 +1,297 @@
-"""The belief about injector and noise, and the account of its changes: its modes, and the scatter of events beyond.
-
-A quasi-likelihood: what an event says of the parameters counts for less by the factor by which such events were seen
-to differ (McCullagh, Nelder, Generalized Linear Models, 2nd ed., section 4.5).
-"""
+"""The explanation of an event by all kinds that it may be, and the account of change after it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.belief import Belief, GatedBelief, held_at
-from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
-from observer_rt.engine.estimation.run import Run
-from observer_rt.engine.estimation.scalars import EXACTLY, SCALARS, Parameter, Theta, with_gain
-from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise
-from observer_rt.engine.learning.healthy import SAME_RATE
-from observer_rt.engine.learning.hypotheses import Mode, Velocity
-from observer_rt.engine.learning.learned_range import EventPoint
-from observer_rt.engine.learning.scales import shrink
-from observer_rt.foundation.records import NOT_KEPT
+from observer_rt.core.learning.phases import phases_of
+from observer_rt.engine.estimation.belief import best_subset
+from observer_rt.engine.estimation.parameters import LAWLESS, NEEDLE_LAW, SCALARS, Parameter
+from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scales import shrink
+from observer_rt.engine.learning.adequacy import pooled
+from observer_rt.engine.learning.event import (
+    ClosedEvent,
+    EventReader,
+    EventReading,
+    RestingPressure,
+    resting_pressure,
+    setting_of,
+)
+from observer_rt.engine.learning.explanations import FIRST_STEPS, LATE_SENSOR, STARTED, Explanation, Weighing
+from observer_rt.engine.learning.fit import Fit, Fitter
+from observer_rt.engine.learning.kinds import FILED, NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
+from observer_rt.engine.learning.knowledge import Account, LearnedInjector, LearningState
+from observer_rt.engine.learning.mass import EventPoint, opening_points, with_point
+from observer_rt.engine.learning.noise import (
+    Colour,
+    RestingNoise,
+    Sigmas,
+    is_same,
+    resting_segments,
+    without_stretches,
+)
+from observer_rt.engine.learning.run import EventCost, Run
+from observer_rt.foundation.units import MEGAPASCAL
 
-USUAL_SCORE = 1.2  # of events that scatter by noise alone; their mean is 1
-REMEMBERED = 0.95  # weight of the scores before an event
-PRIOR_EVENTS = 10.0  # for which the factor of the fit counts at first
-LARGEST_RATIO = 2.5  # of a score to the usual one, up to which it is scatter and no change of the injector
-LARGEST = 8.0  # factor; a model worse than that is inadequate
-_ROUNDS = 10  # in which the factor settles
+AGAINST_RIVAL = 5.0  # nats at most that one event counts against a rival: a needle unlike the model's misleads; M
+
+MOVED = 0.005 * MEGAPASCAL  # of offset or gain: beyond it an event is linearised anew
+_SENSOR = (int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN))
 
 
-@dataclass(frozen=True, eq=False)
-class LearnedInjector:
-    """Belief about injector and noise."""
+class Noise(NamedTuple):
+    """Statistics of the innovations at rest, and their colour."""
 
-    belief: Belief  # about all parameters jointly
-    theta: Theta  # (m,) where the last event was explained
-    statistics: PhaseStatistics = field(default_factory=no_statistics)  # of recent innovations
-    active: frozenset[int] = frozenset()  # gated columns in use
-    is_prior: bool = True  # nothing was learned yet, or all of it was forgotten
-    colour: Colour | None = None  # of the innovations; None: they are white
-    at_rest: RestingNoise = field(default_factory=RestingNoise)  # by which the colour is found
-    learned_at: tuple[EventPoint, ...] = ()  # operating points of the last events
+    at_rest: RestingNoise
+    colour: Colour | None
 
-    @cached_property
-    def gated(self) -> GatedBelief:
-        """The belief as the estimate has it."""
-        return GatedBelief(shrink(self.belief), SCALARS.gate, self.active)
 
-    def colour_at(self, interval: float) -> Colour | None:
-        """The colour, if it was found at this sample interval [s]."""
-        colour = self.colour
-        if colour is None or not math.isclose(colour.interval, interval, rel_tol=SAME_RATE):
-            return None
-        return colour
-
-    def with_gain(self, sigma: float) -> "LearnedInjector":
-        """What holds of sensors, stated with a standard deviation of the gain of one over the other's, 0: none."""
-        column, covariance = int(Parameter.LINE_PRESSURE_GAIN), self.belief.covariance
-        if (sigma > 0.0) is bool(covariance[column, column] > 2.0 * EXACTLY**2):
-            return self
-        theta = self.theta.copy()
-        theta[column] = 0.0
-        belief = held_at(self.belief, column, 0.0, EXACTLY**2).prior
-        return replace(self, belief=belief.widened(with_gain(np.zeros_like(theta), max(sigma, EXACTLY))), theta=theta)
-
-    def begun(self, interval: float) -> "LearnedInjector":
-        """What holds at a sample interval [s], whatever the one before was."""
-        return replace(self, colour=self.colour_at(interval), at_rest=RestingNoise())
+Continued = tuple[Explanation, LearnedInjector]
+"""An explanation of an event, and the belief after it."""
 
 
 @dataclass(frozen=True, eq=False)
-class Account:
-    """The belief about injector and noise, and the probabilities of the modes in which the injector may be."""
+class BeliefUpdate:
+    """Update of beliefs by one event; state: before it, point: of the event."""
 
-    learned: LearnedInjector
-    modes: Mapping[Mode, float] = field(default_factory=lambda: {Mode.STEADY: 1.0})
-    velocity: Velocity | None = None  # of wear that moves on
-    rival: "Account | None" = field(default=None, metadata=NOT_KEPT)  # explains all events by other elements
-    log_odds: float = field(default=0.0, metadata=NOT_KEPT)  # of a rival, against the account that has it
-    outlasts: bool = field(default=False, metadata=NOT_KEPT)  # whether a rival has explained an event after its first
+    reader: EventReader
+    state: LearningState
+    point: EventPoint
+    _noises: dict[tuple[int, int], Noise] = field(default_factory=dict)
+
+    def after(self, explanation: Explanation) -> LearnedInjector:
+        """The belief after an explanation. Raises numpy.linalg.LinAlgError when singular."""
+        learned = explanation.before
+        if explanation.is_good:
+            return self._learned(explanation)
+        if not learned.is_prior:
+            return replace(learned, belief=explanation.prior)
+        if explanation.kind.mode is Mode.PASSING:  # else a wrong ring-down is taken for the colour of the noise
+            return learned
+        noise = self._noise(explanation)
+        return replace(learned, at_rest=noise.at_rest, colour=noise.colour)
+
+    def _learned(self, explanation: Explanation) -> LearnedInjector:
+        before, cost, limits = explanation.before, explanation.cost, self.reader.limits
+        held, reading, fit = explanation.held, explanation.reading, explanation.fit
+        statistics = self.reader.healthy.relative(reading.leaves(explanation.run))
+        temper = self.reader.temper_in(self.state, before, statistics, reading.cost.temper)
+        information = cost.information / temper
+        belief = held.prior.updated(information, cost.vector / temper)
+        likely, active = shrink(belief), before.active if fit is None else fit.active
+        gate = limits.gate_of_lag(limits.least_lag)
+        theta, active = best_subset(likely.mean, likely.covariance, gate, active, carried=True)
+        noise = self._noise(explanation)
+        considered = held.considered(belief, information)
+        limits.refuse_far(considered.mean)
+        _ = considered.inverse  # or it raises: the next event needs it
+        return LearnedInjector(
+            belief=considered,
+            theta=np.clip(theta, limits.lowest, limits.highest),
+            statistics=pooled(before.statistics, statistics),
+            active=active,
+            is_prior=False,
+            colour=noise.colour,
+            at_rest=noise.at_rest,
+            learned_at=with_point(() if explanation.kind in UNLIKE_BEFORE else before.learned_at, self.point),
+        )
+
+    def _noise(self, explanation: Explanation) -> Noise:
+        """Noise by the belief before an explanation, and by the event; computed once for each reading."""
+        learned, reading = explanation.before, explanation.reading
+        key = id(learned.at_rest), id(reading)
+        if key not in self._noises:
+            self._noises[key] = noise_after(learned, reading, explanation.run, self.reader)
+        return self._noises[key]
 
 
-def _within(factor: float) -> float:
-    return min(max(factor, 1.0), LARGEST)
+def noise_after(learned: LearnedInjector, reading: EventReading, run: Run, reader: EventReader) -> Noise:
+    """Noise by a belief, and by the innovations of a run of an event at rest."""
+    stretches = resting_segments(reading.window, reader.burn_in, reader.resting)
+    at_rest = learned.at_rest.after([run.unfiltered[each] for each in stretches], reader.interval)
+    return Noise(at_rest, at_rest.colour(learned.colour, reader.interval, reading.white_sigma))
 
 
-def _ratio(score: float) -> float:
-    """Ratio of a score to the usual one, LARGEST_RATIO at most."""
-    return min(score / USUAL_SCORE, LARGEST_RATIO)
+def is_late(active: frozenset[int]) -> bool:
+    """Whether a lag of the line sensor is among the gated columns in use; delays of the needle look alike."""
+    return int(Parameter.SENSOR_LAG) in active
 
 
-@dataclass(frozen=True)
-class Overdispersion:
-    """The factor on the variance of what events say of the parameters, at least 1: a weighted mean over events."""
+def has_lag_for_bounce(rival: LearnedInjector, learned: LearnedInjector) -> bool:
+    """Whether a rival has a lag of the line sensor in place of a bounce of the needle."""
+    only_rival, only_learned = rival.active - learned.active, learned.active - rival.active
+    return Parameter.SENSOR_LAG in only_rival and Parameter.LANDING_BOUNCE in only_learned
 
-    sum: float = PRIOR_EVENTS
-    weight: float = PRIOR_EVENTS
+
+def account_after(before: Account, continued: Sequence[Continued]) -> tuple[Explanation, Account]:
+    """The explanation that is carried, and the account after an event; continued: the likeliest first.
+
+    Explanations whose beliefs are alike are one belief, in several modes. The belief with most support in one mode
+    goes on; carried is its first explanation that is good. A rival that has explained an event after its first stays
+    as long as it has a lag for a bounce, though it explains no more: a needle unlike the model's misleads.
+    """
+
+    def is_one(first: Continued, second: Continued) -> bool:
+        return is_alike(first[1].belief, second[1].belief) and is_same(first[1].colour, second[1].colour)
+
+    def support(of: Continued) -> float:
+        return sum(each[0].weight for each in continued if each[0].kind.mode is of[0].kind.mode and is_one(of, each))
+
+    best = max(continued, key=support)
+    kept = [each for each in continued if is_one(best, each)]
+    lead, learned = next((each for each in kept if each[0].is_good), kept[0])
+    total, modes = sum(each.weight for each, _ in kept), dict[Mode, float]()
+    others = [each for each in continued if is_late(each[1].active) is not is_late(learned.active)]
+    rival = before.rival
+    if rival is not None and not (rival.outlasts and has_lag_for_bounce(rival.learned, learned)):
+        rival = None
+    if others and lead.reading.window.needle is not None:
+        odds = math.log(sum(each[0].weight for each in others if is_one(others[0], each)) / total)
+        least = (before.rival.log_odds if before.rival else 0.0) - AGAINST_RIVAL
+        rival = Account(others[0][1], log_odds=max(odds, least), outlasts=before.rival is not None)
+    for explanation, _ in kept:
+        mode = explanation.kind.mode
+        modes[mode] = modes.get(mode, 0.0) + explanation.weight / total
+    drift = next((each.drift for each, _ in kept if each.drift is not None), None)
+    return lead, Account(learned, modes, None if drift is None else drift.after(learned.belief), rival)
+
+
+class ExplainedEvent(NamedTuple):
+    """An event with its explanations.
+
+    state: before it; recorded: its window; unmasked: the window without the coil's pulse; explanations: the likeliest
+    first; lead: the explanation that is carried; account: after the event.
+    """
+
+    state: LearningState
+    recorded: Window
+    unmasked: Window
+    point: EventPoint
+    explanations: list[Continued]
+    lead: Explanation
+    account: Account
 
     @property
-    def factor(self) -> float:
-        """Factor by which an event's log likelihood is divided."""
-        return _within(self.sum / self.weight)
+    def window(self) -> Window:
+        """Window of the leading explanation, without the coil's pulse, stretches that are off masked."""
+        return self.lead.reading.window
 
-    def after(self, score: float) -> "Overdispersion":
-        """The next value, after an event whose score by the belief before it was tempered by this factor."""
-        return Overdispersion(REMEMBERED * self.sum + _ratio(score) * self.factor, REMEMBERED * self.weight + 1.0)
-
-
-def of_healthy(factor: float) -> Overdispersion:
-    """Overdispersion before any event, by the factor of the healthy injector, 1 of a model that is exact."""
-    return Overdispersion(PRIOR_EVENTS * factor)
+    @property
+    def fault_weight(self) -> float:
+        """Probability that the event is at fault, or the model inadequate."""
+        return sum(explanation.weight for explanation, _ in self.explanations if not explanation.is_good)
 
 
-class TemperedEvent(NamedTuple):
-    """The run of an event with the belief before it, and the covariance (m, m) of that belief."""
+def explain(state: LearningState, event: ClosedEvent, offset: float | None, reader: EventReader) -> ExplainedEvent:
+    """Explain an event; offset: line over rail pressure at rest before it [p_0], None: unknown.
 
-    run: Run
-    covariance: NDArray[np.float64]
+    Raises numpy.linalg.LinAlgError where nothing is finite.
+    """
+    window = state.energizing.current.undone(event.window)
+    readings = _EventReadings(state, event, offset, reader)
+    readings.weigh(state.account, window)
+    for rival in readings.rivals:
+        readings.weigh(rival, window)
+    if state.learned.is_prior:
+        readings.weigh_coloured(state.learned, window)
+    readings.weigh_masked()
+    explanations = readings.weighing.explanations()
+    lead = next((i for i, each in enumerate(explanations) if each.is_good), None)
+    if lead is not None:  # it is carried, and run again
+        explanations[lead] = explanations[lead].fitted(reader)
+    point = opening_points(window, reader.interval)[-1]
+    update = BeliefUpdate(reader, state, point)
+    continued = [(each, update.after(each)) for each in explanations]
+    return ExplainedEvent(state, event.window, window, point, continued, *account_after(state.account, continued))
 
-    def ratio(self, factor: float) -> float:
-        """Ratio of a score to the usual one, tempered by a factor."""
-        return _ratio(self.run.tempered(factor).score(self.covariance))
 
+class _EventReadings:
+    """Readings of an event, round one belief after the other, with all of its samples or without some."""
 
-def overdispersion_of(events: Sequence[TemperedEvent]) -> float:
-    """The factor with which the scores of events are the usual ones on the mean, 1 .. LARGEST."""
-    factor = 1.0
-    for _ in range(_ROUNDS):
-        mean = float(np.mean([event.ratio(factor) for event in events]))
-        factor = _within(factor * mean)
-    return factor
+    def __init__(self, state: LearningState, event: ClosedEvent, offset: float | None, reader: EventReader) -> None:
+        self._state, self._event, self._offset, self._reader = state, event, offset, reader
+        window = event.window
+        self._phases = phases_of(window, round(EDGE / reader.interval), round(AFTERGLOW / reader.interval))
+        self.weighing = Weighing(reader)
+        self.rivals = [state.account.rival] if state.account.rival else []
+
+    def weigh(self, account: Account, window: Window, off: float = 0.0) -> None:
+        """Explain a window by an account, where that is finite; off: nats of samples that were left out of it.
+
+        Raises numpy.linalg.LinAlgError when singular.
+        """
+        reading = self._read(account.learned, window, off)
+        if np.isfinite(reading.first.value):
+            self.weighing.add(account, reading)
+
+    def weigh_coloured(self, learned: LearnedInjector, window: Window) -> None:
+        """Explain the event with the colour that its innovations at rest show, if none was known before."""
+        likeliest = self.weighing.likeliest_fit
+        if likeliest is None or likeliest.fit is None or learned.colour is not None:
+            return
+        run = likeliest.run
+        colour = noise_after(learned, likeliest.reading, run, self._reader).colour
+        if colour is not None:
+            learned = replace(learned, colour=colour, theta=run.theta)
+            self.weigh(replace(self._state.account, learned=learned), window)
+
+    def weigh_masked(self) -> None:
+        """Explain the event without stretches that stand out of its likeliest explanation."""
+        best = self.weighing.likeliest
+        if best is None:
+            return
+        noise = self._state.noise.line_pressure / self._reader.pressure_scale
+        sigmas = Sigmas(best.reading.cost.sigma, noise)
+        masked = without_stretches(best.reading.window, best.run.innovations, sigmas, self._reader.burn_in)
+        if masked is not None:
+            whose = next((each for each in self.rivals if each.learned is best.before), self._state.account)
+            self.weigh(replace(whose, learned=best.before), masked.window, masked.nats)
+
+    def _read(self, learned: LearnedInjector, window: Window, off: float) -> EventReading:
+        """Reads the event round a belief."""
+        state, event, reader = self._state, self._event, self._reader
+        schedule = reader.gains(learned.theta, state.noise, event.constants)
+        setting, white_sigma = setting_of(event.constants, schedule), schedule.innovation_sigma
+        cost = reader.cost_of(state, learned, window, setting, white_sigma, self._offset)
+        first, resting = self._run(learned, cost)
+        return EventReading(learned, cost, first, white_sigma, self._phases, resting, off)
+
+    def _first(self, learned: LearnedInjector, cost: EventCost) -> Run:
+        """The run at the belief, or in the first event of a needle that answers commands the best of several fits.
+
+        The fits have no law of nozzle and seat, which would make up for a needle and a line that are far from theirs.
+        The best fit with a late line sensor, which looks like delays and a bounce of the needle, becomes a rival.
+        """
+        first = cost.linearised(learned.theta)
+        if cost.window.needle is None or not learned.is_prior or learned.active:
+            return first
+        prior, fits = learned.belief, list[Fit]()
+        fitter = Fitter(replace(cost, columns=LAWLESS), learned.active, self._reader.limits)
+        filed = prior.narrowed(STATED, FILED)
+        for belief, move in [*product((filed, prior), STARTED[NEEDLE_CHANGED]), *product((prior,), LATE_SENSOR)]:
+            fits.append(fitter.fit(fitter.cost.linearised(learned.theta + move), belief, FIRST_STEPS))
+        fits.sort(key=lambda fit: fit.run.value + 0.5 * prior.distance(fit.run.theta))
+        late, others = ([fit for fit in fits if is_late(fit.active) is wanted] for wanted in (True, False))
+        sought, starts = [*NEEDLE_LAW.columns.tolist(), *STATED], []
+        for fit in (*others[:1], *late[:1]):
+            starts.append(learned.theta.copy())
+            starts[-1][sought] = fit.run.theta[sought]
+        self.rivals = [Account(replace(learned, theta=start, active=late[0].active)) for start in starts[1:]]
+        return cost.linearised(starts[0])
+
+    def _run(self, learned: LearnedInjector, cost: EventCost) -> tuple[Run, RestingPressure]:
+        """Run an event at the belief, with offset and gain as rest says if these differ from the belief's."""
+        first = self._first(learned, cost)
+        resting = resting_pressure(cost, first)
+        move = resting.held(learned.belief).prior.mean - learned.belief.mean
+        move[list(SCALARS.gate.columns)] = 0.0
+        if np.abs(move[list(_SENSOR)]).max() * self._reader.pressure_scale < MOVED:
+            return first, resting
+        first = cost.linearised(first.theta + move, first)
+        return first, resting_pressure(cost, first)

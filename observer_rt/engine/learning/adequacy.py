@@ -11,13 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.phases import phases_of
-from observer_rt.engine.estimation.healthy_course import expected_in
+from observer_rt.engine.estimation.parameters import SCALARS, WEIGHTS, Parameter, Theta, sensor_lag
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE, Phase, PhaseStatistics, phase_statistics
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter, Theta, sensor_lag
-from observer_rt.engine.learning.disturbances.colour import Colour
-from observer_rt.engine.learning.disturbances.masks import mask_of
-from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, expected_in
+from observer_rt.engine.learning.noise import Colour, mask_of
 from observer_rt.engine.stream.state import Constants, Reason
 
 # A phase is coloured when some statistic, pooled over recent events, exceeds white noise by this many of its

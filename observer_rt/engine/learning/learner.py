@@ -6,19 +6,17 @@ from functools import lru_cache
 
 import numpy as np
 
-from observer_rt.engine.estimation.gain import NoiseLevels, gain_schedule
+from observer_rt.engine.estimation.parameters import Parameter, Theta
 from observer_rt.engine.estimation.phases import Phase, no_statistics
-from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import Parameter, Theta
-from observer_rt.engine.learning.account import LearnedInjector
+from observer_rt.engine.estimation.predictor import NoiseLevels, Window, gain_schedule
+from observer_rt.engine.learning.account import explain
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.disturbances.masks import median
-from observer_rt.engine.learning.fitting import theta_limits
+from observer_rt.engine.learning.event import ClosedEvent, EventReader
+from observer_rt.engine.learning.fit import theta_limits
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
-from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearningState, Outcome
-from observer_rt.engine.learning.posterior.event import explain
-from observer_rt.engine.learning.posterior.outcome import outcome_of
-from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader
+from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearnedInjector, LearningState, Outcome
+from observer_rt.engine.learning.noise import median
+from observer_rt.engine.learning.verdict import outcome_of
 from observer_rt.engine.stream.standstill import Standstill, offset_between
 from observer_rt.engine.stream.state import Constants, Reason
 from observer_rt.foundation.units import MEGAPASCAL

@@ -14,12 +14,18 @@ from numpy.typing import NDArray
 
 from observer_rt.config.signals import in_units
 from observer_rt.core.model.needle import NeedleStroke
-from observer_rt.engine.estimation.scalar_table import ShownIndicator
-from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT
-from observer_rt.engine.learning import interval
-from observer_rt.engine.learning.constants import OFTEN, WRONG
-from observer_rt.engine.learning.indicators import Indicators, indicators_of
+from observer_rt.engine.estimation.parameters import NOZZLE, SCALARS, SEAT, ShownIndicator
 from observer_rt.engine.learning.knowledge import EventRecord
+from observer_rt.engine.learning.mass import (
+    VolumeBudget,
+    corrected_rate,
+    rate_sigma,
+    stroke_in,
+    volume_budget,
+    volume_in,
+)
+from observer_rt.engine.learning.verdict import OFTEN, WRONG
+from observer_rt.engine.reports.indicators import Indicators, indicators_of
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import contested, reason_of_injection, until_learned
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, Z_95
@@ -84,7 +90,7 @@ class InjectionReport:
     known_rails: tuple[float, float] = (-math.inf, math.inf)  # [Pa] at which the flow was known when it opened
     posterior: Sequence[tuple[str, float]] = ()  # what its event may be, the likeliest first; empty: not learned from
     calibration: StatedAccuracy = EXACT  # of the level
-    budget: interval.VolumeBudget | None = None  # of the volume's uncertainty; None: not learned from
+    budget: VolumeBudget | None = None  # of the volume's uncertainty; None: not learned from
     recurs: bool = False  # the flow has changed in some of the events before, too
     stroke: NeedleStroke | None = None  # of the needle, in s from the start on; None: recorded, or not learned from
 
@@ -186,9 +192,9 @@ def report_of(
     if belongs and outcome is not None and outcome.resimulated is not None:
         again, first = outcome.resimulated, int(event["start_position"])
         window = slice(int(injection["start_position"]) - first, int(injection["end_position"]) - first + 1)
-        volume, budget = interval.volume_in(again, window), interval.volume_budget(again, window)
-        corrected, sigma = interval.corrected_rate(again, window), interval.rate_sigma(again, window)
-        stroke = interval.stroke_in(again, window)
+        volume, budget = volume_in(again, window), volume_budget(again, window)
+        corrected, sigma = corrected_rate(again, window), rate_sigma(again, window)
+        stroke = stroke_in(again, window)
     passed = not judged.objections
     reason = reason_of_injection(
         of_samples=Reason(int(injection["reason"])),
@@ -311,7 +317,7 @@ WEAR = tuple(_indicator(shown) for _, shown in SCALARS.shown() if shown.effect i
 _INDEX = Output.JSON | Output.JOURNAL  # a recording tells time instead
 
 
-def _mass_part(name: str, part: Callable[[interval.VolumeBudget], float]) -> Field[InjectionReport]:
+def _mass_part(name: str, part: Callable[[VolumeBudget], float]) -> Field[InjectionReport]:
     """Half of the mass's 95 % interval by a part of its budget alone."""
 
     def half(report: InjectionReport, _: Coefficients) -> float:

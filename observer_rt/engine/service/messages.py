@@ -18,7 +18,7 @@ from observer_rt.bus.mapping.output_signals import StatusValues, rows_of
 from observer_rt.config.injector_sections import E2EConfig
 from observer_rt.config.signals import OPTIONAL_SIGNALS, OptionalRole
 from observer_rt.core.frames import frames as core
-from observer_rt.engine.estimation.scalars import OFFSET
+from observer_rt.engine.estimation.parameters import OFFSET
 from observer_rt.engine.observer import INDICES, with_constants
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Constants, Observer

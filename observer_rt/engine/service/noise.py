@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.stream.stream import OFFSET_FOLLOWS
-from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.predictor import NoiseLevels
 from observer_rt.engine.stream.state import Doubt, Observer
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 

@@ -10,8 +10,8 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import Terms
 from observer_rt.core.stream.stream import RING, Break
+from observer_rt.engine.estimation.parameters import nothing_learned
 from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Setting, Window
-from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.engine.observer import commands_at, remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.service.injector import bench_constants

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import CONTRADICTED, DIFFERENCE_GAIN, ENOUGH_SAMPLES, LIFT_MEMORY, SPREAD
-from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.predictor import NoiseLevels, Window
 from observer_rt.engine.stream.state import Observer
 
 ENOUGH_OPENINGS = 5

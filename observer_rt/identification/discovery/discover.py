@@ -8,7 +8,7 @@ from datetime import date
 from typing import NamedTuple
 
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, is_same_rate
-from observer_rt.engine.learning.learned_laws import LearnedLaw, leading
+from observer_rt.engine.reports.learned_laws import LearnedLaw, leading
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL

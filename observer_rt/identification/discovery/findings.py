@@ -13,7 +13,7 @@ from pydantic import Field, PlainSerializer, TypeAdapter, computed_field
 
 from observer_rt.engine.estimation.phases import PHASE_NAMES
 from observer_rt.engine.learning.healthy import Healthy
-from observer_rt.engine.learning.learned_laws import LearnedLaw
+from observer_rt.engine.reports.learned_laws import LearnedLaw
 from observer_rt.foundation.documents import DocumentPart, Entry, Figures, Inside, Number, key
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.discovery.caveats import Basis, Caveat, caveats_of

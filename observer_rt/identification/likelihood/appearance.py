@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from observer_rt.engine.estimation.healthy_course import EventStretch
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
-from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, ShapeFit, together
+from observer_rt.engine.learning.healthy import NOT_FITTED, EventStretch, Healthy, ShapeFit, together
 from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, residuals_of
 from observer_rt.identification.likelihood.measurement import Measurement, expected_of, stretches

@@ -10,7 +10,7 @@ import numpy as np
 
 from observer_rt.core.model.model import InputTerms, Seat
 from observer_rt.core.model.needle import NeedleLaw
-from observer_rt.engine.estimation.gain import GainSchedule
+from observer_rt.engine.estimation.predictor import GainSchedule
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood import open_loop, windows

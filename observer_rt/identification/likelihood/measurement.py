@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.core.stream.stream import dead_band
-from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.healthy_course import EventStretch, expected
-from observer_rt.engine.learning.healthy import Healthy
+from observer_rt.engine.estimation.predictor import NoiseLevels
+from observer_rt.engine.learning.healthy import EventStretch, Healthy, expected
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
 from observer_rt.foundation.errors import UserError

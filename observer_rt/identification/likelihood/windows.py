@@ -16,10 +16,16 @@ from observer_rt.core.learning.phases import phases_of
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.model.needle import NeedleLaw
-from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
+from observer_rt.engine.estimation.parameters import nothing_learned
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
-from observer_rt.engine.estimation.predictor import NO_COMMANDS, NO_SLOPES, Setting, Window
-from observer_rt.engine.estimation.scalars import nothing_learned
+from observer_rt.engine.estimation.predictor import (
+    NO_COMMANDS,
+    NO_SLOPES,
+    GainSchedule,
+    Setting,
+    Window,
+    gain_schedule,
+)
 from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood.events import shut_mask
 from observer_rt.identification.likelihood.measurement import Measurement, Rows

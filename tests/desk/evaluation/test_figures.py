@@ -13,7 +13,7 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.figures import LEAST_SHOWN, Picture, draw_masses, injections_figure, pictures_of
 from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.engine.learning.learned_laws import LearnedLaw
+from observer_rt.engine.reports.learned_laws import LearnedLaw
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 TIME = np.linspace(0.0, 2.0, 50) * MILLISECOND

@@ -8,7 +8,7 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.engine.estimation.healthy_course import KNOTS
+from observer_rt.engine.learning.healthy import KNOTS
 from observer_rt.files.signals.recording import Recording
 from observer_rt.model.effects import sized
 from tests.baselines import baseline

@@ -10,7 +10,7 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
-from observer_rt.engine.estimation.scalars import NOZZLE
+from observer_rt.engine.estimation.parameters import NOZZLE
 
 TERMS = """
 [[terms]]

@@ -11,19 +11,10 @@ from hypothesis import strategies as st
 from scipy.linalg import expm, solve_discrete_are
 
 from observer_rt.config.bench import load_injector
-from observer_rt.engine.estimation.gain import NoiseLevels, gain_schedule
-from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
+from observer_rt.engine.estimation.parameters import PARAMETERS, Parameter
+from observer_rt.engine.estimation.predictor import NoiseLevels, Window, gain_schedule
 from observer_rt.model.effective import Coefficients, averaged, coefficients
-from tests.engine.estimation.conftest import (
-    NOISE,
-    SAMPLE_RATE,
-    Case,
-    event_inputs,
-    innovations_at,
-    simulated_event,
-    worn_theta,
-)
+from tests.engine.conftest import NOISE, SAMPLE_RATE, Case, event_inputs, innovations_at, simulated_event, worn_theta
 from tests.model.conftest import with_line
 from tests.plants.arrays import Array
 

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.engine.estimation.belief import ENTER, STAY, Alike, Belief, Gate, GatedBelief, best_subset
+from observer_rt.engine.estimation.belief import ENTER, STAY, Belief, GatedBelief, best_subset
+from observer_rt.engine.estimation.parameters import Alike, Gate
 from tests.plants.arrays import Array
 
 SIZE = 6

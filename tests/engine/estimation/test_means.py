@@ -8,13 +8,18 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import lagged, recorded_mean
-from observer_rt.engine.estimation.gain import gain_schedule
-from observer_rt.engine.estimation.predictor import Setting, Window, innovations, innovations_with_sensitivity
-from observer_rt.engine.estimation.scalars import PARAMETERS, learned_of
+from observer_rt.engine.estimation.parameters import PARAMETERS, learned_of
+from observer_rt.engine.estimation.predictor import (
+    Setting,
+    Window,
+    gain_schedule,
+    innovations,
+    innovations_with_sensitivity,
+)
 from observer_rt.model.effective import averaged, coefficients
 from observer_rt.model.stability import substeps_needed
 from tests.differences import differences
-from tests.engine.estimation.conftest import NOISE, SMOOTH, start_at_rest, worn_theta
+from tests.engine.conftest import NOISE, SMOOTH, start_at_rest, worn_theta
 from tests.engine.estimation.test_gain import steady_kalman
 from tests.model.conftest import with_line
 

@@ -7,12 +7,11 @@ import pytest
 
 from observer_rt.core.model.laws import seat_area_slope
 from observer_rt.core.model.model import advance_state, phi_and_rate
-from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.predictor import Window, input_variance, open_loop
-from observer_rt.engine.estimation.scalars import NEEDLE_LAW, PARAMETERS, Parameter, learned_of
+from observer_rt.engine.estimation.parameters import NEEDLE_LAW, PARAMETERS, Parameter, learned_of
+from observer_rt.engine.estimation.predictor import NoiseLevels, Window, input_variance, open_loop
 from observer_rt.model.effective import LAG_UNIT
 from tests.differences import assert_columns_agree, differences
-from tests.engine.estimation.conftest import NOISE, SMOOTH, Case, event_inputs, simulated_event, with_time, worn_theta
+from tests.engine.conftest import NOISE, SMOOTH, Case, event_inputs, simulated_event, with_time, worn_theta
 from tests.intervals import Interval
 from tests.plants.arrays import Array
 

@@ -7,12 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
+from observer_rt.engine.estimation.parameters import EVERY, LAWLESS, NEEDLE_LAW, PARAMETERS, Parameter
 from observer_rt.engine.estimation.predictor import Window, innovations_with_sensitivity
-from observer_rt.engine.estimation.scalars import EVERY, LAWLESS, NEEDLE_LAW, PARAMETERS, Parameter
 from observer_rt.model.effective import LAG_UNIT
 from tests.differences import assert_columns_agree, differences
-from tests.engine.estimation import conftest
-from tests.engine.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
+from tests.engine import conftest
+from tests.engine.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
 from tests.model.conftest import with_line
 from tests.plants.arrays import Array
 

@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.injector_sections import Meaning, SamplingConfig
 from observer_rt.core.model.needle import NeedleLaw
-from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.interval import volume_budget, volume_in
+from observer_rt.engine.estimation.predictor import NoiseLevels, Window
 from observer_rt.engine.learning.knowledge import Knowledge, Outcome, no_knowledge
 from observer_rt.engine.learning.learner import Learner
+from observer_rt.engine.learning.mass import volume_budget, volume_in
 from observer_rt.engine.service.injector import bench_constants, healthy_injector
 from observer_rt.engine.service.noise import configured_noise
 from observer_rt.engine.stream.standstill import LiftFigures, Standstill

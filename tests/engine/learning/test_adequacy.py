@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from observer_rt.engine.estimation.parameters import SCALARS, Parameter
 from observer_rt.engine.estimation.phases import PHASES, Phase, PhaseStatistics, no_statistics, phase_statistics
-from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning import adequacy
 from observer_rt.engine.stream.state import Reason
 

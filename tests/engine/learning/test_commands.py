@@ -12,8 +12,8 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import Shot as Command
 from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.engine.estimation.scalars import VALVE_LAW
-from observer_rt.engine.learning.indicators import Estimate
+from observer_rt.engine.estimation.parameters import VALVE_LAW
+from observer_rt.engine.reports.indicators import Estimate
 from observer_rt.engine.stream.state import Reason
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.model.effective import LAG_UNIT

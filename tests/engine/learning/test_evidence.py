@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.belief import Belief, prior_belief
 from observer_rt.engine.estimation.phases import PHASES, Phase, phase_statistics
-from observer_rt.engine.estimation.run import Run
 from observer_rt.engine.learning.adequacy import CLIP
-from observer_rt.engine.learning.constants import BEYOND
-from observer_rt.engine.learning.fitting import Limits, at_fault, evidence_of, nearly_white
+from observer_rt.engine.learning.fit import BEYOND, Limits, at_fault, evidence_of, nearly_white
 from observer_rt.engine.learning.healthy import NOT_FITTED
+from observer_rt.engine.learning.run import Run
 
 FAR = np.full(2, 1e3)
 ANYWHERE = Limits(-FAR, FAR, FAR)

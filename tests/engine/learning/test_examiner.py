@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from observer_rt.engine.estimation.parameters import PARAMETERS
 from observer_rt.engine.estimation.phases import no_statistics
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import PARAMETERS
 from observer_rt.engine.learning.adequacy import Examiner, Innovations
 from observer_rt.engine.learning.healthy import NOT_FITTED
 from tests.engine.learning.strokes import CONSTANTS

@@ -5,15 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.engine.estimation.healthy_course import KNOTS, expected
 from observer_rt.engine.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
 from observer_rt.engine.learning.adequacy import Objection, inadequate_phase, objections
-from observer_rt.engine.learning.healthy import NOT_FITTED, ShapeFit, healthy_of, together, with_remainder
+from observer_rt.engine.learning.healthy import (
+    KNOTS,
+    NOT_FITTED,
+    ShapeFit,
+    expected,
+    healthy_of,
+    together,
+    with_remainder,
+)
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.baseline import HealthyShape, Remainder
 from tests.baselines import WHITE, baseline
-from tests.engine.estimation.test_healthy_course import stretch
+from tests.engine.learning.test_healthy_course import stretch
 
 COUNT = 4000.0  # samples of a phase
 COLOUR = 3.0  # mean square of blocks in the opening, which the fitted model leaves

@@ -4,8 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.predictor import NoiseLevels, Window
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.stream.standstill import Standstill

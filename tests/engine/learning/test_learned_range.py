@@ -8,11 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.core.stream.stream import RAIL_BIN, RAIL_BINS
+from observer_rt.engine.estimation.parameters import PARAMETERS, Parameter
 from observer_rt.engine.estimation.predictor import InputVariance, OpenLoop
-from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
-from observer_rt.engine.learning import learned_range
-from observer_rt.engine.learning.interval import Resimulation
-from observer_rt.engine.learning.learned_range import REACH, EventPoint, KnownFlow, Transfer, extrapolation_sigma
+from observer_rt.engine.learning import mass
+from observer_rt.engine.learning.mass import REACH, EventPoint, KnownFlow, Resimulation, Transfer, extrapolation_sigma
 
 points = st.builds(EventPoint, st.floats(0.1, 2.0), st.floats(-9.0, -5.0), st.floats(0.0, 1.0))
 
@@ -34,8 +33,8 @@ def test_it_grows_with_the_distance_to_full() -> None:
 def test_old_points_are_forgotten_and_repeated_ones_leave_little_open() -> None:
     far, near = EventPoint(0.4, -8.0, 0.2), EventPoint(1.6, -6.0, 1.0)
     learned_at: tuple[EventPoint, ...] = (far,)
-    for _ in range(learned_range.MOST_POINTS):
-        learned_at = learned_range.with_point(learned_at, near)
+    for _ in range(mass.MOST_POINTS):
+        learned_at = mass.with_point(learned_at, near)
     assert extrapolation_sigma(far, learned_at) > 0.99
     assert extrapolation_sigma(near, learned_at) < 0.2
 
@@ -56,7 +55,7 @@ def flow_known_by(sigmas: dict[int, float], rate: float = 50e-6, transfer: Trans
     for column, sigma in sigmas.items():
         covariance[column, column] = sigma**2
     event = Resimulation(run, InputVariance(nothing, nothing), covariance, 1e-5)
-    return learned_range.known_flow(event, np.zeros(PARAMETERS), covariance, POINT, transfer)
+    return mass.known_flow(event, np.zeros(PARAMETERS), covariance, POINT, transfer)
 
 
 WEIGHTS = range(Parameter.NOZZLE_WEIGHT, Parameter.BACK_PRESSURE)
@@ -71,9 +70,9 @@ def test_a_flow_known_well_is_known_for_as_long_as_openings_since_it_was_other_h
     result = flow_known_by(WELL, transfer=tried.after(True, (pilot, main), ()))
     middles, since, until = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5), np.array(result.since), np.array(result.until)
     for rail, first, last in ((0.55, 1.9e-3, 1.9e-3), (1.0, 0.3e-3, 1.2e-3)):
-        is_near = np.abs(middles - rail) <= learned_range.NEAR
-        assert since[is_near] == pytest.approx(first - learned_range.LONGER - 2e-5)
-        assert until[is_near] == pytest.approx(last + learned_range.LONGER)
+        is_near = np.abs(middles - rail) <= mass.NEAR
+        assert since[is_near] == pytest.approx(first - mass.LONGER - 2e-5)
+        assert until[is_near] == pytest.approx(last + mass.LONGER)
         until[is_near] = 0.0
     assert not until.any()
 
@@ -101,20 +100,20 @@ def test_a_new_point_at_which_it_failed_is_remembered_for_longer_than_one_at_whi
 @given(points, st.lists(points, max_size=16))
 def test_a_point_is_new_where_no_event_near_it_was_as_long(point: EventPoint, learned_at: list[EventPoint]) -> None:
     longer = [each for each in learned_at if each.log_open_time >= point.log_open_time]
-    is_shown = any(abs(each.rail_pressure - point.rail_pressure) <= learned_range.NEAR for each in longer)
-    assert not (is_shown and learned_range.is_new(point, learned_at))
-    assert not learned_range.is_new(point, [*learned_at, point])
-    assert learned_range.is_new(point, [])
+    is_shown = any(abs(each.rail_pressure - point.rail_pressure) <= mass.NEAR for each in longer)
+    assert not (is_shown and mass.is_new(point, learned_at))
+    assert not mass.is_new(point, [*learned_at, point])
+    assert mass.is_new(point, [])
 
 
 @given(st.floats(1e-4, 0.3), st.floats(1.0, 3.0))
 def test_the_less_is_known_of_the_pressure_dependence_the_nearer_it_ends(sigma: float, factor: float) -> None:
     less = flow_known_by(dict.fromkeys(WEIGHTS, factor * sigma))
     more = flow_known_by(dict.fromkeys(WEIGHTS, sigma))
-    if less != learned_range.NOWHERE:
+    if less != mass.NOWHERE:
         assert more.rail_from <= less.rail_from <= 1.0 <= less.rail_to <= more.rail_to
 
 
 @pytest.mark.parametrize(("sigma", "rate"), [(0.1, 50e-6), (0.0, 0.0)])
 def test_what_not_even_the_event_showed_is_known_nowhere(sigma: float, rate: float) -> None:
-    assert flow_known_by({Parameter.NOZZLE_BIAS: sigma}, rate) == learned_range.NOWHERE
+    assert flow_known_by({Parameter.NOZZLE_BIAS: sigma}, rate) == mass.NOWHERE

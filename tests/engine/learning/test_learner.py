@@ -9,15 +9,14 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.belief import Belief, prior_belief
+from observer_rt.engine.estimation.parameters import PARAMETERS, SCALARS, Parameter, network_of
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter, network_of
-from observer_rt.engine.learning.account import Account
-from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearningState, no_knowledge
+from observer_rt.engine.learning.knowledge import Account, Adoption, Knowledge, LearningState, no_knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.observer import Durations, constants_for, make_observer
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.foundation.records import from_plain, to_plain
-from tests.engine.estimation.conftest import changes_of_flows
+from tests.engine.conftest import changes_of_flows
 from tests.engine.learning.strokes import CONSTANTS, stroke_of
 from tests.engine.sample_stream import NOISE, NOMINAL, judge
 

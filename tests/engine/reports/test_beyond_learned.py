@@ -9,8 +9,7 @@ import pytest
 
 from observer_rt.core.stream.stream import RAIL_BIN
 from observer_rt.daemon.log import injection_line
-from observer_rt.engine.learning.interval import VolumeBudget
-from observer_rt.engine.learning.learned_range import NEAR
+from observer_rt.engine.learning.mass import NEAR, VolumeBudget
 from observer_rt.engine.stream.state import Reason
 from tests.daemon.samples import PRESSURE_SCALE, some_report
 from tests.engine.learning.worn_injector import worn_bench

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.engine.learning.interval import VolumeBudget
+from observer_rt.engine.learning.mass import VolumeBudget
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind, kind_of
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Reason

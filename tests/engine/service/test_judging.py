@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from observer_rt.engine.estimation.scalars import NOZZLE
+from observer_rt.engine.estimation.parameters import NOZZLE
 from observer_rt.engine.reports.evidence import EvidenceKind, kind_of
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.judging import InlineExecutor

@@ -8,7 +8,7 @@ import pytest
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
+from observer_rt.engine.estimation.parameters import NOZZLE, OFFSET
 from observer_rt.files.replay.framing import TimedFrame
 from tests.daemon.slow_frames import bed, safe_bed, slow_bench
 from tests.device import Result, Traffic, damaged, inserted, run, simulated

@@ -8,8 +8,7 @@ import pytest
 from observer_rt.core.stream.stream import ENOUGH_SAMPLES, FURTHEST_OFFSET
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.predictor import NoiseLevels, Window
 from observer_rt.engine.observer import event_standstill
 from observer_rt.engine.stream.standstill import FLOOR, HeldRail, Standstill, offset_between
 from observer_rt.foundation.units import MEGAPASCAL

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.engine.estimation.healthy_course import KNOTS
-from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.engine.learning.healthy import KNOTS, NOT_FITTED, Healthy
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import healthy_baseline, name_effects

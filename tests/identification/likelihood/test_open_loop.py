@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.engine.estimation.gain import NoiseLevels as Levels
+from observer_rt.engine.estimation.predictor import NoiseLevels as Levels
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.identification.discovery.injections import rms
 from observer_rt.identification.likelihood.measurement import measurements, noisier

@@ -10,7 +10,7 @@ from unittest.mock import patch
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.evaluation.healthy_events import learn_laws
 from observer_rt.engine.learning.healthy import NOT_FITTED
-from observer_rt.engine.learning.learned_laws import leading
+from observer_rt.engine.reports.learned_laws import leading
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.proposal import Proposal
 from observer_rt.identification.discovery.search.results import SearchOutcome

@@ -12,8 +12,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.learned_laws import LearnedLaw, leading
+from observer_rt.engine.estimation.parameters import NOZZLE, SEAT
+from observer_rt.engine.reports.learned_laws import LearnedLaw, leading
 from observer_rt.identification.discovery.search import curves
 from observer_rt.identification.discovery.search.adequacy import Adequacy
 from observer_rt.identification.discovery.search.candidates import LAW_ODDS, Candidate, Hypothesis, equation_of

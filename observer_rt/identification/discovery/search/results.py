@@ -12,8 +12,8 @@ from typing import Annotated
 
 from pydantic import PlainSerializer
 
-from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.phases import Phase
+from observer_rt.engine.estimation.predictor import NoiseLevels
 from observer_rt.foundation.documents import Figure, Inside, key
 from observer_rt.identification.discovery.search.candidates import Candidate, Size
 from observer_rt.identification.discovery.search.proposal import PhaseName, Proposal

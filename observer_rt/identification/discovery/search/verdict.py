@@ -7,7 +7,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.predictor import NoiseLevels
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MILLIGRAM

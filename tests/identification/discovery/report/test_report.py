@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.engine.learning.learned_laws import LearnedLaw
+from observer_rt.engine.reports.learned_laws import LearnedLaw
 from observer_rt.identification.discovery.findings import ModelSource
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from observer_rt.desk.evaluation.healthy_events import learn_laws
-from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.learned_laws import LearnedLaw, furthest
+from observer_rt.engine.estimation.parameters import NOZZLE, SEAT
+from observer_rt.engine.reports.learned_laws import LearnedLaw, furthest
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLISECOND, Floats
 from observer_rt.identification.discovery.search.candidates import Candidate

@@ -1,0 +1,213 @@
+"""Scales of the network's weights: curve by curve, s times the prior, weighed by marginal likelihood.
+
+A belief has the whole prior, so that any law is learned when it comes. The carried theta has the likely scales: s is
+`NONE`, `SMALL` or 1 for each curve along one input, and 1 or `NONE` for each along two, which are in use where they
+pay (MacKay, Information Theory, Inference, and Learning Algorithms, chapter 28). Of the likely scales the mixture.
+"""
+
+import itertools
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.evidence import weigh_scales
+from observer_rt.core.learning.matrices import inverse_of
+from observer_rt.core.model.model import FIRST_OF_SEAT
+from observer_rt.engine.estimation.belief import Belief, Matrix, Vector, symmetric
+from observer_rt.engine.estimation.parameters import SCALARS, WEIGHTS
+from observer_rt.model.network import HIDDEN, IS_PAIR, NEURONS
+
+LAWLESS, ONE_SCALE = 0.6, 0.5  # probability that a flow has no law; of one that has, that all curves are alike; M
+PAIRED, MOST_PAIRS = 0.01, 3  # probability that a law goes by two inputs at once, each two; pairs in use at most; M
+CHOICES, CHOSEN = 8, 0.99  # of scales that the weights are a mixture of: at most, and of all of their probability; I
+
+# Of the prior: no law at all, small ones, any; 1 itself would be measured with infinite noise.
+NONE, SMALL, WHOLE = 1e-3, 0.1, math.sqrt(0.999)
+_PRIOR = SCALARS.prior(1.0)[WEIGHTS]
+_SCALES = np.array([NONE, SMALL, WHOLE]) ** 2
+_NOISES = _SCALES / (1.0 - _SCALES)
+_ALL = np.arange(HIDDEN)
+_CURVE = np.repeat(np.arange(NEURONS.size), NEURONS)  # of each weight
+_PAIRS, _SINGLE = np.flatnonzero(IS_PAIR), np.flatnonzero(~IS_PAIR)
+_OF_PAIR = np.array([np.flatnonzero(pair == _CURVE) for pair in _PAIRS])
+_OF_SINGLE = np.flatnonzero(~IS_PAIR[_CURVE])
+_OF_NOZZLE = int((_SINGLE < FIRST_OF_SEAT).sum())  # curves along one input
+_CHOICES = np.array([*itertools.product(range(_SCALES.size), repeat=_SINGLE.size)])  # of a scale for each of them
+_SQUARES = np.repeat(_SCALES[_CHOICES], NEURONS[_SINGLE], axis=1)
+Pairs = frozenset[int]
+"""Curves along two inputs that are in use."""
+
+
+def _offered(scales: NDArray[np.int64]) -> Vector:
+    """Logarithms of how likely choices (k, curves) of a flow's scales are before any event.
+
+    Of a flow with a law all curves have one scale as likely as not: a law over one input is nearly one over others.
+    """
+    choices = _SCALES.size ** scales.shape[1] - 1
+    one_scale = (scales == scales[:, :1]).all(axis=1) / (_SCALES.size - 1)
+    lawful = (1.0 - LAWLESS) * (ONE_SCALE * one_scale + (1.0 - ONE_SCALE) / choices)
+    return np.log(np.where(scales.any(axis=1), lawful, LAWLESS))
+
+
+_BEFORE = _offered(_CHOICES[:, :_OF_NOZZLE]) + _offered(_CHOICES[:, _OF_NOZZLE:])
+_BEFORE -= 0.5 * np.log1p(-_SQUARES).sum(axis=1)
+
+
+class ScaleChoice(NamedTuple):
+    """Scales of all curves: row of `_CHOICES`, and the pairs in use."""
+
+    row: int
+    pairs: Pairs
+
+    @property
+    def noise(self) -> Vector:
+        """Variances (HIDDEN,) with which weights were measured to be 0, in units of the prior's.
+
+        A prior smaller by s is the whole one after each weight was measured to be 0 with s^2/(1 - s^2) of its
+        variance.
+        """
+        squares = np.full(HIDDEN, _SCALES[0])
+        squares[_OF_SINGLE] = _SQUARES[self.row]
+        squares[np.isin(_CURVE, list(self.pairs))] = _SCALES[-1]
+        return np.asarray(squares / (1.0 - squares))
+
+    def of(self, belief: Belief) -> Belief:
+        """The belief with these scales."""
+        return _measured(belief, _ALL, self.noise)
+
+
+def _measured(belief: Belief, weights: NDArray[np.int64], noise: Vector | float) -> Belief:
+    """The belief after weights (k,) were measured to be 0, with variances (k,) in units of their prior's."""
+    columns, prior = WEIGHTS[weights], _PRIOR[weights]
+    across, information = _information(belief.covariance, weights, noise)
+    gain = (information @ across).T
+    by_error = gain @ (belief.error_covariance[columns] / prior[:, None])
+    error = belief.error_covariance - by_error - by_error.T
+    error += (by_error[:, columns] / prior + gain * noise) @ gain.T
+    mean = belief.mean - gain @ (belief.mean[columns] / prior)
+    return Belief(mean, symmetric(belief.covariance - gain @ across), symmetric(error))
+
+
+def _information(covariance: Matrix, weights: NDArray[np.int64], noise: Vector | float) -> tuple[Matrix, Matrix]:
+    """Covariance (k, m) of weights with theta, in units of their prior; inverse (k, k) of their own with noise."""
+    across = covariance[WEIGHTS[weights]] / _PRIOR[weights, None]
+    variance = across[:, WEIGHTS[weights]] / _PRIOR[weights]
+    variance[np.diag_indices(weights.size)] += noise
+    return across, inverse_of(variance)[0]
+
+
+@lru_cache(32)
+def _others(pairs: Pairs) -> NDArray[np.int64]:
+    """Weights of all pairs but these."""
+    return _OF_PAIR[~np.isin(_PAIRS, list(pairs))].ravel()
+
+
+def other_columns(pairs: Pairs) -> NDArray[np.int64]:
+    """Columns of theta that are weights of all pairs but these."""
+    return WEIGHTS[_others(pairs)]
+
+
+@lru_cache(32)
+def _measured_in_turn(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Weights of all pairs but these, then those of curves along one input; where these and each of those end."""
+    others = _others(pairs)
+    return np.concatenate((others, _OF_SINGLE)), np.cumsum([others.size, *NEURONS[_SINGLE]])
+
+
+def without_others(belief: Belief, pairs: Pairs) -> Belief:
+    """The belief with no pairs but these."""
+    narrow = _measured(belief, _others(pairs), float(_NOISES[0]))
+    _level(narrow, pairs)
+    return narrow
+
+
+def _level(belief: Belief, pairs: Pairs) -> None:
+    """Set the weights of all pairs but these to 0, round which they vary by as little as those of no law."""
+    others, columns = _others(pairs), other_columns(pairs)
+    belief.mean[columns] = 0.0
+    for covariance in (belief.covariance, belief.error_covariance):
+        covariance[columns] = covariance[:, columns] = 0.0
+        covariance[columns, columns] = _NOISES[0] * _PRIOR[others] ** 2
+
+
+def weigh_choices(
+    mean: Vector, covariance: Matrix, pairs: Pairs, log_priors: Vector | float = 0.0
+) -> tuple[Vector, Vector]:
+    """Logarithms (k,) of how likely each choice with these pairs is by a mean (m,) and covariance (m, m).
+
+    Both with the whole prior; log_priors (k,): of choices beyond what `_BEFORE` says. And the mean (m,) at the
+    likeliest, without other pairs. Raises numpy.linalg.LinAlgError when not positive definite.
+    """
+    weights, ends = _measured_in_turn(pairs)
+    logs = _BEFORE + len(pairs) * math.log(PAIRED) + log_priors
+    theta = weigh_scales(mean, covariance, WEIGHTS[weights], _PRIOR[weights], ends, _NOISES, logs)
+    theta[other_columns(pairs)] = 0.0
+    return logs, theta
+
+
+def _gains(mean: Vector, covariance: Matrix, choice: ScaleChoice) -> dict[int, float]:
+    """Nats by which a choice is likelier with each of the other pairs, too: that its weights need not be 0."""
+    _, information = _information(covariance, _ALL, choice.noise)
+    blocks = information[_OF_PAIR[:, :, None], _OF_PAIR[:, None, :]]
+    pulls = (information @ (mean[WEIGHTS] / _PRIOR))[_OF_PAIR]
+    squares = (pulls * np.linalg.solve(blocks, pulls[..., None])[..., 0]).sum(axis=1)
+    gains = 0.5 * (squares - np.linalg.slogdet(blocks)[1]) + math.log(PAIRED)
+    of_pairs = zip(_PAIRS.tolist(), gains.tolist(), strict=True)
+    return {pair: gain for pair, gain in of_pairs if pair not in choice.pairs}
+
+
+@lru_cache(8)
+def _likely(belief: Belief) -> tuple[list[Pairs], Matrix]:
+    """Pairs in use, where one after another pays, and probabilities (k, choices) of all choices with each of them."""
+    pairs, tried, densities = frozenset[int](), list[Pairs](), list[Vector]()
+    while True:
+        logs, _ = weigh_choices(belief.mean, belief.covariance, pairs)
+        tried.append(pairs)
+        densities.append(logs)
+        gains = _gains(belief.mean, belief.covariance, ScaleChoice(int(np.argmax(logs)), pairs))
+        pair = max(gains, key=lambda pair: gains[pair])
+        if gains[pair] < 0.0 or len(pairs) == MOST_PAIRS:
+            break
+        pairs |= {pair}
+    weights = np.exp(np.array(densities) - np.max(densities))
+    return tried, np.asarray(weights / weights.sum())
+
+
+def pairs_in_use(belief: Belief) -> Pairs:
+    """Those of the likeliest choice."""
+    tried, weights = _likely(belief)
+    return tried[int(np.argmax(weights.max(axis=1)))]
+
+
+def law_probabilities(belief: Belief) -> Vector:
+    """Probability (curves,) that a flow goes by the inputs of each curve of the network."""
+    tried, weights = _likely(belief)
+    result = np.zeros(NEURONS.size)
+    result[_SINGLE] = weights.sum(axis=0) @ (_CHOICES > 0)
+    for pairs, weight in zip(tried, weights.sum(axis=1).tolist(), strict=True):
+        result[list(pairs)] += weight
+    return result
+
+
+@lru_cache(8)
+def shrink(belief: Belief) -> Belief:
+    """The belief with weights of the likely scales: moments of the mixture over their likeliest choices."""
+    tried, probabilities = _likely(belief)
+    weights = probabilities.ravel()
+    order = np.argsort(-weights, kind="stable")[:CHOICES]
+    order = order[: int(np.searchsorted(np.cumsum(weights[order]), CHOSEN)) + 1]
+    shares = weights[order] / weights[order].sum()
+    parts = [
+        ScaleChoice(row, tried[number]).of(belief) for number, row in zip(*divmod(order, len(_CHOICES)), strict=True)
+    ]
+    mean = shares @ np.array([part.mean for part in parts])
+    away = np.array([part.mean - mean for part in parts])
+    between = (shares * away.T) @ away
+    covariance = sum((share * part.covariance for share, part in zip(shares, parts, strict=True)), between)
+    error = sum((share * part.error_covariance for share, part in zip(shares, parts, strict=True)), between)
+    likely = Belief(mean, symmetric(covariance), symmetric(error))
+    _level(likely, frozenset().union(*(tried[number] for number in (order // len(_CHOICES)).tolist())))
+    return likely

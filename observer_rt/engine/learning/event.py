@@ -1,0 +1,264 @@
+"""The reader of events: gains of x~, cost, linearisation, and line pressure at rest of an event round a belief.
+
+Offset and gain of one sensor over the other's are distinguished by rest at several pressures, in one event (the rail
+dips) or from event to event. This comes before the noise is given a colour: the misfit of a gain would be taken for
+one, and its high pass would then hide the offset.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation import parameters
+from observer_rt.engine.estimation.belief import Belief, HeldBelief, Matrix, Vector, held_at
+from observer_rt.engine.estimation.phases import PhaseStatistics, phase_statistics
+from observer_rt.engine.estimation.predictor import GainSchedule, NoiseLevels, Setting, Window, gain_schedule
+from observer_rt.engine.learning.adequacy import BURN_IN, CLIP, tempering
+from observer_rt.engine.learning.fit import Limits, at_fault
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.engine.learning.kinds import Kind
+from observer_rt.engine.learning.knowledge import LearnedInjector, LearningState
+from observer_rt.engine.learning.noise import LAGS, SEGMENT, mask_of
+from observer_rt.engine.learning.run import EventCost, Run
+from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.engine.stream.state import Constants
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.model.accuracy import EXACT, StatedAccuracy
+
+BLOCK = 1 * MILLISECOND  # of which means are taken: about a period of the line
+BLOCK_ERROR = 0.01 * MEGAPASCAL  # of such a mean, whatever the noise
+# Of a block over the pressures within an event: the rail recovers alike in every event, which looks like a gain.
+SYSTEMATIC = 0.03 * MEGAPASCAL
+# Standard deviations beyond a belief, from which on no gain is learned: the sensor is another, or not straight.
+SIGNIFICANT = 5.0
+_OFFSET, _GAIN = int(parameters.Parameter.LINE_PRESSURE_OFFSET), int(parameters.Parameter.LINE_PRESSURE_GAIN)
+_BOTH = [_OFFSET, _GAIN]
+
+COLOURED_RAIL = 1.5  # times the noise of a sample: slow noise of the rail beyond it counts as coloured
+RAIL_TEMPER = 2.0  # factor on the variance of an event under such noise; M: without, rates of 2 in 39 are wrong
+
+
+@dataclass(frozen=True, eq=False)
+class RestingPressure:
+    """Means of innovations over blocks of an event's rest.
+
+    means: (k,) at theta (m,); slopes: (k, 2) by offset and gain; noise: variance of a mean; pressure_scale: p_0 [Pa].
+    """
+
+    theta: parameters.Theta
+    means: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    noise: float
+    pressure_scale: float
+
+    def held(self, belief: Belief) -> HeldBelief:
+        """The belief with the gain held at that by the rest; the belief itself where sensors are exact."""
+        own = float(belief.covariance[_GAIN, _GAIN])
+        if own <= 2.0 * parameters.EXACTLY**2:
+            return HeldBelief(belief)
+        value, variance = self._gain(belief)
+        return held_at(belief, _GAIN, value, min(variance, own))
+
+    def _gain(self, belief: Belief) -> tuple[float, float]:
+        """Gain, and its variance, by a belief and the rest."""
+        before, prior = belief.mean[_BOTH], belief.covariance[np.ix_(_BOTH, _BOTH)]
+        if not self.means.size:
+            return float(before[1]), float(prior[1, 1])
+        means = self.means + self.slopes @ (before - self.theta[_BOTH])
+        middle, mean = self.slopes.mean(axis=0), float(means.mean())
+        error = (BLOCK_ERROR / self.pressure_scale) ** 2
+        of_mean, of_block = self.noise / means.size + error, self.noise + error
+        if mean**2 > SIGNIFICANT**2 * (of_mean + middle @ prior @ middle):
+            return float(before[1]), float(prior[1, 1])
+        by_mean, of_means = _taught(prior, middle[None, :], np.array([mean]), of_mean)
+        by_blocks, of_blocks = _taught(prior, self.slopes, means, of_block)
+        least = (SYSTEMATIC / self.pressure_scale / max(float(np.ptp(self.slopes[:, 1])), parameters.EXACTLY)) ** 2
+        variance = of_means - of_blocks
+        share = min(max((of_means - least) / variance, 0.0), 1.0) if variance > 0.0 else 0.0
+        gain = before[1] + (1.0 - share) * by_mean + share * by_blocks
+        return float(gain), (1.0 - share) * of_means + share * of_blocks
+
+
+def _taught(prior: Matrix, slopes: Matrix, means: Vector, noise: float) -> tuple[float, float]:
+    """Change of the gain by innovations `means` (k,) with slopes (k, 2) and a variance; its variance then."""
+    along = prior[1] @ slopes.T
+    spread = slopes @ prior @ slopes.T + noise * np.eye(means.size)
+    weights = np.linalg.solve(spread, along)
+    return float(-weights @ means), float(prior[1, 1] - weights @ along)
+
+
+def resting_pressure(cost: EventCost, run: Run) -> RestingPressure:
+    """Rest of an event that was run with its slopes."""
+    window, setting = cost.window, cost.setting
+    length = max(round(BLOCK / setting.interval), 1)
+    counts = window.resting & ~mask_of(window)
+    counts[: cost.burn_in] = False
+    at_rest = np.flatnonzero(counts)
+    places = at_rest[at_rest.size % length :].reshape(-1, length)
+    means = run.unfiltered[places].mean(axis=1)
+    slopes = run.unfiltered_slopes[places][:, :, _BOTH].mean(axis=1)
+    scatter = 0.5 * float(np.mean(np.diff(means) ** 2)) if means.size > 1 else 0.0
+    noise = max(cost.sigma**2 / length, scatter)
+    return RestingPressure(run.theta, means, slopes, noise, setting.coefficients.pressure_scale)
+
+
+class ClosedEvent(NamedTuple):
+    """A closed event; standstill: when it ended; in_force (m,), constants: during it."""
+
+    window: Window
+    standstill: Standstill
+    in_force: parameters.Theta
+    constants: Constants
+
+
+@dataclass(frozen=True, eq=False)
+class EventReader:
+    """Constants of learning for an injector.
+
+    interval: of samples [s]; pressure_scale: p_0 [Pa]; limits: of theta; healthy: innovations of a healthy injector;
+    calibration: of level and sensors; gains_for: `gain_schedule`, or a cache of it.
+    """
+
+    interval: float
+    pressure_scale: float
+    limits: Limits
+    healthy: Healthy = NOT_FITTED
+    calibration: StatedAccuracy = EXACT
+    gains_for: Callable[..., GainSchedule] = gain_schedule
+    _widths: dict[Kind, parameters.Theta] = field(default_factory=dict)
+
+    @cached_property
+    def burn_in(self) -> int:
+        """Samples of an event's window before innovations count."""
+        return round(BURN_IN / self.interval)
+
+    @cached_property
+    def resting(self) -> int:
+        """Fewest samples of rest that tell something of the noise."""
+        return max(round(SEGMENT / self.interval), LAGS + 1)
+
+    @cached_property
+    def wide(self) -> NDArray[np.float64]:
+        """Standard deviations (m,) of theta before any event."""
+        return parameters.with_gain(parameters.SCALARS.prior(self.pressure_scale), self.calibration.gain)
+
+    @cached_property
+    def drift(self) -> NDArray[np.float64]:
+        """Standard deviations (m,) of the change of theta from event to event."""
+        return parameters.with_gain(
+            parameters.SCALARS.drift(self.pressure_scale), parameters.GAIN_DRIFT * self.calibration.gain
+        )
+
+    def widths(self, kind: Kind) -> parameters.Theta:
+        """Standard deviations (m,) by which theta moves where an event is of a kind."""
+        if kind not in self._widths:
+            self._widths[kind] = kind.widths(self.wide, self.drift)
+        return self._widths[kind]
+
+    def gains(self, theta: parameters.Theta, noise: NoiseLevels, constants: Constants) -> GainSchedule:
+        """Gains of x~ with theta (m,); with those of another theta a line with waves may become unstable."""
+        learned = parameters.learned_of(theta, constants.coefficients)
+        sensor, rate = constants.sensor, 1.0 / constants.interval
+        lag = sensor.lag + float(learned.sensor[0])
+        return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, constants.rail_every)
+
+    def cost_of(
+        self,
+        state: LearningState,
+        learned: LearnedInjector,
+        window: Window,
+        setting: Setting,
+        white_sigma: float,
+        offset: float | None,
+    ) -> EventCost:
+        """Cost of an event, whitened by the colour of the noise that was learned; white_sigma: without a colour."""
+        colour = learned.colour
+        return EventCost(
+            window,
+            setting,
+            white_sigma if colour is None else colour.sigma,
+            self.burn_in,
+            None if colour is None else colour.whitening,
+            offset,
+            state.jitter.levels(window, white_sigma),
+            state.overdispersion.factor,
+            self.healthy.shape,
+        )
+
+    def temper_in(
+        self, state: LearningState, learned: LearnedInjector, statistics: PhaseStatistics, temper: float
+    ) -> float:
+        """Factor on the variance of an event's innovations, on top of the cost's `temper`.
+
+        Coloured noise of the rail pressure drives the model, too, so it is more than an error of the output. A rail
+        that really moves is no noise, and leaves white innovations.
+        """
+        rail_noise = state.noise.rail_pressure / self.pressure_scale
+        is_rail = learned.colour is not None and state.slow_rail.sigma > COLOURED_RAIL * rail_noise
+        return max(max(tempering(statistics), RAIL_TEMPER if is_rail else 1.0) / temper, 1.0)
+
+
+def setting_of(constants: Constants, schedule: GainSchedule) -> Setting:
+    """Setting by which x~ is followed over an event."""
+    sensor = constants.sensor
+    return Setting(
+        interval=constants.interval,
+        substeps=constants.substeps,
+        coefficients=constants.coefficients,
+        gain=schedule.gains[-1].copy(),
+        late=sensor.fraction,
+        lag=sensor.lag,
+        offset=sensor.offset,
+        program=constants.program,
+        rail_share=constants.calibration.rail_share,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class EventReading:
+    """An event read round the belief `learned`: its cost, and the run from which fits begin.
+
+    white_sigma: of innovations without a colour [p_0]; phases (n,); resting: line pressure at rest; off: nats of the
+    samples that were left out of the window, as what they are.
+    """
+
+    learned: LearnedInjector
+    cost: EventCost
+    first: Run
+    white_sigma: float
+    phases: NDArray[np.int8]
+    resting: RestingPressure
+    off: float = 0.0
+    _left: dict[bytes, PhaseStatistics] = field(default_factory=dict)
+
+    @property
+    def window(self) -> Window:
+        """Samples of the event."""
+        return self.cost.window
+
+    @cached_property
+    def level(self) -> float:
+        """Nats that noise level and samples left out add to a cost, so that costs of readings can be compared."""
+        return (self.cost.terms * math.log(self.cost.sigma) + self.off) / self.cost.temper
+
+    def leaves(self, run: Run) -> PhaseStatistics:
+        """Statistics of the clipped innovations of a run."""
+        key = run.theta.tobytes()
+        if key not in self._left:
+            self._left[key] = self._statistics(run, CLIP)
+        return self._left[key]
+
+    def at_fault(self, run: Run) -> float:
+        """Cost [nats] of the innovations of a run if the event is at fault, and of the offset at rest."""
+        temper = self.cost.temper
+        return at_fault(self._statistics(run), temper) + self.cost.offset_cost(run.theta) / temper
+
+    def _statistics(self, run: Run, limit: float = math.inf) -> PhaseStatistics:
+        cost = self.cost
+        mask = mask_of(cost.window)
+        return phase_statistics(run.innovations, cost.sigma, self.phases, cost.burn_in, mask, limit)

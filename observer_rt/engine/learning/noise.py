@@ -1,0 +1,392 @@
+"""Noise of an event: its colour, its growth with the slope of pressure, and stretches that may be off.
+
+A high pass, which takes their slow part away, and an autoregressive filter make coloured innovations white. Moments
+that are off by t show the pressure off by t dp/dt. Without the samples of a stretch that is held or loud
+(`Window.masked`) an event is weighed once more, beside the event as it is, and pays for what they are instead.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.outliers import find_held, find_loud
+from observer_rt.core.learning.whitening import NO_HIGH_PASS, high_passed, take_in_products, whiten
+from observer_rt.engine.estimation.belief import Vector
+from observer_rt.engine.estimation.phases import BLOCKS, deviate
+from observer_rt.engine.estimation.predictor import Window
+
+GAUSSIAN = 1.4826  # standard deviation over the median of the sizes
+FEWEST = 16  # samples that tell a level
+DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
+NEIGHBOURS = 5  # samples whose mean is compared with an end of the range
+AT, BEYOND = 1.5, 3.0  # standard deviations of a sample, within which it is there, and beyond which there is none
+MOST = 0.35  # share of an event that may be off; beyond it its noise, or its model, is just not known
+TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to choose from
+ORDERS = 20  # highest order of the autoregressive part
+SEGMENT = 3e-3  # s, of rest without break from which on it tells a colour
+REMEMBERED = 0.85  # weight of the events before an event
+RAIL_MOTION = 0.66e-3  # s: what is slower is the rail's own motion
+RAIL_BLOCK = 0.16e-3  # s: what is faster the line does not hear
+LOUDEST = 4.0  # times the mean square of those before, or of the newest: no event counts for more, for it may be none
+GONE = 30.0  # times the mean square of the newest: what was so loud before is over, and tells nothing of it
+MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
+QUIET = 0.7  # of the expected standard deviation
+# Of the BIC, within which the fastest high pass is taken: hum that keeps step with the events is steeper elsewhere
+# than at rest.
+ABOUT_AS_GOOD = 20.0
+# The BIC goes by single samples, which pink noise leaves almost white; events are judged by means of blocks. A filter
+# that leaves more in these is none, if any leaves less: half-way to what is refused, with half of its certainty.
+MOST_LEFT = 1.3
+LEFT_SIGNIFICANT = 2.5
+LAGS = ORDERS + max(BLOCKS)  # samples that the mean of a whitened block goes back
+_HIGH_PASSES = 1 + len(TIME_CONSTANTS)
+_LAST_FIRST = np.array([*range(1, ORDERS + 1), 0])
+
+
+NONE_MASKED = np.empty(0, np.bool_)
+SLOPE = np.array([3.0, 2.0, 1.0, 0.0, -1.0, -2.0, -3.0]) / 28.0  # of the straight line through seven samples
+USUAL = 0.2  # samples, of a jitter by whose scatter the slopes are weighed
+LOUDEST_SQUARE = 16.0  # variances for which one square counts at most: a spike is no jitter
+# Of the variance of a mean of squares of fourth differences, whose neighbours are alike, over that of white ones.
+NEIGHBOURS_ALIKE = 2.63
+LENGTH = 8  # samples that contradict a model together
+JITTER_REMEMBERED = 0.9  # weight of the events before an event
+FOUND, LOST = 8.0, 5.0  # standard deviations from which on there is a jitter, and below which no more
+RELEVANT = 0.1  # samples: less cannot be distinguished from white noise
+MOST_JITTER = 0.5  # samples: more is no jitter
+
+
+@dataclass(frozen=True)
+class Sigmas:
+    """Standard deviations, in units of p_0: of the innovations, and of the line pressure's noise."""
+
+    innovation: float
+    noise: float
+
+
+@dataclass(frozen=True, eq=False)
+class CleanWindow:
+    """An event without its stretches that are off: the window, and nats of their samples as what they are."""
+
+    window: Window
+    nats: float
+
+
+def loudness(window: Window, innovations: Vector, sigmas: Sigmas, first: int) -> float:
+    """Factor by which most innovations (n,) at rest, from sample `first` on, are larger than expected; 1 at least.
+
+    A noise whose level is not known yet has no outliers by the level that is.
+    """
+    resting = innovations[first:][window.resting[first:]]
+    if resting.size < FEWEST:
+        return 1.0
+    return max(1.0, GAUSSIAN * median(np.abs(resting)) / sigmas.innovation)
+
+
+def median(values: Vector) -> float:
+    """Median of finite values (n,); numpy's own looks for others first, which takes thrice as long."""
+    middle = values.size // 2
+    parted = np.partition(values, middle)
+    above = float(parted[middle])
+    return above if values.size % 2 else 0.5 * (float(parted[:middle].max()) + above)
+
+
+def mask_of(window: Window) -> NDArray[np.bool_]:
+    """Samples of a window (n,) that do not count."""
+    return window.masked if len(window.masked) else np.zeros(len(window.output), np.bool_)
+
+
+def without_stretches(window: Window, innovations: Vector, sigmas: Sigmas, first: int) -> CleanWindow | None:
+    """The event without samples better explained as held or loud than by their innovations (n,); None: all count.
+
+    Those before sample `first` do not count.
+    """
+    before = mask_of(window)
+    louder = loudness(window, innovations, sigmas, first)
+    sigmas = Sigmas(louder * sigmas.innovation, louder * sigmas.noise)
+    held = find_held(window.output, innovations / sigmas.innovation, before, sigmas.noise, first)
+    spans = np.concatenate((held, find_loud(window.output, sigmas.noise)))
+    mask = before.copy()
+    for start, end in spans[:, :2].astype(np.int64):
+        mask[start:end] = True
+    for start, end in held[:, :2].astype(np.int64):
+        mask |= _beyond(window.output, float(np.mean(window.output[start:end])), sigmas.noise)
+    masked = np.count_nonzero(mask & ~before)
+    if not 0 < masked <= MOST * mask.size:
+        return None
+    more = masked - float(np.sum(spans[:, 1] - spans[:, 0]))
+    return CleanWindow(window._replace(masked=mask), float(spans[:, 2].sum()) + max(0.5 * more, 0.0))
+
+
+def _beyond(y: Vector, level: float, noise: float) -> NDArray[np.bool_]:
+    """Samples of y (n,) about a level at which its range ends; none, where it goes on beyond it."""
+    means = np.convolve(y - level, np.full(NEIGHBOURS, 1.0 / NEIGHBOURS), "same")
+    inner = means[NEIGHBOURS:-NEIGHBOURS] / noise
+    sign = 1.0 if inner.max() < BEYOND else -1.0
+    if (sign * inner).max() >= BEYOND:
+        return np.zeros(y.size, np.bool_)
+    at = sign * means > -AT * noise
+    return np.asarray(np.convolve(at, np.ones(NEIGHBOURS), "same") > 0.5, np.bool_)
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """The filter (1 - z)/(1 - theta z) (1 + a_1 z + .. + a_p z^p), z the delay of one sample."""
+
+    forgetting: float | None  # theta; None: no high pass
+    taps: NDArray[np.float64]  # a (p,)
+
+    def of(self, values: NDArray[np.float64], masked: NDArray[np.bool_] = NONE_MASKED) -> NDArray[np.float64]:
+        """Innovations (n,) or their slopes (n, m), whitened; the filter is linear, and the same for both.
+
+        The first value becomes 0, as that of innovations is. masked: (n,) where there is no value, or (0,): the value
+        that is expected there is taken, and 0 comes out until all taps lie on values again.
+        """
+        columns = values.reshape(values.shape[0], -1)
+        result = np.empty_like(columns)
+        forgetting = NO_HIGH_PASS if self.forgetting is None else self.forgetting
+        whiten(columns, masked, forgetting, self.taps, result)
+        return result.reshape(values.shape)
+
+
+def forgetting_of(time_constant: float, interval: float) -> float:
+    """theta of a high pass with a time constant [s] at a sample interval [s]."""
+    return math.exp(-interval / time_constant)
+
+
+@dataclass(frozen=True, eq=False)
+class Colour:
+    """Colour of a bench's innovations."""
+
+    whitening: Whitening  # filter that makes them white
+    interval: float  # of the samples [s]
+    sigma: float  # standard deviation of what the filter leaves [p_0]
+
+
+def is_same(first: Colour | None, second: Colour | None) -> bool:
+    """Whether two colours are equal, or both absent."""
+    if first is None or second is None or first is second:
+        return first is second
+    return (first.sigma, first.interval, first.whitening.forgetting) == (
+        second.sigma,
+        second.interval,
+        second.whitening.forgetting,
+    ) and np.array_equal(first.whitening.taps, second.whitening.taps)
+
+
+@dataclass(frozen=True)
+class SlowRail:
+    """Strength of the rail pressure's noise where the line hears it, older events counting less."""
+
+    squares: float = 0.0
+    count: float = 0.0
+
+    def after(self, segments: Sequence[NDArray[np.float64]], interval: float) -> "SlowRail":
+        """Adds an event's rail pressure, a stretch of rest each; interval: of samples [s]."""
+        forgetting, length = forgetting_of(RAIL_MOTION, interval), max(1, round(RAIL_BLOCK / interval))
+        squares, count = self.squares * REMEMBERED, self.count * REMEMBERED
+        for values in segments:
+            passed = np.append(0.0, high_passed(values[1:], forgetting))
+            blocks = passed[: passed.size // length * length].reshape(-1, length)
+            squares += float(np.sum(blocks.mean(axis=1) ** 2)) * length
+            count += len(blocks)
+        return SlowRail(squares, count)
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of a sample of white noise that is as strong; 0 without any rest."""
+        return math.sqrt(self.squares / self.count) if self.count > 0.0 else 0.0
+
+
+def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
+    """Runs of samples of a window with the needle long shut, from sample `first` on, none shorter than `shortest`.
+
+    Masked samples end them, because gaps would add a colour of their own.
+    """
+    # No sample rests before the first one, nor after the last.
+    resting = np.zeros(window.resting.size + 2, np.bool_)
+    resting[1 + first : -1] = window.resting[first:]
+    resting[1:-1][mask_of(window)] = False
+    changes = np.flatnonzero(resting[1:] != resting[:-1]).tolist()
+    spans = zip(changes[::2], changes[1::2], strict=True)
+    return [slice(begin, end) for begin, end in spans if end - begin >= shortest]
+
+
+@lru_cache
+def _choices(interval: float) -> NDArray[np.float64]:
+    """Shares that the high passes to choose from leave from one sample to the next, none first."""
+    return np.array([NO_HIGH_PASS, *(forgetting_of(constant, interval) for constant in TIME_CONSTANTS)])
+
+
+@dataclass(frozen=True, eq=False)
+class RestingNoise:
+    """Statistics of innovations at rest, older events counting less; from them the filter that makes them white.
+
+    By high pass, in samples of one interval: products of neighbours, and by lag.
+    """
+
+    products: NDArray[np.float64] = field(default_factory=lambda: np.zeros((_HIGH_PASSES, ORDERS + 1, ORDERS + 1)))
+    by_lag: NDArray[np.float64] = field(default_factory=lambda: np.zeros((_HIGH_PASSES, LAGS)))
+    count: float = 0.0
+
+    def after(self, segments: Sequence[NDArray[np.float64]], interval: float) -> "RestingNoise":
+        """Adds an event's innovations [p_0], a stretch of rest each; interval: of samples [s]."""
+        choices = _choices(interval)
+        weight, before = self._weights(segments, choices)
+        products, by_lag = (sums * (REMEMBERED * before) for sums in (self.products, self.by_lag))
+        count = self.count * (REMEMBERED if before > 0.0 else 0.0)
+        for values in segments:
+            take_in_products(values, weight, choices, products, by_lag)
+            count += len(values) - ORDERS
+        return RestingNoise(products, by_lag, count)
+
+    def _weights(self, segments: Sequence[NDArray[np.float64]], choices: NDArray[np.float64]) -> tuple[float, float]:
+        """Factors that make up for how loud an event is: of its innovations, and of the squares before it.
+
+        By what the slowest high pass lets through: levels differ from event to event.
+        """
+        if not (segments and self.count > 0.0):
+            return 1.0, 1.0
+        passed = np.concatenate([high_passed(values, choices[1]) for values in segments])
+        square, variance = float(np.mean(passed**2)), float(self.products[1, 0, 0] / self.count)
+        if not min(square, variance) > 0.0:
+            return 1.0, 1.0
+        if variance > GONE * square:
+            return 1.0, 0.0
+        return math.sqrt(min(1.0, LOUDEST * variance / square)), min(1.0, LOUDEST * square / variance)
+
+    def colour(self, before: Colour | None, interval: float, expected: float = 0.0) -> Colour | None:
+        """Filter that explains the innovations best by the BIC, None where white noise does about as well.
+
+        before: what it was, and stays where too little was seen; interval: of samples [s]; expected: standard
+        deviation of innovations by the noise levels [p_0]. Much quieter values are arithmetic, not noise, of a
+        recording without noise.
+        """
+        if self.count <= 2 * ORDERS:
+            return before
+        if self.products[0, 0, 0] < self.count * (QUIET * expected) ** 2:
+            return None
+        choices = _choices(interval)
+        variances = _residual_variances(self.products / self.count)
+        parameters = np.arange(ORDERS + 1) + (choices[:, None] != NO_HIGH_PASS)
+        criteria = self.count * np.log(variances) + math.log(self.count) * parameters
+        if np.min(criteria) > criteria[0, 0] - MARGIN:
+            return None
+        orders, least = self._best_orders(criteria)
+        choice = int(np.argmin(least))
+        if choice > 0:
+            choice = int(np.flatnonzero(least < least[choice] + ABOUT_AS_GOOD)[-1])
+        order = orders[choice]
+        forgetting = float(choices[choice]) if choice > 0 else None
+        whitening = Whitening(forgetting, self._taps(choice, order))
+        return Colour(whitening, interval, math.sqrt(variances[choice, order]))
+
+    def _best_orders(self, criteria: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Best order of each high pass, and its BIC: the least of the filters that leave no colour.
+
+        criteria: (choices, orders), BIC. Without such a filter those with.
+        """
+        orders, least = np.argmin(criteria, axis=1), np.full(len(criteria), np.inf)
+        for choice, by_order in enumerate(criteria):
+            for order in np.argsort(by_order):
+                if not self._is_colour_left(choice, int(order)):
+                    orders[choice], least[choice] = order, by_order[order]
+                    break
+        return orders, least if np.isfinite(least).any() else np.min(criteria, axis=1)
+
+    def _is_colour_left(self, choice: int, order: int) -> bool:
+        """Whether means of blocks of what a filter leaves vary more than they may."""
+        filtering = np.append(1.0, self._taps(choice, order))
+        variance = self._variance_of(choice, filtering)
+        for length in BLOCKS:
+            colour = self._variance_of(choice, np.convolve(np.ones(length), filtering)) / (length * variance)
+            blocks = self.count / length
+            if colour > MOST_LEFT and deviate(colour * blocks, blocks) > LEFT_SIGNIFICANT:
+                return True
+        return False
+
+    def _variance_of(self, choice: int, weights: NDArray[np.float64]) -> float:
+        """Variance of a weighted sum of neighbouring innovations behind a high pass."""
+        products = np.correlate(weights, weights, "full")[weights.size - 1 :]
+        products[1:] *= 2.0
+        return float(products @ self.by_lag[choice, : weights.size]) / self.count
+
+    def _taps(self, choice: int, order: int) -> NDArray[np.float64]:
+        products = self.products[choice]
+        return -np.linalg.solve(products[1 : order + 1, 1 : order + 1], products[1 : order + 1, 0])
+
+
+def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Variances of the newest value, given none of those before it, one, .. all: (c, m) of covariances (c, m, m).
+
+    Their first row is that of the newest.
+    """
+    factors = np.linalg.cholesky(covariances[:, _LAST_FIRST[:, None], _LAST_FIRST])
+    explained = np.cumsum(factors[:, -1, :-1] ** 2, axis=1)
+    variances = np.repeat(covariances[:, 0, :1], covariances.shape[1], axis=1)
+    variances[:, 1:] -= explained
+    return np.asarray(variances, np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class TimeJitter:
+    """Excess of the line pressure's noise where it is steep, from recent events.
+
+    The sums are of weights, with squared slopes and their squares, with loudness and both.
+    """
+
+    sums: NDArray[np.float64] = field(default_factory=lambda: np.zeros(5))
+    variance: float = 0.0  # of the moments [samples^2]; 0: none
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the noise depends on the slope."""
+        return self.variance > 0.0
+
+    def levels(self, window: Window, sigma: float) -> NDArray[np.float64] | None:
+        """Standard deviations (n,) of a window's innovations over that at rest, `sigma`; None: all are alike."""
+        if not self.is_known:
+            return None
+        return np.sqrt(1.0 + self.variance * _squared_slopes(window, sigma))
+
+    def loudest(self, window: Window, sigma: float) -> float:
+        """Largest mean square of `levels` over as many samples as contradict a model; 1 where all are alike."""
+        levels = self.levels(window, sigma)
+        if levels is None:
+            return 1.0
+        return float(np.convolve(levels**2, np.full(LENGTH, 1.0 / LENGTH), "valid").max())
+
+    def after(self, window: Window, unfiltered: NDArray[np.float64], sigma: float, first: int) -> "TimeJitter":
+        """Adds an event's innovations (n,) from `first` on, neither white nor weighed."""
+        counts = np.convolve(mask_of(window), np.ones(DIFFERENCE.size), "same") == 0.0
+        counts[: first + DIFFERENCE.size] = False
+        counts[-DIFFERENCE.size :] = False
+        differences = np.convolve(unfiltered, DIFFERENCE, "same") / sigma
+        squares = differences[counts] ** 2 / float(DIFFERENCE @ DIFFERENCE)
+        slopes = _squared_slopes(window, sigma)[counts]
+        expected = 1.0 + USUAL**2 * slopes
+        loud = np.minimum(squares, LOUDEST_SQUARE * expected)
+        weights = 1.0 / expected**2
+        columns = np.ones_like(slopes), slopes, slopes**2, loud, slopes * loud
+        sums = JITTER_REMEMBERED * self.sums + [float(weights @ column) for column in columns]
+        return TimeJitter(sums, _variance_in(sums, LOST if self.is_known else FOUND))
+
+
+def _variance_in(sums: NDArray[np.float64], needed: float) -> float:
+    """Variance of the moments [samples^2], of a straight line through loudness over squared slope; 0: none."""
+    count, slopes, squares, loud, both = sums
+    information = squares - slopes**2 / count if count > 0.0 else 0.0
+    if not information > 0.0:
+        return 0.0
+    variance = (both - slopes * loud / count) / information
+    is_sure = variance * math.sqrt(information / (2.0 * NEIGHBOURS_ALIKE)) > needed
+    return float(variance) if is_sure and RELEVANT**2 < variance < MOST_JITTER**2 else 0.0
+
+
+def _squared_slopes(window: Window, sigma: float) -> NDArray[np.float64]:
+    """Squares (n,) of the recorded line pressure's slopes, in `sigma` a sample."""
+    return np.asarray((np.convolve(window.output, SLOPE, "same") / sigma) ** 2, np.float64)

@@ -1,0 +1,38 @@
+"""The table of what an event may be."""
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.estimation.parameters import SCALARS
+from observer_rt.engine.learning import kinds
+
+SCALE = 1e8  # Pa
+WIDE, DRIFT = SCALARS.prior(SCALE), SCALARS.drift(SCALE)
+HYPOTHESES = (kinds.BEFORE, kinds.QUICK, *kinds.NEW, kinds.AT_FAULT, kinds.INADEQUATE)
+MOVING = [kind for kind in HYPOTHESES if kind.columns]
+
+
+@pytest.mark.parametrize("has_lift", [False, True])
+@pytest.mark.parametrize("is_prior", [False, True])
+@pytest.mark.parametrize("mode", kinds.Mode)
+def test_one_of_them_an_event_is(mode: kinds.Mode, is_prior: bool, has_lift: bool) -> None:
+    result = dict(kinds.transitions(mode, is_prior, has_lift))
+    assert sum(result.values()) == pytest.approx(1.0)
+    assert min(result.values()) > 0.0
+    assert kinds.BEFORE in result
+    other = {kinds.NEEDLE_CHANGED if has_lift else kinds.LIFT_LATE}
+    assert {kind for kind in kinds.NEW if kind in result} == set(
+        kinds.NEW_AT_FIRST if is_prior else kinds.NEW
+    ) - other
+
+
+@pytest.mark.parametrize("kind", MOVING, ids=[kind.name for kind in MOVING])
+def test_it_moves_its_columns_and_no_other(kind: kinds.Kind) -> None:
+    widths = kind.widths(WIDE, DRIFT)
+    assert np.all((widths > 0.0) == np.isin(np.arange(SCALARS.width), kind.columns))
+    assert kind is kinds.LIFT_LATE or np.all(widths <= WIDE)
+
+
+def test_every_column_may_change_by_a_kind_of_its_own_name() -> None:
+    assert len({kind.name for kind in HYPOTHESES}) == len(HYPOTHESES)
+    assert {column for kind in hypotheses.NEW for column in kind.columns} == set(range(SCALARS.width))

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -250,12 +249,12 @@ class EventPoint(NamedTuple):
 def opening_points(window: Window, interval: float) -> tuple[EventPoint, ...]:
     """Operating points of an event's openings that are more than noise, the longest last; interval of samples [s]."""
     area, rail = window.inputs[:, 1], float(window.inputs[window.opening, 0])
-    shut = np.flatnonzero(np.concatenate(([True], area <= 0.0, [True])))
-    points = []
-    for begin, end in pairwise(shut.tolist()):
-        opened = area[begin : end - 1]
-        widest = float(opened.max(initial=0.0))
-        if widest > LEAST_AREA * area.max():
+    changes = np.flatnonzero(np.diff(np.concatenate(([False], area > 0.0, [False]))))
+    least, points = LEAST_AREA * float(area.max()), []
+    for begin, end in changes.reshape(-1, 2).tolist():
+        opened = area[begin:end]
+        widest = float(opened.max())
+        if widest > least:
             up = int(np.flatnonzero(opened >= FULL_LIFT * widest)[-1]) + 1
             points.append(EventPoint(rail, math.log(up * interval), widest))
     return tuple(sorted(points, key=lambda each: each.log_open_time)) or (EventPoint(rail, math.log(interval), 0.0),)

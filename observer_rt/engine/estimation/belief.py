@@ -64,6 +64,18 @@ class Belief:
         both = np.outer(factor, factor)
         return Belief(self.mean, both * self.covariance, both * self.error_covariance)
 
+    def part(self, columns: NDArray[np.int64]) -> "Belief":
+        """The belief about the parameters of some columns (k,)."""
+        both = np.ix_(columns, columns)
+        return Belief(self.mean[columns], self.covariance[both], self.error_covariance[both])
+
+    def complete(self, columns: NDArray[np.int64], variances: Vector) -> "Belief":
+        """The belief about all m parameters, this one being a part; the others are 0, with variances (m,)."""
+        mean, both = np.zeros(variances.size), np.ix_(columns, columns)
+        covariance, error_covariance = np.diag(variances), np.diag(variances)
+        mean[columns], covariance[both], error_covariance[both] = self.mean, self.covariance, self.error_covariance
+        return Belief(mean, covariance, error_covariance)
+
     def distance(self, theta: Vector) -> float:
         """Square of the distance of theta (m,) from the mean, in standard deviations."""
         away = theta - self.mean

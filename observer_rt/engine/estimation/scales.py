@@ -17,7 +17,7 @@ from observer_rt.core.learning.evidence import weigh_scales
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.model import FIRST_OF_SEAT
 from observer_rt.engine.estimation.belief import Belief, Matrix, Vector, symmetric
-from observer_rt.engine.estimation.parameters import SCALARS, WEIGHTS
+from observer_rt.engine.estimation.parameters import EVERY, SCALARS, WEIGHTS
 from observer_rt.model.network import HIDDEN, IS_PAIR, NEURONS
 
 LAWLESS, ONE_SCALE = 0.6, 0.5  # probability that a flow has no law; of one that has, that all curves are alike; M
@@ -81,8 +81,12 @@ class ScaleChoice(NamedTuple):
 
 def _measured(belief: Belief, weights: NDArray[np.int64], noise: Vector | float) -> Belief:
     """The belief after weights (k,) were measured to be 0, with variances (k,) in units of their prior's."""
-    columns, prior = WEIGHTS[weights], _PRIOR[weights]
-    across, information = _information(belief.covariance, weights, noise)
+    return _measured_at(belief, WEIGHTS[weights], _PRIOR[weights], noise)
+
+
+def _measured_at(belief: Belief, columns: NDArray[np.int64], prior: Vector, noise: Vector | float) -> Belief:
+    """The same of a belief in which the weights stand in these columns (k,)."""
+    across, information = _information(belief.covariance, columns, prior, noise)
     gain = (information @ across).T
     by_error = gain @ (belief.error_covariance[columns] / prior[:, None])
     error = belief.error_covariance - by_error - by_error.T
@@ -91,11 +95,13 @@ def _measured(belief: Belief, weights: NDArray[np.int64], noise: Vector | float)
     return Belief(mean, symmetric(belief.covariance - gain @ across), symmetric(error))
 
 
-def _information(covariance: Matrix, weights: NDArray[np.int64], noise: Vector | float) -> tuple[Matrix, Matrix]:
+def _information(
+    covariance: Matrix, columns: NDArray[np.int64], prior: Vector, noise: Vector | float
+) -> tuple[Matrix, Matrix]:
     """Covariance (k, m) of weights with theta, in units of their prior; inverse (k, k) of their own with noise."""
-    across = covariance[WEIGHTS[weights]] / _PRIOR[weights, None]
-    variance = across[:, WEIGHTS[weights]] / _PRIOR[weights]
-    variance[np.diag_indices(weights.size)] += noise
+    across = covariance[columns] / prior[:, None]
+    variance = across[:, columns] / prior
+    variance[np.diag_indices(columns.size)] += noise
     return across, inverse_of(variance)[0]
 
 
@@ -119,18 +125,22 @@ def _measured_in_turn(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64
 
 def without_others(belief: Belief, pairs: Pairs) -> Belief:
     """The belief with no pairs but these."""
-    narrow = _measured(belief, _others(pairs), float(_NOISES[0]))
-    _level(narrow, pairs)
-    return narrow
+    kept = columns_in_use(pairs)
+    return _measured(belief, _others(pairs), float(_NOISES[0])).part(kept).complete(kept, _without_law(pairs))
 
 
-def _level(belief: Belief, pairs: Pairs) -> None:
-    """Set the weights of all pairs but these to 0, round which they vary by as little as those of no law."""
-    others, columns = _others(pairs), other_columns(pairs)
-    belief.mean[columns] = 0.0
-    for covariance in (belief.covariance, belief.error_covariance):
-        covariance[columns] = covariance[:, columns] = 0.0
-        covariance[columns, columns] = _NOISES[0] * _PRIOR[others] ** 2
+@lru_cache(32)
+def columns_in_use(pairs: Pairs) -> NDArray[np.int64]:
+    """Columns of theta but weights of all pairs but these."""
+    return np.setdiff1d(EVERY, other_columns(pairs))
+
+
+@lru_cache(32)
+def _without_law(pairs: Pairs) -> Vector:
+    """Variances (m,) of theta that are those of weights without a law, of all pairs but these; 0 elsewhere."""
+    variances = np.zeros(EVERY.size)
+    variances[other_columns(pairs)] = _NOISES[0] * _PRIOR[_others(pairs)] ** 2
+    return variances
 
 
 def weigh_choices(
@@ -150,7 +160,7 @@ def weigh_choices(
 
 def _gains(mean: Vector, covariance: Matrix, choice: ScaleChoice) -> dict[int, float]:
     """Nats by which a choice is likelier with each of the other pairs, too: that its weights need not be 0."""
-    _, information = _information(covariance, _ALL, choice.noise)
+    _, information = _information(covariance, WEIGHTS, _PRIOR, choice.noise)
     blocks = information[_OF_PAIR[:, :, None], _OF_PAIR[:, None, :]]
     pulls = (information @ (mean[WEIGHTS] / _PRIOR))[_OF_PAIR]
     squares = (pulls * np.linalg.solve(blocks, pulls[..., None])[..., 0]).sum(axis=1)
@@ -200,14 +210,15 @@ def shrink(belief: Belief) -> Belief:
     order = np.argsort(-weights, kind="stable")[:CHOICES]
     order = order[: int(np.searchsorted(np.cumsum(weights[order]), CHOSEN)) + 1]
     shares = weights[order] / weights[order].sum()
-    parts = [
-        ScaleChoice(row, tried[number]).of(belief) for number, row in zip(*divmod(order, len(_CHOICES)), strict=True)
-    ]
+    choices = [ScaleChoice(row, tried[number]) for number, row in zip(*divmod(order, len(_CHOICES)), strict=True)]
+    pairs = frozenset().union(*(choice.pairs for choice in choices))
+    part = _measured(belief, _others(pairs), float(_NOISES[0])).part(kept := columns_in_use(pairs))
+    weights = np.setdiff1d(_ALL, _others(pairs))
+    places, prior = np.searchsorted(kept, WEIGHTS[weights]), _PRIOR[weights]
+    parts = [_measured_at(part, places, prior, choice.noise[weights]) for choice in choices]
     mean = shares @ np.array([part.mean for part in parts])
     away = np.array([part.mean - mean for part in parts])
     between = (shares * away.T) @ away
     covariance = sum((share * part.covariance for share, part in zip(shares, parts, strict=True)), between)
     error = sum((share * part.error_covariance for share, part in zip(shares, parts, strict=True)), between)
-    likely = Belief(mean, symmetric(covariance), symmetric(error))
-    _level(likely, frozenset().union(*(tried[number] for number in (order // len(_CHOICES)).tolist())))
-    return likely
+    return Belief(mean, symmetric(covariance), symmetric(error)).complete(kept, _without_law(pairs))

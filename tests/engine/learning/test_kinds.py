@@ -35,4 +35,4 @@ def test_it_moves_its_columns_and_no_other(kind: kinds.Kind) -> None:
 
 def test_every_column_may_change_by_a_kind_of_its_own_name() -> None:
     assert len({kind.name for kind in HYPOTHESES}) == len(HYPOTHESES)
-    assert {column for kind in hypotheses.NEW for column in kind.columns} == set(range(SCALARS.width))
+    assert {column for kind in kinds.NEW for column in kind.columns} == set(range(SCALARS.width))

@@ -52,6 +52,7 @@ def _offered(scales: NDArray[np.int64]) -> Vector:
     return np.log(np.where(scales.any(axis=1), lawful, LAWLESS))
 
 
+_ENDS = np.cumsum([0, *NEURONS[_SINGLE]])
 _BEFORE = _offered(_CHOICES[:, :_OF_NOZZLE]) + _offered(_CHOICES[:, _OF_NOZZLE:])
 _BEFORE -= 0.5 * np.log1p(-_SQUARES).sum(axis=1)
 
@@ -146,16 +147,25 @@ def _without_law(pairs: Pairs) -> Vector:
 def weigh_choices(
     mean: Vector, covariance: Matrix, pairs: Pairs, log_priors: Vector | float = 0.0
 ) -> tuple[Vector, Vector]:
-    """Logarithms (k,) of how likely each choice with these pairs is by a mean (m,) and covariance (m, m).
+    """Logarithms (k,) of how likely each choice with these pairs is by a mean and covariance in the columns in use.
 
     Both with the whole prior; log_priors (k,): of choices beyond what `_BEFORE` says. And the mean (m,) at the
     likeliest, without other pairs. Raises numpy.linalg.LinAlgError when not positive definite.
     """
-    weights, ends = _measured_in_turn(pairs)
+    columns = columns_in_use(pairs)
     logs = _BEFORE + len(pairs) * math.log(PAIRED) + log_priors
-    theta = weigh_scales(mean, covariance, WEIGHTS[weights], _PRIOR[weights], ends, _NOISES, logs)
-    theta[other_columns(pairs)] = 0.0
+    weights = np.searchsorted(columns, WEIGHTS[_OF_SINGLE])
+    theta = np.zeros(EVERY.size)
+    theta[columns] = weigh_scales(mean, covariance, weights, _PRIOR[_OF_SINGLE], _ENDS, _NOISES, logs)
     return logs, theta
+
+
+def choices_by(belief: Belief, pairs: Pairs) -> Vector:
+    """Logarithms (k,) of how likely each choice with these pairs is by a belief that has all."""
+    weights, ends = _measured_in_turn(pairs)
+    logs = _BEFORE + len(pairs) * math.log(PAIRED)
+    weigh_scales(belief.mean, belief.covariance, WEIGHTS[weights], _PRIOR[weights], ends, _NOISES, logs)
+    return logs
 
 
 def _gains(mean: Vector, covariance: Matrix, choice: ScaleChoice) -> dict[int, float]:
@@ -174,7 +184,7 @@ def _likely(belief: Belief) -> tuple[list[Pairs], Matrix]:
     """Pairs in use, where one after another pays, and probabilities (k, choices) of all choices with each of them."""
     pairs, tried, densities = frozenset[int](), list[Pairs](), list[Vector]()
     while True:
-        logs, _ = weigh_choices(belief.mean, belief.covariance, pairs)
+        logs = choices_by(belief, pairs)
         tried.append(pairs)
         densities.append(logs)
         gains = _gains(belief.mean, belief.covariance, ScaleChoice(int(np.argmax(logs)), pairs))

@@ -15,6 +15,8 @@ from observer_rt.engine.estimation.parameters import PARAMETERS, WEIGHTS, Parame
 from observer_rt.engine.estimation.scales import (
     Pairs,
     ScaleChoice,
+    choices_by,
+    columns_in_use,
     other_columns,
     pairs_in_use,
     weigh_choices,
@@ -123,9 +125,14 @@ class _KindEvidence:
     theta: Theta = field(init=False)
     fit: Fit | None = None
 
+    @cached_property
+    def _in_use(self) -> Belief:
+        return self.held.prior.part(columns_in_use(self.pairs))
+
     def weigh(self, cost: Run, limits: Limits) -> None:
         """Evidence by the parabola of a run, over all scales."""
-        by_whole = evidence_of(cost, self.held.prior, limits)
+        columns = columns_in_use(self.pairs)
+        by_whole = evidence_of(cost.part(columns), self._in_use, limits.part(columns))
         logs, self.theta = weigh_choices(by_whole.theta, by_whole.covariance, self.pairs, self.scale_log_priors)
         self.cost, self.scales = cost, ScaleChoice(int(np.argmax(logs)), self.pairs)
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
@@ -241,14 +248,15 @@ class _OfferedKinds:
         """Evidence of each kind with its prior, by the cost as it was linearised first."""
         belief, evidence = self._learned.belief, dict[Kind, _KindEvidence]()
         pairs = pairs_in_use(belief)
-        likely, _ = weigh_choices(belief.mean, belief.covariance, pairs)
+        columns, likely = columns_in_use(pairs), choices_by(belief, pairs)
         likely -= np.logaddexp.reduce(likely)
         for kind, prior in priors.items():
             held = self._reading.resting.held(without_others(prior, pairs))
             if evidence and held.column is None and WEIGHTS[0] not in kind.columns:
                 log_priors = evidence[BEFORE].scale_log_priors  # the first one, with the same prior of the weights
             else:
-                log_priors = likely - weigh_choices(held.prior.mean, held.prior.covariance, pairs)[0]
+                part = held.prior.part(columns)
+                log_priors = likely - weigh_choices(part.mean, part.covariance, pairs)[0]
             evidence[kind] = _KindEvidence(prior, held, pairs, log_priors)
             evidence[kind].weigh(self._reading.first, self._reader.limits)
         return evidence

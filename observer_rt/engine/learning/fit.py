@@ -53,6 +53,10 @@ class Limits:
     gate: Gate = SCALARS.gate
     least_lag: float = 0.0
 
+    def part(self, columns: NDArray[np.int64]) -> "Limits":
+        """Limits of some columns (k,)."""
+        return Limits(self.lowest[columns], self.highest[columns], self.longest_step[columns])
+
     def gate_of_lag(self, least: float) -> Gate:
         """The gate, through which a lag of the line sensor goes from this one on."""
         return replace(self.gate, lowest={**self.gate.lowest, _LAG: least})

@@ -89,6 +89,11 @@ class Run:
         step = theta - self.theta
         return self.value + float(self.gradient @ step) + 0.5 * float(step @ self.information @ step)
 
+    def part(self, columns: NDArray[np.int64]) -> "Run":
+        """The parabola along some columns (k,) of theta."""
+        information = self.information[np.ix_(columns, columns)]
+        return Run(self.theta[columns], self.value, self.gradient[columns], information)
+
     def to_first_order(self, theta: NDArray[np.float64]) -> "Run":
         """The run at another theta (m,), with innovations along their slopes and no shot late."""
         innovations = self.innovations + self.slopes @ (theta - self.theta)

@@ -75,11 +75,8 @@ def tried(rows: NDArray[np.float64], seen: NDArray[np.float64]) -> dict[frozense
     pairs, result = frozenset[int](), dict[frozenset[int], NDArray[np.float64]]()
     while True:
         every = with_pairs(SQUARES, pairs)
-        logs = (
-            prior_logs()
-            + [likelihood(rows, seen, squares) for squares in every]
-            + len(pairs) * math.log(scales.PAIRED)
-        )
+        logs = prior_logs() + [likelihood(rows, seen, squares) for squares in every]
+        logs += len(pairs) * math.log(scales.PAIRED)
         result[pairs], best = logs, every[int(np.argmax(logs))]
         before = likelihood(rows, seen, best) - math.log(scales.PAIRED)
         more = {frozenset({*pairs, pair}): with_pairs(best, frozenset({pair})) for pair in PAIRS.tolist()}
@@ -120,7 +117,8 @@ def test_an_event_is_weighed_as_if_pairs_out_of_use_had_hardly_any_weights(pairs
     spread = np.outer(PRIOR, PRIOR)
     np.testing.assert_allclose(belief.mean / PRIOR, expected.mean / PRIOR, atol=2e-3)
     np.testing.assert_allclose(belief.covariance / spread, expected.covariance / spread, atol=1e-3)
-    logs, _ = scales.weigh_choices(belief.mean, belief.covariance, pairs)
+    in_use = belief.part(scales.columns_in_use(pairs))
+    logs, _ = scales.weigh_choices(in_use.mean, in_use.covariance, pairs)
     every = prior_logs() + [likelihood(rows, seen, squares) for squares in with_pairs(SQUARES, pairs)]
     np.testing.assert_allclose(logs - logs.max(), every - every.max(), atol=2e-2)
 

@@ -12,7 +12,7 @@ from observer_rt.core.model.records cimport WIDTH, Columns
 
 
 def integrate_cost(cost, limits, prior, double beyond) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    """Integrate the cost of a `Run` over a prior, a `Belief`: logarithm, mean (m,) and covariance (m, m) after it.
+    """Integrate the cost of an `EventRun` over a prior, a `Belief`: logarithm, mean (m,) and covariance (m, m) after it.
 
     The least sum of cost and distance from the prior is lower by `beyond` [nats] at most than it is within `Limits` and
     reach of the slopes. Raises numpy.linalg.LinAlgError when singular.

@@ -24,7 +24,7 @@ from observer_rt.engine.learning.event import (
     setting_of,
 )
 from observer_rt.engine.learning.explanations import FIRST_STEPS, LATE_SENSOR, STARTED, Explanation, Weighing
-from observer_rt.engine.learning.fit import Fit, Fitter
+from observer_rt.engine.learning.fit import EventFitter, Fit
 from observer_rt.engine.learning.kinds import FILED, NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import Account, LearnedInjector, LearningState
 from observer_rt.engine.learning.mass import EventPoint, opening_points, with_point
@@ -36,7 +36,7 @@ from observer_rt.engine.learning.noise import (
     resting_segments,
     without_stretches,
 )
-from observer_rt.engine.learning.run import EventCost, Run
+from observer_rt.engine.learning.run import EventCost, EventRun
 from observer_rt.foundation.units import MEGAPASCAL
 
 AGAINST_RIVAL = 5.0  # nats at most that one event counts against a rival: a needle unlike the model's misleads; M
@@ -111,7 +111,7 @@ class BeliefUpdate:
         return self._noises[key]
 
 
-def noise_after(learned: LearnedInjector, reading: EventReading, run: Run, reader: EventReader) -> Noise:
+def noise_after(learned: LearnedInjector, reading: EventReading, run: EventRun, reader: EventReader) -> Noise:
     """Noise by a belief, and by the innovations of a run of an event at rest."""
     stretches = resting_segments(reading.window, reader.burn_in, reader.resting)
     at_rest = learned.at_rest.after([run.unfiltered[each] for each in stretches], reader.interval)
@@ -262,7 +262,7 @@ class _EventReadings:
         first, resting = self._run(learned, cost)
         return EventReading(learned, cost, first, white_sigma, self._phases, resting, off)
 
-    def _first(self, learned: LearnedInjector, cost: EventCost) -> Run:
+    def _first(self, learned: LearnedInjector, cost: EventCost) -> EventRun:
         """The run at the belief, or in the first event of a needle that answers commands the best of several fits.
 
         The fits have no law of nozzle and seat, which would make up for a needle and a line that are far from theirs.
@@ -272,7 +272,7 @@ class _EventReadings:
         if cost.window.needle is None or not learned.is_prior or learned.active:
             return first
         prior, fits = learned.belief, list[Fit]()
-        fitter = Fitter(replace(cost, columns=LAWLESS), learned.active, self._reader.limits)
+        fitter = EventFitter(replace(cost, columns=LAWLESS), learned.active, self._reader.limits)
         filed = prior.narrowed(STATED, FILED)
         for belief, move in [*product((filed, prior), STARTED[NEEDLE_CHANGED]), *product((prior,), LATE_SENSOR)]:
             fits.append(fitter.fit(fitter.cost.linearised(learned.theta + move), belief, FIRST_STEPS))
@@ -285,7 +285,7 @@ class _EventReadings:
         self.rivals = [Account(replace(learned, theta=start, active=late[0].active)) for start in starts[1:]]
         return cost.linearised(starts[0])
 
-    def _run(self, learned: LearnedInjector, cost: EventCost) -> tuple[Run, RestingPressure]:
+    def _run(self, learned: LearnedInjector, cost: EventCost) -> tuple[EventRun, RestingPressure]:
         """Run an event at the belief, with offset and gain as rest says if these differ from the belief's."""
         first = self._first(learned, cost)
         resting = resting_pressure(cost, first)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.engine.estimation.parameters import PARAMETERS, Parameter
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.run import EventCost, Run
+from observer_rt.engine.learning.run import EventCost, EventRun
 from observer_rt.foundation.records import NOT_KEPT
 from observer_rt.model.effective import LAG_UNIT
 
@@ -256,7 +256,7 @@ class CoilDisturbance:
         return self.current.pulse is not None
 
     def after(
-        self, window: Window, run: Run, sigma: float, cost_of: Costs, wide: Vector, interval: float, flows: bool
+        self, window: Window, run: EventRun, sigma: float, cost_of: Costs, wide: Vector, interval: float, flows: bool
     ) -> tuple["CoilDisturbance", bool]:
         """The next value, after an event as it was recorded; whether that has a pulse that was not taken out.
 

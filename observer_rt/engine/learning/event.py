@@ -24,7 +24,7 @@ from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.kinds import Kind
 from observer_rt.engine.learning.knowledge import LearnedInjector, LearningState
 from observer_rt.engine.learning.noise import LAGS, SEGMENT, mask_of
-from observer_rt.engine.learning.run import EventCost, Run
+from observer_rt.engine.learning.run import EventCost, EventRun
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
@@ -92,7 +92,7 @@ def _taught(prior: Matrix, slopes: Matrix, means: Vector, noise: float) -> tuple
     return float(-weights @ means), float(prior[1, 1] - weights @ along)
 
 
-def resting_pressure(cost: EventCost, run: Run) -> RestingPressure:
+def resting_pressure(cost: EventCost, run: EventRun) -> RestingPressure:
     """Rest of an event that was run with its slopes."""
     window, setting = cost.window, cost.setting
     length = max(round(BLOCK / setting.interval), 1)
@@ -229,7 +229,7 @@ class EventReading:
 
     learned: LearnedInjector
     cost: EventCost
-    first: Run
+    first: EventRun
     white_sigma: float
     phases: NDArray[np.int8]
     resting: RestingPressure
@@ -246,19 +246,19 @@ class EventReading:
         """Nats that noise level and samples left out add to a cost, so that costs of readings can be compared."""
         return (self.cost.terms * math.log(self.cost.sigma) + self.off) / self.cost.temper
 
-    def leaves(self, run: Run) -> PhaseStatistics:
+    def leaves(self, run: EventRun) -> PhaseStatistics:
         """Statistics of the clipped innovations of a run."""
         key = run.theta.tobytes()
         if key not in self._left:
             self._left[key] = self._statistics(run, CLIP)
         return self._left[key]
 
-    def at_fault(self, run: Run) -> float:
+    def at_fault(self, run: EventRun) -> float:
         """Cost [nats] of the innovations of a run if the event is at fault, and of the offset at rest."""
         temper = self.cost.temper
         return at_fault(self._statistics(run), temper) + self.cost.offset_cost(run.theta) / temper
 
-    def _statistics(self, run: Run, limit: float = math.inf) -> PhaseStatistics:
+    def _statistics(self, run: EventRun, limit: float = math.inf) -> PhaseStatistics:
         cost = self.cost
         mask = mask_of(cost.window)
         return phase_statistics(run.innovations, cost.sigma, self.phases, cost.burn_in, mask, limit)

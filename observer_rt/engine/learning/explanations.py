@@ -25,10 +25,10 @@ from observer_rt.engine.estimation.scales import (
 from observer_rt.engine.learning import kinds
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
 from observer_rt.engine.learning.event import EventReader, EventReading
-from observer_rt.engine.learning.fit import BEYOND, Fit, Fitter, Limits, evidence_of, nearly_white
+from observer_rt.engine.learning.fit import BEYOND, EventFitter, Fit, Limits, evidence_of, nearly_white
 from observer_rt.engine.learning.kinds import BEFORE, FILED, QUICK, Drift, Kind, Mode, drift_of, transitions
 from observer_rt.engine.learning.knowledge import Account, LearnedInjector
-from observer_rt.engine.learning.run import Run
+from observer_rt.engine.learning.run import EventRun
 from observer_rt.model.effective import LAG_UNIT
 
 LIFT_DELAYS = (-60e-6, -40e-6, -20e-6, 20e-6, 40e-6, 60e-6)  # s, at which a fit of the lift's delay may begin; M
@@ -70,7 +70,7 @@ class Explanation:
     prior: Belief
     held: HeldBelief
     scales: ScaleChoice
-    cost: Run
+    cost: EventRun
     theta: Theta
     fit: Fit | None
     drift: Drift | None
@@ -82,7 +82,7 @@ class Explanation:
         return self.kind.mode.is_good
 
     @cached_property
-    def run(self) -> Run:
+    def run(self) -> EventRun:
         """The event run with theta, to first order where that was not fitted."""
         return _run_at(self.reading, self.theta, self.fit)
 
@@ -102,7 +102,7 @@ class Explanation:
         return replace(self, fit=fit, cost=fit.run, theta=fit.run.theta)
 
 
-def _run_at(reading: EventReading, theta: Theta, fit: Fit | None) -> Run:
+def _run_at(reading: EventReading, theta: Theta, fit: Fit | None) -> EventRun:
     """The run of an event with theta (m,): that of its fit, if there is one."""
     return reading.first.to_first_order(theta) if fit is None else fit.run
 
@@ -120,7 +120,7 @@ class _KindEvidence:
     pairs: Pairs
     scale_log_priors: NDArray[np.float64]
     log: float = field(init=False)
-    cost: Run = field(init=False)
+    cost: EventRun = field(init=False)
     scales: ScaleChoice = field(init=False)
     theta: Theta = field(init=False)
     fit: Fit | None = None
@@ -129,7 +129,7 @@ class _KindEvidence:
     def _in_use(self) -> Belief:
         return self.held.prior.part(columns_in_use(self.pairs))
 
-    def weigh(self, cost: Run, limits: Limits) -> None:
+    def weigh(self, cost: EventRun, limits: Limits) -> None:
         """Evidence by the parabola of a run, over all scales."""
         columns = columns_in_use(self.pairs)
         by_whole = evidence_of(cost.part(columns), self._in_use, limits.part(columns))
@@ -137,7 +137,7 @@ class _KindEvidence:
         self.cost, self.scales = cost, ScaleChoice(int(np.argmax(logs)), self.pairs)
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
 
-    def refine(self, fitter: Fitter, start: Run, steps: int) -> None:
+    def refine(self, fitter: EventFitter, start: EventRun, steps: int) -> None:
         """Fit the kind at its likeliest scales, and again if others are the likeliest from there.
 
         Of a fall of the cost that the last linearisation promises, and no fit confirmed, `BEYOND` counts at most.
@@ -153,9 +153,9 @@ class _KindEvidence:
         self.theta = self.cost.theta
 
 
-def fitter_of(before: LearnedInjector, reading: EventReading, reader: EventReader) -> Fitter:
+def fitter_of(before: LearnedInjector, reading: EventReading, reader: EventReader) -> EventFitter:
     """The fitter of an event that starts from a belief."""
-    return Fitter(reading.cost, before.active, reader.limits, other_columns(pairs_in_use(before.belief)))
+    return EventFitter(reading.cost, before.active, reader.limits, other_columns(pairs_in_use(before.belief)))
 
 
 def kind_log_priors(account: Account, has_lift: bool) -> Mapping[Kind, float]:

@@ -22,7 +22,7 @@ from observer_rt.engine.estimation.belief import ENTER, STAY, Belief, Matrix, Ve
 from observer_rt.engine.estimation.parameters import NEEDLE_LAW, SCALARS, Alike, Gate, Parameter, Theta
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
 from observer_rt.engine.learning.healthy import Healthy
-from observer_rt.engine.learning.run import EventCost, Run
+from observer_rt.engine.learning.run import EventCost, EventRun
 from observer_rt.model.effective import LAG_UNIT, LIFT_UNIT, Coefficients
 
 LEAST_LAG = 30e-6  # s, of a line sensor, that shows beside a needle by commands; M: else 20 us are found of none
@@ -90,13 +90,13 @@ def theta_limits(c: Coefficients, needle: NeedleLaw | None = None, is_fitted: bo
 class Fit:
     """An event fitted: run at the estimate, and active columns; if stuck, its parabola is level beside the prior."""
 
-    run: Run
+    run: EventRun
     active: frozenset[int]
     stuck: bool = False  # whether no step was short enough to lower what slopes promise to lower, as beside a kink
 
 
 @dataclass(frozen=True)
-class Fitter:
+class EventFitter:
     """Fits one event from any prior; active: the gated columns in use; unused: columns that stay 0."""
 
     cost: EventCost
@@ -104,7 +104,7 @@ class Fitter:
     limits: Limits
     unused: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
-    def fit(self, start: Run, prior: Belief, iterations: int) -> Fit:
+    def fit(self, start: EventRun, prior: Belief, iterations: int) -> Fit:
         """Minimise cost and distance from the prior, at most so many steps from `start`.
 
         A step that lowers the total as its slopes say is the last: there is nothing to be learned from repeating it.
@@ -116,11 +116,11 @@ class Fitter:
             return self._fit(start, prior, iterations, self.limits.gate_of_lag(float(self.limits.highest[_LAG])))
         return fit
 
-    def _fit(self, start: Run, prior: Belief, iterations: int, gate: Gate) -> Fit:
+    def _fit(self, start: EventRun, prior: Belief, iterations: int, gate: Gate) -> Fit:
         prior_information = prior.information
         prior_vector = prior_information @ prior.mean
 
-        def total(run: Run) -> float:
+        def total(run: EventRun) -> float:
             return run.value + 0.5 * prior.distance(run.theta)
 
         here, active, stuck = start, self.active, False
@@ -170,7 +170,7 @@ class Evidence(NamedTuple):
     covariance: Matrix
 
 
-def evidence_of(run: Run, prior: Belief, limits: Limits) -> Evidence:
+def evidence_of(run: EventRun, prior: Belief, limits: Limits) -> Evidence:
     """Integrates exp(-cost) over a Gaussian prior, the cost a parabola round where the event was run.
 
     What that promises beyond the limits, or further off than slopes hold, is fiction: no more than `BEYOND` of it

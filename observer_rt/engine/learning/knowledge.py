@@ -29,7 +29,7 @@ from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.kinds import Mode, Velocity
 from observer_rt.engine.learning.mass import EVERYWHERE, EventPoint, KnownFlow, Resimulation, Transfer
 from observer_rt.engine.learning.noise import Colour, RestingNoise, SlowRail, TimeJitter
-from observer_rt.engine.learning.run import Run
+from observer_rt.engine.learning.run import EventRun
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift, Standstill
 from observer_rt.engine.stream.state import Constants, Reason
 from observer_rt.foundation.records import NOT_KEPT, Count
@@ -130,7 +130,7 @@ def of_healthy(factor: float) -> Overdispersion:
 class TemperedEvent(NamedTuple):
     """The run of an event with the belief before it, and the covariance (m, m) of that belief."""
 
-    run: Run
+    run: EventRun
     covariance: NDArray[np.float64]
 
     def ratio(self, factor: float) -> float:

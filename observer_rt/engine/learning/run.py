@@ -59,7 +59,7 @@ class ShotDelays(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class EventRun:
     """An event run with theta (m,): the innovations, and the cost as a parabola round theta.
 
     value: of the cost; gradient (m,), information (m, m): of the parabola, by Gauss and Newton; innovations (n,):
@@ -89,17 +89,17 @@ class Run:
         step = theta - self.theta
         return self.value + float(self.gradient @ step) + 0.5 * float(step @ self.information @ step)
 
-    def part(self, columns: NDArray[np.int64]) -> "Run":
+    def part(self, columns: NDArray[np.int64]) -> "EventRun":
         """The parabola along some columns (k,) of theta."""
         information = self.information[np.ix_(columns, columns)]
-        return Run(self.theta[columns], self.value, self.gradient[columns], information)
+        return EventRun(self.theta[columns], self.value, self.gradient[columns], information)
 
-    def to_first_order(self, theta: NDArray[np.float64]) -> "Run":
+    def to_first_order(self, theta: NDArray[np.float64]) -> "EventRun":
         """The run at another theta (m,), with innovations along their slopes and no shot late."""
         innovations = self.innovations + self.slopes @ (theta - self.theta)
         return replace(self, theta=theta, value=self.expected(theta), innovations=innovations, delays=None)
 
-    def tempered(self, factor: float) -> "Run":
+    def tempered(self, factor: float) -> "EventRun":
         """The run with its cost divided by a factor."""
         value, gradient, information = self.value / factor, self.gradient / factor, self.information / factor
         return replace(self, value=value, gradient=gradient, information=information)
@@ -167,7 +167,7 @@ class EventCost:
         """Innovations (n,) at theta (m,), whitened."""
         return self._follow(theta, None).innovations
 
-    def at(self, theta: NDArray[np.float64], near: Run) -> Run:
+    def at(self, theta: NDArray[np.float64], near: EventRun) -> EventRun:
         """The event run with theta (m,), its parabola and slopes those of a run near by; J is inf if not finite."""
         unfiltered, innovations, jitter = self._follow(theta, near)
         return replace(
@@ -180,7 +180,7 @@ class EventCost:
             jitter=jitter,
         )
 
-    def linearised(self, theta: NDArray[np.float64], near: Run | None = None) -> Run:
+    def linearised(self, theta: NDArray[np.float64], near: EventRun | None = None) -> EventRun:
         """The event run with theta (m,) and its slopes; near: a run whose shots are about as late, None: none is."""
         followed, slopes, delays = self._follow_with_slopes(theta, self._jitter(near))
         unfiltered_slopes = np.zeros((followed.unfiltered.size, theta.size))
@@ -200,7 +200,7 @@ class EventCost:
         by_offset[_OFFSET], by_offset[_GAIN] = 1.0, self._rail_pressure
         gradient += self._offset_weight * self._offset_error(theta) * by_offset
         information += self._offset_weight * np.outer(by_offset, by_offset)
-        return Run(
+        return EventRun(
             theta,
             self._value(theta, followed.innovations, followed.jitter),
             gradient / self.temper,
@@ -256,7 +256,7 @@ class EventCost:
         cost += self.offset_cost(theta) + 0.5 * float(jitter @ jitter)
         return cost / self.temper if math.isfinite(cost) else math.inf
 
-    def _jitter(self, near: Run | None) -> NDArray[np.float64]:
+    def _jitter(self, near: EventRun | None) -> NDArray[np.float64]:
         """Delays of the shots from which on they are sought."""
         return np.zeros(self.window.shot_columns) if near is None else near.jitter
 
@@ -267,7 +267,7 @@ class EventCost:
             unfiltered -= expected
         return _Innovations(unfiltered, self.whitened(unfiltered), jitter)
 
-    def _follow(self, theta: NDArray[np.float64], near: Run | None) -> _Innovations:
+    def _follow(self, theta: NDArray[np.float64], near: EventRun | None) -> _Innovations:
         """Run the event with theta (m,), the shots as late as explains most."""
         jitter = self._jitter(near)
         if jitter.size:

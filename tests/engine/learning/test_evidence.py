@@ -13,7 +13,7 @@ from observer_rt.engine.estimation.phases import PHASES, Phase, phase_statistics
 from observer_rt.engine.learning.adequacy import CLIP
 from observer_rt.engine.learning.fit import BEYOND, Limits, at_fault, evidence_of, nearly_white
 from observer_rt.engine.learning.healthy import NOT_FITTED
-from observer_rt.engine.learning.run import Run
+from observer_rt.engine.learning.run import EventRun
 
 FAR = np.full(2, 1e3)
 ANYWHERE = Limits(-FAR, FAR, FAR)
@@ -23,10 +23,10 @@ PHASE_OF = np.repeat(np.arange(PHASES, dtype=np.int8), [PHASE_SAMPLES[phase] for
 SEEDS = range(40)
 
 
-def parabola(entries: list[float]) -> Run:
+def parabola(entries: list[float]) -> EventRun:
     """A cost of theta (2,), by seven numbers."""
     root = np.array([[entries[0], 0.0], [entries[1], entries[2]]])
-    return Run(np.array(entries[3:5]), 1.0, np.array(entries[5:7]), root @ root.T + 0.1 * np.eye(2))
+    return EventRun(np.array(entries[3:5]), 1.0, np.array(entries[5:7]), root @ root.T + 0.1 * np.eye(2))
 
 
 def prior(mean: list[float], sigma: list[float], correlation: float) -> Belief:
@@ -34,7 +34,7 @@ def prior(mean: list[float], sigma: list[float], correlation: float) -> Belief:
     return prior_belief(np.array(mean), covariance)
 
 
-def integral(cost: Run, belief: Belief) -> tuple[float, NDArray[np.float64]]:
+def integral(cost: EventRun, belief: Belief) -> tuple[float, NDArray[np.float64]]:
     """Logarithm of the integral of exp(-cost) over a prior, and the mean of theta after it, on a grid."""
     grid = np.linspace(-12.0, 12.0, 601)
     theta = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -67,7 +67,7 @@ def test_it_is_the_integral(entries: list[float], mean: list[float], sigma: list
     ids=["a limit", "slopes that do not hold"],
 )
 def test_of_what_lies_beyond_little_is_believed(limits: Limits) -> None:
-    cost = Run(np.zeros(2), 50.0, np.array([-40.0, 0.0]), 20.0 * np.eye(2))
+    cost = EventRun(np.zeros(2), 50.0, np.array([-40.0, 0.0]), 20.0 * np.eye(2))
     belief = prior([0.0, 0.0], [1.0, 1.0], 0.0)
     result, free = evidence_of(cost, belief, limits), evidence_of(cost, belief, ANYWHERE)
     reached = np.clip(free.theta / max(1.0, float(np.max(free.theta / limits.longest_step))), None, limits.highest)

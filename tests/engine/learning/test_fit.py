@@ -9,8 +9,8 @@ import pytest
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.belief import prior_belief
 from observer_rt.engine.estimation.parameters import PARAMETERS, Parameter, Theta
-from observer_rt.engine.learning.fit import Fitter, evidence_of, theta_limits
-from observer_rt.engine.learning.run import EventCost, Run
+from observer_rt.engine.learning.fit import EventFitter, evidence_of, theta_limits
+from observer_rt.engine.learning.run import EventCost, EventRun
 from tests.engine.conftest import make_case
 
 
@@ -20,12 +20,12 @@ class CostOfOne(EventCost):
     def __init__(self, column: int, cost: Callable[[float], float], slope: float) -> None:
         vars(self).update(column=int(column), cost=cost, slope=slope * np.eye(PARAMETERS)[column])
 
-    def linearised(self, theta: Theta, near: Run | None = None) -> Run:
+    def linearised(self, theta: Theta, near: EventRun | None = None) -> EventRun:
         column: int = vars(self)["column"]
         value, information = vars(self)["cost"](float(theta[column])), np.diag(np.eye(PARAMETERS)[column])
-        return Run(theta, value, vars(self)["slope"], information, theta[[column]])
+        return EventRun(theta, value, vars(self)["slope"], information, theta[[column]])
 
-    def at(self, theta: Theta, near: Run) -> Run:
+    def at(self, theta: Theta, near: EventRun) -> EventRun:
         return replace(self.linearised(theta), gradient=near.gradient + near.information @ (theta - near.theta))
 
 
@@ -51,7 +51,7 @@ def test_a_step_that_lowers_nothing_is_not_taken_unless_a_scalar_does_not_pay(
 ) -> None:
     event, wide = CostOfOne(column, cost, slope), prior_belief(np.zeros(PARAMETERS), 1e4 * np.eye(PARAMETERS))
     active, limits = frozenset({int(Parameter.SENSOR_LAG)}), theta_limits(make_case(load_injector()).c)
-    fit = Fitter(event, active, limits).fit(event.linearised(start * np.eye(PARAMETERS)[column]), wide, 8)
+    fit = EventFitter(event, active, limits).fit(event.linearised(start * np.eye(PARAMETERS)[column]), wide, 8)
     assert fit.stuck is stuck
     assert fit.run.theta[column] == fit.run.innovations[0] == pytest.approx(end, abs=2e-3)
     if stuck:  # what the slopes promise is not believed

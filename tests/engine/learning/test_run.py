@@ -10,7 +10,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.engine.estimation.parameters import PARAMETERS, VALVE_LAW, WEIGHTS, Parameter, learned_of, network_of
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.run import EventCost, Run
+from observer_rt.engine.learning.run import EventCost, EventRun
 from observer_rt.model.effective import coefficients
 from observer_rt.model.line import stiffened
 from tests.differences import differences
@@ -116,7 +116,7 @@ def test_what_an_event_cannot_tell_apart_is_no_singularity() -> None:
     slopes[:, 2], slopes[:, 3] = -2.0 * slopes[:, 1], 0.0
     information, prior = slopes.T @ slopes, np.diag([0.1, 0.2, 1e-9, 0.3])
     gradient = slopes.T @ np.random.default_rng(4).normal(size=200)
-    score = Run(np.zeros(4), 0.0, gradient, information).score(prior)
+    score = EventRun(np.zeros(4), 0.0, gradient, information).score(prior)
     both = np.ix_([0, 1], [0, 1])
     spread = information[both] + information[both] @ prior[both] @ information[both]
     chi2 = float(gradient[:2] @ np.linalg.solve(spread, gradient[:2]))

@@ -38,10 +38,10 @@ def facts_of(scenario: Scenario, outcome: Outcome, published: Results) -> Row:
 
     wrong_samples: valid ones of injections that are wrong by them, and valid rates where nothing flows, beyond the
     stated time after the first opening; late_samples: those within it, of injections that are wrong by all.
-    wrong_summaries: valid, of another mass; free_valid: of injections in which nothing was wrong, whether valid.
-    found_ms: from the first fault that comes until a sample was not valid, None: none was; recovered_after: events
-    from the last fault's end until one had a valid injection, None: none had, or something lasts; in_time: None where
-    there was no time; is_named: a reason given is true of a fault, None: none was given; verdict: if all lasts.
+    wrong_summaries: valid, of another mass; free_valid: of injections in which nothing was wrong, whether valid by
+    their summaries. found_ms: from the first fault that comes until a sample was not valid, None: none was;
+    recovered_after: events from the last fault's end until one had a valid injection, None: none had, or one lasts;
+    in_time: None without time; is_named: a reason given is true of a fault, None: none was; verdict: if all lasts.
     """
     density, task = scenario.bench.injector.density, scenario.task
     interval = 1.0 / scenario.bench.sample_rate
@@ -71,7 +71,10 @@ def facts_of(scenario: Scenario, outcome: Outcome, published: Results) -> Row:
             late_samples += int(np.sum(published.valid[window]))
     wrong_samples += int(np.sum(published.valid & ~inside & (np.abs(published.rate) > PHANTOM)))
     wrong_summaries = _wrong_summaries(published, windows, true)
-    valid = np.array([bool(published.valid[window].all()) for window in windows.opened])
+    got = np.full(true.size, np.nan)
+    for summary in (each for each in published.summaries if each.is_valid):
+        got[np.argmin([abs(summary.first - window.start) for window in windows.ranges])] = summary.mass
+    valid = ~np.isnan(got)
     event = np.asarray(outcome.event_of)
     touched = np.unique(event[(starts >= begin - _REACH) & (starts < end + _REACH)])
     after = event[starts >= end]
@@ -82,7 +85,7 @@ def facts_of(scenario: Scenario, outcome: Outcome, published: Results) -> Row:
     verdict = None
     if scenario.is_lasting:
         is_wrong = wrong_samples + wrong_summaries > 0
-        verdict = Verdict.WRONG if is_wrong else _verdict(published, windows, true)
+        verdict = Verdict.WRONG if is_wrong else _verdict(got, true, windows)
     named = _named(published, begin / interval) if verdict in (None, Verdict.REFUSED) else ()
     true_reasons = frozenset().union(*(each.fault.reasons for each in scenario.placed))
     gone = np.flatnonzero(~published.valid[round(begin / interval) : round(min(end, 1e3) / interval)])
@@ -108,11 +111,8 @@ def facts_of(scenario: Scenario, outcome: Outcome, published: Results) -> Row:
     }
 
 
-def _verdict(published: Results, windows: Windows, true: Array) -> Verdict:
-    """Of a recording in which nothing is wrong, by its injections' summaries."""
-    got = np.full(true.size, np.nan)
-    for summary in (each for each in published.summaries if each.is_valid):
-        got[np.argmin([abs(summary.first - window.start) for window in windows.ranges])] = summary.mass
+def _verdict(got: Array, true: Array, windows: Windows) -> Verdict:
+    """Of a recording in which nothing is wrong, by the valid masses of its injections, NaN where there is none."""
     errors = 100.0 * np.abs(windows.by_event(got) / windows.by_event(true) - 1.0)[JUDGED]
     if np.mean(~np.isnan(errors)) < ENOUGH_VALID:
         return Verdict.REFUSED

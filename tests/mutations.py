@@ -1,8 +1,8 @@
 """`python -m tests.mutations`: small faults planted one by one, and whether the mirrored tests notice.
 
 A fault is drawn from every room in turn: another comparison, sign, number, `and`, `min` or condition. The test file
-of the module's name runs first, then the folder that mirrors its room, without slow tests, within --seconds of
-processor. To be run in a clone: it writes into the sources, and puts them back.
+of the module's name runs first, then those that import it, then the folder that mirrors its room, without slow tests,
+within --seconds of processor. To be run in a clone: it writes into the sources, and puts them back.
 """
 
 import random
@@ -64,12 +64,16 @@ def faults_of(path: Path) -> list[Fault]:
 
 
 def tests_of(path: Path) -> list[str]:
-    """The test file of this name, then the folders that mirror the room."""
+    """The test file of this name, those that import the module, then the folders that mirror the room."""
     room = path.relative_to(PACKAGE).parent
     folders = [Path("tests", folder) for folder in MIRRORS.get(str(room), (room,))]
     folders = [next(f for f in (folder, *folder.parents) if f.is_dir()) for folder in folders]
-    own = [file for folder in folders for file in sorted(folder.rglob(f"test_{path.stem}.py"))]
-    return [str(chosen) for chosen in [*own, *folders]]
+    package = ".".join(path.parent.parts)
+    imports = re.compile(rf"^(from|import) {package}(\.| import .*\b){path.stem}\b", re.MULTILINE)
+    files = [file for folder in folders for file in sorted(folder.rglob("test_*.py"))]
+    own = [file for file in files if file.stem == f"test_{path.stem}"]
+    near = [file for file in files if file not in own and imports.search(file.read_text(encoding="utf-8"))]
+    return [str(chosen) for chosen in [*own, *near, *folders]]
 
 
 def drawn(seed: int, count: int) -> Iterator[Fault]:

@@ -111,6 +111,7 @@ def test_what_a_further_bus_leaves_out_is_as_in_the_first(tmp_path: Path) -> Non
 
 
 LOST = '[signals.{}]\nmessage = "X"\nsignal = "Y"\nlink = "lin"\n[outputs]'
+LATE = LOST.format("energizing").replace('link = "lin"', "missing_after_ms = 51")
 
 
 @pytest.mark.parametrize(
@@ -125,6 +126,7 @@ LOST = '[signals.{}]\nmessage = "X"\nsignal = "Y"\nlink = "lin"\n[outputs]'
         ("[links.line]", '[links."a b"]', "links.a b", "is not allowed"),
         ("[outputs]", LOST.format("learning_enable"), "signals.learning_enable.link", "did you mean 'line'?"),
         ("[outputs]", LOST.format("energizing"), "signals.energizing.link", "did you mean 'line'?"),
+        ("[outputs]", LATE, "signals.energizing.missing_after_ms", "should be less than or equal to 50"),
     ],
 )
 def test_mistakes_are_named(tmp_path: Path, old: str, new: str, location: str, said: str) -> None:

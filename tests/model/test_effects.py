@@ -81,6 +81,8 @@ def test_parameters_are_consistent(effect: Effect) -> None:
         assert 0.0 <= parameter.dead_zone < 0.1 * (parameter.highest - parameter.lowest)
         assert parameter.si > 0.0
     assert all(parameter.dead_zone > 0.0 for parameter in effect.parameters[:1])  # its size; others shape it
+    needle = effective_model(NOMINAL, [at(effect, 0.0)]).injector.needle_law
+    assert min(needle.opening_speed, needle.closing_speed, needle.bounce_length) > 0.0
 
 
 @effects

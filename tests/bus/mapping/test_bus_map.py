@@ -173,6 +173,8 @@ def test_results_under_other_identifiers(tmp_path: Path) -> None:
     bus, usual = map_bus(load_bench(tmp_path / "bench.toml")), map_bus(load_bench())
     identifiers = [(layout.frame_id, layout.is_extended) for layout in bus.sent]
     assert identifiers == [(0x300, False), (0x18FF0001, True), (0x7FF, False)]
+    sent = [[message.layout.name for _, message in bus.results_of(per_injection=each)] for each in (True, False)]
+    assert sent == [["InjectionSummary"], ["ObserverStatus"]]
     for moved, layout in zip(bus.sent, usual.sent, strict=True):
         assert (moved.name, moved.length, moved.e2e_data_id) == (layout.name, layout.length, layout.e2e_data_id)
 
@@ -186,9 +188,7 @@ def test_results_under_other_identifiers(tmp_path: Path) -> None:
          "signals.rail_pressure", "GenSigError is 99999, which its 16 bits cannot hold"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_a_database_names_the_bench_file(
-    tmp_path: Path, old: str, new: str, location: str, problem: str
-) -> None:
+def test_a_wrong_database_names_the_bench(tmp_path: Path, old: str, new: str, location: str, problem: str) -> None:
     text = FD_DATABASE.read_text()
     assert old in text
     (tmp_path / "observer_fd.dbc").write_text(text.replace(old, new))

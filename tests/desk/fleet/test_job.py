@@ -1,13 +1,17 @@
 """What a worker makes of one file, which it reads once."""
 
 import gc
+import threading
 from dataclasses import replace
 from pathlib import Path
 
 import pyarrow as pa
 import pytest
+from distributed import Client
+from rich.console import Console
 
 from observer_rt.config.bench import load_bench
+from observer_rt.desk.fleet.batch import Dataset, evaluate_all, read_injections
 from observer_rt.desk.fleet.job import FailedFile, Task, evaluate_file
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.signal_survey import refuse_implausible
@@ -27,10 +31,15 @@ def result_of(path: Path) -> pa.Table | FailedFile:
 
 
 def test_rows_are_those_of_evaluate(tmp_path: Path) -> None:
-    path = tmp_path / "worn.parquet"
+    """A recording, a copy of it and a file that is not there, given to a worker in this process."""
+    path, copy, missing = paths = [tmp_path / f"{name}.parquet" for name in ("worn", "copy", "missing")]
     write_recording(path, worn())
-    table = result_of(path)
-    assert isinstance(table, pa.Table)
+    copy.write_bytes(path.read_bytes())
+    dataset, task = Dataset(tmp_path, {}), Task(load_bench().exact, tmp_path, learning=False)
+    with Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
+        counts = evaluate_all(client, threading.Event(), task, paths, dataset, Console())
+    assert (counts.done, counts.skipped, [failed.file for failed in counts.failed]) == (1, 1, [missing])
+    table = read_injections(tmp_path)
     assert table.num_rows == 24
     assert table["mass_mg"].to_pylist() == pytest.approx(masses(path, learning=False), rel=1e-12)
 

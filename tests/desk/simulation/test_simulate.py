@@ -67,6 +67,15 @@ def test_truth_does_not_depend_on_the_sample_rate(every: int) -> None:
     np.testing.assert_allclose(slow.line_pressure, fast.line_pressure[::every], atol=100.0)
 
 
+def test_a_needle_at_its_stop_changes_the_flow_of_the_pilot_valve() -> None:
+    """By a share; the line, once it no longer rings, carries it beside the injection rate."""
+    line = NOMINAL.line.model_copy(update={"control_flow": 4e-6, "control_hold": -0.4})
+    truth = simulate(NOMINAL.model_copy(update={"line": line}), make_schedule([100e6], 1, 0.05, [12e-3]), 100e3).truth
+    at = int(np.searchsorted(truth.time, 0.162))
+    drained = (truth.line_flow[at] - truth.injection_rate[at]) / math.sqrt(truth.line_pressure[at] / 100e6)
+    assert drained == pytest.approx(2.4e-6, rel=0.01)
+
+
 def test_rest_stays_at_rest() -> None:
     truth = run()
     before = truth.time < 0.15
@@ -193,9 +202,7 @@ def test_every_code_of_the_bus_is_left_as_it_is(quantisation: Quantisation, sign
 
 @QUANTITIES
 @given(value=st.floats(-9.0, 300.0))
-def test_values_are_rounded_as_on_the_bus(
-    quantisation: Quantisation, signal: str, factor: float, value: float
-) -> None:
+def test_values_are_rounded_as_on_a_bus(quantisation: Quantisation, signal: str, factor: float, value: float) -> None:
     (result,) = quantisation.apply(np.array([value * factor]))
     physical = SIGNALS[signal]
     exact = (value - float(physical.offset)) / float(physical.scale)

@@ -65,5 +65,6 @@ def test_a_law_that_no_event_teaches_is_one_for_discover(laws: Laws, is_said: bo
 
 def test_it_is_known_on_both_sides_of_the_rail_pressure_learned_at() -> None:
     report = observed(worn_bench((50e6,) * 4, (1.4e-3,) * 4, 3)).reports[-1]
+    assert abs(report.remainder) < 0.02
     below, above = 50e6 - np.array(report.known_rails)
     assert -(NEAR + RAIL_BIN) * PRESSURE_SCALE < above < 0.0 < below < (NEAR + RAIL_BIN) * PRESSURE_SCALE

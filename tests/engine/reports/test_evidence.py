@@ -8,8 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from observer_rt.config.bench import load_injector
 from observer_rt.engine.learning.mass import VolumeBudget
-from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind, kind_of
+from observer_rt.engine.observer import Durations, constants_for
+from observer_rt.engine.reports.evidence import EventEvidence, EventInputs, EvidenceKind, evidence_of, kind_of
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Reason
 from observer_rt.engine.stream.validity import OF_MODEL
@@ -45,6 +47,14 @@ def test_a_mass_known_badly_is_a_doubt() -> None:
     assert kind_of([report(Reason.TOO_FEW_EVENTS)]) is EvidenceKind.GOOD
     assert kind_of([report(half=0.02)]) is EvidenceKind.DOUBTFUL
     assert kind_of([report(Reason.OUTSIDE_LEARNED_RANGE)]) is EvidenceKind.DOUBTFUL
+
+
+def test_an_event_ends_with_its_ringing() -> None:
+    """14 ms after the needle is shut, .5 ms before the end of the injection's window."""
+    constants = constants_for(load_injector(), 100e3, Durations(), events_required=2)
+    kept = evidence_of([report()], EventInputs(600, 0, np.zeros((3, 5000))), constants, {})
+    assert kept is not None
+    assert kept.signals.shape == (3, 500 - 50 + 1400)
 
 
 values = st.lists(st.floats(width=64), min_size=1, max_size=40)

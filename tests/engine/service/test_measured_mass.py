@@ -54,6 +54,8 @@ def test_a_value_belongs_to_the_injection_before_it(scale: Scale, delay: int) ->
     for error_note, report in zip(scale.tells(*sent).notes.measured, scale.usual.reports, strict=True):
         assert error_note.error == pytest.approx((report.mass - error_note.mass) / error_note.mass)
         assert f"injection {report.number}: measured {error_note.mass * 1e6:.2f} mg" in error_note.as_text()
+    scale.path = slow_bench(scale.path.parent, MASS | {"energizing": ("Bed", "LearnEnable")})  # of which none comes
+    assert scale.masses(*sent) == [(1, 10.0), (2, 8.0), (3, 9.0)]
 
 
 def test_it_changes_no_result(scale: Scale) -> None:

@@ -1,5 +1,6 @@
 """Recordings as frames, whole and windowed; decoded by plain cantools."""
 
+import time
 import tracemalloc
 from pathlib import Path
 
@@ -118,6 +119,12 @@ def test_a_recording_split_into_stretches_is_sent_as_on_one_grid(bus: BusMap) ->
     split = RepeatedRecording(recording_of(5003, open_at=(200, 4950)), 4, 2)
     for windowed in (False, True):
         assert list(recording_frames(split, bus, windowed)) == sent(split.collected(), bus, windowed)
+
+
+def test_encoding_takes_a_small_part_of_the_time_that_a_recording_lasts(bus: BusMap) -> None:
+    recording, begun = recording_of(100_000), time.process_time()
+    sent(recording, bus)
+    assert time.process_time() - begun < 0.15 * recording.samples / RATE
 
 
 @pytest.mark.parametrize("windowed", [False, True])

@@ -309,9 +309,7 @@ def test_the_model_hash_tells_models_apart_but_not_their_spelling(tmp_path: Path
         ("fluid", {"reference_temperature": None}, "3b21098db77c06a8"),
     ],
 )
-def test_an_injector_file_is_the_model_that_it_was_to_earlier_versions(
-    section: str, keys: dict[str, Any], begin: str
-) -> None:
+def test_an_injector_file_is_the_model_of_earlier_versions(section: str, keys: dict[str, Any], begin: str) -> None:
     """Else what was learned for it, and evidence kept with it, would be of another model after an update."""
     changed = getattr(MODEL, section).model_copy(update=keys)
     assert model_hash(MODEL.model_copy(update={section: changed})).startswith(begin)

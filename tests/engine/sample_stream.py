@@ -13,19 +13,12 @@ from observer_rt.config.bench import load_injector
 from observer_rt.core.stream.stream import INJECTIONS, RECORDED, RECORDED_RING, RING, Break
 from observer_rt.desk.simulation.plant import Truth, run_plant
 from observer_rt.desk.simulation.schedule import make_schedule, strokes
+from observer_rt.engine import observer as engine_observer
 from observer_rt.engine.estimation.predictor import NoiseLevels
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.knowledge import Outcome, no_knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.mailbox import post_examined, post_learned
-from observer_rt.engine.observer import (
-    Durations,
-    constants_for,
-    event_standstill,
-    event_window,
-    make_observer,
-    samples_at,
-)
 from observer_rt.engine.stream.standstill import RestingLift, Standstill, standstill_of
 from observer_rt.engine.stream.state import LIFT, Observer, sample_dtype
 from observer_rt.engine.stream.state import RAIL as RAIL_CHANNEL
@@ -78,7 +71,7 @@ class Stream:
 
     injector: InjectorParameters = NOMINAL
     sample_rate: float = 100e3
-    durations: Durations = field(default_factory=Durations)
+    durations: engine_observer.Durations = field(default_factory=engine_observer.Durations)
     events_required: int = 2
     learning: bool = False
     keep: bool = True
@@ -88,12 +81,12 @@ class Stream:
     outcomes: list[Outcome | None] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        constants = constants_for(
+        constants = engine_observer.constants_for(
             self.injector, self.sample_rate, self.durations, self.events_required, stated=self.stated
         )
         knowledge = replace(no_knowledge(NOISE, constants.coefficients.pressure_scale), lift=self.lift)
         self.learner = Learner(constants, knowledge)
-        self.observer: Observer = make_observer(constants, knowledge, self.learner)
+        self.observer: Observer = engine_observer.make_observer(constants, knowledge, self.learner)
         if not self.learning:  # the pressures are made up: nothing shall contradict them
             self.observer.memory["innovation_noise"]["weight"] = 0.0
         self._kept: list[NDArray[np.void]] = []
@@ -173,11 +166,11 @@ class Stream:
             waiting_index = int(self.observer.ring[position % RING]["index"])
             self.judged.append(waiting_index if position < self.count("positions", "received") else -1)
             number = self.count("judgement", "events_taken")
-            window = event_window(self.observer, number) if self.learning else None
+            window = engine_observer.event_window(self.observer, number) if self.learning else None
             outcome = None
             if window is not None:
                 carried = self.observer.theta.copy()
-                outcome = self.learner.learn(window, event_standstill(self.observer, number), carried)
+                outcome = self.learner.learn(window, engine_observer.event_standstill(self.observer, number), carried)
             self.outcomes.append(outcome)
             judge(self.observer, () if outcome is None else outcome.forward, outcome)
         self._keep()
@@ -185,7 +178,7 @@ class Stream:
     def _keep(self) -> None:
         processed = self.count("positions", "processed")
         if self.keep:
-            self._kept.append(samples_at(self.observer, self._seen, processed))
+            self._kept.append(engine_observer.samples_at(self.observer, self._seen, processed))
         self._seen = processed
 
 

@@ -11,18 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from tests.plants import laws as law
 from tests.plants.arrays import Array
-from tests.plants.laws import (
-    Laws,
-    Moment,
-    altered,
-    forgetting,
-    outflow,
-    resist,
-    since_opening,
-    true_lift,
-    valve_opening,
-)
 from tests.plants.parameters import Faults, Injector
 
 ROUNDING = 100.0  # Pa, below which the square root of a pressure difference is rounded
@@ -258,7 +248,14 @@ def is_shut(p_s: float, end: float, begin: float, strokes: Array, remembered: fl
 
 @njit(cache=True, nogil=True)
 def run(
-    part: Injector, faults: Faults, laws: Laws, beyond: bool, strokes: Array, drive: Rail, state: State, result: Array
+    part: Injector,
+    faults: Faults,
+    laws: law.Laws,
+    beyond: bool,
+    strokes: Array,
+    drive: Rail,
+    state: State,
+    result: Array,
 ) -> None:
     """Integrate over the samples of the rail pressure; beyond: whether there is any law.
 
@@ -279,7 +276,7 @@ def run(
         steps = STEPS_SHUT if shut else STEPS_FLOWING
         step = interval / steps
         lift1 = 0.0 if shut else lift_at(t0, strokes)
-        open1 = true_lift(lift1, remembered[-1], part.max_lift, laws)
+        open1 = law.true_lift(lift1, remembered[-1], part.max_lift, laws)
         late = interval - faults.channel_skew % interval  # after t0; whole intervals are the caller's
         now = part
         for j in range(steps):
@@ -289,21 +286,21 @@ def run(
             lift1 = 0.0 if shut else lift_at(t0 + (j + 1) * step, strokes)
             if beyond:
                 remembered[-1] = lagged(remembered[-1], lift0, lift1, step, laws.lift_memory)
-                remembered[-1] = forgetting(remembered[-1], lift1)
-            open1 = true_lift(lift1, remembered[-1], part.max_lift, laws)
+                remembered[-1] = law.forgetting(remembered[-1], lift1)
+            open1 = law.true_lift(lift1, remembered[-1], part.max_lift, laws)
             if beyond:
                 time, speed = t0 + j * step, (lift1 - lift0) / step
-                since = since_opening(time, strokes)
-                valve = valve_opening(time, strokes, laws)
-                moment = Moment(time, since, open0, speed, q[last], p_l0, p_s, remembered[-2], valve, rail0)
-                now = altered(part, laws, moment)
+                since = law.since_opening(time, strokes)
+                valve = law.valve_opening(time, strokes, laws)
+                moment = law.Moment(time, since, open0, speed, q[last], p_l0, p_s, remembered[-2], valve, rail0)
+                now = law.altered(part, laws, moment)
             kick(q, p, rail0, 0.5 * step, now, faults)
             p_s = drift(q, p, p_s, open0, open1, step, now, faults)
             kick(q, p, rail1, 0.5 * step, now, faults)
             if beyond:
-                resist(q, p, remembered, inertances, loss, laws, step)
+                law.resist(q, p, remembered, inertances, loss, laws, step)
                 gain = line_stiffness(p[last], now, faults) / part.line_volume * (last + 1)
-                p[last] -= step * gain * outflow(part, laws, moment)
+                p[last] -= step * gain * law.outflow(part, laws, moment)
                 remembered[-2] = lagged(remembered[-2], p_l0, p[last], step, laws.pressure_memory)
             seen = lagged(seen0, p_l0, p[last], step, faults.line_pressure_sensor_lag)
             seen_lift = lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)

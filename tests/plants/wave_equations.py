@@ -17,20 +17,9 @@ import numpy as np
 from numba import njit
 
 from tests.plants import equations
+from tests.plants import laws as law
 from tests.plants.arrays import Array
 from tests.plants.equations import Rail
-from tests.plants.laws import (
-    Laws,
-    Moment,
-    altered,
-    forgetting,
-    inertance_growth,
-    outflow,
-    resist,
-    since_opening,
-    true_lift,
-    valve_opening,
-)
 from tests.plants.parameters import Faults, Injector
 from tests.plants.wave_line_equations import NODES, Lattice, WaveState, line_step
 
@@ -126,20 +115,20 @@ def seat_step(
 
 
 @njit(cache=True, nogil=True)
-def _lift_in(time: float, strokes: Array, remembered: float, max_lift: float, laws: Laws) -> float:
+def _lift_in(time: float, strokes: Array, remembered: float, max_lift: float, laws: law.Laws) -> float:
     """True lift [m] at a time [s]."""
-    lift: float = true_lift(equations.lift_at(time, strokes), remembered, max_lift, laws)
+    lift: float = law.true_lift(equations.lift_at(time, strokes), remembered, max_lift, laws)
     return lift
 
 
 @njit(cache=True, nogil=True)
-def _grow_inertance(usual: Lattice, lattice: Lattice, flows: Array, laws: Laws) -> None:
+def _grow_inertance(usual: Lattice, lattice: Lattice, flows: Array, laws: law.Laws) -> None:
     """The line's inertance as it is with these flows (n,), in place of `lattice`; its friction falls with it."""
     for e in range(usual.inertance.shape[0]):
         flow = 0.0
         for i in range(e * NODES, (e + 1) * NODES):
             flow += flows[i] / NODES
-        growth = 1.0 + inertance_growth(flow, laws)
+        growth = 1.0 + law.inertance_growth(flow, laws)
         lattice.inertance[e] = usual.inertance[e] * growth
         lattice.loss[e] = usual.loss[e] / growth
 
@@ -150,7 +139,7 @@ def run_wave(
     lattice: Lattice,
     part: Injector,
     faults: Faults,
-    laws: Laws,
+    laws: law.Laws,
     beyond: bool,
     strokes: Array,
     drive: Rail,
@@ -186,14 +175,14 @@ def run_wave(
             if not shut:
                 lift1 = equations.lift_at(time + step, strokes)
             if beyond:
-                open0, speed = true_lift(lift0, remembered[-1], max_lift, laws), (lift1 - lift0) / step
-                since = since_opening(time, strokes)
-                valve = valve_opening(time, strokes, laws)
-                moment = Moment(time, since, open0, speed, flows[-1], p_l0, p_s, remembered[-2], valve, rail0)
-                now = altered(part, laws, moment)
+                open0, speed = law.true_lift(lift0, remembered[-1], max_lift, laws), (lift1 - lift0) / step
+                since = law.since_opening(time, strokes)
+                valve = law.valve_opening(time, strokes, laws)
+                moment = law.Moment(time, since, open0, speed, flows[-1], p_l0, p_s, remembered[-2], valve, rail0)
+                now = law.altered(part, laws, moment)
                 _grow_inertance(usual, lattice, flows, laws)
                 remembered[-1] = equations.lagged(remembered[-1], lift0, lift1, step, laws.lift_memory)
-                remembered[-1] = forgetting(remembered[-1], lift1)
+                remembered[-1] = law.forgetting(remembered[-1], lift1)
             middle = time + 0.5 * step
             if shut:
                 drain = 0.0
@@ -205,7 +194,7 @@ def run_wave(
                 y[end], p_s, before = seat_step(
                     y[end], p_s, drain, lifts, 0.5 * step, lattice.end_volume, now, faults
                 )
-            lost = outflow(part, laws, moment) if beyond else 0.0
+            lost = law.outflow(part, laws, moment) if beyond else 0.0
             line_step(state, rooms, rail0, rail1, drain + lost, step, lattice, now, faults)
             if not shut:
                 lifts = (
@@ -215,13 +204,13 @@ def run_wave(
                 y[end], p_s, after = seat_step(y[end], p_s, drain, lifts, 0.5 * step, lattice.end_volume, now, faults)
                 drain = 0.5 * (before + after)
             if beyond:
-                resist(flows, pressures, remembered, inertances, loss, laws, step)
+                law.resist(flows, pressures, remembered, inertances, loss, laws, step)
                 remembered[-2] = equations.lagged(remembered[-2], p_l0, y[end], step, laws.pressure_memory)
             seen = equations.lagged(seen0, p_l0, y[end], step, faults.line_pressure_sensor_lag)
             seen_lift = equations.lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)
             if j * step < late <= (j + 1) * step * (1.0 + 1e-12):
                 recorded = seen0 + (seen - seen0) * (late / step - j)
-        open1 = true_lift(lift1, remembered[-1], max_lift, laws)
+        open1 = law.true_lift(lift1, remembered[-1], max_lift, laws)
         p_c = equations.chamber_pressure(open1, part, faults)
         result[k, 0] = equations.nozzle_factor(p_s, p_c, open1, now, faults) * signed_root(p_s - p_c)
         result[k, 1] = p_s

@@ -46,9 +46,7 @@ def facts(
         (facts(replace(GOOD, effects=("seat_area",))), False, True),
     ],
 )
-def test_a_proposal_is_right_where_the_true_law_is_or_cannot_be_told_from_it(
-    row: Row, right: bool, own: bool
-) -> None:
+def test_a_proposal_is_right_where_the_true_law_is_or_looks_like_it(row: Row, right: bool, own: bool) -> None:
     assert (row["right_equation"], row["own_equation"]) == (right, own)
 
 

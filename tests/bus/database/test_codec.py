@@ -11,31 +11,26 @@ from hypothesis import strategies as st
 from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.multiplexing import compile_conditions, conditions_of
 from observer_rt.core.frames.frames import carries, decode_signals, encode_signals
-from tests.bus.database.random_databases import (
-    Field,
-    RandomMessage,
-    multiplexed_messages,
-    plain_messages,
-    same_float,
-    with_bits,
-)
+from tests.bus.database import random_databases
 
 FLOAT_FORMAT = {32: "f", 64: "d"}
 many = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
-all_messages = st.one_of(plain_messages(), multiplexed_messages())
+all_messages = st.one_of(random_databases.plain_messages(), random_databases.multiplexed_messages())
 
 
 @st.composite
-def payloads(draw: st.DrawFn, random: RandomMessage) -> bytes:
+def payloads(draw: st.DrawFn, random: random_databases.RandomMessage) -> bytes:
     """Random contents, the selectors at values the database knows, reserved codes more often than by chance."""
     payload = draw(st.binary(min_size=random.size, max_size=random.size))
     for field in random.fields:
         codes = [code for code in (field.not_available, field.error) if code is not None]
         if codes and draw(st.integers(0, 3)) == 0:
-            payload = with_bits(payload, field, draw(st.sampled_from(codes)))
+            payload = random_databases.with_bits(payload, field, draw(st.sampled_from(codes)))
     for field in random.fields:
         if random.selectors.get(field.name):
-            payload = with_bits(payload, field, draw(st.sampled_from(sorted(random.selectors[field.name]))))
+            payload = random_databases.with_bits(
+                payload, field, draw(st.sampled_from(sorted(random.selectors[field.name])))
+            )
     return payload
 
 
@@ -50,11 +45,11 @@ def selected(message: Message, payload: bytes) -> list[str]:
     return names
 
 
-def reserved(field: Field) -> set[int]:
+def reserved(field: random_databases.Field) -> set[int]:
     return {code for code in (field.not_available, field.error) if code is not None}
 
 
-def bits_of(field: Field, raw: float) -> int:
+def bits_of(field: random_databases.Field, raw: float) -> int:
     """The raw value as the unsigned number in the field."""
     if field.is_float:
         return int.from_bytes(struct.pack(">" + FLOAT_FORMAT[field.length], raw), "big")
@@ -63,7 +58,7 @@ def bits_of(field: Field, raw: float) -> int:
 
 @many
 @given(all_messages.filter(lambda random: bool(random.fields)), st.data())
-def test_decode(random: RandomMessage, data: st.DataObject) -> None:
+def test_decode(random: random_databases.RandomMessage, data: st.DataObject) -> None:
     message = random.load()
     payload = data.draw(payloads(random))
     expected = message.decode(payload, decode_choices=False)
@@ -78,23 +73,23 @@ def test_decode(random: RandomMessage, data: st.DataObject) -> None:
         else:
             largest_term = max(abs(raw[name] * field.scale), abs(field.offset))
             slack = 0.0 if exact_in_float64(field, raw[name]) else 3 * math.ulp(float(largest_term))
-            assert same_float(ours, float(value)) or abs(ours - value) <= slack, field
+            assert random_databases.same_float(ours, float(value)) or abs(ours - value) <= slack, field
 
 
-def is_far_outside(field: Field, raw: float) -> bool:
+def is_far_outside(field: random_databases.Field, raw: float) -> bool:
     """Whether a raw value is outside the declared range by more than a hundredth of it."""
     low, high = sorted(round((limit - field.offset) / field.scale) for limit in field.limits)
     return field.limits != (0, 0) and not 0 <= raw - low + 0.01 * (high - low) <= 1.02 * (high - low)
 
 
-def exact_in_float64(field: Field, raw: float) -> bool:
+def exact_in_float64(field: random_databases.Field, raw: float) -> bool:
     """Whether the whole numbers that cantools multiplies exactly are float64 numbers, too."""
     is_whole = float(field.scale).is_integer() and not field.is_float  # 3.0 counts as 3 for cantools
     return not is_whole or abs(raw * field.scale) <= 1 << 53
 
 
 @st.composite
-def values(draw: st.DrawFn, field: Field) -> float:
+def values(draw: st.DrawFn, field: random_databases.Field) -> float:
     """A physical value: near a code of the field, far outside, or infinite."""
     if field.is_float:
         raw = draw(st.floats(-1e6, 1e6, width=32))
@@ -106,7 +101,7 @@ def values(draw: st.DrawFn, field: Field) -> float:
 
 @many
 @given(all_messages, st.data())
-def test_encode(random: RandomMessage, data: st.DataObject) -> None:
+def test_encode(random: random_databases.RandomMessage, data: st.DataObject) -> None:
     assume(random.fields)
     message = random.load()
     by_name = {field.name: field for field in random.fields}
@@ -139,7 +134,7 @@ def test_encode(random: RandomMessage, data: st.DataObject) -> None:
             assert bits_of(field, back[name]) == bits_of(field, code), field
 
 
-def _reference_code(field: Field, signal: Signal, value: float) -> float:
+def _reference_code(field: random_databases.Field, signal: Signal, value: float) -> float:
     """Raw value by cantools of a value that is clamped to limits and field first."""
     low, high = (-math.inf, math.inf) if field.limits == (0, 0) else field.limits
     value = min(max(value, low), high)
@@ -155,20 +150,20 @@ def _reference_code(field: Field, signal: Signal, value: float) -> float:
     return max(lowest, min(highest, float(signal.conversion.numeric_scaled_to_raw(value))))
 
 
-@given(multiplexed_messages())
-def test_a_frame_with_an_unknown_selector_carries_nothing_multiplexed(random: RandomMessage) -> None:
+@given(random_databases.multiplexed_messages())
+def test_a_frame_with_an_unknown_selector_carries_nothing_multiplexed(random: random_databases.RandomMessage) -> None:
     outer = next(one for one in random.fields if one.name == "Outer")
     unknown = next(code for code in range(256) if code not in random.selectors["Outer"])
-    payload = with_bits(bytes(random.size), outer, unknown)
+    payload = random_databases.with_bits(bytes(random.size), outer, unknown)
     assert set(selected(random.load(), payload)) == {one.name for one in random.fields if one.mark in ("", "M")}
 
 
 @many
-@given(plain_messages().filter(lambda random: bool(random.fields)), st.data())
-def test_encoding_changes_no_bit_of_other_signals(random: RandomMessage, data: st.DataObject) -> None:
+@given(random_databases.plain_messages().filter(lambda random: bool(random.fields)), st.data())
+def test_encoding_changes_no_bit_of_others(random: random_databases.RandomMessage, data: st.DataObject) -> None:
     before = data.draw(st.binary(min_size=random.size, max_size=random.size))
     chosen = data.draw(st.sampled_from(random.fields))
     after = np.frombuffer(before, np.uint8).copy()
     encode_signals(np.array([1.0]), signal_table(random.load(), [chosen.name]), after)
-    own = np.frombuffer(with_bits(bytes(random.size), chosen, (1 << chosen.length) - 1), np.uint8)
+    own = np.frombuffer(random_databases.with_bits(bytes(random.size), chosen, (1 << chosen.length) - 1), np.uint8)
     assert not np.any((after ^ np.frombuffer(before, np.uint8)) & ~own)

@@ -15,16 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import protection_of
-from observer_rt.core.frames.frames import (
-    INPUT_MESSAGE,
-    PROFILE_1,
-    PROFILE_5,
-    SUPERVISION,
-    UNPROTECTED,
-    E2EState,
-    protect_frame,
-    status_of_frame,
-)
+from observer_rt.core.frames import frames as core_frames
 
 DATA_ID = 0x0100
 
@@ -47,20 +38,22 @@ def frame_of(payload: bytes) -> NDArray[np.uint8]:
 
 def worth_of(frame: NDArray[np.uint8], length: int, row: np.void, last: int = -1) -> E2EStatus:
     """Worth of a frame of a message of so many bytes, padded to it; last: counter of the one before, if any."""
-    message, supervised = np.zeros(1, INPUT_MESSAGE), np.zeros(1, SUPERVISION)
+    message, supervised = np.zeros(1, core_frames.INPUT_MESSAGE), np.zeros(1, core_frames.SUPERVISION)
     message["length"], message["padded_length"], message["protection"] = length, frame.size, row
     supervised["counter"] = last
-    return E2EStatus(status_of_frame(frame, message, supervised))
+    return E2EStatus(core_frames.status_of_frame(frame, message, supervised))
 
 
 def frame_with(row: np.void, counter: int) -> NDArray[np.uint8]:
     """A frame of 8 bytes."""
     frame = frame_of(bytes(8))
-    protect_frame(frame, 8, row, counter)
+    core_frames.protect_frame(frame, 8, row, counter)
     return frame
 
 
-@pytest.mark.parametrize(("profile", "modulus", "most"), [(PROFILE_1, 15, 7), (PROFILE_5, 256, 15)])
+@pytest.mark.parametrize(
+    ("profile", "modulus", "most"), [(core_frames.PROFILE_1, 15, 7), (core_frames.PROFILE_5, 256, 15)]
+)
 def test_every_counter_boundary(profile: int, modulus: int, most: int) -> None:
     """most: the largest step that is taken."""
     row = protection_of(profile, DATA_ID)
@@ -98,7 +91,7 @@ def is_good(frame: NDArray[np.uint8], length: int, row: np.void) -> bool:
 
 REFERENCES = {
     "1": Reference(
-        PROFILE_1,
+        core_frames.PROFILE_1,
         (2, 8),
         15,
         lambda made, counter: made.__setitem__(1, made[1] & 0xF0 | counter),
@@ -106,7 +99,7 @@ REFERENCES = {
         lambda payload, own: e2e.p01.e2e_p01_check(bytearray(payload), own, length=len(payload)),
     ),
     "5": Reference(
-        PROFILE_5,
+        core_frames.PROFILE_5,
         (3, 64),
         256,
         lambda made, counter: made.__setitem__(2, counter),
@@ -125,7 +118,7 @@ def test_a_profile_is_that_of_the_reference(name: str, data: st.DataObject, numb
     data_id = data.draw(st.integers(0, 0xFFFF))
     frame, length, row = frame_of(payload), len(payload), protection_of(reference.profile, data_id)
     assert is_good(frame, length, row) == reference.check(payload, data_id)
-    protect_frame(frame, length, row, number)
+    core_frames.protect_frame(frame, length, row, number)
     assert frame.tobytes() == reference.protected(payload, data_id, number % reference.modulus)
     assert is_good(frame, length, row)
     assert worth_of(frame, length, row, number % reference.modulus) is E2EStatus.REPEATED
@@ -141,7 +134,9 @@ def test_a_profile_is_that_of_the_reference(name: str, data: st.DataObject, numb
 
 # A frame of 8 bytes for each, where the counter of the one before was 7.
 COUNTERS = dict(zip(E2EStatus, (8, 9, 7, 107, 0, 0, 0), strict=True))
-FRAMES = {status: frame_with(protection_of(PROFILE_5, DATA_ID), counter) for status, counter in COUNTERS.items()}
+FRAMES = {
+    status: frame_with(protection_of(core_frames.PROFILE_5, DATA_ID), counter) for status, counter in COUNTERS.items()
+}
 FRAMES |= {E2EStatus.CRC_ERROR: frame_of(bytes(8)), E2EStatus.LENGTH_ERROR: frame_of(bytes(9))}
 GOOD = (E2EStatus.OK, E2EStatus.OK_SOME_LOST, E2EStatus.INITIAL)
 BAD = (E2EStatus.CRC_ERROR, E2EStatus.LENGTH_ERROR)
@@ -151,22 +146,22 @@ class StateMachine:
     """AUTOSAR's E2E_SM, written down plainly: counts a window of statuses anew at every frame."""
 
     def __init__(self, window: int, min_ok: list[int], max_errors: list[int]) -> None:
-        self.state = E2EState.NODATA
+        self.state = core_frames.E2EState.NODATA
         self._last = deque[E2EStatus](maxlen=window)
         self._min_ok, self._max_errors = min_ok, max_errors
 
     def take(self, status: E2EStatus) -> None:
         """One frame."""
-        if self.state is E2EState.NODATA:
-            self.state = E2EState.NODATA if status in BAD else E2EState.INIT
+        if self.state is core_frames.E2EState.NODATA:
+            self.state = core_frames.E2EState.NODATA if status in BAD else core_frames.E2EState.INIT
             return
         self._last.append(status)
         is_enough = sum(each in GOOD for each in self._last) >= self._min_ok[self.state]
         is_too_wrong = sum(each in BAD for each in self._last) > self._max_errors[self.state]
         if is_enough and not is_too_wrong:
-            self.state = E2EState.VALID
-        elif self.state is E2EState.VALID or (self.state is E2EState.INIT and is_too_wrong):
-            self.state = E2EState.INVALID
+            self.state = core_frames.E2EState.VALID
+        elif self.state is core_frames.E2EState.VALID or (self.state is core_frames.E2EState.INIT and is_too_wrong):
+            self.state = core_frames.E2EState.INVALID
 
 
 @given(
@@ -178,20 +173,20 @@ class StateMachine:
 def test_states_are_those_of_the_plain_state_machine(
     window: int, min_ok: list[int], max_errors: list[int], statuses: list[E2EStatus]
 ) -> None:
-    message, memory = np.zeros(1, INPUT_MESSAGE), np.zeros(1, SUPERVISION)
+    message, memory = np.zeros(1, core_frames.INPUT_MESSAGE), np.zeros(1, core_frames.SUPERVISION)
     message["length"] = message["padded_length"] = 8
-    message["protection"] = protection_of(PROFILE_5, DATA_ID)
+    message["protection"] = protection_of(core_frames.PROFILE_5, DATA_ID)
     memory["window"], memory["min_ok"], memory["max_errors"] = window, min_ok, max_errors
     plain = StateMachine(window, min_ok, max_errors)
     for status in statuses:
         memory["counter"] = -1 if status is E2EStatus.INITIAL else 7
-        assert status_of_frame(FRAMES[status], message, memory) == status
+        assert core_frames.status_of_frame(FRAMES[status], message, memory) == status
         plain.take(status)
         assert memory["state"][0] == plain.state
 
 
 def test_an_unprotected_frame_stays_as_it_is() -> None:
     frame = frame_of(bytes(range(8)))
-    protect_frame(frame, 8, protection_of(UNPROTECTED, DATA_ID), 3)
+    core_frames.protect_frame(frame, 8, protection_of(core_frames.UNPROTECTED, DATA_ID), 3)
     assert frame.tobytes() == bytes(range(8))
-    assert worth_of(frame, 8, protection_of(UNPROTECTED, DATA_ID)) is E2EStatus.OK
+    assert worth_of(frame, 8, protection_of(core_frames.UNPROTECTED, DATA_ID)) is E2EStatus.OK

@@ -36,9 +36,7 @@ def test_an_error_is_written_at_once(command: Command, monkeypatch: pytest.Monke
     assert [text[:16] for text in written if text.strip()] == ["error: convert: "]
 
 
-def test_as_a_module_results_and_messages_apart_and_a_figure_without_what_a_notebook_draws_with(
-    worn: Path, tmp_path: Path
-) -> None:
+def test_as_a_module_results_and_messages_apart_and_a_figure_without_a_notebook(worn: Path, tmp_path: Path) -> None:
     figure = tmp_path / "worn.svg"
     process = module("evaluate", worn, "--json", "--plot", figure, environment={"MPLBACKEND": "absent"})
     out, err = process.communicate()
@@ -99,9 +97,7 @@ def test_streams_that_are_closed(resting: Path, tmp_path: Path, closed: str) -> 
         ("utf-8:surrogateescape", "evaluate {0}.txt"),
     ],
 )
-def test_a_file_name_that_a_terminal_would_obey_or_cannot_show(
-    resting: Path, tmp_path: Path, encoding: str, command: str
-) -> None:
+def test_a_name_a_terminal_obeys_or_cannot_show(resting: Path, tmp_path: Path, encoding: str, command: str) -> None:
     name = tmp_path / "a\x1b[31mü\udcfc.csv"
     name.write_bytes(resting.read_bytes())
     words = [sys.executable, "-m", "observer_rt", *command.format(name).split()]

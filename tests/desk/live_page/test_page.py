@@ -204,9 +204,7 @@ _ALIVE = """() => [...document.querySelectorAll(".state, .well, .numbers, .uplot
     .map((each) => each.className)"""
 
 
-def test_nothing_looks_alive_while_the_daemon_is_silent_and_it_goes_on_by_itself(
-    serve: Serve, page: Page, tmp_path: Path
-) -> None:
+def test_nothing_looks_alive_beside_a_silent_daemon_and_it_goes_on(serve: Serve, page: Page, tmp_path: Path) -> None:
     path, state = bench_file(tmp_path, "can0"), page.locator(".state")
     for _ in range(2):
         with daemons_of(path, frames_to(path)):

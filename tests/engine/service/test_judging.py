@@ -56,9 +56,7 @@ def served(folder: Path, recording: Recording, work_after: range) -> tuple[Core,
     return core, notes, slow
 
 
-def test_where_nothing_is_learned_in_time_every_event_is_judged_and_none_is_called_a_fault(
-    tmp_path: Path, worn: Recording
-) -> None:
+def test_without_learning_in_time_every_event_is_judged_and_none_a_fault(tmp_path: Path, worn: Recording) -> None:
     core, notes, slow = served(tmp_path, worn, range(0))
     reports = notes.injections
     assert len(reports) >= INJECTIONS - 1

@@ -149,9 +149,7 @@ def test_slow_noise_is_not_followed() -> None:
     ],
     ids=["held", "slow", "computed", "moves in the event", "moves between events"],
 )
-def test_a_rail_pressure_that_is_a_set_value(
-    rail_every: float, noise: NoiseLevels, moved: int, is_held: bool
-) -> None:
+def test_a_rail_pressure_as_a_set_value(rail_every: float, noise: NoiseLevels, moved: int, is_held: bool) -> None:
     """A slow one, or one of a computed recording, may be the same in an event. moved: samples, in every event."""
     held, window = HeldRail(), Window(np.full((50, 2), 0.95), np.zeros(50), np.zeros(50, np.bool_), np.zeros(4), 25)
     for event in range(3):

@@ -136,9 +136,7 @@ def test_a_date_not_understood_is_told_and_times_count_from_0(tmp_path: Path) ->
         ("12:00:14 am", "", 20.5, 20.5),
     ],
 )
-def test_times_of_the_day_are_known_by_their_date(
-    tmp_path: Path, time: str, base: str, first: float, late: float
-) -> None:
+def test_times_of_day_are_known_by_the_date(tmp_path: Path, time: str, base: str, first: float, late: float) -> None:
     """As BUSMASTER writes them."""
     path = tmp_path / "bus.asc"
     path.write_text(f"date Sat Sep 30 {time} 2017\nbase hex{base}\n{first} 1 7 Rx d 0\n")

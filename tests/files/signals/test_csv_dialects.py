@@ -177,9 +177,7 @@ def test_separators_of_thousands_are_refused(tmp_path: Path, cell: str, decimal:
 @given(
     cut=st.integers(1, 60), encoding=st.sampled_from(("utf-8", "utf-16", "utf-16-be", "cp1252")), zeros=st.booleans()
 )
-def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(
-    tmp_path: Path, cut: int, encoding: str, zeros: bool
-) -> None:
+def test_a_recording_cut_anywhere_has_its_whole_lines(tmp_path: Path, cut: int, encoding: str, zeros: bool) -> None:
     """Also before the zeros of a file whose size was set beforehand."""
     path, user_bench = tmp_path / "foreign.csv", bench(tmp_path)
     text = named(*lines())

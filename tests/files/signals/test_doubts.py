@@ -13,9 +13,7 @@ from observer_rt.foundation.errors import UserError
 @pytest.mark.parametrize(
     ("gaps", "length", "is_refused"), [(1, 3, False), (10, 1, False), (11, 1, True), (10, 90, False), (0, 0, False)]
 )
-def test_more_than_one_gap_in_a_hundred_samples_is_refused_however_short(
-    gaps: int, length: int, is_refused: bool
-) -> None:
+def test_more_than_a_gap_in_a_hundred_samples_is_refused(gaps: int, length: int, is_refused: bool) -> None:
     values = np.ones(1000)
     for gap in range(gaps):
         values[gap * 91 : gap * 91 + length] = np.nan

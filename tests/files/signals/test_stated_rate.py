@@ -46,9 +46,7 @@ def test_without_time_and_rate_the_line_to_write_is_named(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("rate", "is_refused"), [(98_039.2, True), (102e3, True), (96e3, False), (100.1e3, False), (50e3, False)]
 )
-def test_a_clock_that_is_a_little_off_is_refused_unless_its_rate_is_stated(
-    tmp_path: Path, rate: float, is_refused: bool
-) -> None:
+def test_a_clock_a_little_off_is_refused_unless_it_is_stated(tmp_path: Path, rate: float, is_refused: bool) -> None:
     """Of the grid or the model; a recorder set to another rate is further off, or at one that recorders have."""
     path = write_rows(tmp_path, np.arange(SAMPLES) / rate)
     stated = opened(path, tmp_path, f"rate_hz = {rate}")

@@ -94,9 +94,7 @@ def test_nothing_is_said_of_masses_nobody_believes(worn: Worn) -> None:
 
 
 @pytest.mark.parametrize(("v_h", "r", "alike"), [(0.2, -1 / 6, True), (0.2, 0.0, False), (0.2, 0.2, False)])
-def test_flow_and_stiffness_that_changed_together_look_like_another_inertance(
-    v_h: float, r: float, alike: bool
-) -> None:
+def test_flow_and_stiffness_changed_together_look_like_another_inertance(v_h: float, r: float, alike: bool) -> None:
     amended = effective_model(NOMINAL, (sized("orifice_area", v_H=v_h), sized("bulk_modulus", r=r)))
     assert is_like_inertance(effective_model(NOMINAL), amended) is alike
 

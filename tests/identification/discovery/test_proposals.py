@@ -63,9 +63,7 @@ def test_what_no_effect_explains_is_proposed_as_a_law(accepted: Findings) -> Non
     assert proposal.held_out[1] < 0.5 * proposal.held_out[0]
 
 
-def test_an_accepted_proposal_explains_the_recordings(
-    accepted: Findings, plugged: DiscoveryTask, tmp_path: Path
-) -> None:
+def test_an_accepted_proposal_explains_recordings(accepted: Findings, plugged: DiscoveryTask, tmp_path: Path) -> None:
     path = tmp_path / "amended.toml"
     write_amended(path, InjectorFile.read(NOMINAL_INJECTOR), accepted.in_force, None, accepted.terms)
     amended = load_injector(path)

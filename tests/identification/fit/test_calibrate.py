@@ -91,9 +91,7 @@ def test_mass_is_right_where_nothing_was_fitted(by_pressures: CalibrationResult)
     assert 0.001 <= by_pressures.mass_share < 0.003
 
 
-def test_one_injection_tells_its_mass_the_better_the_more_of_it_the_line_shows(
-    by_pressures: CalibrationResult,
-) -> None:
+def test_an_injection_tells_its_mass_better_the_more_the_line_shows(by_pressures: CalibrationResult) -> None:
     """1.1 ms at 100 MPa tell .29 % by an information limit that was computed elsewhere, with other terms known."""
     shares = dict(zip(POINTS, by_pressures.shares_by_pressures, strict=True))
     assert shares[100e6, 1.9e-3] == pytest.approx(0.0029, rel=0.2)

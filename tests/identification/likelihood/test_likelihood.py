@@ -149,9 +149,7 @@ def _likelihood(rate: float, line: str) -> JointLikelihood:
     ids=st.lists(st.sampled_from(sorted(VOCABULARY)), min_size=1, max_size=2, unique=True),
     data=st.data(),
 )
-def test_a_candidate_is_judged_or_has_no_solution(
-    rate: float, line: str, ids: list[str], data: st.DataObject
-) -> None:
+def test_a_candidate_is_judged_or_not_solved(rate: float, line: str, ids: list[str], data: st.DataObject) -> None:
     model = MODELS[line]
     for effect in (VOCABULARY[one] for one in ids):
         shares = [data.draw(st.sampled_from((0.0, 0.5, 1.0)) | st.floats(0.0, 1.0)) for _ in effect.parameters]

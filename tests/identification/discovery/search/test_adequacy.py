@@ -36,9 +36,7 @@ def _remainder(variance: float) -> HealthyRemainder:
 @pytest.mark.parametrize(
     ("phase", "scale", "shift"), [(Phase.OPENING, 1.3, 0), (Phase.AFTER, 1.3, 0), (Phase.OPEN, 1, 0.4)]
 )
-def test_the_phase_with_too_large_innovations_or_a_lasting_shift_is_named(
-    phase: Phase, scale: float, shift: float
-) -> None:
+def test_a_phase_with_too_large_innovations_or_a_shift_is_named(phase: Phase, scale: float, shift: float) -> None:
     result = worst(_pool(scale=scale, phase=phase, shift=shift))
     assert result.phase is phase
     assert worst(_pool()).ratio <= 1.0 < result.ratio

@@ -191,9 +191,7 @@ def test_effects_one_measurement_separates_stand_together() -> None:
         (TermEquation.LINE_FLOW, TermEquation.STIFFNESS, "rail pressures"),
     ],
 )
-def test_proposals_have_a_measurement_that_decides(
-    term_equation: TermEquation, other: TermEquation, word: str
-) -> None:
+def test_proposals_have_a_deciding_measurement(term_equation: TermEquation, other: TermEquation, word: str) -> None:
     both = VOCABULARY["orifice_area"]
     (decisive,) = decide_between(
         [proposal_of(term_effect(term_equation, "1"), both), proposal_of(both, term_effect(other, "1"))]

@@ -9,15 +9,8 @@ import pytest
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import lagged
 from observer_rt.core.model.model import advance_state, slopes_of_flows
+from observer_rt.engine.estimation import predictor
 from observer_rt.engine.estimation.parameters import PARAMETERS, WEIGHTS, Parameter, learned_of
-from observer_rt.engine.estimation.predictor import (
-    GainSchedule,
-    NoiseLevels,
-    Setting,
-    Window,
-    gain_schedule,
-    innovations,
-)
 from observer_rt.model.effective import LAG_UNIT, Coefficients, coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.network import HIDDEN, IS_PAIR, NEURONS, Network, constant_network
@@ -28,7 +21,7 @@ from tests.model.conftest import at_rest
 from tests.plants.arrays import Array
 
 SAMPLE_RATE = 100e3
-NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
+NOISE = predictor.NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
 RAIL = 0.95
 SMOOTH = np.delete(np.arange(PARAMETERS), Parameter.LIFT_DELAY)  # the lift has corners: its slope is a difference
 
@@ -46,13 +39,13 @@ class Case:
     """A model with its gain at 100 kHz."""
 
     c: Coefficients
-    schedule: GainSchedule
-    setting: Setting
+    schedule: predictor.GainSchedule
+    setting: predictor.Setting
 
     def tuned_to(self, theta: Array) -> "Case":
         """The same model with the gain for the line and the sensor of theta."""
         learned = learned_of(theta, self.c)
-        schedule = gain_schedule(learned.coefficients, NOISE, SAMPLE_RATE, float(learned.sensor[0]))
+        schedule = predictor.gain_schedule(learned.coefficients, NOISE, SAMPLE_RATE, float(learned.sensor[0]))
         return Case(self.c, schedule, self.setting._replace(gain=schedule.gains[-1].copy()))
 
 
@@ -78,9 +71,11 @@ def affected(request: pytest.FixtureRequest) -> Case:
         ],
     )
     c = model.coefficients
-    schedule = gain_schedule(c, NOISE, SAMPLE_RATE, 10e-6, 0.4)
+    schedule = predictor.gain_schedule(c, NOISE, SAMPLE_RATE, 10e-6, 0.4)
     substeps = substeps_needed(model.injector, SAMPLE_RATE)
-    setting = Setting(1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy(), late=0.4, lag=10e-6, offset=0.006)
+    setting = predictor.Setting(
+        1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy(), late=0.4, lag=10e-6, offset=0.006
+    )
     return Case(c, schedule, setting)
 
 
@@ -92,9 +87,9 @@ def nominal() -> Case:
 
 def make_case(injector: InjectorParameters) -> Case:
     c = coefficients(injector)
-    schedule = gain_schedule(c, NOISE, SAMPLE_RATE)
+    schedule = predictor.gain_schedule(c, NOISE, SAMPLE_RATE)
     substeps = substeps_needed(injector, SAMPLE_RATE)
-    return Case(c, schedule, Setting(1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy()))
+    return Case(c, schedule, predictor.Setting(1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy()))
 
 
 def worn_theta(seed: int = 1) -> Array:
@@ -128,7 +123,7 @@ def start_at_rest(c: Coefficients, pressure: float) -> Array:
     return np.append(at_rest(c, pressure), pressure)
 
 
-def recorded_late(window: Window, samples: float) -> Window:
+def recorded_late(window: predictor.Window, samples: float) -> predictor.Window:
     """The window with its lift recorded so many samples late."""
     areas = window.inputs[:, 1]
     late = np.interp(np.arange(areas.size) - samples, np.arange(areas.size), areas)
@@ -144,7 +139,7 @@ def with_time(inputs: Array, interval: float) -> list[list[float]]:
     return listed
 
 
-def simulated_event(case: Case, theta: Array, inputs: Array, seed: int | None = None) -> Window:
+def simulated_event(case: Case, theta: Array, inputs: Array, seed: int | None = None) -> predictor.Window:
     """Measured signals of an injector that is exactly `theta`; `seed` adds the noise of NOISE."""
     learned = learned_of(theta, case.c)
     c, setting = learned.coefficients, case.setting
@@ -167,7 +162,7 @@ def simulated_event(case: Case, theta: Array, inputs: Array, seed: int | None = 
     opened = np.flatnonzero(inputs[:, 1])
     opening = int(opened[0]) if opened.size else output.size
     resting = np.arange(output.size) < opening
-    return Window(measured, output, resting, start, opening)
+    return predictor.Window(measured, output, resting, start, opening)
 
 
 def settled_line(c: Coefficients, rail: float) -> Array:
@@ -178,8 +173,8 @@ def settled_line(c: Coefficients, rail: float) -> Array:
     return np.array([pressure, c.line.leak / c.line.a1 * pressure, 0.0])
 
 
-def innovations_at(case: Case, window: Window, theta: Array) -> Array:
+def innovations_at(case: Case, window: predictor.Window, theta: Array) -> Array:
     """Innovations (n,) of a window for theta."""
     result = np.empty(window.output.size)
-    innovations(window, case.setting, learned_of(theta, case.c), result)
+    predictor.innovations(window, case.setting, learned_of(theta, case.c), result)
     return result

@@ -54,6 +54,17 @@ class Element(Enum):
     NEEDLE = "needle"
 
 
+class Origin(Enum):
+    """Where a change begins: parts of injector and bench that change by themselves, each with its columns."""
+
+    FLOW = "nozzle"  # and seat
+    SENSOR = "sensor"  # of the line pressure
+    LINE = "line"
+    VALVE = "valve"
+    NEEDLE = "needle"
+    LIFT = "lift"
+
+
 class ScalarUnit(Enum):
     """Unit of the numbers of a row."""
 
@@ -102,6 +113,13 @@ class Scalar:
     change: Callable[[Any, Any], Any] | None = None  # law: the line with it; None: neither line's nor guide's
     turn: int = 1  # laws act by rising turn, those of one turn in the order of the rows
     element: Element | None = None  # its law has the columns as its numbers, in the order of the rows
+    begins_at: Origin | None = None  # None: its element, the line if it has a law of it, else nozzle or seat
+
+    @property
+    def origin(self) -> Origin:
+        """Part of injector or bench with which the columns change."""
+        by_law = Origin.LINE if self.change else Origin(self.element.value) if self.element else Origin.FLOW
+        return self.begins_at or by_law
 
 
 class Numbers(NamedTuple):
@@ -210,6 +228,10 @@ class Scalars:
         columns, rows = zip(*numbers, strict=True)
         return Numbers(np.array(columns), np.array([row.counted.unit(1.0) for row in rows]))
 
+    def columns_of(self, *origins: Origin) -> tuple[int, ...]:
+        """Columns that change with these."""
+        return tuple(row.column + i for row in self.rows if row.origin in origins for i in range(row.columns))
+
     def _vector(self, figure: Callable[[Scalar], float], pressure_scale: float) -> NDArray[np.float64]:
         result = np.zeros(self.width)
         for row in self.rows:
@@ -293,8 +315,9 @@ SCALARS = Scalars((
                                        label="guide leakage c", unit=("m3/(s Pa)", 1.0)),
            change=lambda line, c: line._replace(leak=line.leak + line.a1 * c)),
     Scalar("offset", Parameter.LINE_PRESSURE_OFFSET, prior=2.5e6, drift=2e3, longest_step=10e6, bounds=(-10e6, 10e6),
-           counted=ScalarUnit.PRESSURE, shown=ShownIndicator(OFFSET, lambda c: c.pressure_scale,
-                                                 label="line pressure sensor offset", unit=("MPa", MEGAPASCAL))),
+           counted=ScalarUnit.PRESSURE, begins_at=Origin.SENSOR,
+           shown=ShownIndicator(OFFSET, lambda c: c.pressure_scale, label="line pressure sensor offset",
+                                unit=("MPa", MEGAPASCAL))),
     Scalar("lag", Parameter.SENSOR_LAG, prior=35e-6, drift=0.1e-6, longest_step=25e-6, bounds=(0.0, 0.5e-3),
            counted=ScalarUnit.TIME, gated_from=0.0, element=Element.SENSOR,
            shown=_delay("line_pressure_sensor_lag", "line pressure sensor lag")),
@@ -327,7 +350,8 @@ SCALARS = Scalars((
            change=lambda line, a: line._replace(displaced=line.displaced + line.a1 * a)),
     # It does not drift: an event that shows another one moves it, and no other.
     Scalar("lift_delay", Parameter.LIFT_DELAY, prior=1e-10, drift=0.0, longest_step=30e-6, bounds=(-0.2e-3, 0.2e-3),
-           counted=ScalarUnit.TIME, shown=_delay("needle_lift_sensor_lag", "needle lift late by")),
+           counted=ScalarUnit.TIME, begins_at=Origin.LIFT,
+           shown=_delay("needle_lift_sensor_lag", "needle lift late by")),
     # Of the needle of a bench without its lift; they jitter from shot to shot.
     Scalar("opening_delay", Parameter.OPENING_DELAY, prior=70e-6, drift=1e-6, longest_step=40e-6,
            bounds=(-0.3e-3, 0.4e-3), counted=ScalarUnit.TIME, element=Element.NEEDLE,
@@ -363,7 +387,8 @@ def with_gain(vector: NDArray[np.float64], gain: float) -> NDArray[np.float64]:
     return vector
 
 
-_NOZZLE, _SEAT = int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)
+FLOWS = _NOZZLE, _SEAT = int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)
+"""Columns of the flows themselves, which may move on."""
 WEIGHTS = np.delete(
     np.arange(Parameter.NOZZLE_WEIGHT, Parameter.LINE_PRESSURE_OFFSET), range(OF_NOZZLE, OF_NOZZLE + 3)
 )

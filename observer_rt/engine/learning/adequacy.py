@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.phases import phases_of
-from observer_rt.engine.estimation.parameters import SCALARS, WEIGHTS, Parameter, Theta, sensor_lag
+from observer_rt.engine.estimation.parameters import FLOWS, SCALARS, WEIGHTS, Parameter, Theta, sensor_lag
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE, Phase, PhaseStatistics, phase_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, expected_in
@@ -41,7 +41,6 @@ CLIP = 4.0  # standard deviations for which a single innovation counts at most: 
 BURN_IN = 0.5e-3  # s of an event's window before innovations count
 EDGES = (Phase.OPENING, Phase.CLOSING)
 _RELEVANT = np.array([RELEVANT_VARIANCE if phase in EDGES else RELEVANT_LOUDNESS for phase in Phase])
-WEAR = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))
 BELIEVED_AFTER = 2  # explained events after one that was not, in a row or not; the last of them is believed
 SETTLED = 3  # explained events in a row, after which one that is not is a fault that may pass
 
@@ -119,7 +118,7 @@ def is_worn_beyond_limits(theta: NDArray[np.float64]) -> bool:
 
     An opening that was none makes it so: only a blocked nozzle explains that no pressure moved.
     """
-    limits = ((theta[row.column], row.bounds) for row in SCALARS.rows if row.column in WEAR)
+    limits = ((theta[row.column], row.bounds) for row in SCALARS.rows if row.column in FLOWS)
     return any(not lowest < value < highest for value, (lowest, highest) in limits)
 
 

@@ -13,7 +13,7 @@ from enum import StrEnum
 import numpy as np
 
 from observer_rt.engine.estimation.belief import Belief, Matrix, symmetric
-from observer_rt.engine.estimation.parameters import NEEDLE_LAW, SCALARS, VALVE_LAW, WEIGHTS, Parameter, Theta
+from observer_rt.engine.estimation.parameters import FLOWS, SCALARS, Origin, Parameter, Theta
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effective import LAG_UNIT
 
@@ -38,17 +38,10 @@ FILED = 0.02  # of their prior, by which line and sensors may be off where no ev
 NUDGE = 0.03  # of a flow: the prior as a whole pays so much for its width that it hides such a change; M
 ALIKE, ALIKE_VARIANCE = 1.0, 4.0  # standard deviations of the means; ratio of the variances: in one mode, one; M
 
-P = Parameter
-FLOWS = (int(P.NOZZLE_BIAS), int(P.SEAT_BIAS))  # columns of theta that may move on
-_BACK_PRESSURE = range(P.BACK_PRESSURE, P.BACK_PRESSURE + 2)
-WEAR = (*FLOWS, *WEIGHTS.tolist(), *_BACK_PRESSURE)
-SENSOR = (int(P.LINE_PRESSURE_OFFSET), int(P.SENSOR_LAG), int(P.LINE_PRESSURE_GAIN))
-_ALIKE = np.array([*WEAR, *SENSOR])
-LINE = tuple(column for column, _ in SCALARS.laws)
-VALVE = tuple(VALVE_LAW.columns.tolist())
-STATED = (*LINE, *VALVE, int(P.SENSOR_LAG))
+columns_of = SCALARS.columns_of
+_ALIKE = np.array(columns_of(Origin.FLOW, Origin.SENSOR))
+STATED = (*columns_of(Origin.LINE, Origin.VALVE), int(Parameter.SENSOR_LAG))
 """Columns that are 0 as long as injector and bench are as their files state."""
-NEEDLE = tuple(NEEDLE_LAW.columns.tolist())
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +126,10 @@ class Kind:
     size: float = 0.0  # one sigma, as a number
     reason: Reason | None = Reason.SUDDEN_CHANGE  # of events that it explains; None: they are as believed
 
+    def __post_init__(self) -> None:
+        if self.columns and set(self.columns) <= set(SCALARS.gate.held):
+            raise ValueError(f"{self.name}: events tell of none of its columns, which are held")
+
     def widths(self, wide: Theta, drift: Theta) -> Theta:
         """Standard deviations (m,) by which theta moves; wide, drift: of the prior, and of usual drift."""
         columns, result = list(self.columns), np.zeros_like(wide)
@@ -143,19 +140,18 @@ class Kind:
 # fmt: off
 BEFORE = Kind("as before", Mode.STEADY, math.nan, reason=None)  # its rate is what the others leave
 QUICK = Kind("moving on", Mode.QUICK, QUICK_BEGINS, FLOWS, drifts=QUICKER, reason=None)  # coking, in hours
-CHANGED = Kind("changed", Mode.STEADY, FLOW_CHANGES, WEAR, of_prior=1.0)  # another nozzle, or law at this point
+CHANGED = Kind("changed", Mode.STEADY, FLOW_CHANGES, columns_of(Origin.FLOW), of_prior=1.0)  # a nozzle, a law here
 NUDGED = Kind("changed a little", Mode.STEADY, 0.5 * CHANGES, FLOWS, size=NUDGE)  # a hole that closes
-SENSOR_CHANGED = Kind("sensor changed", Mode.STEADY, CHANGES, SENSOR, of_prior=1.0,
+SENSOR_CHANGED = Kind("sensor changed", Mode.STEADY, CHANGES, columns_of(Origin.SENSOR), of_prior=1.0,
                       reason=Reason.PRESSURE_OFFSET)  # or its lag: whichever moved more
-LINE_CHANGED = Kind("line changed", Mode.STEADY, LINE_CHANGES, (*LINE, *VALVE), of_prior=1.0,
+LINE_CHANGED = Kind("line changed", Mode.STEADY, LINE_CHANGES, columns_of(Origin.LINE, Origin.VALVE), of_prior=1.0,
                     reason=Reason.MODEL_INADEQUATE)  # another pipe, air in it, another pilot valve
-LIFT_LATE = Kind("lift late", Mode.STEADY, CHANGES, (int(P.LIFT_DELAY),), size=LIFT_DELAY_CHANGE / LAG_UNIT,
+LIFT_LATE = Kind("lift late", Mode.STEADY, CHANGES, columns_of(Origin.LIFT), size=LIFT_DELAY_CHANGE / LAG_UNIT,
                  reason=Reason.LIFT_SENSOR_LAG)  # or early: a filter, another clock
-NEEDLE_CHANGED = Kind("needle changed", Mode.STEADY, CHANGES, NEEDLE, of_prior=1.0)  # or its drive
-OTHER_INJECTOR = Kind("another injector", Mode.STEADY, REPLACED,
-                      (*WEAR, *SENSOR, *LINE, *VALVE, *NEEDLE, int(P.LIFT_DELAY)), of_prior=1.0)  # or all is wrong
-SHIFTED = Kind("shifted a little", Mode.STEADY, SHIFTS, (*WEAR, *SENSOR, *LINE), drifts=SHIFT,
-               reason=None)  # the model, from one operating point to another
+NEEDLE_CHANGED = Kind("needle changed", Mode.STEADY, CHANGES, columns_of(Origin.NEEDLE), of_prior=1.0)  # or its drive
+OTHER_INJECTOR = Kind("another injector", Mode.STEADY, REPLACED, columns_of(*Origin), of_prior=1.0)  # or all is wrong
+SHIFTED = Kind("shifted a little", Mode.STEADY, SHIFTS, columns_of(Origin.FLOW, Origin.SENSOR, Origin.LINE),
+               drifts=SHIFT, reason=None)  # the model, from one operating point to another
 AT_FAULT = Kind("at fault", Mode.PASSING, FAULT_BEGINS, reason=Reason.CONTRADICTED)  # nothing is learned
 INADEQUATE = Kind("model inadequate", Mode.LASTING, INADEQUATE_BEGINS, reason=Reason.MODEL_INADEQUATE)
 # fmt: on

@@ -13,7 +13,7 @@ from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.core.stream.stream import RAIL_BIN, RAIL_BINS
 from observer_rt.engine.estimation.belief import Matrix, Vector
-from observer_rt.engine.estimation.parameters import NOZZLE_LAW, WEIGHTS, Parameter, Theta, learned_of
+from observer_rt.engine.estimation.parameters import FLOWS, NOZZLE_LAW, WEIGHTS, Parameter, Theta, learned_of
 from observer_rt.engine.estimation.predictor import (
     NO_SLOPES,
     InputVariance,
@@ -25,7 +25,6 @@ from observer_rt.engine.estimation.predictor import (
     level_of,
     open_loop,
 )
-from observer_rt.engine.learning.kinds import FLOWS
 from observer_rt.engine.learning.run import JITTER_SIZE, ShotDelays
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.network import OF_NOZZLE, activations

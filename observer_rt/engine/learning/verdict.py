@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.parameters import Parameter, Theta, learned_of, sensor_lag
+from observer_rt.engine.estimation.parameters import FLOWS, Parameter, Theta, learned_of, sensor_lag
 from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning import adequacy, kinds
@@ -23,7 +23,7 @@ from observer_rt.engine.learning.adequacy import Objection, tempering
 from observer_rt.engine.learning.event import ClosedEvent, EventReader
 from observer_rt.engine.learning.explanations import Explanation
 from observer_rt.engine.learning.fit import LEAST_LAG, MOVED_IN_TIME
-from observer_rt.engine.learning.kinds import FLOWS, Velocity
+from observer_rt.engine.learning.kinds import Velocity
 from observer_rt.engine.learning.knowledge import (
     Account,
     Adoption,

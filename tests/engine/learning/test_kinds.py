@@ -21,9 +21,8 @@ def test_one_of_them_an_event_is(mode: kinds.Mode, is_prior: bool, has_lift: boo
     assert min(result.values()) > 0.0
     assert kinds.BEFORE in result
     other = {kinds.NEEDLE_CHANGED if has_lift else kinds.LIFT_LATE}
-    assert {kind for kind in kinds.NEW if kind in result} == set(
-        kinds.NEW_AT_FIRST if is_prior else kinds.NEW
-    ) - other
+    new = kinds.NEW_AT_FIRST if is_prior else kinds.NEW
+    assert {kind for kind in kinds.NEW if kind in result} == set(new) - other
 
 
 @pytest.mark.parametrize("kind", MOVING, ids=[kind.name for kind in MOVING])
@@ -36,3 +35,8 @@ def test_it_moves_its_columns_and_no_other(kind: kinds.Kind) -> None:
 def test_every_column_may_change_by_a_kind_of_its_own_name() -> None:
     assert len({kind.name for kind in HYPOTHESES}) == len(HYPOTHESES)
     assert {column for kind in kinds.NEW for column in kind.columns} == set(range(SCALARS.width))
+
+
+def test_a_kind_that_moves_only_what_is_held_is_refused() -> None:
+    with pytest.raises(ValueError, match="gain changed: events tell of none of its columns"):
+        kinds.Kind("gain changed", kinds.Mode.STEADY, 0.01, SCALARS.gate.held)

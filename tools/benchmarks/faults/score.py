@@ -112,7 +112,7 @@ def facts_of(scenario: Scenario, outcome: Outcome, published: Results) -> Row:
 
 
 def _verdict(got: Array, true: Array, windows: Windows) -> Verdict:
-    """Of a recording in which nothing is wrong, by the valid masses of its injections, NaN where there is none."""
+    """Of a recording in which nothing is wrong, by the valid masses of its injections, NaN of others."""
     errors = 100.0 * np.abs(windows.by_event(got) / windows.by_event(true) - 1.0)[JUDGED]
     if np.mean(~np.isnan(errors)) < ENOUGH_VALID:
         return Verdict.REFUSED

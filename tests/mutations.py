@@ -19,6 +19,7 @@ import typer
 PACKAGE = Path("observer_rt")
 LEAST = 40  # lines of a module
 MIRRORS = {
+    ".": ("desk/cli",),
     "core/frames": ("bus", "engine/service"),
     "core/identification": ("core/identification", "identification/likelihood"),
     "core/learning": ("engine/estimation", "engine/learning"),
@@ -27,7 +28,7 @@ MIRRORS = {
     "core/plant": ("desk/simulation",),
     "core/stream": ("engine/stream", "engine/service"),
 }
-"""Folders of tests for a room of the compiled core; every other has one of its own name."""
+"""Folders of tests for the command and rooms of the compiled core; every other has one of its own name."""
 SWAPS = {" < ": " >= ", " > ": " <= ", " <= ": " > ", " >= ": " < ", " == ": " != ", " + ": " - ", " - ": " + "}
 SWAPS |= {" * ": " / ", " and ": " or ", " or ": " and ", "min(": "max(", "max(": "min(", "if not ": "if "}
 NUMBER = re.compile(r"(?<![\w.\[])(\d*[1-9]\d*\.\d+|0\.\d*[1-9]\d*|[2-9]\d*)(?![\w.])")

@@ -32,6 +32,7 @@ resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 resource.setrlimit(resource.RLIMIT_MEMLOCK, (65536, 65536))
 if os.getuid() == 0:
     os.setresuid(65534, 65534, 65534)
+assert not hurry(None, 0)
 assert not hurry(None, 50)
 assert lock_memory(rights(50)) == Rights(False, False, 50)
 """

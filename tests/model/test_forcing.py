@@ -34,6 +34,7 @@ TERMS = (
     ("line_pressure_sensor", "ringing(line_pressure, 7.5, 0.2)"),
     ("chamber_pressure", "10*needle_lift/max_lift"),
     ("rail_pressure", "open"),
+    ("rail_pressure", "2*nozzle_flow/60"),
     ("needle_lift", "-0.05*(needle_lift/max_lift)^2"),
     ("needle_lift", "0.001*closed"),
     ("needle_lift", "-0.06*(needle_lift/max_lift - lagged(needle_lift/max_lift, 0.1))"),

@@ -10,6 +10,7 @@ import pytest
 from observer_rt.core.stream.stream import RAIL_BIN
 from observer_rt.daemon.log import injection_line
 from observer_rt.engine.learning.mass import NEAR, VolumeBudget
+from observer_rt.engine.reports.news import MeasuredMass
 from observer_rt.engine.stream.state import Reason
 from tests.daemon.samples import PRESSURE_SCALE, some_report
 from tests.engine.learning.worn_injector import worn_bench
@@ -54,6 +55,11 @@ def test_how_far_its_flow_is_from_what_was_learned(share: float, sigma: float, v
     assert report.remainder_text == text
     assert f" valid{text and f', {text}'}, command" in injection_line(report)
     assert some_report(predicted_mass=20e-6, budget=None).remainder_text == ""
+
+
+def test_a_measured_mass_stands_beside_the_estimate() -> None:
+    assert MeasuredMass(some_report(mass=42e-6), 40e-6).as_text().endswith("40.00 mg, estimate 42.00 mg (+5.00 %)")
+    assert MeasuredMass(some_report(mass=math.nan), 40e-6).as_text().endswith("estimate unknown")
 
 
 @pytest.mark.parametrize(("laws", "is_said"), [(Laws(rail_and_time=0.1), True), (NO_LAWS, False)])

@@ -194,6 +194,7 @@ def test_spoilt_frames_among_good_ones_are_counted_and_change_nothing(clean: Tra
     assert result.frames == clean.result.frames
     assert getattr(counters, counter) == len(traffic) - len(clean.frames) > 0
     assert (counters.lost_samples, counters.sequence_errors) == (0, 0)
+    assert counters.since(clean.result.core.counters).samples == 0
 
 
 def test_lost_frame_is_not_available_and_then_valid_again(clean: Traffic) -> None:

@@ -10,7 +10,7 @@ from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.observer import Durations, constants_for, make_observer
 from observer_rt.engine.stream.state import Doubt, Observer, Reason
-from tests.engine.sample_stream import NOISE, NOMINAL, Stream, judge
+from tests.engine.sample_stream import NOISE, NOMINAL, Stream, at_rest, judge
 
 SIGMA = 0.002  # of p_0
 
@@ -88,6 +88,16 @@ def test_a_contradiction_at_rest_is_over_when_the_channel_is_well_again(resting:
             stream.watch(SIGMA * score, 0)
             stream.end_contradiction(resting, False)
     assert bool(monitor["contradicted"]) is not ends
+
+
+@pytest.mark.parametrize(("fall", "count"), [(5e6, 2), (2e6, 0)])
+def test_falls_as_by_injections_are_counted_where_the_lift_shows_none(fall: float, count: int) -> None:
+    rail, lift, line = at_rest(np.random.default_rng(5), 20_000)
+    for start in (8000, 14_000):
+        line[start : start + 100] -= fall
+    stream = Stream(events_required=0)
+    stream.observer.memory["innovation_noise"]["weight"] = 1.0 / SIGMA**2
+    assert stream.feed(rail, lift, line).count("monitor", "falls") == count
 
 
 @pytest.mark.parametrize(

@@ -95,8 +95,10 @@ def test_a_wrong_shape_of_the_rate_counts_in_full() -> None:
 def test_of_two_recordings_each_is_compared_with_the_shape_of_the_other() -> None:
     """By a shape that it had a part in, the one that is worn would look healthier."""
     pair = [recordings()[0], recordings((sized("orifice_area", v_H=0.05),))[0]]
-    remainder = healthy_remainder(joint_likelihood(measurements(pair), MODEL), MODEL, ())
+    likelihood = joint_likelihood(measurements(pair), MODEL)
+    remainder = healthy_remainder(likelihood, MODEL, ())
     assert (remainder.colour.opening or 0.0) > 3.5
+    assert statistic_of(joint_likelihood(measurements(pair), MODEL, remainder.shape)) < statistic_of(likelihood) - 50
 
 
 def test_a_skew_beyond_the_margin_has_no_solution() -> None:

@@ -66,9 +66,7 @@ def test_what_is_kept_is_what_was_sent(bench: Bench, gain: float) -> None:
         assert event.recording.samples - opened[-1] >= round(12e-3 * recording.sample_rate)
 
 
-def test_a_writer_that_is_killed_costs_an_event_at_the_most_and_is_told_once(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_killed_writer_costs_an_event_at_most_told_once(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     messages: list[str] = []
     processes: list[subprocess.Popen[bytes]] = []
     start = subprocess.Popen

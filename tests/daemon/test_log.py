@@ -191,9 +191,7 @@ def test_the_watchdog_is_fed_three_times_in_its_time_out(manager: socket.socket)
 @pytest.mark.parametrize(
     ("timeout", "process", "messages"), [("300000", "1", 0), ("", "", 0), ("soon", "", 0), ("300000", "", 1)]
 )
-def test_a_watchdog_of_another_process_or_of_none_is_not_fed(
-    manager: socket.socket, timeout: str, process: str, messages: int
-) -> None:
+def test_only_a_watchdog_of_its_own_is_fed(manager: socket.socket, timeout: str, process: str, messages: int) -> None:
     Notifier(environment(manager, WATCHDOG_USEC=timeout, WATCHDOG_PID=process)).alive()
     assert len(notifications(manager)) == messages
 

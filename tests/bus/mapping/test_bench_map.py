@@ -10,13 +10,18 @@ from tests.two_injectors import two_injectors
 def test_a_message_that_both_read_stands_once_and_what_they_must_not_share_is_named(tmp_path: Path) -> None:
     bench = load_bench(two_injectors(tmp_path))
     mapped = map_bench(bench)
+    assert [{(layout.name, layout.bus) for layout in bus.input_layouts} for bus in mapped.injectors] == [
+        {("RailPressureBlock", 0), ("NeedleLiftBlock", bus), ("LinePressureBlock", bus)} for bus in (1, 2)
+    ]
+    assert [(layout.name, layout.bus) for layout in mapped.sent] == [
+        (name, bus) for bus in (1, 2) for name in ("InjectionRate", "InjectionSummary", "ObserverStatus")
+    ]
     received = [(layout.name, layout.bus) for layout in mapped.received]
     assert len(received) == len({*received}) == 5  # one rail pressure, two lifts and line pressures
     assert [*shared_resources(bench, mapped)] == []
     path = tmp_path / "two.toml"
-    path.write_text(
-        path.read_text().replace("injector_id = 2", "injector_id = 1").replace('\nlink = "right"\ninj', "\ninj")
-    )
+    text = path.read_text().replace("injector_id = 2", "injector_id = 1").replace('\nlink = "right"\ninj', "\ninj")
+    path.write_text(text)
     bench = load_bench(path)
     shared = dict(shared_resources(bench, map_bench(bench)))
     assert shared == {"outputs.injector_id = 1": ["left", "right"]}

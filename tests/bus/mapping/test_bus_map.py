@@ -6,7 +6,6 @@ import pytest
 
 from observer_rt.bus.database.catalogue import load_database
 from observer_rt.bus.database.lookup import find_message, reserved_codes
-from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.bus.mapping.output_messages import output_message, rate_message
 from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues, signals_of
@@ -15,7 +14,6 @@ from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import UNPROTECTED
 from observer_rt.foundation.errors import UserError
 from tests.benches import attributes, own_bench
-from tests.two_injectors import two_injectors
 
 FD_DATABASE = PACKAGE_DATA / "observer_fd.dbc"
 CLASSIC_DATABASE = PACKAGE_DATA / "observer_classic.dbc"
@@ -197,16 +195,3 @@ def test_a_wrong_database_names_the_bench(tmp_path: Path, old: str, new: str, lo
         map_bus(load_bench(tmp_path / "bench.toml"))
     assert refused.value.location == f"{tmp_path / 'bench.toml'}: {location}"
     assert problem in refused.value.problem
-
-
-def test_a_frame_goes_to_every_injector_that_reads_it(tmp_path: Path) -> None:
-    bench = load_bench(two_injectors(tmp_path))
-    mapped = map_bench(bench)
-    carried = [{(layout.name, layout.bus) for layout in bus.input_layouts} for bus in mapped.injectors]
-    assert carried == [
-        {("RailPressureBlock", 0), ("NeedleLiftBlock", bus), ("LinePressureBlock", bus)} for bus in (1, 2)
-    ]
-    assert [layout.name for layout in mapped.received].count("RailPressureBlock") == 1
-    assert [(layout.name, layout.bus) for layout in mapped.sent] == [
-        (name, bus) for bus in (1, 2) for name in ("InjectionRate", "InjectionSummary", "ObserverStatus")
-    ]

@@ -64,9 +64,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     process.communicate()
 
 
-def test_a_killed_worker_loses_and_doubles_nothing_and_a_bad_file_is_a_row(
-    recordings: Path, scheduler: str, tmp_path: Path
-) -> None:
+def test_a_killed_worker_loses_and_doubles_nothing(recordings: Path, scheduler: str, tmp_path: Path) -> None:
     process = started(recordings, "--out", tmp_path)
     wait_for(lambda: any(tmp_path.glob("injections/*.parquet")), PATIENCE, process)
     workers_of(process)[0].kill()

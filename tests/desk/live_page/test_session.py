@@ -127,9 +127,7 @@ def test_a_browser_saves_one_at_a_time_and_hears_of_it_once_it_is_done(tmp_path:
         assert len(saver.results) == 2
 
 
-def test_an_injection_is_saved_once_and_no_more_of_them_than_a_disk_bears(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_injections_are_saved_once_and_as_a_disk_bears(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("observer_rt.desk.live_page.server.MOST_SAVED", 2)
     saver = Saver(tmp_path)
     said_of = [saver.save(ShownInjection(count, 5, {"number": 7}), "").result(20.0) for count in (1, 1, 2, 3, 1)]

@@ -7,26 +7,24 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.optimize import minimize, rosen, rosen_der
 
 from observer_rt.desk.paper.scheme import SearchEnd, minimise
-
-Vector = NDArray[np.float64]
+from observer_rt.foundation.units import Floats
 
 
 class Function:
     """A cost with its gradient, which records the points at which the gradient was computed."""
 
-    def __init__(self, cost: Callable[[Vector], float], gradient: Callable[[Vector], Vector]) -> None:
+    def __init__(self, cost: Callable[[Floats], float], gradient: Callable[[Floats], Floats]) -> None:
         self._cost = cost
         self._gradient = gradient
-        self.visited: list[Vector] = []
+        self.visited: list[Floats] = []
 
-    def value(self, theta: Vector) -> float:
+    def value(self, theta: Floats) -> float:
         return float(self._cost(theta))
 
-    def gradient(self, theta: Vector) -> Vector:
+    def gradient(self, theta: Floats) -> Floats:
         self.visited.append(theta.copy())
         return np.asarray(self._gradient(theta), np.float64)
 

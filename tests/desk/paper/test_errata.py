@@ -2,18 +2,16 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.core.model.model import rates_of_change
 from observer_rt.desk.paper.scheme import FaultCost, free_network, no_fault, scaled_identity, swept
+from observer_rt.foundation.units import Floats
 from observer_rt.model.network import constant_network
 from tests.desk.paper.conftest import GAIN, SAMPLE_RATE, Injection
 from tests.differences import differences
 
-Vector = NDArray[np.float64]
 
-
-def identification_error(injection: Injection, gain: float) -> Vector:
+def identification_error(injection: Injection, gain: float) -> Floats:
     """|y - C x~| along an injection for the gain of (5); a negative one is the printed minus."""
     setting = injection.setting()._replace(gain=gain, substeps=10)
     window = injection.window
@@ -33,12 +31,12 @@ def test_minus_of_equation_5_diverges_and_plus_converges(healthy: Injection, gai
     assert not (minus[-100:] < 1.0).any()  # p_0 and more, or no number at all
 
 
-def derivative(values: Vector) -> Vector:
+def derivative(values: Floats) -> Floats:
     """Time derivative [1/s], central differences."""
     return np.asarray(np.gradient(values, 1 / SAMPLE_RATE), np.float64)
 
 
-def model_rates(x: Vector, u: Vector, injection: Injection) -> Vector:
+def model_rates(x: Floats, u: Floats, injection: Injection) -> Floats:
     """f(x, u) along states (n, 3) and inputs (n, 2)."""
     nothing = constant_network()
     return np.array(
@@ -70,7 +68,7 @@ def test_gradient_orders_w_by_rows(worn: Injection) -> None:
     cost = FaultCost(z, target * unit, unit)
     p = scaled_identity(0.3) + 0.2 * random.normal(size=48)
 
-    def printed_13(p: Vector) -> Vector:
+    def printed_13(p: Floats) -> Floats:
         """(13) as printed, with W and V taken from p as this package orders it."""
         network = free_network(p, unit)
         sigma = 2 / (1 + np.exp(-2 * z @ network.hidden.T)) - 1

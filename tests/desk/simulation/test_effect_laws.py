@@ -7,18 +7,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.needle import lift_of_stroke
 from observer_rt.desk.simulation.schedule import make_schedule, strokes
 from observer_rt.desk.simulation.simulate import Simulation, simulate
+from observer_rt.foundation.units import Floats
 from observer_rt.model.effects import VOCABULARY, sized
 
 NOMINAL = load_injector()
 OPEN_FOR = 1.1e-3  # s, energizing
-Vector = NDArray[np.float64]
 SIZES: Mapping[str, Mapping[str, float]] = {
     "orifice_area": {"v_H": -0.3},
     "seat_area": {"v_S": 0.4},
@@ -106,7 +105,7 @@ def rates_of(rail: float, of: Effects):  # type: ignore[no-untyped-def]
             coefficient *= math.sqrt((p_sac - fluid.vapour_pressure) / drop / critical)
         return orifice(coefficient, hole_area, drop)
 
-    def rates(time: float, state: Vector) -> list[float]:
+    def rates(time: float, state: Floats) -> list[float]:
         p_line, q_line, p_sac = state
         lift = lift_of_stroke(time, needle)
         area = seat_area(lift)
@@ -130,7 +129,7 @@ def rates_of(rail: float, of: Effects):  # type: ignore[no-untyped-def]
     return rates, nozzle_flow
 
 
-def reference(rail: float, of: Effects, times: Vector) -> tuple[Vector, Vector]:
+def reference(rail: float, of: Effects, times: Floats) -> tuple[Floats, Floats]:
     """Injection rate [m3/s] and line pressure [Pa] at `times`, from a line without flow at their begin.
 
     A leaking line has found its flow by then: it begins at 0 s. Where a step may fall between two evaluations the
@@ -209,7 +208,7 @@ def test_sensors_do_not_change_the_plant() -> None:
         ("line_pressure_sensor_offset", "line_pressure", lambda true: true + 0.8e6),
     ],
 )
-def test_what_a_sensor_says_of_the_truth(name: str, signal: str, law: Callable[[Vector], Vector]) -> None:
+def test_what_a_sensor_says_of_the_truth(name: str, signal: str, law: Callable[[Floats], Floats]) -> None:
     result = getattr(simulated(name, 100e6).recording, signal)
     expected = law(getattr(simulated("", 100e6).truth, signal))
     np.testing.assert_allclose(result, expected, rtol=1e-12, atol=1e-12)

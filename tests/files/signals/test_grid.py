@@ -8,16 +8,14 @@ import pytest
 from asammdf import Signal
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from pyarrow import parquet
 
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.files.signals import csv_table, mapped_signals, mdf4_table, stream
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Floats
 from tests.files.signals.foreign import RATE, bench, opened, read, signals, write_rows
 from tests.files.signals.test_mdf4_channels import write as mdf4
-
-Times = NDArray[np.float64]
 
 
 def test_jittered_stamps_are_taken_for_the_grid(tmp_path: Path) -> None:
@@ -94,12 +92,12 @@ def test_in_parts_as_in_one_piece(
 ) -> None:
     """However small the parts are that are read: the same samples, none lost, none twice."""
     random = np.random.default_rng(seed)
-    time: Times = np.arange(500) / RATE
+    time: Floats = np.arange(500) / RATE
     for position, lost in gaps:
         time[position:] += lost / RATE
     for position in restarts:
         time[position:] -= time[position]
-    jitter: Times = random.uniform(-2e-6, 2e-6, 500)
+    jitter: Floats = random.uniform(-2e-6, 2e-6, 500)
     path = write_rows(tmp_path, (time + jitter).astype(np.float64))
     complete = list(opened(path, tmp_path).chunks())
     with pytest.MonkeyPatch.context() as patch:

@@ -14,9 +14,7 @@ from observer_rt.identification.likelihood.kept_events import FEWEST_EVENTS, evi
 from tests.kept_evidence import keep
 
 
-def test_events_that_a_daemon_drops_meanwhile_are_counted_and_left_out(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_events_dropped_meanwhile_are_counted_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Before they are read, and once they are read but not asked yet."""
     folder, console = tmp_path / "kept", Console()
     keep(load_bench().exact.with_sections(evidence=EvidenceConfig(folder=str(folder))), injections=10)

@@ -65,7 +65,10 @@ def faults_of(path: Path) -> list[Fault]:
 
 
 def tests_of(path: Path) -> list[str]:
-    """The test file of this name, those that import the module, then the folders that mirror the room."""
+    """The test file of this name, those that import the module, then the others of the folders that mirror the room.
+
+    Files: of a folder beside a file of its own, pytest runs all in the folder's order.
+    """
     room = path.relative_to(PACKAGE).parent
     folders = [Path("tests", folder) for folder in MIRRORS.get(str(room), (room,))]
     folders = [next(f for f in (folder, *folder.parents) if f.is_dir()) for folder in folders]
@@ -74,7 +77,7 @@ def tests_of(path: Path) -> list[str]:
     files = [file for folder in folders for file in sorted(folder.rglob("test_*.py"))]
     own = [file for file in files if file.stem == f"test_{path.stem}"]
     near = [file for file in files if file not in own and imports.search(file.read_text(encoding="utf-8"))]
-    return [str(chosen) for chosen in [*own, *near, *folders]]
+    return [str(file) for file in dict.fromkeys([*own, *near, *files])]
 
 
 def drawn(seed: int, count: int) -> Iterator[Fault]:

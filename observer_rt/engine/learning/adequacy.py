@@ -90,13 +90,9 @@ def tempering(statistics: PhaseStatistics) -> float:
     return float(statistics.quotients.max(initial=1.0, where=beyond))
 
 
-def sensor_objections(offset: float, lag: float, untold: float = 0.0) -> list[Reason]:
-    """Objections to the line-pressure sensor with an offset [Pa] and a lag [s].
-
-    untold: standard deviation of what its gain may be of the offset [Pa].
-    """
-    reasons = [Reason.PRESSURE_OFFSET] if abs(offset) > LARGEST_OFFSET + UNTOLD * untold else []
-    return [*reasons, Reason.SENSOR_LAG] if lag > LARGEST_LAG else reasons
+def is_offset(offset: float, untold: float = 0.0) -> bool:
+    """Whether an offset between the pressures is too large [Pa]; untold: sigma of what their gain may be of it."""
+    return abs(offset) > LARGEST_OFFSET + UNTOLD * untold
 
 
 def objections(
@@ -106,7 +102,9 @@ def objections(
 
     Empty: it passed. What names a cause comes first.
     """
-    result = [Objection(reason) for reason in sensor_objections(offset, lag, untold)]
+    result = [Objection(Reason.PRESSURE_OFFSET)] if is_offset(offset, untold) else []
+    if lag > LARGEST_LAG:
+        result.append(Objection(Reason.SENSOR_LAG))
     phase = inadequate_phase(statistics)
     if phase is not None or not healthy.adequate:
         result.append(Objection(Reason.MODEL_INADEQUATE, phase))

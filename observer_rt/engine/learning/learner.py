@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from observer_rt.engine.estimation.parameters import Parameter, Theta
-from observer_rt.engine.estimation.phases import Phase, no_statistics
+from observer_rt.engine.estimation.phases import no_statistics
 from observer_rt.engine.estimation.predictor import NoiseLevels, Window, gain_schedule
 from observer_rt.engine.learning.account import explain
 from observer_rt.engine.learning.adequacy import Objection
@@ -15,19 +15,13 @@ from observer_rt.engine.learning.event import ClosedEvent, EventReader
 from observer_rt.engine.learning.fit import theta_limits
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearnedInjector, LearningState, Outcome
-from observer_rt.engine.learning.noise import median
-from observer_rt.engine.learning.verdict import outcome_of
+from observer_rt.engine.learning.outcome import outcome_of
+from observer_rt.engine.learning.verdict import first_objection
 from observer_rt.engine.stream.standstill import Standstill, offset_between
 from observer_rt.engine.stream.state import Constants, Reason
-from observer_rt.foundation.units import MEGAPASCAL
 
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 OTHER_NOISE = 1.25  # times a level
-# Between rail and line at rest: another unit, or no sensor; nothing to be learned.
-IMPLAUSIBLE = 15 * MEGAPASCAL
-# Of the rail pressure in an event, and more than the line's by this factor.
-SWINGS, SWAPPED = 2 * MEGAPASCAL, 3.0
-_ENDS = (0.01, 0.99)  # of the samples of an event, that are no outliers
 SCHEDULES = 6  # gains that are kept: those of all hypotheses
 
 
@@ -74,9 +68,7 @@ def _learned(state: LearningState, event: ClosedEvent, reader: EventReader) -> O
     if standstill.noise is not None:
         state = _with_noise(state, standstill.noise)
     state = replace(state, held_rail=state.held_rail.after(window, standstill, event.constants.rail_every))
-    if state.held_rail.is_held:
-        return _failed(state, event, Objection(Reason.INPUT_FROZEN), reader)
-    objection = implausible(window, reader.pressure_scale) or _unseen(event, reader)
+    objection = first_objection(state, event, reader)
     if objection is not None:
         return _failed(state, event, objection, reader)
     offset = offset_between(state.standstill, standstill)
@@ -84,30 +76,6 @@ def _learned(state: LearningState, event: ClosedEvent, reader: EventReader) -> O
         state = state.map(lambda learned: _with_first_offset(learned, standstill.offset))
     state = replace(state, standstill=standstill)
     return outcome_of(explain(state, event, offset, reader), event, reader)
-
-
-def implausible(window: Window, pressure_scale: float) -> Objection | None:
-    """Objection, before any fit, to pressures of an event that are not those of rail and line; p_0 [Pa].
-
-    The rail hardly moves when the needle opens, the line does: where it is the other way round, they are swapped.
-    """
-    before, rail = slice(0, max(window.opening, 1)), window.inputs[:, 0]
-    if abs(median(window.output[before] - rail[before])) * pressure_scale > IMPLAUSIBLE:
-        return Objection(Reason.PRESSURE_OFFSET, Phase.STANDSTILL)
-    rail_swing = float(np.std(rail))
-    if rail_swing * pressure_scale > SWINGS and rail_swing > SWAPPED * float(np.std(window.output)):
-        return Objection(Reason.CONTRADICTED)
-    return None
-
-
-def _unseen(event: ClosedEvent, reader: EventReader) -> Objection | None:
-    """Objection to line pressures beyond those at which laws in force were seen, but for single samples."""
-    lowest, highest = reader.healthy.seen
-    if lowest == -highest:  # anywhere
-        return None
-    chamber = event.constants.coefficients.chamber_pressure
-    low, high = (chamber + reader.pressure_scale * end for end in np.quantile(event.window.output, _ENDS))
-    return None if lowest <= low and high <= highest else Objection(Reason.OUTSIDE_LEARNED_RANGE)
 
 
 def _with_noise(state: LearningState, noise: NoiseLevels) -> LearningState:

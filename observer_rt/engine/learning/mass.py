@@ -26,6 +26,7 @@ from observer_rt.engine.estimation.predictor import (
     open_loop,
 )
 from observer_rt.engine.learning.run import JITTER_SIZE, ShotDelays
+from observer_rt.foundation.units import Z_95
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.network import OF_NOZZLE, activations
 
@@ -35,6 +36,7 @@ HOLD_SHARE = 0.06
 # s (one sigma): uncertainty of the time at which two injections part, at the least flow between them.
 PARTING = 20e-6
 FAR_FLOW = 0.02  # change of a flow, beyond which a volume is not followed along its slope; P
+OWN_SHARE = 0.005  # of a mass, within which hypotheses agree whatever their interval; M
 LEAD_SAMPLES = 15  # samples before the opening
 LEAST_VOLUME = 1e-13  # m3, of which shares are taken
 FURTHER_SAMPLES = 20  # samples after the last rate, by which another theta's may end later
@@ -218,6 +220,27 @@ class EventMass:
     def variance(self, covariance: NDArray[np.float64]) -> float:
         """Variance of the volume, as a share, by a covariance (m, m) of theta."""
         return max(float(self.slopes @ covariance @ self.slopes), 0.0)
+
+
+class Shares(NamedTuple):
+    """Standard deviations of a volume, as shares of it: by belief, inputs and model alone, and in all.
+
+    moved: share by which the mean over all explanations is larger than the volume by the leading one.
+    """
+
+    from_belief: float
+    total: float
+    moved: float
+
+    @property
+    def remainder(self) -> float:
+        """What belief, inputs and model do not explain."""
+        return math.sqrt(max(self.total**2 - self.from_belief**2, 0.0))
+
+    @property
+    def agreement(self) -> float:
+        """Share within which hypotheses agree on a mass."""
+        return Z_95 * self.from_belief + OWN_SHARE
 
 
 def mass_of(window: Window, setting: Setting, theta: Theta, again: Resimulation) -> EventMass:

@@ -24,7 +24,8 @@ from observer_rt.engine.learning.mass import (
     volume_budget,
     volume_in,
 )
-from observer_rt.engine.learning.verdict import OFTEN, WRONG
+from observer_rt.engine.learning.outcome import OFTEN
+from observer_rt.engine.learning.verdict import WRONG
 from observer_rt.engine.reports.indicators import Indicators, indicators_of
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import contested, reason_of_injection, until_learned

@@ -1,5 +1,6 @@
-"""The arrays that plants and benchmarks compute with."""
+"""Arrays of the plants. Imports nothing of `observer_rt`."""
 
-from observer_rt.foundation.units import Floats
+import numpy as np
+from numpy.typing import NDArray
 
-Array = Floats
+Array = NDArray[np.float64]

@@ -28,10 +28,13 @@ class Windows:
         ranges = [self.ranges[i] for i in self.of_event[event]]
         return np.unique(np.concatenate([np.arange(r.start, r.stop) for r in ranges]))
 
+    def nearest(self, first: int) -> int:
+        """Number of the opening whose window begins nearest to a sample."""
+        return int(np.argmin([abs(first - window.start) for window in self.ranges]))
+
     def masses(self, rate: Array, density: float) -> Array:
         """Mass of every opening [kg], trapezoidal rule over exactly its window."""
-        areas = np.array([np.trapezoid(rate[r]) for r in self.ranges], np.float64)
-        return np.asarray(areas * self.interval * density, np.float64)
+        return np.array([np.trapezoid(rate[window]) for window in self.ranges], np.float64) * self.interval * density
 
     def opening_masses_mg(self, rate: Array, density: float) -> tuple[float, ...]:
         """Mass of every opening [mg]."""

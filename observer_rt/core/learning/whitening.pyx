@@ -19,7 +19,7 @@ globals().update(NO_HIGH_PASS=NO_HIGH_PASS, HUBER=HUBER, LEVEL_SAMPLES=LEVEL_SAM
 def whiten(
     const double[:, :] values, masked, double forgetting, const double[::1] taps, double[:, ::1] result
 ) -> None:
-    """Values (n, m) down the columns, see `run.Whitening`; masked: (n,), or (0,).
+    """Values (n, m) down the columns, see `noise.Whitening`; masked: (n,), or (0,).
 
     passed[k] = values[k] + theta passed[k - 1] - values[k - 1] is behind the high pass, of which
     expected[k] = -(a_1 passed[k - 1] + .. + a_p passed[k - p]) was to come; the result is passed - expected.

@@ -77,16 +77,11 @@ class ScaleChoice(NamedTuple):
 
     def of(self, belief: Belief) -> Belief:
         """The belief with these scales."""
-        return _measured(belief, _ALL, self.noise)
+        return _measured(belief, WEIGHTS, _PRIOR, self.noise)
 
 
-def _measured(belief: Belief, weights: NDArray[np.int64], noise: Vector | float) -> Belief:
-    """The belief after weights (k,) were measured to be 0, with variances (k,) in units of their prior's."""
-    return _measured_at(belief, WEIGHTS[weights], _PRIOR[weights], noise)
-
-
-def _measured_at(belief: Belief, columns: NDArray[np.int64], prior: Vector, noise: Vector | float) -> Belief:
-    """The same of a belief in which the weights stand in these columns (k,)."""
+def _measured(belief: Belief, columns: NDArray[np.int64], prior: Vector, noise: Vector | float) -> Belief:
+    """The belief after weights in columns (k,) were measured to be 0, with variances in units of their prior's."""
     across, information = _information(belief.covariance, columns, prior, noise)
     gain = (information @ across).T
     by_error = gain @ (belief.error_covariance[columns] / prior[:, None])
@@ -126,8 +121,13 @@ def _measured_in_turn(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64
 
 def without_others(belief: Belief, pairs: Pairs) -> Belief:
     """The belief with no pairs but these."""
-    kept = columns_in_use(pairs)
-    return _measured(belief, _others(pairs), float(_NOISES[0])).part(kept).complete(kept, _without_law(pairs))
+    return _in_use(belief, pairs).complete(columns_in_use(pairs), _without_law(pairs))
+
+
+def _in_use(belief: Belief, pairs: Pairs) -> Belief:
+    """The belief about the columns in use, where weights of all pairs but these are 0."""
+    others = _others(pairs)
+    return _measured(belief, WEIGHTS[others], _PRIOR[others], float(_NOISES[0])).part(columns_in_use(pairs))
 
 
 @lru_cache(32)
@@ -222,10 +222,9 @@ def shrink(belief: Belief) -> Belief:
     shares = weights[order] / weights[order].sum()
     choices = [ScaleChoice(row, tried[number]) for number, row in zip(*divmod(order, len(_CHOICES)), strict=True)]
     pairs = frozenset().union(*(choice.pairs for choice in choices))
-    part = _measured(belief, _others(pairs), float(_NOISES[0])).part(kept := columns_in_use(pairs))
-    weights = np.setdiff1d(_ALL, _others(pairs))
-    places, prior = np.searchsorted(kept, WEIGHTS[weights]), _PRIOR[weights]
-    parts = [_measured_at(part, places, prior, choice.noise[weights]) for choice in choices]
+    kept, used = columns_in_use(pairs), np.setdiff1d(_ALL, _others(pairs))
+    part, places = _in_use(belief, pairs), np.searchsorted(kept, WEIGHTS[used])
+    parts = [_measured(part, places, _PRIOR[used], choice.noise[used]) for choice in choices]
     mean = shares @ np.array([part.mean for part in parts])
     away = np.array([part.mean - mean for part in parts])
     between = (shares * away.T) @ away

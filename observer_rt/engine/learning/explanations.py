@@ -111,12 +111,14 @@ def _run_at(reading: EventReading, theta: Theta, fit: Fit | None) -> EventRun:
 class _KindEvidence:
     """Evidence of a kind: logarithm, theta, cost there, and a fit if the closed form is not good enough.
 
-    prior: to learn from; held: without the pairs that are not in use; scale_log_priors: logarithms of how likely the
-    scales of its weights are before the event, over what `held` itself says of them; scales: the likeliest after it.
+    prior: to learn from; held: without the pairs that are not in use; part: of it, in the columns in use;
+    scale_log_priors: logarithms of how likely the scales of its weights are before the event, over what `held` itself
+    says of them; scales: the likeliest after it.
     """
 
     prior: Belief
     held: HeldBelief
+    part: Belief
     pairs: Pairs
     scale_log_priors: NDArray[np.float64]
     log: float = field(init=False)
@@ -125,14 +127,15 @@ class _KindEvidence:
     theta: Theta = field(init=False)
     fit: Fit | None = None
 
-    @cached_property
-    def _in_use(self) -> Belief:
-        return self.held.prior.part(columns_in_use(self.pairs))
+    @property
+    def falls(self) -> float:
+        """Nats by which the parabola promises that the cost falls."""
+        return self.cost.value - self.cost.expected(self.theta)
 
     def weigh(self, cost: EventRun, limits: Limits) -> None:
         """Evidence by the parabola of a run, over all scales."""
         columns = columns_in_use(self.pairs)
-        by_whole = evidence_of(cost.part(columns), self._in_use, limits.part(columns))
+        by_whole = evidence_of(cost.part(columns), self.part, limits.part(columns))
         logs, self.theta = weigh_choices(by_whole.theta, by_whole.covariance, self.pairs, self.scale_log_priors)
         self.cost, self.scales = cost, ScaleChoice(int(np.argmax(logs)), self.pairs)
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
@@ -149,7 +152,7 @@ class _KindEvidence:
             self.weigh(start, fitter.limits)
             if self.scales == scales or self.fit.stuck:
                 break
-        self.log -= max(self.cost.value - self.cost.expected(self.theta) - BEYOND, 0.0)
+        self.log -= max(self.falls - BEYOND, 0.0)
         self.theta = self.cost.theta
 
 
@@ -252,12 +255,12 @@ class _OfferedKinds:
         likely -= np.logaddexp.reduce(likely)
         for kind, prior in priors.items():
             held = self._reading.resting.held(without_others(prior, pairs))
+            part = held.prior.part(columns)
             if evidence and held.column is None and WEIGHTS[0] not in kind.columns:
                 log_priors = evidence[BEFORE].scale_log_priors  # the first one, with the same prior of the weights
             else:
-                part = held.prior.part(columns)
                 log_priors = likely - weigh_choices(part.mean, part.covariance, pairs)[0]
-            evidence[kind] = _KindEvidence(prior, held, pairs, log_priors)
+            evidence[kind] = _KindEvidence(prior, held, part, pairs, log_priors)
             evidence[kind].weigh(self._reading.first, self._reader.limits)
         return evidence
 
@@ -295,8 +298,7 @@ class _OfferedKinds:
 
     def _fit(self, evidence: _KindEvidence, behind: float) -> None:
         """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""
-        first, is_new = evidence.cost, self._learned.is_prior
-        falls = first.value - first.expected(evidence.theta)
+        first, is_new, falls = evidence.cost, self._learned.is_prior, evidence.falls
         if behind <= -REFINED - FALL_COUNTS * max(falls, 0.0):
             return
         far = float((np.abs(evidence.theta - first.theta) / self._reader.limits.longest_step).max())

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.needle import NeedleStroke
-from observer_rt.core.stream.stream import RAIL_BIN, RAIL_BINS
+from observer_rt.core.stream.stream import FULL_LIFT, RAIL_BIN, RAIL_BINS
 from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.engine.estimation.parameters import FLOWS, NOZZLE_LAW, WEIGHTS, Parameter, Theta, learned_of
 from observer_rt.engine.estimation.predictor import (
@@ -44,7 +44,6 @@ _NOZZLE, _SEAT = int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)
 LEAST_SAC_PRESSURE = 0.05  # p_0, down to which a change of the nozzle flow is stated
 OPENED_SINCE = 1e-3  # s, at which a change of the nozzle flow is stated
 _RISE, _RISE_WITH_SEAT = NOZZLE_LAW.columns.tolist()
-Floats = float | NDArray[np.float64]
 MOST_POINTS, MOST_OPENINGS = 16, 48  # remembered; the oldest is forgotten
 REACH = (0.4, 0.7, 0.4)  # of each number of an `EventPoint`, over which what is wrong with a model changes
 EVENT_SHARE = 0.3  # variance, of what one event tells of its own point, over that between distant points
@@ -56,7 +55,6 @@ _RAILS = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)  # p_0, middles of the bins of 
 FULL = 0.95  # p_S over p_L of a sac that is full
 _LONG = 0.8  # mean of p_S over p_L in a long injection
 NEAR = 0.5 * REACH[0]  # p_0 of rail pressure, within which an event shows the flow
-FULL_LIFT = 0.9  # of the widest seat area, below which a needle falls
 LEAST_AREA = 0.02  # of an event's widest seat area, up to which the lift's noise opens a shut needle
 LONGER = 30e-6  # s, by which events of one operating point differ
 FAILS = 0.05  # share of new operating points at which what was learned may fail
@@ -403,7 +401,10 @@ def known_flow(
 
 
 def nozzle_change(
-    theta: Theta, x: Sequence[float] | Vector, u: Sequence[Floats] | Vector, since: Floats = OPENED_SINCE
+    theta: Theta,
+    x: Sequence[float] | Vector,
+    u: Sequence[float | Vector] | Vector,
+    since: float | Vector = OPENED_SINCE,
 ) -> tuple[Vector, Matrix]:
     """Relative change (...) of the nozzle flow at states x (3, ...) and inputs u (2, ...); slopes (..., m).
 
@@ -422,7 +423,7 @@ def nozzle_change(
     return factor * against_chamber - 1.0, slopes
 
 
-def seat_change(theta: Theta, area: Floats, drop: Floats) -> tuple[Vector, Matrix]:
+def seat_change(theta: Theta, area: float | Vector, drop: float | Vector) -> tuple[Vector, Matrix]:
     """Relative change N_S of the seat flow (...) at a seat area [A_0] and a pressure drop [p_0]; slopes (..., m)."""
     sigmas = activations((drop, 0.0, 0.0), (0.0, area, 0.0))[..., OF_NOZZLE:]
     slopes = np.zeros((*sigmas.shape[:-1], theta.size))

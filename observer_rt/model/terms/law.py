@@ -124,7 +124,7 @@ class Law:
         raise ValueError(f"'{self}' remembers: say what its memory makes of values")
 
     def at(self, values: Mapping[str, Any], c: float = 1.0, memory: Memory | None = None) -> Floats:
-        """Floats (n,) of the law at those of its variables, by name, each (n,) or a number; nan where undefined.
+        """Values (n,) of the law at those of its variables, by name, each (n,) or a number; nan where undefined.
 
         Raises ValueError without `memory` for a law that remembers.
         """

@@ -73,7 +73,7 @@ def facts_of(scenario: Scenario, outcome: Outcome, published: Results) -> Row:
     wrong_summaries = _wrong_summaries(published, windows, true)
     got = np.full(true.size, np.nan)
     for summary in (each for each in published.summaries if each.is_valid):
-        got[np.argmin([abs(summary.first - window.start) for window in windows.ranges])] = summary.mass
+        got[windows.nearest(summary.first)] = summary.mass
     valid = ~np.isnan(got)
     event = np.asarray(outcome.event_of)
     touched = np.unique(event[(starts >= begin - _REACH) & (starts < end + _REACH)])
@@ -130,7 +130,7 @@ def _wrong_summaries(published: Results, windows: Windows, true: Array) -> int:
     """Valid summaries of a mass that was not injected there."""
     wrong = 0
     for summary in published.summaries:
-        number = int(np.argmin([abs(summary.first - window.start) for window in windows.ranges]))
+        number = windows.nearest(summary.first)
         is_there = abs(summary.first - windows.ranges[number].start) <= CLOSE
         mass = float(true[number]) if is_there else 0.0
         wrong += summary.is_valid and not abs(summary.mass - mass) <= max(WRONG * mass, WRONG_MASS)

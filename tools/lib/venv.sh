@@ -5,6 +5,7 @@ repository=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 venv=$repository/.venv
 resolution=newest # or lowest: the oldest versions that pyproject.toml allows, for an environment of their own
 needed_python='import sys; sys.exit(sys.version_info < (3, 11))'
+unset PYTHONDONTWRITEBYTECODE # as images set it: each process would compile all that it imports anew, for seconds
 
 # Mends a bare Debian or Ubuntu in one go; tools/vcan needs iproute2.
 bare_system="sudo apt-get update && sudo apt-get install -y python3-venv python3-dev gcc iproute2"

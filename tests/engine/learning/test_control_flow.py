@@ -65,7 +65,7 @@ def learned(
     ],
 )
 def test_it_is_found_beside_wear_and_no_mass_is_refused_or_wrong(flow: float, faults: Faults) -> None:
-    run = learned(flow, faults)
+    run = learned(flow, faults, 18)
     assert all(run.valid)
     assert np.mean(run.inside) >= 0.9
     assert np.abs(run.errors).max() < 0.01
@@ -75,7 +75,7 @@ def test_it_is_found_beside_wear_and_no_mass_is_refused_or_wrong(flow: float, fa
 
 
 def test_a_needle_that_displaces_fuel_is_no_control_flow() -> None:
-    run = learned(4.0, Faults(), laws=Laws(needle_area=1e-6))
+    run = learned(4.0, Faults(), 18, Laws(needle_area=1e-6))
     assert all(run.valid)
     assert np.mean(run.inside) >= 0.9
     assert control_flow(run)[0] == pytest.approx(4.0, abs=0.15)
@@ -85,8 +85,8 @@ def test_what_is_in_step_with_the_needle_is_in_the_interval() -> None:
     """A tenth of 6 mm3/ms leaves the line exactly while the needle is open: read as flow of the nozzle."""
     laws = Laws(lift_leakage=6e-15)
     exact = Accuracy(line_diameter_percent=0.0, line_length_percent=0.0, parallel_flow_percent=0.0)
-    stated = learned(6.0, Faults(), laws=laws, accuracy=exact)
-    unstated = learned(6.0, Faults(), laws=laws)
+    stated = learned(6.0, Faults(), 14, laws, accuracy=exact)
+    unstated = learned(6.0, Faults(), 14, laws)
     assert all(stated.valid + stated.inside)
     assert np.mean(unstated.inside) < 0.5
 

@@ -14,7 +14,7 @@ IN_FORCE = ("rejected -> adopted", "adopted -> rejected")  # whether two thetas 
 @pytest.mark.parametrize(
     ("chain", "expected"),
     [
-        pytest.param(*each, id=each[0].name, marks=[pytest.mark.slow] * (number % 3 > 0))
+        pytest.param(*each, id=each[0].name, marks=[pytest.mark.slow] * (number % 6 > 0))
         for number, each in enumerate(golden.recorded(golden.OUTCOMES))
     ],
 )

@@ -10,11 +10,14 @@ from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.learning.healthy import KNOTS
 from observer_rt.files.signals.recording import Recording
+from observer_rt.model.baseline import HealthyRemainder
 from observer_rt.model.effects import sized
 from tests.baselines import baseline
 from tests.identification.fit.healthy import POINTS, simulations
 
 NOMINAL = load_injector()
+Rung = tuple[list[Recording], HealthyRemainder | None]
+"""Recordings, and what the observer leaves of them."""
 SWING = 0.6  # MPa, of what the model below leaves after an opening
 
 
@@ -37,8 +40,9 @@ def healthy() -> list[Recording]:
 
 
 @pytest.fixture(scope="module")
-def rung(healthy: list[Recording]) -> list[Recording]:
-    return [ringing(one, seed) for seed, one in enumerate(healthy)]
+def rung(healthy: list[Recording]) -> Rung:
+    recordings = [ringing(one, seed) for seed, one in enumerate(healthy)]
+    return recordings, observer_remainder(NOMINAL, baseline(), recordings)
 
 
 def test_an_exact_model_leaves_noise(healthy: list[Recording]) -> None:
@@ -49,8 +53,8 @@ def test_an_exact_model_leaves_noise(healthy: list[Recording]) -> None:
     assert remainder.variance.open == pytest.approx(1.0, abs=0.2)
 
 
-def test_what_comes_back_after_every_opening_is_found(rung: list[Recording]) -> None:
-    remainder = observer_remainder(NOMINAL, baseline(), rung)
+def test_what_comes_back_after_every_opening_is_found(rung: Rung) -> None:
+    _, remainder = rung
     assert remainder is not None
     after = np.array(remainder.shape.opening)[(KNOTS > 0.0) & (KNOTS < 0.3e-3)]
     assert after.max() > 0.5 * SWING
@@ -83,12 +87,12 @@ def test_injections_that_differ_beyond_noise_are_overdispersed() -> None:
 
 
 @pytest.mark.parametrize("is_known", [False, True])
-def test_what_a_model_leaves_of_the_healthy_is_not_held_against_it(rung: list[Recording], is_known: bool) -> None:
-    stated = baseline()
+def test_what_a_model_leaves_of_the_healthy_is_not_held_against_it(rung: Rung, is_known: bool) -> None:
+    (recordings, left), stated = rung, baseline()
     if is_known:
-        stated = stated.model_copy(update={"observer": observer_remainder(NOMINAL, stated, rung)})
+        stated = stated.model_copy(update={"observer": left})
     bench = load_bench().exact.with_parameters(NOMINAL.model_copy(update={"baseline": stated}))
-    history = evaluate(bench, rung)
+    history = evaluate(bench, recordings)
     results = [one for each in history.evaluations for one in each.injections][4:]
     assert np.mean([one.valid for one in results]) == pytest.approx(1.0 if is_known else 0.0, abs=0.1)
     if is_known:

@@ -104,7 +104,7 @@ def test_what_is_stated_or_left_out_holds_the_mass(
 def population() -> tuple[Run, ...]:
     """Injectors worn at random, each with other noise."""
     random = np.random.default_rng(11)
-    return tuple(run(seed, random.uniform(-0.4, 0.4), random.uniform(-0.3, 0.3)) for seed in range(16))
+    return tuple(run(seed, random.uniform(-0.4, 0.4), random.uniform(-0.3, 0.3)) for seed in range(8))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,14 @@ from observer_rt.files.signals.recording import Recording, shown_slowly
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.fit.calibrate import RATE_MISFIT, CalibrationResult, LevelSource, calibrate
 from observer_rt.identification.fit.document import level_words, verdict_words
-from observer_rt.identification.fit.forms import INERTANCE, STIFFENING, STIFFNESS, FreeParameter, with_values
+from observer_rt.identification.fit.forms import (
+    INERTANCE,
+    STIFFENING,
+    STIFFNESS,
+    FreeParameter,
+    Structure,
+    with_values,
+)
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import Calibration, certainty, folds_of
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
@@ -32,15 +39,18 @@ from tests.model.conftest import filled
 from tests.plants.parameters import Injector
 
 UNSEEN = simulations([(80e6, 1.2e-3)], seed=9)
+THE_PLANTS = LUMPS[:1]  # structure, where its choice is not what is tested
 
 
 def _measured(made: Sequence[Simulation]) -> tuple[Measurement, ...]:
     return measurements([one.recording for one in made])
 
 
-def _fit(measured: Sequence[Measurement], file: InjectorParameters, **weighed: MeanMass) -> CalibrationResult:
+def _fit(
+    measured: Sequence[Measurement], file: InjectorParameters, among: Sequence[Structure] = LUMPS, **weighed: MeanMass
+) -> CalibrationResult:
     by_number = {int(name[1:]): one for name, one in weighed.items()}
-    return calibrate(file, measured, by_number, lambda _: None, LUMPS)
+    return calibrate(file, measured, by_number, lambda _: None, among)
 
 
 def _deviations(done: CalibrationResult, true: InjectorParameters) -> dict[str, float]:
@@ -132,7 +142,7 @@ def test_flows_coefficients_and_sac_scale_with_the_inertance(by_pressures: Calib
 def test_how_a_fuel_stiffens_is_fitted() -> None:
     file = filled(NOMINAL, "en590")
     plant = with_values(file, (STIFFNESS, STIFFENING), np.array([1.35e9, 12.0]))
-    fluid = _fit(_measured(simulations(POINTS[1::2], injector=plant)), file).injector.fluid
+    fluid = _fit(_measured(simulations(POINTS[1::2], injector=plant)), file, THE_PLANTS).injector.fluid
     assert fluid.bulk_modulus_by_pressure == pytest.approx(12.0, abs=0.2)
     assert fluid.bulk_modulus_line == pytest.approx(1.35e9, rel=0.01)
 
@@ -178,7 +188,7 @@ def _wrong_inertance() -> InjectorParameters:
 
 
 def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
-    done = _fit(_measured(simulations(POINTS[::2], measured_rate=True)), _wrong_inertance())
+    done = _fit(_measured(simulations(POINTS[::2], measured_rate=True)), _wrong_inertance(), THE_PLANTS)
     assert done.level_source is LevelSource.RATE
     assert done.fitted.calibration.folds[0].rate_shape
     assert "contradicts" not in verdict_words(done)
@@ -201,7 +211,7 @@ def _by_a_meter(recording: Recording, *lags: float) -> Recording:
 def test_a_rate_of_a_meter_with_dynamics_gives_the_level_by_its_integral(lags: Sequence[float], mean: float) -> None:
     """Its shape would make sac and seat others, or the needle late; by how much it is late in the mean is found."""
     made = [_by_a_meter(one.recording, *lags) for one in simulations(POINTS[::2], measured_rate=True)]
-    done = _fit(measurements(made), _wrong_inertance())
+    done = _fit(measurements(made), _wrong_inertance(), THE_PLANTS)
     assert done.inadequate == ()
     assert abs(_mass_error(done.injector)) < 0.01
     assert max(map(abs, _deviations(done, NOMINAL).values())) < 4.0
@@ -241,13 +251,13 @@ def test_an_effect_in_force_is_part_of_the_model_that_is_fitted() -> None:
     leaking = NOMINAL.model_copy(update={"effects": (offset,)})
     measured = _measured(simulations(POINTS[::2], injector=leaking))
     file = off_by_ten_percent(leaking)
-    assert max(map(abs, _deviations(_fit(measured, file), NOMINAL).values())) < 3.0
-    blind = _fit(measured, file.model_copy(update={"effects": ()}))
+    assert max(map(abs, _deviations(_fit(measured, file, THE_PLANTS), NOMINAL).values())) < 3.0
+    blind = _fit(measured, file.model_copy(update={"effects": ()}), THE_PLANTS)
     assert max(map(abs, _deviations(blind, NOMINAL).values())) > 5.0
 
 
 @pytest.mark.parametrize(("injections", "folds"), [(4, 2), (1, 1)])
 def test_one_recording_is_judged_by_halves_one_injection_with_nothing_held_out(injections: int, folds: int) -> None:
-    done = _fit(_measured(simulations([(100e6, 1.9e-3)], injections=injections)), off_by_ten_percent())
+    done = _fit(_measured(simulations([(100e6, 1.9e-3)], injections=injections)), off_by_ten_percent(), THE_PLANTS)
     assert len(done.fitted.calibration.folds) == folds
     assert (done.fitted.held_out is None) == ("of all there is" in done.choice.reason) == (folds == 1)

@@ -175,7 +175,7 @@ def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path) -> None:
 def test_a_measured_mass_leaves_its_own_accuracy(tmp_path: Path) -> None:
     seen = measured_with(0.0, 0.0)
     mass = MeanMass(40e-6, 0.003 * 40e-6)
-    done = calibrate(NOMINAL, seen, {0: mass}, lambda _: None, LUMPS)
+    done = calibrate(NOMINAL, seen, {0: mass}, lambda _: None, LUMPS[:1])
     write_fitted(tmp_path / "fitted.toml", InjectorFile.read(NOMINAL_INJECTOR), done, baseline_of(done, {}))
     accuracy = load_injector(tmp_path / "fitted.toml").accuracy
     assert accuracy.mass_percent is not None

@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 import threading
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from unittest.mock import Mock
@@ -135,41 +134,20 @@ COMMANDS = [command.name for command in REGISTERED if command.name]
 HEADINGS = list(dict.fromkeys(str(command.rich_help_panel) for command in REGISTERED))
 
 
-EACH_HELP = """
-import sys
-from observer_rt.__main__ import main
-for arguments in sys.argv[1:]:
-    print(end=chr(12), flush=True)
-    sys.argv = ["observer-rt", *arguments.split()]
-    try:
-        main()
-    except SystemExit:
-        pass
-"""
-
-
-@cache
-def helps() -> dict[str, str]:
-    """What the program prints to the arguments that ask for help, on a narrow terminal."""
-    asked = [f"{command} {option}".strip() for command in ("", *COMMANDS) for option in ("-h", "--help")]
-    done = subprocess.run([sys.executable, "-c", EACH_HELP, *asked], capture_output=True, text=True, check=True)
-    return dict(zip(asked, done.stdout.split("\f")[1:], strict=True))
-
-
-def test_the_list_of_commands_cuts_no_sentence() -> None:
-    listed = helps()["-h"].split(f"\n{HEADINGS[0]}:\n")[1].split("\n\n  Every command")[0]
+def test_the_list_of_commands_cuts_no_sentence(command: Command) -> None:
+    listed = command.done("-h").out.split(f"\n{HEADINGS[0]}:\n")[1].split("\n\n  Every command")[0]
     assert re.findall(r"^  ([\w-]+)", listed, re.MULTILINE) == COMMANDS
     assert re.findall(r"^(\w[\w ]*):$", listed, re.MULTILINE) == HEADINGS[1:]
     sentences = re.split(r"^  [\w-]+ +", re.sub(r"\n\n.*:\n", "\n", listed), flags=re.MULTILINE)[1:]
     assert all(sentence.rstrip().endswith(".") and "..." not in sentence for sentence in sentences)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_help_names_no_types_and_has_an_example(command: str) -> None:
-    text = helps()[f"{command} -h"]
-    assert text == helps()[f"{command} --help"]
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_names_no_types_and_has_an_example(command: Command, name: str) -> None:
+    text = command.done(name, "-h").out
+    assert text == command.done(name, "--help").out
     assert not re.search(r"<\w+(\[\w+\])?( range)?>", text)
-    assert f"Example: observer-rt {command}" in text
+    assert f"Example: observer-rt {name}" in text
     assert EXIT_CODES in " ".join(text.split())
 
 

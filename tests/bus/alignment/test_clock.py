@@ -46,7 +46,7 @@ def test_prompt_frames_tell_offset_and_drift_exactly(drift: float, samples: int)
     assert clock["drift"][0] / clock["interval"][0] == pytest.approx(drift, abs=1e-9)
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(st.integers(0, 1000), st.floats(-200e-6, 200e-6), st.floats(0.6, 1.0), st.floats(1e3, 1e5))
 def test_late_frames_beside_prompt_move_nothing(seed: int, drift: float, prompt_share: float, width: float) -> None:
     random = np.random.default_rng(seed)

@@ -167,10 +167,10 @@ def test_a_needle_bounces_by_half_a_sine_from_its_landing_on() -> None:
     truth, usual = (simulated(name, 100e6).truth for name in ("needle_bounce", ""))
     landed = 0.15 + OPEN_FOR + NOMINAL.needle.closing_delay + NOMINAL.seat.max_lift / NOMINAL.needle.closing_speed
     means = landed + np.linspace(-15e-6, 15e-6, 3001)  # over which corners are rounded
-    at = np.clip((truth.time[:, None] - means) / NOMINAL.needle.bounce_length, 0.0, 1.0)
-    np.testing.assert_allclose(
-        truth.needle_lift - usual.needle_lift, 20e-6 * np.sin(math.pi * at).mean(axis=1), atol=5e-9
-    )
+    near, bounce = np.abs(truth.time - landed) < 1e-3, np.zeros(truth.time.size)
+    at = np.clip((truth.time[near, None] - means) / NOMINAL.needle.bounce_length, 0.0, 1.0)
+    bounce[near] = 20e-6 * np.sin(math.pi * at).mean(axis=1)
+    np.testing.assert_allclose(truth.needle_lift - usual.needle_lift, bounce, atol=5e-9)
 
 
 @pytest.mark.parametrize(("name", "rail"), [*((name, 140e6) for name in SIZES), ("orifice_cavitation", 60e6)])

@@ -13,14 +13,13 @@ from observer_rt.core.identification.areas import fill_areas
 from observer_rt.core.model.model import InputTerms
 from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, commanded_areas
 from observer_rt.core.stream.stream import dead_band
+from observer_rt.engine.estimation.rail_smoothing import smoothed
 from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.hydraulics import CONTROL_REFERENCE
 
-SMOOTHING_WIDTH = 50e-6  # s, of the rail pressure's kernel: it leaves what a rail does up to some 3 kHz
-KERNEL_REACH = 4.0  # widths to either side
 MOVING_SHARE = 0.5  # of the noise: by so much the rail moves in events where its delay can be seen at all
 NOISE_DRAWS = 8  # of the lift's noise, by which a variance is found
 LAG_GRID = 6e-6  # s of lag, at whose multiples it is found
@@ -31,30 +30,18 @@ Innovations = Callable[[Measurement, float], Floats]
 FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
 
 
-def smoothing_of(interval: float) -> float:
-    """Width of the kernel [s] at a sample interval [s]: at least a sample, so that noise does not fix the delay."""
-    return max(SMOOTHING_WIDTH, interval)
-
-
 def true_rail_pressure(measurement: Measurement, delay: float) -> Floats:
     """Rail pressure [Pa] (n,), smoothed, of a channel that records it `delay` [s] late.
 
-    The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass unchanged. A rail at rest during
-    events is not moved: its noise would only become another one, which some delay always fits better.
+    A rail at rest during events is not moved: its noise would only become another one, which some delay always fits
+    better.
     """
     rail = measurement.recording.rail_pressure
-    late, width = delay / measurement.interval, smoothing_of(measurement.interval) / measurement.interval
-    if not _moves(measurement):
-        late = 0.0
     available = np.isfinite(rail)
     if not available.all():  # outside of what is judged, but within the kernel's reach
         sample = np.arange(rail.size)
         rail = np.interp(sample, sample[available], rail[available])
-    reach = int(np.ceil(KERNEL_REACH * width + abs(late)))
-    u = (np.arange(-reach, reach + 1) - late) / width
-    weights = (3.0 - u**2) * np.exp(-0.5 * u**2)
-    beyond = np.pad(rail, reach, mode="edge")
-    return np.asarray(np.convolve(beyond, weights[::-1] / weights.sum(), "valid"), np.float64)
+    return smoothed(rail, measurement.interval, delay / measurement.interval if _moves(measurement) else 0.0)
 
 
 def rail_on_time(measurement: Measurement, terms: InputTerms) -> Floats:

@@ -26,10 +26,11 @@ from observer_rt.engine.estimation.predictor import (
     Window,
     gain_schedule,
 )
+from observer_rt.engine.estimation.rail_smoothing import smoothing_of
 from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood.events import shut_mask
 from observer_rt.identification.likelihood.measurement import Measurement, Rows
-from observer_rt.identification.likelihood.true_inputs import TrueInputs, smoothing_of
+from observer_rt.identification.likelihood.true_inputs import TrueInputs
 from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
 
 START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged

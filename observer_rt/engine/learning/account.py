@@ -14,7 +14,7 @@ from observer_rt.engine.estimation.parameters import LAWLESS, NEEDLE_LAW, SCALAR
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scales import shrink
-from observer_rt.engine.learning.adequacy import pooled
+from observer_rt.engine.learning.adequacy import pooled, tempering
 from observer_rt.engine.learning.event import (
     ClosedEvent,
     EventReader,
@@ -22,6 +22,8 @@ from observer_rt.engine.learning.event import (
     RestingPressure,
     resting_pressure,
     setting_of,
+    smoothing_in,
+    with_smooth_rail,
 )
 from observer_rt.engine.learning.explanations import FIRST_STEPS, LATE_SENSOR, STARTED, Explanation, Weighing
 from observer_rt.engine.learning.fit import EventFitter, Fit
@@ -81,7 +83,7 @@ class BeliefUpdate:
         before, cost, limits = explanation.before, explanation.cost, self.reader.limits
         held, reading, fit = explanation.held, explanation.reading, explanation.fit
         statistics = self.reader.healthy.relative(reading.leaves(explanation.run))
-        temper = self.reader.temper_in(self.state, before, statistics, reading.cost.temper)
+        temper = max(tempering(statistics) / reading.cost.temper, 1.0)
         information = cost.information / temper
         belief = held.prior.updated(information, cost.vector / temper)
         likely, active = shrink(belief), before.active if fit is None else fit.active
@@ -193,7 +195,7 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
 
     Raises numpy.linalg.LinAlgError where nothing is finite.
     """
-    window = state.energizing.current.undone(event.window)
+    window = with_smooth_rail(state.energizing.current.undone(event.window), event.constants)
     readings = _EventReadings(state, event, offset, reader)
     readings.weigh(state.account, window)
     for rival in readings.rivals:
@@ -208,7 +210,9 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
     point = opening_points(window, reader.interval)[-1]
     update = BeliefUpdate(reader, state, point)
     continued = [(each, update.after(each)) for each in explanations]
-    return ExplainedEvent(state, event.window, window, point, continued, *account_after(state.account, continued))
+    carried, account = account_after(state.account, continued)
+    state = replace(state, sensor_slope=state.sensor_slope.after(carried.reading.resting.point(point.rail_pressure)))
+    return ExplainedEvent(state, event.window, window, point, continued, carried, account)
 
 
 class _EventReadings:
@@ -256,7 +260,7 @@ class _EventReadings:
     def _read(self, learned: LearnedInjector, window: Window, off: float) -> EventReading:
         """Reads the event round a belief."""
         state, event, reader = self._state, self._event, self._reader
-        schedule = reader.gains(learned.theta, state.noise, event.constants)
+        schedule = reader.gains(learned.theta, state.noise, event.constants, smoothing_in(event.constants))
         setting, white_sigma = setting_of(event.constants, schedule), schedule.innovation_sigma
         cost = reader.cost_of(state, learned, window, setting, white_sigma, self._offset)
         first, resting = self._run(learned, cost)

@@ -18,16 +18,17 @@ from observer_rt.engine.estimation import parameters
 from observer_rt.engine.estimation.belief import Belief, HeldBelief, Matrix, Vector, held_at
 from observer_rt.engine.estimation.phases import PhaseStatistics, phase_statistics
 from observer_rt.engine.estimation.predictor import GainSchedule, NoiseLevels, Setting, Window, gain_schedule
-from observer_rt.engine.learning.adequacy import BURN_IN, CLIP, tempering
+from observer_rt.engine.estimation.rail_smoothing import smoothed, smoothing_of
+from observer_rt.engine.learning.adequacy import BURN_IN, CLIP
 from observer_rt.engine.learning.fit import Limits, at_fault
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.kinds import Kind
 from observer_rt.engine.learning.knowledge import LearnedInjector, LearningState
 from observer_rt.engine.learning.noise import LAGS, SEGMENT, mask_of
 from observer_rt.engine.learning.run import EventCost, EventRun
-from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.engine.stream.standstill import RestPoint, Standstill
 from observer_rt.engine.stream.state import Constants
-from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, Z_95
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
 BLOCK = 1 * MILLISECOND  # of which means are taken: about a period of the line
@@ -38,9 +39,6 @@ SYSTEMATIC = 0.03 * MEGAPASCAL
 SIGNIFICANT = 5.0
 _OFFSET, _GAIN = int(parameters.Parameter.LINE_PRESSURE_OFFSET), int(parameters.Parameter.LINE_PRESSURE_GAIN)
 _BOTH = [_OFFSET, _GAIN]
-
-COLOURED_RAIL = 1.5  # times the noise of a sample: slow noise of the rail beyond it counts as coloured
-RAIL_TEMPER = 2.0  # factor on the variance of an event under such noise; M: without, rates of 2 in 39 are wrong
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +61,15 @@ class RestingPressure:
             return HeldBelief(belief)
         value, variance = self._gain(belief)
         return held_at(belief, _GAIN, value, min(variance, own))
+
+    def point(self, rail_pressure: float) -> RestPoint:
+        """Line over rail pressure by this rest alone, before an event of a rail pressure [p_0]."""
+        by_offset, scale = self.slopes[:, 0], self.pressure_scale
+        weight, believed = float(by_offset @ by_offset), self.theta[_OFFSET] + self.theta[_GAIN] * rail_pressure
+        if weight == 0.0:
+            return RestPoint(rail_pressure * scale, 0.0, math.inf)
+        own, variance = believed - float(by_offset @ self.means) / weight, self.noise / weight
+        return RestPoint(rail_pressure * scale, float(own) * scale, variance * scale**2 + BLOCK_ERROR**2)
 
     def _gain(self, belief: Belief) -> tuple[float, float]:
         """Gain, and its variance, by a belief and the rest."""
@@ -154,18 +161,25 @@ class EventReader:
             parameters.SCALARS.drift(self.pressure_scale), parameters.GAIN_DRIFT * self.calibration.gain
         )
 
+    def bent(self, state: LearningState) -> float:
+        """Share by which a flow may be off (one sigma), as a sensor is not as straight as stated."""
+        return max(state.sensor_slope.share - Z_95 * self.calibration.gain, 0.0)
+
     def widths(self, kind: Kind) -> parameters.Theta:
         """Standard deviations (m,) by which theta moves where an event is of a kind."""
         if kind not in self._widths:
             self._widths[kind] = kind.widths(self.wide, self.drift)
         return self._widths[kind]
 
-    def gains(self, theta: parameters.Theta, noise: NoiseLevels, constants: Constants) -> GainSchedule:
+    def gains(
+        self, theta: parameters.Theta, noise: NoiseLevels, constants: Constants, rail_smoothing: float = 0.0
+    ) -> GainSchedule:
         """Gains of x~ with theta (m,); with those of another theta a line with waves may become unstable."""
         learned = parameters.learned_of(theta, constants.coefficients)
         sensor, rate = constants.sensor, 1.0 / constants.interval
         lag = sensor.lag + float(learned.sensor[0])
-        return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, constants.rail_every)
+        every = constants.rail_every
+        return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, every, rail_smoothing)
 
     def cost_of(
         self,
@@ -190,17 +204,21 @@ class EventReader:
             self.healthy.shape,
         )
 
-    def temper_in(
-        self, state: LearningState, learned: LearnedInjector, statistics: PhaseStatistics, temper: float
-    ) -> float:
-        """Factor on the variance of an event's innovations, on top of the cost's `temper`.
 
-        Coloured noise of the rail pressure drives the model, too, so it is more than an error of the output. A rail
-        that really moves is no noise, and leaves white innovations.
-        """
-        rail_noise = state.noise.rail_pressure / self.pressure_scale
-        is_rail = learned.colour is not None and state.slow_rail.sigma > COLOURED_RAIL * rail_noise
-        return max(max(tempering(statistics), RAIL_TEMPER if is_rail else 1.0) / temper, 1.0)
+def smoothing_in(constants: Constants) -> float:
+    """Width [s] of the kernel that smooths the rail pressure of an event; 0 on a line without waves.
+
+    Noise of the rail that runs along a line with waves is less with a late sensor, whether that is late or not.
+    """
+    return smoothing_of(constants.interval) if constants.coefficients.line.resolved > 0.0 else 0.0
+
+
+def with_smooth_rail(window: Window, constants: Constants) -> Window:
+    """The window as an event is learned from."""
+    if smoothing_in(constants) == 0.0:
+        return window
+    rail, area = window.inputs.T
+    return window._replace(inputs=np.column_stack((smoothed(rail, constants.interval), area)))
 
 
 def setting_of(constants: Constants, schedule: GainSchedule) -> Setting:

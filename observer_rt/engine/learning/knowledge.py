@@ -28,9 +28,9 @@ from observer_rt.engine.learning.coil_current import CoilDisturbance
 from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.kinds import Mode, Velocity
 from observer_rt.engine.learning.mass import EVERYWHERE, EventPoint, KnownFlow, Resimulation, Transfer
-from observer_rt.engine.learning.noise import Colour, RestingNoise, SlowRail, TimeJitter
+from observer_rt.engine.learning.noise import Colour, RestingNoise, TimeJitter
 from observer_rt.engine.learning.run import EventRun
-from observer_rt.engine.stream.standstill import HeldRail, RestingLift, Standstill
+from observer_rt.engine.stream.standstill import HeldRail, RestingLift, SensorSlope, Standstill
 from observer_rt.engine.stream.state import Constants, Reason
 from observer_rt.foundation.records import NOT_KEPT, Count
 
@@ -157,10 +157,10 @@ class LearningState:
     interval: float = 0.0  # of the samples [s]; 0 before the first event
     changes: float = 0.0  # number of changes of the flow, older ones counting less
     elsewhere: Transfer = field(default_factory=Transfer)
-    slow_rail: SlowRail = field(default_factory=SlowRail)
     jitter: TimeJitter = field(default_factory=TimeJitter)
     overdispersion: Overdispersion = field(default_factory=Overdispersion)
     held_rail: HeldRail = field(default_factory=HeldRail)
+    sensor_slope: SensorSlope = field(default_factory=SensorSlope)
     energizing: CoilDisturbance = field(default_factory=CoilDisturbance)
     standstill: Standstill | None = field(default=None, metadata=NOT_KEPT)  # at the end of the last event
 

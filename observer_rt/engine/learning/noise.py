@@ -29,8 +29,6 @@ TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to
 ORDERS = 20  # highest order of the autoregressive part
 SEGMENT = 3e-3  # s, of rest without break from which on it tells a colour
 REMEMBERED = 0.85  # weight of the events before an event
-RAIL_MOTION = 0.66e-3  # s: what is slower is the rail's own motion
-RAIL_BLOCK = 0.16e-3  # s: what is faster the line does not hear
 LOUDEST = 4.0  # times the mean square of those before, or of the newest: no event counts for more, for it may be none
 GONE = 30.0  # times the mean square of the newest: what was so loud before is over, and tells nothing of it
 MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
@@ -176,30 +174,6 @@ def is_same(first: Colour | None, second: Colour | None) -> bool:
         second.interval,
         second.whitening.forgetting,
     ) and np.array_equal(first.whitening.taps, second.whitening.taps)
-
-
-@dataclass(frozen=True)
-class SlowRail:
-    """Strength of the rail pressure's noise where the line hears it, older events counting less."""
-
-    squares: float = 0.0
-    count: float = 0.0
-
-    def after(self, segments: Sequence[NDArray[np.float64]], interval: float) -> "SlowRail":
-        """Adds an event's rail pressure, a stretch of rest each; interval: of samples [s]."""
-        forgetting, length = forgetting_of(RAIL_MOTION, interval), max(1, round(RAIL_BLOCK / interval))
-        squares, count = self.squares * REMEMBERED, self.count * REMEMBERED
-        for values in segments:
-            passed = np.append(0.0, high_passed(values[1:], forgetting))
-            blocks = passed[: passed.size // length * length].reshape(-1, length)
-            squares += float(np.sum(blocks.mean(axis=1) ** 2)) * length
-            count += len(blocks)
-        return SlowRail(squares, count)
-
-    @property
-    def sigma(self) -> float:
-        """Standard deviation of a sample of white noise that is as strong; 0 without any rest."""
-        return math.sqrt(self.squares / self.count) if self.count > 0.0 else 0.0
 
 
 def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:

@@ -33,7 +33,7 @@ from observer_rt.engine.learning.mass import (
     resimulated,
     with_shots,
 )
-from observer_rt.engine.learning.noise import RestingNoise, resting_segments
+from observer_rt.engine.learning.noise import RestingNoise
 from observer_rt.engine.learning.verdict import facts_of, look_alikes, named, verdict_of
 
 OFTEN, CHANGES_REMEMBERED = 2.0, 0.9
@@ -97,6 +97,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         reader.healthy.mass_share,
         UNSEEN * extrapolation_sigma(explained.point, explanation.before.learned_at),
         0.0 if window.needle is None else STROKE_SHARE,
+        reader.bent(explained.state),
     )
     shares = shares_of(mass, explained, systematic)
     verdict = verdict_of(explained, mass, shares, unlike.objections, reader.wide)
@@ -174,14 +175,13 @@ def look_alikes_in(explained: ExplainedEvent, reader: EventReader) -> LookAlikes
     if explained.fault_weight < 0.5:
         state = _followed(state, explained, reader)
     state, is_disturbed, begins_anew = _with_coil(state, explained, reader)
-    facts = facts_of(explained.window, explained.account.learned, is_disturbed, reader)
+    facts = facts_of(explained, is_disturbed, reader)
     return LookAlikes(state, look_alikes(facts), begins_anew)
 
 
 def _followed(state: LearningState, explained: ExplainedEvent, reader: EventReader) -> LearningState:
     """Adds an explained event to the state that is followed."""
     explanation, first, sigma = explained.lead, reader.burn_in, explained.lead.reading.white_sigma
-    segments = resting_segments(explained.window, first, reader.resting)
     overdispersion = state.overdispersion
     if explanation.score_as_believed is not None:
         overdispersion = overdispersion.after(explanation.score_as_believed)
@@ -190,7 +190,6 @@ def _followed(state: LearningState, explained: ExplainedEvent, reader: EventRead
         events=state.events + 1,
         overdispersion=overdispersion,
         jitter=state.jitter.after(explained.window, explanation.run.unfiltered, sigma, first),
-        slow_rail=state.slow_rail.after([explained.window.inputs[part, 0] for part in segments], reader.interval),
     )
 
 

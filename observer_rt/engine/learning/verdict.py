@@ -22,7 +22,7 @@ from observer_rt.engine.learning.adequacy import Objection, tempering
 from observer_rt.engine.learning.event import ClosedEvent, EventReader
 from observer_rt.engine.learning.explanations import Explanation
 from observer_rt.engine.learning.fit import LEAST_LAG, MOVED_IN_TIME
-from observer_rt.engine.learning.knowledge import LearnedInjector, LearningState
+from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.mass import EventMass, Shares, nozzle_change
 from observer_rt.engine.learning.noise import median
 from observer_rt.engine.stream.state import Reason
@@ -94,6 +94,7 @@ class LearnedFacts(NamedTuple):
     is_disturbed: bool  # by the coil
     offset: float  # inf: of a gain that is not as stated
     untold: float  # standard deviation of what the gain may be of it
+    bent: float  # share by which a flow may be off, as a sensor is not straight
     lag: float
     lift_delay: float
     nozzle: float  # change of its flow, at full lift
@@ -105,7 +106,7 @@ class LearnedFacts(NamedTuple):
 
 LOOK_ALIKES = (
     Rule(Reason.COIL_CURRENT, lambda f: f.is_disturbed),
-    Rule(Reason.PRESSURE_OFFSET, lambda f: adequacy.is_offset(f.offset, f.untold)),
+    Rule(Reason.PRESSURE_OFFSET, lambda f: adequacy.is_offset(f.offset, f.untold) or SURELY * f.bent > WRONG),
     Rule(Reason.SENSOR_LAG, lambda f: f.lag > adequacy.LARGEST_LAG),
     Rule(Reason.LIFT_SENSOR_LAG, lambda f: f.lift_delay > LATEST_LIFT),
     Rule(Reason.TIME_BASE, lambda f: f.lift_delay < EARLIEST_LIFT),
@@ -114,13 +115,14 @@ LOOK_ALIKES = (
 )
 
 
-def facts_of(window: Window, learned: LearnedInjector, is_disturbed: bool, reader: EventReader) -> LearnedFacts:
-    """Facts of an event after which `learned` is believed.
+def facts_of(explained: ExplainedEvent, is_disturbed: bool, reader: EventReader) -> LearnedFacts:
+    """Facts of an event that was explained.
 
     Innovations that recent events leave alike, a little too loud or coloured, speak against the model together: in
     each by itself that is no more likely than noise, for an event at fault pays for its loudness anew.
     """
-    theta, scale = learned.theta, reader.pressure_scale
+    window, learned, scale = explained.window, explained.account.learned, reader.pressure_scale
+    theta = learned.theta
     gain, untold = float(theta[Parameter.LINE_PRESSURE_GAIN]), learned.belief.sigma[Parameter.LINE_PRESSURE_GAIN]
     is_other = abs(gain) > Z_95 * reader.calibration.gain > 0.0
     phase = adequacy.inadequate_phase(learned.statistics)
@@ -131,6 +133,7 @@ def facts_of(window: Window, learned: LearnedInjector, is_disturbed: bool, reade
         is_disturbed,
         math.inf if is_other else float(theta[Parameter.LINE_PRESSURE_OFFSET]) * scale,
         untold * float(window.inputs[:, 0].mean()) * scale,
+        reader.bent(explained.state),
         sensor_lag(theta),
         float(theta[Parameter.LIFT_DELAY]) * LAG_UNIT,
         _open_nozzle_change(theta, window),

@@ -7,6 +7,7 @@ rail keeps its pressure through whole injections, and through the noise that the
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +15,16 @@ from numpy.typing import NDArray
 from observer_rt.core.stream.stream import CONTRADICTED, DIFFERENCE_GAIN, ENOUGH_SAMPLES, LIFT_MEMORY, SPREAD
 from observer_rt.engine.estimation.predictor import NoiseLevels, Window
 from observer_rt.engine.stream.state import Observer
+from observer_rt.foundation.units import MEGAPASCAL, Z_95
 
 ENOUGH_OPENINGS = 5
 TOLERATED = 0.03  # share of the lift at the stop
 FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 HELD_FOR = 2  # events in a row with one rail pressure
+APART, FAR_APART = 10 * MEGAPASCAL, 20 * MEGAPASCAL  # rail pressures that tell a slope at all, and half of it
+POINTS = 8  # rail pressures that are remembered
+WALK = 0.02 * MEGAPASCAL  # by which what the sensors differ by moves from event to event
+STEEPER = 3.0  # times the slope between two rail pressures, of a bend that lies between them
 
 
 @dataclass(frozen=True)
@@ -147,3 +153,38 @@ class HeldRail:
         if rail_every > 1.0 or not is_noisy or np.ptp(rail) > 0.0:
             return HeldRail()
         return HeldRail(value, self.events + 1 if value == self.value else 1)
+
+
+class RestPoint(NamedTuple):
+    """Line over rail pressure at rest before an event, in Pa."""
+
+    rail_pressure: float
+    difference: float
+    variance: float  # of the difference
+
+
+@dataclass(frozen=True)
+class SensorSlope:
+    """Error of one pressure sensor's slope against the other's, by what they differ by at rest.
+
+    A sensor that is bent, or has another gain, differs otherwise at other rail pressures. One that drifts, or moved
+    once, differs as it lately did at some other rail pressure.
+    """
+
+    points: tuple[RestPoint, ...] = ()  # of the last events, at rail pressures that are apart
+    share: float = 0.0  # by which the last event's flow may be off (one sigma)
+
+    def after(self, point: RestPoint) -> "SensorSlope":
+        """Adds an event, its variance inf if it had no rest."""
+        if math.isinf(point.variance):
+            return self
+        others = [each for each in self.points if abs(each.rail_pressure - point.rail_pressure) > APART]
+        others = [each._replace(variance=each.variance + WALK**2) for each in others]
+        return SensorSlope((*others, point)[-POINTS:], STEEPER * min((_slope(point, o) for o in others), default=0.0))
+
+
+def _slope(first: RestPoint, second: RestPoint) -> float:
+    """Slope between two points that is there at least, as a share, little of points that are near."""
+    moved = abs(first.difference - second.difference) - Z_95 * math.sqrt(first.variance + second.variance)
+    apart = abs(first.rail_pressure - second.rail_pressure)
+    return max(moved, 0.0) * apart / (apart**2 + FAR_APART**2)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from observer_rt.core.stream.stream import PENDING_EVENTS, RING, SLOTS, SLOW_PEAK
+from observer_rt.core.stream.stream import PENDING_EVENTS, RING, SLOTS
 from observer_rt.engine.estimation.parameters import Parameter, learned_of
 from observer_rt.engine.estimation.predictor import GainSchedule
 from observer_rt.engine.learning.adequacy import Objection
@@ -46,13 +46,13 @@ def post_examined(
     if earlier is not None:
         _write_learned(observer, SLOTS + number % SLOTS, earlier)
         observer.verdicts[number % SLOTS]["earlier"] = number + 1
-    _post(observer, number, "examined", objections, is_coloured, earlier)
+    _post(observer, number, "examined", objections, is_coloured)
 
 
 def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured: bool = False) -> None:
     """Post what was learned from the `number`-th closed event; it goes before what was only examined."""
     _write_learned(observer, number % SLOTS, outcome)
-    _post(observer, number, "learned", outcome.forward, is_coloured, outcome)
+    _post(observer, number, "learned", outcome.forward, is_coloured)
 
 
 def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
@@ -64,27 +64,15 @@ def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
     verdict["innovation_sigma"] = outcome.schedule.innovation_sigma
 
 
-def _post(
-    observer: Observer,
-    number: int,
-    kind: str,
-    objections: Sequence[Objection],
-    is_coloured: bool,
-    outcome: Outcome | None,
-) -> None:
+def _post(observer: Observer, number: int, kind: str, objections: Sequence[Objection], is_coloured: bool) -> None:
     """Post the objections to the `number`-th closed event as a finding of a kind.
 
-    With it goes the mean square at rest by which innovations are watched from then on, nan: as before. Of an event
-    with a stretch louder than rest it is so high that the watch does not object to such a stretch.
+    With it goes the mean square at rest by which innovations are watched from then on, nan: as before.
     """
-    loud = np.nan
-    if outcome is not None and outcome.loudest > 1.0:
-        loud = outcome.schedule.innovation_sigma**2 * (1.0 + (outcome.loudest - 1.0) / SLOW_PEAK)
     finding = observer.verdicts[number % SLOTS][kind]
     finding["reason"] = objections[0].reason if objections else Reason.NONE
     finding["is_coloured"] = is_coloured
-    at_rest = _at_rest(observer, number) if is_coloured else np.nan
-    finding["at_rest"] = np.nan if objections else np.fmax(at_rest, loud)
+    finding["at_rest"] = _at_rest(observer, number) if is_coloured and not objections else np.nan
     finding["number"] = number + 1  # last: from here on the stream may take it
 
 

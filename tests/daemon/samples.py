@@ -14,7 +14,7 @@ from observer_rt.engine.learning.coil_current import CoilCurrent, CoilDisturbanc
 from observer_rt.engine.learning.kinds import Mode, Velocity
 from observer_rt.engine.learning.knowledge import Account, Knowledge, LearnedInjector, LearningState, Overdispersion
 from observer_rt.engine.learning.mass import EventPoint, VolumeBudget
-from observer_rt.engine.learning.noise import ORDERS, Colour, RestingNoise, TimeJitter, Whitening
+from observer_rt.engine.learning.noise import ORDERS, Colour, RestingNoise, Whitening
 from observer_rt.engine.reports.indicators import Estimate
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift, RestPoint, SensorSlope
@@ -60,7 +60,6 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         interval=1e-5,
         changes=1.5,
         sensor_slope=SensorSlope((RestPoint(6e7, -1e5, 1e8), RestPoint(1e8, 2e5, 2e8)), 0.01),
-        jitter=TimeJitter(np.arange(5.0), 0.04),
         overdispersion=Overdispersion(12.0, 11.0),
         held_rail=HeldRail(0.95, 1),
         energizing=CoilDisturbance(

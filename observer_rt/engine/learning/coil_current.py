@@ -49,7 +49,6 @@ OTHER_STARTS = (-0.2e-3, -0.1e-3, 0.1e-3, 0.2e-3)  # s by which the flow of a pi
 USUAL_END = 0.25e-3  # s before the closing; assumed while the beginning is sought beside a pilot valve's flow
 
 Innovations = Callable[[Window], Vector]
-Costs = Callable[[Window], EventCost]
 
 
 class EdgePlaces(NamedTuple):
@@ -256,13 +255,13 @@ class CoilDisturbance:
         return self.current.pulse is not None
 
     def after(
-        self, window: Window, run: EventRun, sigma: float, cost_of: Costs, wide: Vector, interval: float, flows: bool
+        self, window: Window, run: EventRun, sigma: float, cost: EventCost, wide: Vector, interval: float, flows: bool
     ) -> tuple["CoilDisturbance", bool]:
         """The next value, after an event as it was recorded; whether that has a pulse that was not taken out.
 
-        run: of the event as it was fitted; sigma: of innovations, as events scatter [p_0]; cost_of: a window's cost;
-        wide: standard deviations (m,) of theta before any event; interval: of samples [s]; flows: whether the flow of
-        a pilot valve is in the event.
+        run: of the event as it was fitted; sigma: of innovations, as events scatter [p_0]; cost: of the event; wide:
+        standard deviations (m,) of theta before any; interval: of samples [s]; flows: whether the flow of a pilot
+        valve is in the event.
         """
         places, theta = edge_places(interval), run.theta
         first = window.opening - places.longest
@@ -271,8 +270,7 @@ class CoilDisturbance:
 
         def standardised(window: Window, theta: Vector = theta) -> Vector:
             """Innovations in standard deviations, by default at the fit."""
-            cost = cost_of(window)
-            counts = cost.innovations(theta) / sigma
+            counts = replace(cost, window=window).innovations(theta) / sigma
             counts[: cost.burn_in] = 0.0
             return counts
 

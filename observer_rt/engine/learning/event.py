@@ -68,7 +68,8 @@ class RestingPressure:
         weight, believed = float(by_offset @ by_offset), self.theta[_OFFSET] + self.theta[_GAIN] * rail_pressure
         if weight == 0.0:
             return RestPoint(rail_pressure * scale, 0.0, math.inf)
-        own, variance = believed - float(by_offset @ self.means) / weight, self.noise / weight
+        own = believed - float(by_offset @ self.means) / weight
+        variance = max(float(np.var(self.means)) * self.means.size, self.noise) / weight  # of means that go together
         return RestPoint(rail_pressure * scale, float(own) * scale, variance * scale**2 + BLOCK_ERROR**2)
 
     def _gain(self, belief: Belief) -> tuple[float, float]:
@@ -199,7 +200,6 @@ class EventReader:
             self.burn_in,
             None if colour is None else colour.whitening,
             offset,
-            state.jitter.levels(window, white_sigma),
             state.overdispersion.factor,
             self.healthy.shape,
         )

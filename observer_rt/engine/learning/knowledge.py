@@ -28,7 +28,7 @@ from observer_rt.engine.learning.coil_current import CoilDisturbance
 from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.kinds import Mode, Velocity
 from observer_rt.engine.learning.mass import EVERYWHERE, EventPoint, KnownFlow, Resimulation, Transfer
-from observer_rt.engine.learning.noise import Colour, RestingNoise, TimeJitter
+from observer_rt.engine.learning.noise import Colour, RestingNoise
 from observer_rt.engine.learning.run import EventRun
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift, SensorSlope, Standstill
 from observer_rt.engine.stream.state import Constants, Reason
@@ -157,7 +157,6 @@ class LearningState:
     interval: float = 0.0  # of the samples [s]; 0 before the first event
     changes: float = 0.0  # number of changes of the flow, older ones counting less
     elsewhere: Transfer = field(default_factory=Transfer)
-    jitter: TimeJitter = field(default_factory=TimeJitter)
     overdispersion: Overdispersion = field(default_factory=Overdispersion)
     held_rail: HeldRail = field(default_factory=HeldRail)
     sensor_slope: SensorSlope = field(default_factory=SensorSlope)
@@ -232,7 +231,6 @@ class Outcome:
     covariance: NDArray[np.float64]  # (m, m) of its error
     resimulated: Resimulation | None = None  # the event with the estimate; None: nothing was learned
     outliers: int = 0  # samples of the line pressure left out, without those that the stream had bridged
-    loudest: float = 1.0  # largest mean square of the innovations, relative to that at rest
     known_flow: KnownFlow = EVERYWHERE  # where the flow is known well enough to be used
     change: Reason = Reason.NONE  # shown by an event that passed
     posterior: tuple[tuple[str, float], ...] = ()  # each hypothesis in words, with its probability

@@ -135,7 +135,6 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         covariance=covariance,
         resimulated=again,
         outliers=int(explained.window.masked.sum()) - int(explained.unmasked.masked.sum()),
-        loudest=state.jitter.loudest(explained.window, explanation.reading.white_sigma),
         known_flow=known_flow(again, theta, covariance, explained.point, state.elsewhere),
         change=verdict.change,
         posterior=posterior_of(explained.explanations),
@@ -173,24 +172,18 @@ def look_alikes_in(explained: ExplainedEvent, reader: EventReader) -> LookAlikes
     if not explained.lead.is_good or explained.lead.fit is None:
         return LookAlikes(state, (), begins_anew=False)
     if explained.fault_weight < 0.5:
-        state = _followed(state, explained, reader)
+        state = _followed(state, explained)
     state, is_disturbed, begins_anew = _with_coil(state, explained, reader)
     facts = facts_of(explained, is_disturbed, reader)
     return LookAlikes(state, look_alikes(facts), begins_anew)
 
 
-def _followed(state: LearningState, explained: ExplainedEvent, reader: EventReader) -> LearningState:
+def _followed(state: LearningState, explained: ExplainedEvent) -> LearningState:
     """Adds an explained event to the state that is followed."""
-    explanation, first, sigma = explained.lead, reader.burn_in, explained.lead.reading.white_sigma
-    overdispersion = state.overdispersion
-    if explanation.score_as_believed is not None:
-        overdispersion = overdispersion.after(explanation.score_as_believed)
-    return replace(
-        state,
-        events=state.events + 1,
-        overdispersion=overdispersion,
-        jitter=state.jitter.after(explained.window, explanation.run.unfiltered, sigma, first),
-    )
+    overdispersion, score = state.overdispersion, explained.lead.score_as_believed
+    if score is not None:
+        overdispersion = overdispersion.after(score)
+    return replace(state, events=state.events + 1, overdispersion=overdispersion)
 
 
 def _with_coil(
@@ -200,13 +193,12 @@ def _with_coil(
 
     Then what was learned so far was of other line pressures than those that come.
     """
-    explanation, reading, jitter = explained.lead, explained.lead.reading, explained.state.jitter
-    unaware = replace(reading.cost, offset=None)
+    explanation, reading = explained.lead, explained.lead.reading
     energizing, is_disturbed = state.energizing.after(
         explained.window._replace(output=explained.recorded.output),
         explanation.run,
         reading.cost.sigma * math.sqrt(reading.cost.temper),
-        lambda window: replace(unaware, window=window, levels=jitter.levels(window, reading.white_sigma)),
+        replace(reading.cost, offset=None),
         reader.wide,
         reader.interval,
         learned_of(explanation.theta, reading.cost.setting.coefficients).coefficients.line.control_flow > 0.0,

@@ -134,13 +134,13 @@ class EventCost:
 
     Innovations of the first `burn_in` samples do not count: x~ started with another theta. Coloured ones and their
     slopes are whitened first; a high pass hides the sensor's offset, so the offset at rest is counted beside them.
-    Innovations of noisier samples are divided by their level. On a line of cells means over its `resolved` count, as
-    in a fit: else the nozzle would make up for what cells do to shorter waves.
+    On a line of cells means over its `resolved` count, as in a fit: else the nozzle would make up for what cells do
+    to shorter waves.
 
     sigma: standard deviation of white innovations [p_0]; whitening: of coloured ones, None if they are white; offset:
-    mean of line over rail pressure at rest [p_0], None if no rest was seen; levels: (n,) factors by which samples are
-    noisier than sigma, None: 1; temper: divisor of J; shape: mean innovation of the healthy injector, which is taken
-    out, None: 0; columns: of theta by which slopes are computed, the others are 0.
+    mean of line over rail pressure at rest [p_0], None if no rest was seen; temper: divisor of J; shape: mean
+    innovation of the healthy injector, which is taken out, None: 0; columns: of theta by which slopes are computed,
+    the others are 0.
     """
 
     window: Window
@@ -149,7 +149,6 @@ class EventCost:
     burn_in: int
     whitening: Whitening | None = None
     offset: float | None = None
-    levels: NDArray[np.float64] | None = None
     temper: float = 1.0
     shape: HealthyShape | None = None
     columns: NDArray[np.int64] = field(default_factory=lambda: EVERY)
@@ -215,11 +214,7 @@ class EventCost:
 
     def whitened(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Innovations (n,), or slopes of them (n, m), as they count in J."""
-        if self.whitening is not None:
-            values = self.whitening.of(values, self.window.masked)
-        if self.levels is None:
-            return values
-        return values / (self.levels if values.ndim == 1 else self.levels[:, None])
+        return values if self.whitening is None else self.whitening.of(values, self.window.masked)
 
     @cached_property
     def _together(self) -> int:

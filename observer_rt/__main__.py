@@ -32,9 +32,10 @@ def open_closed_streams() -> None:
 
     A file name that the encoding of a stream lacks is written with escapes.
     """
-    while os.open(os.devnull, os.O_RDWR) <= 2:
+    names = "stdin", "stdout", "stderr"
+    while os.open(os.devnull, os.O_RDWR) < len(names):
         pass
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
+    for number, name in enumerate(names):
         if (stream := getattr(sys, name)) is None:
             setattr(sys, name, os.fdopen(number, "w" if number else "r"))
         elif number and stream.errors == "strict":

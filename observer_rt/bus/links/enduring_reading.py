@@ -44,7 +44,7 @@ class EnduringReading:
         Raises what made a link fail for good.
         """
         try:
-            arrived = self._arrived.get(timeout_s > 0.0, timeout_s)
+            arrived = self._arrived.get(timeout=timeout_s)
         except Empty:
             self._dropped = [link.dropped for link in self._links]
             return None

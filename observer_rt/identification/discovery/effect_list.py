@@ -47,11 +47,12 @@ def _more(effect: Effect, in_detail: bool) -> list[str]:
         lines.append(f"matters from {matters} on")
     for likeness, words in _TAKEN_FOR.items():
         others = [other for other in VOCABULARY.values() if effect.is_like(other, likeness)]
-        if others and not in_detail:
+        if in_detail:
+            for other in others:
+                relation = effect.relation_to(other)
+                lines.append(f"{words} {other.id}; decided by {relation.decided_by if relation else ''}")
+        elif others:
             lines.append(f"{words} {', '.join(other.id for other in others)}")
-        for other in others if in_detail else ():
-            relation = effect.relation_to(other)
-            lines.append(f"{words} {other.id}; decided by {relation.decided_by if relation else ''}")
     if in_detail and effect.decided_by:
         lines.append(f"told from all others by {effect.decided_by}")
     return lines

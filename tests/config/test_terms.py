@@ -6,7 +6,7 @@ import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.effects import term_domain
-from observer_rt.config.injector_file import InjectorFile, tables_in_force
+from observer_rt.config.injector_file import InjectorFile, section_of, tables_in_force
 from observer_rt.daemon.state_file import model_hash
 from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.bounds import refuse_unbounded
@@ -88,6 +88,12 @@ def test_terms_are_written_as_they_are_read(tmp_path: Path) -> None:
     assert text.startswith(NOMINAL_INJECTOR.read_text())  # comments and all
     assert 'law = "c * sqrt(line_pressure - chamber_pressure) * closed"' in text
     assert text.count('origin = "discover"') == NOMINAL_INJECTOR.read_text().count('origin = "discover"') + 2
+
+
+def test_a_section_of_numbers_and_pairs_is_one_line() -> None:
+    entry = {"a": {"b": [1, 2], "c": 3}, "d": {"e": [1, 2, 3]}, "f": {"g": {"h": 1}}}
+    text = section_of(entry).as_string()
+    assert " ".join(text.split()) == "a = {b = [1, 2], c = 3} [d] e = [1, 2, 3] [f] g = {h = 1}"
 
 
 def test_comments_of_terms_stay(tmp_path: Path) -> None:

@@ -109,8 +109,7 @@ def test_a_lost_half_of_a_channel_is_lost_samples() -> None:
     sent = list(multiplexed_frames(simulated(rate=50e3)))[:3000]
     fourth = [n for n, frame in enumerate(sent) if frame.payload[0] & 0xF == 3][100]
     outcome = run(DATABASES / "adc_multiplexed.toml", sent[:fourth] + sent[fourth + 1 :])
-    assert outcome.core.counters.lost_samples == 3
-    assert outcome.core.counters.jumps == 0
+    assert (outcome.core.counters.lost_samples, outcome.core.counters.jumps) == (3, 0)
 
 
 def _pages(frames: Sequence[OutputFrame] | Sequence[Frame], name: str) -> list[dict[str, float]]:
@@ -137,8 +136,7 @@ def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
     for summary, report in zip(summaries, outcome.reports, strict=True):
         assert summary["SampleIndex"] == report.start_index
         assert summary["EndIndex"] == report.end_index
-        assert summary["InjectionNumber"] == report.number
-        assert summary["Valid"] == report.valid
+        assert (summary["InjectionNumber"], summary["Valid"]) == (report.number, report.valid)
         assert summary["Reason"] == report.reason
         assert summary["Mass"] == pytest.approx(report.mass / 1e-6, abs=0.005)
         assert summary["NozzleWear"] == pytest.approx(report.indicators[NOZZLE].value, abs=5e-5)
@@ -161,8 +159,7 @@ def test_a_daemon_sends_summaries_and_status_in_pages(tmp_path: Path) -> None:
     direct = run(DATABASES / "testbed_classic.toml", classic_frames(data))
     assert [f.payload for f in link.sent if f.frame_id == 0x201] == [f.payload for f in direct.frames]
     status = _pages(link.sent, "ObserverStatus")[-1]
-    assert status["SamplesProcessed"] == daemon.core.processed
-    assert status["LostSamples"] == 0
+    assert (status["SamplesProcessed"], status["LostSamples"]) == (daemon.core.processed, 0)
     # CRC, counter and page too, but nothing of the energizing, of outliers, of refused frames and unlearned events
     assert len(status) == len(StatusValues._fields) + 3 - 6
 

@@ -42,8 +42,7 @@ def test_frames_equal_those_of_evaluate(bus: tuple[Path, float]) -> None:
     assert (count == 1).all()
     last = results.last_status()
     assert last["SamplesProcessed"] == recording.samples
-    assert last["Adoptions"] == daemon.core.counters.adoptions
-    assert last["State"] == State.ADAPTED
+    assert (last["Adoptions"], last["State"]) == (daemon.core.counters.adoptions, State.ADAPTED)
     assert last["LostSamples"] == last["DroppedFrames"] == last["LateAdoptions"] == 0
 
 

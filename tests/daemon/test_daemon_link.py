@@ -62,8 +62,7 @@ def test_a_device_that_comes_and_goes_is_told_once(bench: Path) -> None:
     daemon = HeardDaemon(bench, link)
     with serving(daemon):
         until(lambda: daemon.troubles >= 5)
-    assert len(daemon.messages) == 2
-    assert daemon.messages[1] == "can5 is back"
+    assert (len(daemon.messages), daemon.messages[1]) == (2, "can5 is back")
 
 
 def test_it_can_be_stopped_while_it_waits(bench: Path, frames: list[TimedFrame]) -> None:
@@ -139,8 +138,7 @@ def test_results_over_four_buses_equal_one(request: pytest.FixtureRequest, tmp_p
     results, daemon = over_bus(path, frames_of(path, worn_recording()), speed)
     one_bus = load_bench(block_bench(tmp_path / "one", "virtual", ["one"]))
     assert results.results == results_of(evaluate(one_bus, [worn_recording()]).frames)
-    assert len(results.summaries) == 4
-    assert daemon.core.counters.lost_samples == 0
+    assert (len(results.summaries), daemon.core.counters.lost_samples) == (4, 0)
     assert results.last_status()["TroubledBus"] == 0
 
 
@@ -192,8 +190,7 @@ def observes_all(daemon: Daemon, links: Sequence[TroubledLink], frames: Sequence
         link.deliver([frame for frame in frames if frame.bus == bus])
     with serving(daemon):
         until(partial(has_taken, daemon, len(frames)))
-    assert daemon.core.counters.lost_samples == 0
-    assert daemon.core.counters.injections == 4
+    assert (daemon.core.counters.lost_samples, daemon.core.counters.injections) == (0, 4)
 
 
 def test_a_bus_that_falls_silent_keeps_none_waiting(four: Path) -> None:

@@ -158,8 +158,7 @@ def test_a_sensor_that_is_mended(watched: WatchedInputs) -> None:
         return np.where(second == 1, values[0], values)
 
     notices = watched.tells_of("line_pressure", for_a_second)
-    assert len(notices) == 2
-    assert notices[1] == f"{LINE}: line_pressure is well again"
+    assert (len(notices), notices[1]) == (2, f"{LINE}: line_pressure is well again")
 
 
 def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(watched: WatchedInputs) -> None:

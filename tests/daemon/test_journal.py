@@ -143,8 +143,7 @@ def test_runs_follow_one_another_in_one_file(path: Path, bench: Bench) -> None:
         journal = JournalWriter(path, bench, print)
         write(journal, 1, 2)
         journal.finish()
-    assert numbers(path) == [1, 2, 1, 2, 1, 2]
-    assert len({row["run"] for row in rows(path)}) == 3
+    assert (numbers(path), len({row["run"] for row in rows(path)})) == ([1, 2, 1, 2, 1, 2], 3)
     assert [entry.name for entry in path.parent.iterdir()] == [path.name]  # whole without files beside it
 
 
@@ -162,8 +161,7 @@ def test_what_was_measured_is_added(path: Path, journal: JournalWriter) -> None:
 
 def test_many_injections_are_written_in_several_batches(path: Path, journal: JournalWriter) -> None:
     write(journal, *range(1, 1202))
-    assert numbers(path) == list(range(1, 1202))
-    assert journal.written == 1201
+    assert (numbers(path), journal.written) == (list(range(1, 1202)), 1201)
 
 
 def test_a_file_that_is_moved_away_is_whole_and_a_new_one_begun(path: Path, journal: JournalWriter) -> None:
@@ -171,8 +169,7 @@ def test_a_file_that_is_moved_away_is_whole_and_a_new_one_begun(path: Path, jour
     moved = path.with_name("old.sqlite")
     path.rename(moved)
     write(journal, 2)
-    assert numbers(moved) == [1]
-    assert numbers(path) == [2]
+    assert (numbers(moved), numbers(path)) == ([1], [2])
     path.unlink()
     journal(some_report(3))
     journal.finish()

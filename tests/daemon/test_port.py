@@ -57,8 +57,7 @@ def test_frames_go_in_order_and_each_is_sent_or_counted(steps: list[tuple[int, i
         assert port.is_waiting == (waiting > 0)
         assert not (waiting and link.room)  # nothing waits while there is room
     port.discard()
-    assert len(link.taken) + port.unsent == posted
-    assert link.taken == sorted(set(link.taken))
+    assert (len(link.taken) + port.unsent, link.taken) == (posted, sorted(set(link.taken)))
 
 
 def test_the_oldest_are_given_up() -> None:

@@ -54,8 +54,7 @@ def in_thread_of_its_own() -> tuple[bool, int, int]:
 def test_priority_is_that_of_one_thread() -> None:
     granted, hurried, slow = in_thread_of_its_own()
     assert granted == rights(50).may_hurry
-    assert hurried == (os.SCHED_FIFO if granted else os.SCHED_OTHER)
-    assert slow == os.SCHED_OTHER
+    assert (hurried, slow) == (os.SCHED_FIFO if granted else os.SCHED_OTHER, os.SCHED_OTHER)
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
 
 

@@ -30,9 +30,7 @@ NO_COUNTERS = {  # of the status; the rest counts something
 
 
 def test_every_state_and_reason_has_words() -> None:
-    assert set(STATES) == set(State)
-    assert set(REASONS) == set(Reason)
-    assert set(TOPICS) == set(Topic)
+    assert (set(STATES), set(REASONS), set(TOPICS)) == (set(State), set(Reason), set(Topic))
     assert set(COUNTERS) == set(StatusValues._fields) - NO_COUNTERS
 
 

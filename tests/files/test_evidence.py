@@ -73,8 +73,7 @@ def test_another_model_has_a_sample_of_its_own(tmp_path: Path) -> None:
     """However long the one before was in force."""
     fill(tmp_path, [event(EvidenceKind.GOOD, n) for n in range(30)])
     fill(tmp_path, [event(EvidenceKind.GOOD, n, model="cd" * 32) for n in range(30, 33)])
-    assert numbers(tmp_path)[-3:] == [30, 31, 32]
-    assert len(numbers(tmp_path)) == 6
+    assert (numbers(tmp_path)[-3:], len(numbers(tmp_path))) == ([30, 31, 32], 6)
 
 
 def test_the_folder_is_bounded_and_keeps_what_there_is_least_of(tmp_path: Path) -> None:

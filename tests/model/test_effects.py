@@ -120,8 +120,7 @@ def test_every_effect_does_something(effect: Effect, share: float) -> None:
 def test_nominal_model_is_that_of_the_paper() -> None:
     model = effective_model(NOMINAL)
     assert model.coefficients == coefficients(NOMINAL)
-    assert model.inputs == TRUE_INPUTS
-    assert model.sensor == SensorTerms(0.0, 0.0, 0.0)
+    assert (model.inputs, model.sensor) == (TRUE_INPUTS, SensorTerms(0.0, 0.0, 0.0))
 
 
 @given(st.sampled_from(list(combinations(VOCABULARY.values(), 2))), st.floats(0.05, 0.95), st.floats(0.05, 0.95))
@@ -136,8 +135,7 @@ def test_stiffness_and_volume_of_the_line_cannot_be_told_apart(r: float) -> None
     stiffer = effective_model(NOMINAL, [sized("bulk_modulus", r=r)]).coefficients
     smaller = effective_model(NOMINAL, [sized("line_volume", r=1 / (1 + r) - 1)]).coefficients
     # compression only counts what learned air means, in units of K_L
-    assert stiffer.line == pytest.approx(smaller.line, rel=1e-12)
-    assert stiffer[1:-1] == smaller[1:-1]
+    assert (stiffer.line, stiffer[1:-1]) == (pytest.approx(smaller.line, rel=1e-12), smaller[1:-1])
 
 
 def test_what_is_added_is_relative_to_what_is_in_force() -> None:

@@ -6,18 +6,19 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
 from observer_rt.config.injector_sections import SamplingConfig
 from observer_rt.core.model.model import rates_of_change
 from observer_rt.engine.service.injector import bench_constants
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
+from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.hydraulics import full_lift_area
 from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.model.stability import fastest_rate, substeps_needed
+from observer_rt.model.stability import fastest_rate, in_stable_cells, substeps_needed
 from tests.differences import differences
-from tests.model.conftest import integrate
+from tests.model.conftest import integrate, with_line
 
 PRESSURE = st.one_of(st.floats(-0.01, 0.05), st.floats(-0.1, 2.5))
 
@@ -73,6 +74,15 @@ def test_steps_are_the_stable_ones(injector: InjectorParameters) -> None:
         steps = substeps_needed(injector, sample_rate)
         assert fastest / (sample_rate * steps) < 2.785
         assert steps == 1 or fastest / (sample_rate * (steps - 1)) > 2.5
+
+
+@pytest.mark.parametrize("line", ["wave", "lump"])
+@pytest.mark.parametrize(("stated", "r", "left"), [(4, 0.0, 4), (64, 0.0, 11), (20, 3.0, 6), (4, 10.0, None)])
+def test_a_line_has_as_many_of_its_cells_as_are_stable(line: str, stated: int, r: float, left: int | None) -> None:
+    model = effective_model(with_line(load_injector(), model=line, cells=stated), (sized("bulk_modulus", r=r),))
+    left = left if line == "wave" else stated
+    stable = in_stable_cells(model, 1e-5, 100e6)
+    assert (stable and stable.injector.line.cells, stable is model) == (left, left == stated)
 
 
 def _bench_at(sample_rate: float) -> Bench:

@@ -36,8 +36,7 @@ def test_silent_message_holds_the_others_back_and_comes_again() -> None:
     aligner.take(Block(2, 9996, 4, contiguous=False))
     aligner.take_all(three(10_000, 10_004))
     assert aligner.indices == [*range(8), *range(9996, 10_008)]
-    assert aligner.breaks == {0: Break.START, 9996: Break.LOSS}
-    assert aligner.count("lost") == 9988
+    assert (aligner.breaks, aligner.count("lost")) == ({0: Break.START, 9996: Break.LOSS}, 9988)
 
 
 @pytest.mark.parametrize("roles", [ONE, THREE], ids=["one message", "three messages"])
@@ -53,8 +52,7 @@ def test_index_back_to_zero_is_a_restart(roles: list[list[int]], uptime: int) ->
     assert aligner.indices == [*range(uptime, uptime + 18), *range(18)]
     assert aligner.rows[18].broken is Break.RESTART
     assert all(row.values == tuple(value(role, row.index, epoch=1) for role in range(3)) for row in aligner.rows[18:])
-    assert aligner.count("restarts") == 1
-    assert aligner.count("lost") == 0
+    assert (aligner.count("restarts"), aligner.count("lost")) == (1, 0)
 
 
 def test_restart_whose_first_blocks_are_lost_is_seen_by_the_third() -> None:

@@ -87,8 +87,7 @@ def test_nothing_lost_slips_no_cycle(modulus: int, drift: float, delays: str) ->
     if delays == "batches of 1 ms":
         come = np.ceil(come / 1e-3) * 1e-3
     counter = Counter(modulus).take_all(numbers, come)
-    assert counter.numbers == numbers.tolist()
-    assert counter.anew == [0]
+    assert (counter.numbers, counter.anew) == (numbers.tolist(), [0])
     expected = modulus > 1 or delays == "prompt"  # without a counter, a loss would not be seen among such delays
     assert counter.sure[-1] == expected
 
@@ -130,8 +129,7 @@ def test_repeated_and_overtaken_frames_are_dropped() -> None:
     taken[15_000], taken[15_001] = taken[15_001], taken[15_001] + 20e-6
     counter = Counter(16).take_all(np.insert(order, 12_000, 11_999), np.insert(taken, 12_000, taken[11_999] + 2e-5))
     assert counter.dropped == [Count.REPEATED, Count.OLD]
-    assert counter.numbers == [n for n in numbers.tolist() if n != 15_000]
-    assert counter.anew == [0]
+    assert (counter.numbers, counter.anew) == ([n for n in numbers.tolist() if n != 15_000], [0])
 
 
 @pytest.mark.parametrize("late", [1, 2])
@@ -152,8 +150,7 @@ def test_frames_overtaken_before_the_clock_is_known_are_late(modulus: int, late:
 def test_pause_of_no_whole_number_of_turns_is_no_loss(modulus: int, pause: float) -> None:
     numbers, taken = sent()
     counter = Counter(modulus).take_all(numbers, np.where(numbers < 12_000, taken, taken + pause))
-    assert counter.anew == [0, 12_000]
-    assert counter.numbers[12_000:] == list(range(8_000))
+    assert (counter.anew, counter.numbers[12_000:]) == ([0, 12_000], list(range(8_000)))
 
 
 @pytest.mark.parametrize("modulus", [1, 16, 256])

@@ -69,11 +69,16 @@ def test_every_number_comes_back_as_the_nearest_possible(value: float) -> None:
         assert abs(back - min(max(value, low), high)) <= 0.25
 
 
+@pytest.mark.parametrize(("conversion", "text"), [("1,0", "-0.0"), ("2,0", "0.0"), ("1,-3", "-3.0"), ("2,1", "1.0")])
+def test_zero_of_a_float_keeps_its_sign_where_it_passes_as_it_is(conversion: str, text: str) -> None:
+    message = message_with(f"0|32@1- ({conversion}) [0|0]", value_type=1)
+    assert str(decoded(message, struct.pack("<fi", -0.0, 0))) == text
+
+
 def test_reserved_codes_are_nan() -> None:
     assert math.isnan(decoded(UNSIGNED, b"\xff" + bytes(7)))
     assert math.isnan(decoded(UNSIGNED, b"\xfe" + bytes(7)))
-    assert decoded(UNSIGNED, b"\xfd" + bytes(7)) == 116.5
-    assert encoded(UNSIGNED, math.nan)[0] == 255
+    assert (decoded(UNSIGNED, b"\xfd" + bytes(7)), encoded(UNSIGNED, math.nan)[0]) == (116.5, 255)
     assert math.isnan(decoded(SIGNED, b"\x80" + bytes(7)))
     assert encoded(SIGNED, math.nan)[0] == 0x80
 
@@ -117,8 +122,7 @@ def test_floats_keep_nan_and_clamp_infinity(length: int, largest: float) -> None
 
 def test_a_range_in_which_no_code_lies_says_nothing() -> None:
     message = message_with("0|8@1+ (1,0) [300|400]")
-    assert encoded(message, 77.0)[0] == 77
-    assert encoded(message, 1e9)[0] == 255
+    assert (encoded(message, 77.0)[0], encoded(message, 1e9)[0]) == (77, 255)
     table, values = signal_table(message, ["Value"]), np.empty(1)
     decode_signals(np.frombuffer(b"\x07" + bytes(7), np.uint8), table, values)
     assert values[0] == 7.0

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.database.catalogue import load_database
-from observer_rt.bus.database.multiplexing import Condition, conditions_of
+from observer_rt.bus.database.multiplexing import Condition, conditions_of, frame_kinds
 from observer_rt.foundation.errors import UserError
 
 
@@ -27,3 +27,9 @@ def test_a_signal_that_is_defined_in_two_ways_is_refused(tmp_path: Path) -> None
     (message,) = load_database(dbc(tmp_path, 16)).messages
     with pytest.raises(UserError, match="message M, signal A: is defined 2 times, in different ways"):
         conditions_of(message, "A")
+
+
+def test_as_few_kinds_of_frames_as_carry_all_signals_in_their_order() -> None:
+    always, (first, second) = frozenset[Condition](), (frozenset({Condition("M", frozenset({k, 3}))}) for k in (1, 2))
+    assert frame_kinds([]) == frame_kinds([always, always]) == ({},)
+    assert frame_kinds([second, always, first, second]) == ({"M": 2}, {"M": 1})

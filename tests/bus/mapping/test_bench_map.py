@@ -2,8 +2,12 @@
 
 from pathlib import Path
 
+import pytest
+
 from observer_rt.bus.mapping.bench_map import map_bench, shared_resources
 from observer_rt.config.bench import load_bench
+from tests.daemon.pulses import EnergizingBy as By
+from tests.daemon.pulses import pulse_bench
 from tests.two_injectors import two_injectors
 
 
@@ -25,3 +29,12 @@ def test_a_message_that_both_read_stands_once_and_what_they_must_not_share_is_na
     bench = load_bench(path)
     shared = dict(shared_resources(bench, map_bench(bench)))
     assert shared == {"outputs.injector_id = 1": ["left", "right"]}
+
+
+@pytest.mark.parametrize(
+    ("lines", "index"), [(By.TIME, "PulseIndex"), (By.TIME_BY_STAMP, None), (By.LEVELS_IN_BLOCK, "SampleIndex")]
+)
+def test_commands_have_the_index_that_is_stated_or_usual(tmp_path: Path, lines: str, index: str | None) -> None:
+    (injector,) = map_bench(load_bench(pulse_bench(tmp_path, lines))).injectors
+    assert injector.energizing is not None
+    assert injector.energizing.index == index

@@ -60,8 +60,7 @@ def refusal(folder: Path, **changes: str) -> UserError:
 def test_users_own_database(tmp_path: Path) -> None:
     bus = user_map(tmp_path)
     (message,) = bus.inputs.messages
-    assert int(message["key"]) == 291
-    assert int(message["protection"]["profile"]) == UNPROTECTED
+    assert (int(message["key"]), int(message["protection"]["profile"])) == (291, UNPROTECTED)
     assert int(message["samples"]) == 1
     (group,) = bus.inputs.groups
     assert group["factor"].tolist() == [1e5, 1e-6, 1e5]

@@ -48,8 +48,7 @@ def test_counter_and_its_modulus(tmp_path: Path) -> None:
     for name, modulus in (("Nibble", 16), ("Count", 256)):
         lines = f'message = "All"\ncounter = "{name}"'
         bus = timed(tmp_path, lines, lines, lines)
-        assert len(bus.inputs.timing) == 1
-        assert bus.inputs.timing[0]["numbering"] == Numbering.COUNTER
+        assert (len(bus.inputs.timing), bus.inputs.timing[0]["numbering"]) == (1, Numbering.COUNTER)
         assert bus.inputs.timing[0]["modulus"] == modulus
 
 

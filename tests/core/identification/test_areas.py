@@ -1,5 +1,7 @@
 """Seat areas of a lift, its ramps extended to where the needle leaves its seat."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,3 +32,12 @@ def test_a_needle_shut_as_opened_has_a_mirrored_area(means: bool, first: float, 
     begin, end = 30, lift.size - 31
     forwards, backwards = _areas(lift, begin, end, means), _areas(lift[::-1].copy(), begin, end, means)
     np.testing.assert_allclose(forwards, backwards[::-1], rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("area", [9, 10])
+@pytest.mark.parametrize("ramps", [(1, 3), (1, 4), (2, 4)])
+@pytest.mark.parametrize("edges", [(1, 2), (1, 3), (2, 2)])
+def test_tables_that_do_not_fit_are_refused(area: int, edges: tuple[int, int], ramps: tuple[int, int]) -> None:
+    fits = area == 10 and edges[1] == 2 and ramps[1] == 4 and ramps[0] == edges[0]
+    with nullcontext() if fits else pytest.raises(ValueError, match=r"do not fit|two ramps"):
+        fill_areas(np.zeros(10), np.ones(edges, int), np.ones(ramps), 1, 0, 1, False, 0, SEAT, np.zeros(area))

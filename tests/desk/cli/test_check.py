@@ -9,8 +9,7 @@ from tests.desk.cli.conftest import Command
 def test_json_document(command: Command, bench: Path) -> None:
     outcome = command.done("check", "--bench", bench, "--json")
     content = json.loads(outcome.out)
-    assert content["schema"] == 1
-    assert content["errors"] == 0
+    assert (content["schema"], content["errors"]) == (1, 0)
     topics = {finding["topic"] for finding in content["findings"]}
     assert {"files", "mapping", "bus load", "integration", "real time"} <= topics
 

@@ -73,8 +73,7 @@ def test_reader_that_goes_away() -> None:
         assert process.stdout is not None
         assert process.stderr is not None
         process.stdout.close()
-        assert process.stderr.read() == ""
-        assert process.wait() == 1
+        assert (process.stderr.read(), process.wait()) == ("", 1)
 
 
 @pytest.mark.decisive(1)

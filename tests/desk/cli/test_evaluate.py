@@ -40,15 +40,12 @@ def test_json_document(command: Command, worn: Path) -> None:
     summary = {"valid_share", "adoptions", "rejected_adoptions", "level_ci95_pct", "calibrated"}
     assert recording["summary"].keys() == summary
     assert recording["summary"]["calibrated"] is False  # for nothing is stated
-    assert recording["file"] == str(worn)
-    assert recording["sample_rate_hz"] == 50e3
-    assert recording["lost_samples"] == 0
-    assert recording["checks"][0]["id"] == "rail_line_offset"
+    assert (recording["file"], recording["sample_rate_hz"]) == (str(worn), 50e3)
+    assert (recording["lost_samples"], recording["checks"][0]["id"]) == (0, "rail_line_offset")
     assert recording["checks"][0]["passed"] is True
     assert [i["number"] for i in recording["injections"]] == [1, 2, 3, 4]
     for injection in recording["injections"]:
-        assert injection.keys() == INJECTION_KEYS
-        assert injection["indicators"].keys() == INDICATORS
+        assert (injection.keys(), injection["indicators"].keys()) == (INJECTION_KEYS, INDICATORS)
         assert (injection["valid"], injection["reasons"]) == (True, [])
     last = recording["injections"][-1]
     assert last["valid"]
@@ -106,8 +103,7 @@ def test_recording_without_injections(command: Command, resting: Path, tmp_path:
     assert "no injection found" in outcome.out
     assert "no injection found" in figure.read_text()
     (recording,) = document(command, resting)["recordings"]
-    assert recording["injections"] == []
-    assert recording["summary"]["valid_share"] == 0.0
+    assert (recording["injections"], recording["summary"]["valid_share"]) == ([], 0.0)
 
 
 def test_first_middle_and_last_injection_are_drawn_with_units(command: Command, worn: Path, tmp_path: Path) -> None:

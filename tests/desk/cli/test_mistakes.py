@@ -57,10 +57,8 @@ MISTAKES = {
     "signal of a role that is none": ("[signals.needle_lift]", "[signals.lift]", "signals.lift", "needle_lift"),
     "no database": ('[[dbc]]\nfile = "observer_fd.dbc"', "", "dbc", "is missing", "--print-example-bench"),
     # types
-    "one bracket for a list of sections": ("[[dbc]]", "[dbc]", "dbc", "should be [[dbc]], with two brackets"),
     "text for a section": ("[sampling]", 'model = "injector.toml"\n[sampling]', "line_pressure.model"),
     "text for a list": (RAIL, 'signals = "RailPressure_00"', "rail_pressure.signals", "a list in brackets"),
-    "number for a list of numbers": (END, "[realtime]\ncpus = 3\n", "realtime.cpus", "a list in brackets"),
     "text for a switch": ("enabled = true", 'enabled = "yes"', "learning.enabled", "true or false"),
     "switch for a number": ("bridge_ms = 0.5", "bridge_ms = true", "sampling.bridge_ms", "a valid number"),
     "number for a name": ('"mistakes"', "0", "link.channel", "a text in quotes"),

@@ -213,8 +213,7 @@ def test_an_end_while_writing_leaves_the_old_file_whole(folder: Path, number: si
         time.sleep(0.002)
     process.send_signal(number)
     process.communicate()
-    assert process.returncode == code
-    assert out.read_bytes() == SAMPLES
+    assert (process.returncode, out.read_bytes()) == (code, SAMPLES)
     assert number is signal.SIGKILL or not list(folder.glob(".out*"))
 
 

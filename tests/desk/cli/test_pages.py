@@ -190,8 +190,7 @@ def test_from_unknown_to_the_daemon(command: Command, tmp_path: Path, monkeypatc
     [proposal] = re.findall(r"^ +proposal 1: as if the nozzle lost 15.0 % of its flow .*$", page.text, re.MULTILINE)
     assert proposal.strip() in " ".join(result.split())
     rows = re.findall(r"^ +( [456]   .* yes)$", page.text, re.MULTILINE)
-    assert len(rows) == 3
-    assert [row for row in rows if row not in table] == []
+    assert (len(rows), [row for row in rows if row not in table]) == (3, [])
 
 
 LIBRARY = Page("docs/library.md")

@@ -7,10 +7,8 @@ from observer_rt.foundation.errors import UserError
 
 
 def test_without_a_choice_first_middle_and_last() -> None:
-    assert numbers_shown((), range(1, 13)) == [1, 7, 12]
-    assert numbers_shown((), {3}) == [3]
-    assert numbers_shown((), ()) == []
-    assert numbers_shown((2, 5), range(1, 13)) == [2, 5]
+    assert (numbers_shown((), range(1, 13)), numbers_shown((), {3})) == ([1, 7, 12], [3])
+    assert (numbers_shown((), ()), numbers_shown((2, 5), range(1, 13))) == ([], [2, 5])
 
 
 @pytest.mark.parametrize(("present", "choices"), [((), "no injection was found"), ((1, 2), "there are 1 to 2")])

@@ -76,8 +76,7 @@ def test_the_frames_of_a_log_give_what_the_recording_gives(write: Write) -> None
     logged = LoggedSignals(BENCH, write(frames(), ".blf"))
     assert logged.notes == ()
     history = evaluate(BENCH, [logged])
-    assert history.frames == expected().frames
-    assert len(history.evaluations[0].reports) == 3
+    assert (history.frames, len(history.evaluations[0].reports)) == (expected().frames, 3)
     all_samples = expected().evaluations[0].trace
     for name in ("injection_rate", "corrected_rate_sigma", "nominal_rate", "valid", "state", "x", "phi"):
         np.testing.assert_array_equal(history.evaluations[0].trace[name][: len(all_samples)], all_samples[name])

@@ -43,8 +43,7 @@ def test_it_is_over_once_the_pressure_moves_again() -> None:
 def test_a_computed_recording_without_noise_keeps_its_rail_pressure() -> None:
     schedule = make_schedule([100e6], 4, 0.05, [1.1e-3])
     recording = simulate(load_injector(), schedule, 50e3).recording
-    assert np.ptp(recording.rail_pressure) == 0.0
-    assert reasons_of(recording)[2:] == [Reason.NONE] * 2
+    assert (np.ptp(recording.rail_pressure), reasons_of(recording)[2:]) == (0.0, [Reason.NONE] * 2)
 
 
 BENCH = load_bench().exact.with_sections(sampling=SamplingConfig(rate_hz=SAMPLE_RATE))

@@ -304,6 +304,5 @@ def test_fit_gives_an_injector_that_explains_its_recordings(tmp_path: Path) -> N
     assert ort.Injector.load(tmp_path / "fitted.toml").parameters == fitted.parameters
     assert fitted.calibration.plot().axes
     again = pickle.loads(pickle.dumps(fitted))
-    assert again == fitted
-    assert repr(again.calibration) == repr(fitted.calibration)
+    assert (again, repr(again.calibration)) == (fitted, repr(fitted.calibration))
     assert fitted.evaluate(recordings[0], chain=True).valid_share > 0

@@ -98,8 +98,7 @@ def test_traces_move_are_held_stepped_back_to_and_saved(page: Page, serve: Serve
         expect(page.locator("#rate_0 .u-title")).to_have_text("Injection rate, no. 1")
         expect(page.locator("#rate_0.empty")).to_have_count(0)
         for table, rate, *details in page.evaluate("[...window.seen.values()]"):
-            assert rate == table
-            assert len(set(details)) == 1
+            assert (rate, len(set(details))) == (table, 1)
     saved = tmp_path / "kept" / f"injection_{held - 1}.csv"
     said = json.loads(saved.with_suffix(".json").read_text())
     assert said["number"] == held - 1

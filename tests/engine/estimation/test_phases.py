@@ -98,6 +98,9 @@ def test_colour_is_found_where_the_variance_is_right(phase: Phase) -> None:
     assert statistics.block_squares[phase, 1] / statistics.blocks[phase, 1] == pytest.approx(expected, abs=4 * error)
     assert statistics.colour(phase) > 2.5
     assert statistics.excess(phase) > 8.0
+    for limit, variance, is_beyond in ((0.99, 2.0, True), (1.01, 0.8, True), (1.01, 2.0, False)):
+        excess = statistics.excess_beyond(limit * statistics.colour(phase), np.full(len(Phase), variance))
+        assert (excess[phase] == statistics.excess(phase)) == is_beyond
 
 
 @pytest.mark.parametrize("blocks", [1, 2, 5, 20, 200, 5000])
@@ -122,8 +125,7 @@ def test_only_what_happened_is_counted() -> None:
     assert statistics.blocks[Phase.OPEN].tolist() == [3, 1]
     assert statistics.block_squares[Phase.OPEN].tolist() == [3 * 8 / 4, 20 / 4]
     assert statistics.variance(Phase.AFTER) == 1.0
-    assert statistics.colour(Phase.AFTER) == 1.0
-    assert statistics.excess(Phase.AFTER) == 0.0
+    assert (statistics.colour(Phase.AFTER), statistics.excess(Phase.AFTER)) == (1.0, 0.0)
 
 
 @given(st.integers(0, 1000), st.integers(1, 500))

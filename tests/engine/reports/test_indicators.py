@@ -48,6 +48,11 @@ def test_what_is_another_change_at_another_rail_pressure_is_no_wear() -> None:
     elsewhere = nozzle_change(worn(), 0.5 * x, np.array([0.5 * U[0], U[1]]))[0]
     nozzle = indicators_of(worn(), exact, x, u, rails=[U[0], 0.5 * U[0]])[NOZZLE]
     assert nozzle.sigma == pytest.approx(abs(elsewhere - nozzle.value))
+    steeper = nozzle_change(worn(), 0.5 * x, np.array([0.5 * U[0], U[1]]))[1] - nozzle_change(worn(), x, u)[1]
+    for share in (0.9, 1.1):  # of a covariance by which two standard deviations explain it
+        explains = np.eye(PARAMETERS) * (share * (elsewhere - nozzle.value) ** 2 / (4.0 * steeper @ steeper))
+        here, both = (indicators_of(worn(), explains, x, u, rails=r)[NOZZLE].sigma for r in ([], [0.5 * U[0]]))
+        assert (here != both) == (share < 1.0)
     constant = np.zeros(PARAMETERS)
     constant[Parameter.NOZZLE_BIAS] = 0.2
     assert indicators_of(constant, exact, x, u, rails=[0.5])[NOZZLE].sigma == 0.0

@@ -85,8 +85,7 @@ def test_three_messages_give_the_same_rates(tmp_path: Path, clean: Traffic) -> N
 def test_index_wraps_and_starts_anywhere(clean: Traffic, start: int) -> None:
     """At an even index, as the other: the zero of the lift is followed by the even samples."""
     moved = clean.run(Device(clean.bench, index=start).send(simulated()))
-    assert moved.core.counters.lost_samples == 0
-    assert moved.core.counters.restarts == 0
+    assert (moved.core.counters.lost_samples, moved.core.counters.restarts) == (0, 0)
     codes = {(index - start) % (1 << 32): code for index, code in moved.rates.items()}
     assert codes == clean.result.rates
 
@@ -266,19 +265,16 @@ def test_the_window_of_the_bench_file_counts(clean: Traffic) -> None:
     hand(core, frames[20:23])
     assert core.protection == [E2EState.INVALID]
     hand(core, frames[23:24])
-    assert core.protection == [E2EState.VALID]
-    assert core.counters.refused_frames == 2
+    assert (core.protection, core.counters.refused_frames) == ([E2EState.VALID], 2)
 
 
 def test_restart_of_the_device(clean: Traffic) -> None:
     """Switched off and on: the same recording again from index 0, with a fresh counter."""
     result = clean.run([*clean.frames[:1200], *later(Device(clean.bench).send(simulated()), 0.3)])
-    assert result.core.counters.restarts == 1
-    assert result.core.counters.lost_samples == 0
+    assert (result.core.counters.restarts, result.core.counters.lost_samples) == (1, 0)
     starts = [first for first, _, _ in result.rate_frames]
     again = starts.index(0, 1)
-    assert starts[:again] == sorted(starts[:again])
-    assert starts[again:] == sorted(starts[again:])
+    assert (starts[:again], starts[again:]) == (sorted(starts[:again]), sorted(starts[again:]))
     states = [State(header["State"]) for _, header, _ in result.rate_frames]
     assert State.DEGRADED in states[again : again + 6]
     assert result.reports[-1].mass == pytest.approx(clean.result.reports[-1].mass, rel=0.01)
@@ -290,8 +286,7 @@ def test_windowed_source(tmp_path: Path, messages: dict[str, str], clean: Traffi
     bench = sample_bench(tmp_path, messages)
     starts = [round((0.150 + 0.05 * event - 0.0035) * SAMPLE_RATE) for event in range(3)]
     result = run(bench, Device(bench).send(simulated(), *(Span(start, start + 28 * 18) for start in starts)))
-    assert result.core.counters.jumps == 2
-    assert result.core.counters.lost_samples == 0
+    assert (result.core.counters.jumps, result.core.counters.lost_samples) == (2, 0)
     assert [report.event for report in result.reports] == [1, 2, 3]
     assert np.isfinite([report.mass for report in result.reports]).all()
     assert result.reports[2].mass == pytest.approx(clean.result.reports[2].mass, rel=0.03)

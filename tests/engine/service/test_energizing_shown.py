@@ -81,8 +81,7 @@ def test_document_of_a_log(tmp_path: Path) -> None:
     document = recording_json(evaluation, c)
     first, third = (one["energizing"] for one in document["injections"])
     assert third is None
-    assert first["command"] == 1
-    assert first["opening_delay_us"] == pytest.approx(320, abs=20)
+    assert (first["command"], first["opening_delay_us"]) == (1, pytest.approx(320, abs=20))
     assert first["energizing_time_us"] == pytest.approx(1100, abs=0.2)
     assert document["summary"]["energizing"] == {
         "commands": 2,

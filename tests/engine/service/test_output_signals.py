@@ -51,8 +51,7 @@ def test_a_row_adds_a_signal_and_a_counter(path: Any) -> None:
     sent: dict[str, Any] = {}
     for frame in FrameWriter([(MORE, output_message(message, signals_of(MORE)))]).write(parts):
         sent |= message.decode(frame.payload, decode_choices=False)
-    assert sent["NeedleBounces"] == 7
-    assert sent["BounceHeight"] == pytest.approx(2.0)
+    assert (sent["NeedleBounces"], sent["BounceHeight"]) == (7, pytest.approx(2.0))
     assert sent["Mass"] == pytest.approx(40.0)
     assert sent["Volume"] == pytest.approx(-50.0 + 0.01 * 0xFFFF)  # there is none
 

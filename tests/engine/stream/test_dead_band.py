@@ -54,8 +54,7 @@ def test_foot_of_the_ramp_does_not_close_the_needle_again() -> None:
     """Look-back samples lie below the closing threshold: still one injection."""
     lift = np.concatenate([[0.7 * UM, 0.8 * UM, 0.9 * UM], stroke(60)])
     stream = Stream().stay_shut(5e-3).move(lift).stay_shut(1e-3)
-    assert stream.count("counts", "injections_begun") == 1
-    assert open_samples(lift) == list(range(63))
+    assert (stream.count("counts", "injections_begun"), open_samples(lift)) == (1, list(range(63)))
 
 
 @pytest.mark.parametrize(

@@ -129,8 +129,7 @@ def test_break_in_the_stream_ends_the_event(opened: bool) -> None:
     length = 1030 if opened else 1050 + 5 * MS
     stream = run({1000: 50}, length, learning=True)
     stream.stay_shut(40e-3, index=length + 100, broken=Break.LOSS)
-    assert stream.count("judgement", "events_judged") == 1
-    assert (stream.outcomes[0] is None) == opened
+    assert (stream.count("judgement", "events_judged"), stream.outcomes[0] is None) == (1, opened)
 
 
 def test_index_that_begins_anew_judges_at_once() -> None:

@@ -84,8 +84,7 @@ def test_a_start_that_is_no_date_is_told(tmp_path: Path) -> None:
         ((0,) * 8, []),
     ):
         entries.path.write_bytes(data.replace(struct.pack("<8H", *DAY), struct.pack("<8H", *date)))
-        assert [entry.frame.stamp_ns for entry in entries] == [5]
-        assert entries.notes() == notes
+        assert ([entry.frame.stamp_ns for entry in entries], entries.notes()) == ([5], notes)
 
 
 def test_fd_64_with_all_some_and_too_few_bytes(tmp_path: Path) -> None:
@@ -98,8 +97,7 @@ def test_fd_64_with_all_some_and_too_few_bytes(tmp_path: Path) -> None:
     )
     complete, short, followed, classic_one = log(tmp_path, container(b"".join(objects)))
     assert complete == LogFrame(Frame(0x1234, data, DAY_NS, True, True, True, True), "3", True)
-    assert short.frame.payload == data[:5] + bytes(7)
-    assert followed.frame.payload == data
+    assert (short.frame.payload, followed.frame.payload) == (data[:5] + bytes(7), data)
     assert (classic_one.frame.is_fd, classic_one.frame.payload) == (False, data[:8])
 
 

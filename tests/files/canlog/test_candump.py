@@ -137,8 +137,7 @@ def test_frames_of_can_xl_and_colours(tmp_path: Path) -> None:
         " (1700000001.200000)  can0  45123  [0002] (81|00:12345678) 11 22\n"
         "\x1b[31m (1700000001.300000)  can0  124   [2]  0A 0B\x1b[0m\n",
     )
-    assert [entry.frame.payload for entry in result] == [b"\x0a\x0b"]
-    assert result.other_entries == 2
+    assert ([entry.frame.payload for entry in result], result.other_entries) == ([b"\x0a\x0b"], 2)
 
 
 def test_whole_second_stamps_are_refused_but_of_a_single_frame(tmp_path: Path) -> None:

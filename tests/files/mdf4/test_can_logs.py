@@ -54,9 +54,7 @@ def test_every_field_of_a_logger_is_read(tmp_path: Path, is_finalised: bool, dat
         write_logger_file(path, frames, fields, MIDNIGHT, is_finalised, 2, data_width)
         content = path.read_bytes()
         log = open_log(path)
-        assert list(log) == frames
-        assert log.error_frames == 2
-        assert path.read_bytes() == content
+        assert (list(log), log.error_frames, path.read_bytes()) == (frames, 2, content)
 
     check()
 

@@ -97,8 +97,7 @@ def test_every_dialect_gives_the_same_signals(
     time = 'unit = "ms"' if form is None else form
     recording = read(path, bench(tmp_path, time=time))
     result = signals(30)
-    assert recording.samples == 30
-    assert recording.sample_rate == RATE
+    assert (recording.samples, recording.sample_rate) == (30, RATE)
     np.testing.assert_allclose(recording.rail_pressure, result["p_Rail"] * 1e5, rtol=1e-12)
     np.testing.assert_allclose(recording.needle_lift, result["lift"] * 1e-6, rtol=1e-12)
     np.testing.assert_allclose(recording.line_pressure, result["p_Line"] * 1e6, rtol=1e-12)

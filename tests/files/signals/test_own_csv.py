@@ -31,12 +31,10 @@ def test_units_and_names(tmp_path: Path) -> None:
         tmp_path, f"{header},injection_rate_mm3_per_ms\n0,0.15003,100.005,99.995,53.17\n1e-5,0,100,99,-1.5\n"
     )
     recording = read_recording(path)
-    assert recording.rail_pressure[0] == 100_005_000.0
-    assert recording.needle_lift[0] == 15003e-8
+    assert (recording.rail_pressure[0], recording.needle_lift[0]) == (100_005_000.0, 15003e-8)
     assert recording.line_pressure[0] == 99_995_000.0
     assert recording.injection_rate is not None
-    assert recording.injection_rate.tolist() == [5317e-8, -150e-8]
-    assert recording.sample_rate == 1e5
+    assert (recording.injection_rate.tolist(), recording.sample_rate) == ([5317e-8, -150e-8], 1e5)
     assert recording.path == path
 
 

@@ -42,8 +42,7 @@ def test_a_recording_of_two_operating_points_falls_into_them() -> None:
 
 def test_a_thinned_part_stands_for_all_its_injections() -> None:
     fold = thinned(folds_of(TWO, {})[1], 2)
-    assert len(fold.measurement.events) == 2
-    assert fold.weights.tolist() == [2.5, 2.5]
+    assert (len(fold.measurement.events), fold.weights.tolist()) == (2, [2.5, 2.5])
 
 
 def test_a_mean_mass_is_compared_in_standard_deviations() -> None:

@@ -18,10 +18,8 @@ from observer_rt.identification.likelihood.likelihood import JointLikelihood, Re
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.identification.likelihood.open_loop import GAIN_ERROR, simulated
 from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
-from observer_rt.model.stability import in_stable_cells
-from observer_rt.model.wave_line import STABLE, with_cells
+from observer_rt.model.wave_line import with_cells
 from tests.identification.discovery.hidden import MODEL, NOMINAL, recordings, statistic_of
 
 HEALTHY = joint_likelihood(measurements(recordings(measured_rate=True)), MODEL)
@@ -162,17 +160,6 @@ def test_a_candidate_is_judged_or_not_solved(rate: float, line: str, ids: list[s
         assert all(np.isfinite(one.z).all() and np.isfinite(one.log_sigma) for one in judged)
 
 
-@pytest.mark.parametrize("r", [0.4, 1.0])
-def test_faster_waves_get_fewer_cells(r: float) -> None:
-    effect = sized("bulk_modulus", r=r)
-    faster: EffectiveModel = effect.effect.apply(MODELS["wave"], effect.values)
-    stable = in_stable_cells(faster, 10e-6, 100e6)
-    assert stable is not None
-    assert stable.injector.line.cells < faster.injector.line.cells  # type: ignore[operator]
-    assert stable.coefficients.line.strain(10e-6) < STABLE
+def test_faster_waves_are_solved_on_fewer_cells() -> None:
+    faster = VOCABULARY["bulk_modulus"].apply(MODELS["wave"], [1.0])
     assert _likelihood(100e3, "wave").judge(faster) is not None
-
-
-def test_cells_that_are_stable_stay() -> None:
-    assert in_stable_cells(MODELS["wave"], 10e-6, 100e6) is MODELS["wave"]
-    assert in_stable_cells(MODELS["lump"], 10e-6, 100e6) is MODELS["lump"]

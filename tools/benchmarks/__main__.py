@@ -5,7 +5,7 @@ import sys
 from rich.markup import escape
 
 from observer_rt.foundation.errors import ObserverError
-from tools.benchmarks import accuracy, batch, damage, injections, loop, networks  # noqa: F401
+from tools.benchmarks import accuracy, batch, damage, injections, loop, networks, numbers  # noqa: F401
 from tools.benchmarks.campaign import messages
 from tools.benchmarks.command_line import app
 from tools.benchmarks.discovery import command as discovery  # noqa: F401

@@ -167,8 +167,8 @@ def account_after(before: Account, continued: Sequence[Continued]) -> tuple[Expl
 class ExplainedEvent(NamedTuple):
     """An event with its explanations.
 
-    state: before it; recorded: its window; unmasked: the window without the coil's pulse; explanations: the likeliest
-    first; lead: the explanation that is carried; account: after the event.
+    state: before it, but for its own rest; recorded: its window; unmasked: the window without the coil's pulse;
+    explanations: the likeliest first; lead: the explanation that is carried; account: after the event.
     """
 
     state: LearningState

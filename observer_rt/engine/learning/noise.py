@@ -1,8 +1,8 @@
-"""Noise of an event: its colour, its growth with the slope of pressure, and stretches that may be off.
+"""Noise of an event: its colour, and stretches that may be off.
 
-A high pass, which takes their slow part away, and an autoregressive filter make coloured innovations white. Moments
-that are off by t show the pressure off by t dp/dt. Without the samples of a stretch that is held or loud
-(`Window.masked`) an event is weighed once more, beside the event as it is, and pays for what they are instead.
+A high pass, which takes their slow part away, and an autoregressive filter make coloured innovations white. Without
+the samples of a stretch that is held or loud (`Window.masked`) an event is weighed once more, beside the event as it
+is, and pays for what they are instead.
 """
 
 import math

@@ -211,7 +211,8 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
     update = BeliefUpdate(reader, state, point)
     continued = [(each, update.after(each)) for each in explanations]
     carried, account = account_after(state.account, continued)
-    state = replace(state, sensor_slope=state.sensor_slope.after(carried.reading.resting.point(point.rail_pressure)))
+    at_rest, gain = carried.reading.resting.point(point.rail_pressure), reader.stated_gain(account.learned.theta)
+    state = replace(state, sensor_slope=state.sensor_slope.after(at_rest, gain))
     return ExplainedEvent(state, event.window, window, point, continued, carried, account)
 
 

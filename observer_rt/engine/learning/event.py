@@ -162,9 +162,10 @@ class EventReader:
             parameters.SCALARS.drift(self.pressure_scale), parameters.GAIN_DRIFT * self.calibration.gain
         )
 
-    def bent(self, state: LearningState) -> float:
-        """Share by which a flow may be off (one sigma), as a sensor is not as straight as stated."""
-        return max(state.sensor_slope.share - Z_95 * self.calibration.gain, 0.0)
+    def stated_gain(self, theta: parameters.Theta) -> float:
+        """Gain of theta (m,), as far as the accuracies of the sensors allow for it."""
+        furthest = Z_95 * self.calibration.gain
+        return min(max(float(theta[_GAIN]), -furthest), furthest)
 
     def widths(self, kind: Kind) -> parameters.Theta:
         """Standard deviations (m,) by which theta moves where an event is of a kind."""

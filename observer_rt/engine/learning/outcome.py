@@ -97,7 +97,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         reader.healthy.mass_share,
         UNSEEN * extrapolation_sigma(explained.point, explanation.before.learned_at),
         0.0 if window.needle is None else STROKE_SHARE,
-        reader.bent(explained.state),
+        explained.state.sensor_slope.share,
     )
     shares = shares_of(mass, explained, systematic)
     verdict = verdict_of(explained, mass, shares, unlike.objections, reader.wide)

@@ -133,7 +133,7 @@ def facts_of(explained: ExplainedEvent, is_disturbed: bool, reader: EventReader)
         is_disturbed,
         math.inf if is_other else float(theta[Parameter.LINE_PRESSURE_OFFSET]) * scale,
         untold * float(window.inputs[:, 0].mean()) * scale,
-        reader.bent(explained.state),
+        explained.state.sensor_slope.share,
         sensor_lag(theta),
         float(theta[Parameter.LIFT_DELAY]) * LAG_UNIT,
         _open_nozzle_change(theta, window),

@@ -167,24 +167,26 @@ class RestPoint(NamedTuple):
 class SensorSlope:
     """Error of one pressure sensor's slope against the other's, by what they differ by at rest.
 
-    A sensor that is bent, or has another gain, differs otherwise at other rail pressures. One that drifts, or moved
+    A sensor that is bent differs otherwise at other rail pressures, whatever its gain. One that drifts, or that moved
     once, differs as it lately did at some other rail pressure.
     """
 
     points: tuple[RestPoint, ...] = ()  # of the last events, at rail pressures that are apart
     share: float = 0.0  # by which the last event's flow may be off (one sigma)
 
-    def after(self, point: RestPoint) -> "SensorSlope":
-        """Adds an event, its variance inf if it had no rest."""
+    def after(self, point: RestPoint, gain: float) -> "SensorSlope":
+        """Adds an event, its variance inf if it had no rest; gain: of one sensor over the other's, as learned."""
         if math.isinf(point.variance):
             return self
         others = [each for each in self.points if abs(each.rail_pressure - point.rail_pressure) > APART]
         others = [each._replace(variance=each.variance + WALK**2) for each in others]
-        return SensorSlope((*others, point)[-POINTS:], STEEPER * min((_slope(point, o) for o in others), default=0.0))
+        slopes = (_slope(point, other, gain) for other in others)
+        return SensorSlope((*others, point)[-POINTS:], STEEPER * min(slopes, default=0.0))
 
 
-def _slope(first: RestPoint, second: RestPoint) -> float:
-    """Slope between two points that is there at least, as a share, little of points that are near."""
-    moved = abs(first.difference - second.difference) - Z_95 * math.sqrt(first.variance + second.variance)
-    apart = abs(first.rail_pressure - second.rail_pressure)
-    return max(moved, 0.0) * apart / (apart**2 + FAR_APART**2)
+def _slope(first: RestPoint, second: RestPoint, gain: float) -> float:
+    """Slope beyond a gain that is there at least between two points, as a share; little of points that are near."""
+    apart = first.rail_pressure - second.rail_pressure
+    moved = abs(first.difference - second.difference - gain * apart)
+    moved = max(moved - Z_95 * math.sqrt(first.variance + second.variance), 0.0)
+    return moved * abs(apart) / (apart**2 + FAR_APART**2)

@@ -134,8 +134,7 @@ def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
     summaries = _pages(outcome.frames, "InjectionSummary")
     assert len(summaries) == len(outcome.reports) == INJECTIONS
     for summary, report in zip(summaries, outcome.reports, strict=True):
-        assert summary["SampleIndex"] == report.start_index
-        assert summary["EndIndex"] == report.end_index
+        assert (summary["SampleIndex"], summary["EndIndex"]) == (report.start_index, report.end_index)
         assert (summary["InjectionNumber"], summary["Valid"]) == (report.number, report.valid)
         assert summary["Reason"] == report.reason
         assert summary["Mass"] == pytest.approx(report.mass / 1e-6, abs=0.005)

@@ -57,8 +57,7 @@ def test_states_before_frames_between_and_after(bench: Path, frames: list[TimedF
     with serving(daemon):
         until(lambda: daemon.now() == (State.ADAPTED, Reason.NONE))
         until(lambda: link.statuses()[-1]["Reason"] == Reason.INPUT_TIMEOUT)
-        assert link.statuses()[-1]["State"] == State.WAITING_FOR_DATA
-        assert link.statuses()[-1]["Valid"] == 0
+        assert (link.statuses()[-1]["State"], link.statuses()[-1]["Valid"]) == (State.WAITING_FOR_DATA, 0)
 
 
 def test_status_comes_in_its_period(bench: Path) -> None:

@@ -93,8 +93,7 @@ def test_what_was_named_by_hand_is_not_undone(bench: Path, tmp_path: Path) -> No
 def test_a_file_of_somebody_else_is_left_alone(bench: Path, tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("by hand")
     done = take_over(bench, "", amended(tmp_path, 0.1))
-    assert done.step.after == "crin3_nominal_amended_2.toml"
-    assert (tmp_path / name).read_text() == "by hand"
+    assert (done.step.after, (tmp_path / name).read_text()) == ("crin3_nominal_amended_2.toml", "by hand")
 
 
 def test_benches_in_one_folder_have_models_of_their_own(bench: Path, tmp_path: Path) -> None:

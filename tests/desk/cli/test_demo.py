@@ -16,8 +16,7 @@ def test_command_prints_the_table_and_writes_the_figure(command: Command, tmp_pa
     figure = tmp_path / "demo.png"
     done = command.done("demo", "--injections", 4, "--speed", 0.5, "--figure", figure)
     rows = [line.split() for line in done.out.splitlines()[2:]]
-    assert [row[0] for row in rows] == ["1", "2", "3", "4"]
-    assert [row[-1] for row in rows] == ["yes"] * 4
+    assert ([row[0] for row in rows], [row[-1] for row in rows]) == (["1", "2", "3", "4"], ["yes"] * 4)
     assert [float(row[3]) for row in rows] == pytest.approx([-20.5] * 4, abs=1.5)  # nominal model, percent
     assert max(abs(float(row[6])) for row in rows) < 1.0  # observer
     assert max(map(len, done.out.splitlines())) <= 80

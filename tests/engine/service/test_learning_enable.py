@@ -60,8 +60,7 @@ def test_what_was_learned_stays_in_force(clean: Traffic, with_frames: Callable[.
     assert first.mass_ci95 == usual.reports[0].mass_ci95
     for report in (second, third):
         assert (report.mass, report.mass_ci95) == (report.live_mass, None)
-        assert report.phi_version == 1
-        assert report.indicators[OFFSET].value == first.indicators[OFFSET].value
+        assert (report.phi_version, report.indicators[OFFSET].value) == (1, first.indicators[OFFSET].value)
         assert report.indicators[NOZZLE].value == pytest.approx(first.indicators[NOZZLE].value, rel=1e-3)
     assert third.validity == "valid, mass of the live rate, without an interval, not calibrated"
     assert [summary["Learning"] for summary in held.summaries] == [1, 0, 0]

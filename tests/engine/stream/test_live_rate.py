@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.core.model.model import advance_state, phi_and_rate
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation
-from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import sized
@@ -167,6 +167,19 @@ def test_the_first_injection_is_followed(laws: Laws, faults: Faults) -> None:
         true, by_filters, by_model = (rate[window].sum() for rate in rates)
         assert abs(by_filters / true - 1.0) < 0.025
         assert abs(by_filters / true - 1.0) < abs(by_model / true - 1.0)
+
+
+@pytest.mark.parametrize("late", [-2, 2])
+def test_a_needle_that_answers_its_command_sooner_or_later_is_followed(late: int) -> None:
+    """By 20 us, which a line pressure beside no lift tells."""
+    schedule = make_schedule([100e6], 1, 0.06, [1.2e-3])
+    made = simulate(NOMINAL, schedule, 100e3, noise=SimulatedNoise())
+    commands = np.roll(energized(schedule, made.recording.time), -late)
+    recording = made.recording.with_arrays({"energizing": commands}).without_lift()
+    trace = evaluate(bench_at(100e3), [recording]).evaluations[0].trace
+    rates = trace.injection_rate, trace.open_loop_rate
+    by_filters, by_model = (np.nansum(np.abs(rate - made.truth.injection_rate)) for rate in rates)
+    assert by_filters < 0.4 * by_model
 
 
 @pytest.mark.parametrize(

@@ -37,8 +37,7 @@ def test_the_file_is_taken_back_as_it_was_fitted(done: CalibrationResult, tmp_pa
     _written(done, NOMINAL_INJECTOR, tmp_path / "fitted.toml")
     back = load_injector(tmp_path / "fitted.toml")
     assert back.line_outflow is done.fitted.structure.outflow
-    assert back.line.model == done.fitted.structure.line
-    assert back.line.cells == done.injector.line.cells
+    assert (back.line.model, back.line.cells) == (done.fitted.structure.line, done.injector.line.cells)
     for parameter in done.fitted.calibration.free:
         assert parameter.of(back) == pytest.approx(parameter.of(done.injector), rel=1e-6)
     assert back.baseline == baseline_of(done, HASHES)

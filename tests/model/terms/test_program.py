@@ -86,8 +86,7 @@ def test_terms_add_up_within_their_bounds() -> None:
         expected[TermEquation(equation).number] = value
     np.testing.assert_allclose(run(terms, values)[0], expected)
     twice = run([*terms, *terms], values)[0]
-    assert twice[TermEquation.SEAT_FLOW.number] == 0.8
-    assert twice[TermEquation.RAIL_PRESSURE.number] == 10.0
+    assert (twice[TermEquation.SEAT_FLOW.number], twice[TermEquation.RAIL_PRESSURE.number]) == (0.8, 10.0)
     assert not run([], values).any()
 
 

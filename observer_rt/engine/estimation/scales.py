@@ -76,19 +76,27 @@ class ScaleChoice(NamedTuple):
         return np.asarray(squares / (1.0 - squares))
 
     def of(self, belief: Belief) -> Belief:
-        """The belief with these scales."""
-        return _measured(belief, WEIGHTS, _PRIOR, self.noise)
+        """The belief with these scales, to fit an event from."""
+        return _measured(belief, WEIGHTS, _PRIOR, self.noise, has_errors=False)
 
 
-def _measured(belief: Belief, columns: NDArray[np.int64], prior: Vector, noise: Vector | float) -> Belief:
-    """The belief after weights in columns (k,) were measured to be 0, with variances in units of their prior's."""
+def _measured(
+    belief: Belief, columns: NDArray[np.int64], prior: Vector, noise: Vector | float, has_errors: bool = True
+) -> Belief:
+    """The belief after weights in columns (k,) were measured to be 0, with variances in units of their prior's.
+
+    has_errors: whether its error covariance is wanted, which an event's fit does not ask for.
+    """
     across, information = _information(belief.covariance, columns, prior, noise)
     gain = (information @ across).T
+    mean = belief.mean - gain @ (belief.mean[columns] / prior)
+    covariance = symmetric(belief.covariance - gain @ across)
+    if not has_errors:
+        return Belief(mean, covariance, covariance)
     by_error = gain @ (belief.error_covariance[columns] / prior[:, None])
     error = belief.error_covariance - by_error - by_error.T
     error += (by_error[:, columns] / prior + gain * noise) @ gain.T
-    mean = belief.mean - gain @ (belief.mean[columns] / prior)
-    return Belief(mean, symmetric(belief.covariance - gain @ across), symmetric(error))
+    return Belief(mean, covariance, symmetric(error))
 
 
 def _information(
@@ -120,14 +128,15 @@ def _measured_in_turn(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64
 
 
 def without_others(belief: Belief, pairs: Pairs) -> Belief:
-    """The belief with no pairs but these."""
-    return _in_use(belief, pairs).complete(columns_in_use(pairs), _without_law(pairs))
+    """The belief with no pairs but these, to fit an event from."""
+    return _in_use(belief, pairs, has_errors=False).complete(columns_in_use(pairs), _without_law(pairs))
 
 
-def _in_use(belief: Belief, pairs: Pairs) -> Belief:
+def _in_use(belief: Belief, pairs: Pairs, has_errors: bool = True) -> Belief:
     """The belief about the columns in use, where weights of all pairs but these are 0."""
     others = _others(pairs)
-    return _measured(belief, WEIGHTS[others], _PRIOR[others], float(_NOISES[0])).part(columns_in_use(pairs))
+    measured = _measured(belief, WEIGHTS[others], _PRIOR[others], float(_NOISES[0]), has_errors)
+    return measured.part(columns_in_use(pairs))
 
 
 @lru_cache(32)

@@ -138,6 +138,14 @@ class HeldBelief:
     variance: float = 0.0  # of the held value
     log: float = 0.0  # nats that holding it adds to the evidence of the event
 
+    def held_in(self, theta: Vector) -> Vector:
+        """Theta (m,) itself, or with the value that is held, if it has another."""
+        if self.column is None or abs(theta[self.column] - self.prior.mean[self.column]) <= math.sqrt(_EXACTLY):
+            return theta
+        theta = theta.copy()
+        theta[self.column] = self.prior.mean[self.column]
+        return theta
+
     def considered(self, after: Belief, information: Matrix) -> Belief:
         """The belief after an event that includes how uncertain the held value is.
 

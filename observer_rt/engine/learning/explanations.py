@@ -135,7 +135,8 @@ class _KindEvidence:
     def weigh(self, cost: EventRun, limits: Limits) -> None:
         """Evidence by the parabola of a run, over all scales."""
         columns = columns_in_use(self.pairs)
-        by_whole = evidence_of(cost.part(columns), self.part, limits.part(columns))
+        centred = cost.centred(self.held.held_in(cost.theta))  # else its prior seems to be far from every theta
+        by_whole = evidence_of(centred.part(columns), self.part, limits.part(columns))
         logs, self.theta = weigh_choices(by_whole.theta, by_whole.covariance, self.pairs, self.scale_log_priors)
         self.cost, self.scales = cost, ScaleChoice(int(np.argmax(logs)), self.pairs)
         self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))

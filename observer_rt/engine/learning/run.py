@@ -94,6 +94,13 @@ class EventRun:
         information = self.information[np.ix_(columns, columns)]
         return EventRun(self.theta[columns], self.value, self.gradient[columns], information)
 
+    def centred(self, theta: NDArray[np.float64]) -> "EventRun":
+        """The parabola round another theta (m,)."""
+        if theta is self.theta:
+            return self
+        gradient = self.gradient + self.information @ (theta - self.theta)
+        return EventRun(theta, self.expected(theta), gradient, self.information)
+
     def to_first_order(self, theta: NDArray[np.float64]) -> "EventRun":
         """The run at another theta (m,), with innovations along their slopes and no shot late."""
         innovations = self.innovations + self.slopes @ (theta - self.theta)

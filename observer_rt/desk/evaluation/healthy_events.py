@@ -18,7 +18,7 @@ from observer_rt.engine.estimation.parameters import Parameter, Theta
 from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.engine.learning.adequacy import BURN_IN, Innovations, event_statistics
-from observer_rt.engine.learning.event import setting_of, smoothing_in, with_smooth_rail
+from observer_rt.engine.learning.event import with_smooth_rail
 from observer_rt.engine.learning.healthy import NOT_FITTED, EventStretch, ShapeFit, stretch_of
 from observer_rt.engine.learning.knowledge import Knowledge, Outcome, TemperedEvent, overdispersion_of
 from observer_rt.engine.learning.learner import Learner
@@ -65,8 +65,7 @@ class _Listener(Learner):
         covariance = self.state.learned.belief.covariance
         outcome = super().learn(window, standstill, in_force, constants)
         during, noise = constants or self._constants, outcome.knowledge.state.noise
-        schedule = self._reader.gains(outcome.estimate, noise, during, smoothing_in(during))
-        setting, sigma = setting_of(during, schedule), schedule.innovation_sigma
+        setting, sigma = self._reader.setting_at(outcome.estimate, noise, during)
         self._events.append(_HealthyEvent(with_smooth_rail(window, during), setting, sigma, theta, covariance))
         return outcome
 

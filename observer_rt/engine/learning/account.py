@@ -21,8 +21,6 @@ from observer_rt.engine.learning.event import (
     EventReading,
     RestingPressure,
     resting_pressure,
-    setting_of,
-    smoothing_in,
     with_smooth_rail,
 )
 from observer_rt.engine.learning.explanations import FIRST_STEPS, LATE_SENSOR, STARTED, Explanation, Weighing
@@ -261,8 +259,7 @@ class _EventReadings:
     def _read(self, learned: LearnedInjector, window: Window, off: float) -> EventReading:
         """Reads the event round a belief."""
         state, event, reader = self._state, self._event, self._reader
-        schedule = reader.gains(learned.theta, state.noise, event.constants, smoothing_in(event.constants))
-        setting, white_sigma = setting_of(event.constants, schedule), schedule.innovation_sigma
+        setting, white_sigma = reader.setting_at(learned.theta, state.noise, event.constants)
         cost = reader.cost_of(state, learned, window, setting, white_sigma, self._offset)
         first, resting = self._run(learned, cost)
         return EventReading(learned, cost, first, white_sigma, self._phases, resting, off)

@@ -183,6 +183,22 @@ class EventReader:
         every = constants.rail_every
         return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, every, rail_smoothing)
 
+    def setting_at(self, theta: parameters.Theta, noise: NoiseLevels, constants: Constants) -> tuple[Setting, float]:
+        """Setting by which x~ is followed over an event that is learned from, and the sigma of white innovations."""
+        schedule, sensor = self.gains(theta, noise, constants, smoothing_in(constants)), constants.sensor
+        setting = Setting(
+            interval=constants.interval,
+            substeps=constants.substeps,
+            coefficients=constants.coefficients,
+            gain=schedule.gains[-1].copy(),
+            late=sensor.fraction,
+            lag=sensor.lag,
+            offset=sensor.offset,
+            program=constants.program,
+            rail_share=constants.calibration.rail_share,
+        )
+        return setting, schedule.innovation_sigma
+
     def cost_of(
         self,
         state: LearningState,
@@ -220,22 +236,6 @@ def with_smooth_rail(window: Window, constants: Constants) -> Window:
         return window
     rail, area = window.inputs.T
     return window._replace(inputs=np.column_stack((smoothed(rail, constants.interval), area)))
-
-
-def setting_of(constants: Constants, schedule: GainSchedule) -> Setting:
-    """Setting by which x~ is followed over an event."""
-    sensor = constants.sensor
-    return Setting(
-        interval=constants.interval,
-        substeps=constants.substeps,
-        coefficients=constants.coefficients,
-        gain=schedule.gains[-1].copy(),
-        late=sensor.fraction,
-        lag=sensor.lag,
-        offset=sensor.offset,
-        program=constants.program,
-        rail_share=constants.calibration.rail_share,
-    )
 
 
 @dataclass(frozen=True, eq=False)

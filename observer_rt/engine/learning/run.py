@@ -89,6 +89,10 @@ class EventRun:
         step = theta - self.theta
         return self.value + float(self.gradient @ step) + 0.5 * float(step @ self.information @ step)
 
+    def gradient_at(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The gradient at another theta (m,) by the parabola."""
+        return self.gradient + self.information @ (theta - self.theta)
+
     def part(self, columns: NDArray[np.int64]) -> "EventRun":
         """The parabola along some columns (k,) of theta."""
         information = self.information[np.ix_(columns, columns)]
@@ -98,8 +102,7 @@ class EventRun:
         """The parabola round another theta (m,)."""
         if theta is self.theta:
             return self
-        gradient = self.gradient + self.information @ (theta - self.theta)
-        return EventRun(theta, self.expected(theta), gradient, self.information)
+        return EventRun(theta, self.expected(theta), self.gradient_at(theta), self.information)
 
     def to_first_order(self, theta: NDArray[np.float64]) -> "EventRun":
         """The run at another theta (m,), with innovations along their slopes and no shot late."""
@@ -180,7 +183,7 @@ class EventCost:
             near,
             theta=theta,
             value=self._value(theta, innovations, jitter),
-            gradient=near.gradient + near.information @ (theta - near.theta),
+            gradient=near.gradient_at(theta),
             innovations=innovations,
             unfiltered=unfiltered,
             jitter=jitter,

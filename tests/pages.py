@@ -9,6 +9,7 @@ ROOT = Path(__file__).parents[1]
 _BLOCK = re.compile(r"^```(?P<language>\w*)\n(?P<fenced>(?s:.*?))^```$|(?P<indented>(?:^    .*\n)+)", re.MULTILINE)
 _PROGRAM = re.compile(r"^(?:\$ )?((?:observer-rt|tools/\w+|sudo|source|journalctl|sqlite3|podman|pip|python3?)\b.*)$")
 _CELL = re.compile(r"^\|.*\|$", re.MULTILINE)
+_IN_CELL = re.compile(r"`(observer-rt \w+ [^`]*\.\w+[^`]*)`")
 
 
 class Page:
@@ -23,7 +24,7 @@ class Page:
         """Command lines of blocks, and of code in tables, each once, in order, without comments and `$`."""
         lines: list[str] = []
         for match in sorted([*_BLOCK.finditer(self.text), *_CELL.finditer(self.text)], key=re.Match.start):
-            lines += _in_row(match[0]) if match.re is _CELL else _in_block(match)
+            lines += _IN_CELL.findall(match[0]) if match.re is _CELL else _in_block(match)
         return list(dict.fromkeys(lines))
 
     def shown(self, command: str) -> list[str]:
@@ -71,7 +72,3 @@ def _in_block(match: re.Match[str]) -> list[str]:
     text = match["indented"] or ("" if match["language"] else match["fenced"])
     lines = (_PROGRAM.match(line.strip()) for line in text.splitlines())
     return [re.sub(r"\s+#.*$", "", found[1]).strip() for found in lines if found]
-
-
-def _in_row(row: str) -> list[str]:
-    return re.findall(r"`(observer-rt \w+ [^`]*\.\w+[^`]*)`", row)

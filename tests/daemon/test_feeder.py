@@ -34,16 +34,10 @@ def published(bench: Path) -> list[bytes]:
     return payloads(evaluate(load_bench(bench), [worn_recording(2)]).frames, RATE)
 
 
-@pytest.fixture
-def without_index(tmp_path: Path) -> Path:
-    """A bench without sample indices, whose clock is that of the stamps."""
-    path = write_extended_bench(tmp_path)
-    path.write_text(f"{path.read_text()}[sampling]\nrate_hz = {SAMPLE_RATE}\n")
-    return path
-
-
-def test_stamps_are_kept_to_the_nanosecond(without_index: Path) -> None:
-    """The clock of frames without an index is that of the core alone."""
+def test_stamps_are_kept_to_the_nanosecond(tmp_path: Path) -> None:
+    """The clock of frames without an index, that of the stamps, is that of the core alone."""
+    without_index = write_extended_bench(tmp_path)
+    without_index.write_text(f"{without_index.read_text()}[sampling]\nrate_hz = {SAMPLE_RATE}\n")
 
     class StampingLink(TroubledLink):
         def receive(self, timeout_s: float) -> Frame | None:

@@ -75,12 +75,8 @@ def frozen(values: Values) -> Values:
     return np.full_like(values, values[0])
 
 
-def unplugged(values: Values) -> Values:
-    return np.where(np.arange(len(values)) > 60_000, np.nan, values)
-
-
-def overdriven(values: Values) -> Values:
-    return np.where(np.arange(len(values)) > 60_000, 1e9, values)
+def late(value: float) -> Callable[[Values], Values]:
+    return lambda values: np.where(np.arange(len(values)) > 60_000, value, values)
 
 
 def test_of_a_healthy_bench_nothing_is_told(watched: WatchedInputs) -> None:
@@ -141,8 +137,8 @@ def test_frames_of_another_length_are_named_with_both_lengths(watched: WatchedIn
         ("rail_pressure", RAIL, frozen, "is frozen: the same value"),
         ("needle_lift", LIFT, frozen, "is frozen: the same value"),
         ("line_pressure", LINE, frozen, "is frozen: the same value"),
-        ("needle_lift", LIFT, unplugged, "says `not available` or `error`"),
-        ("line_pressure", LINE, overdriven, "is at the upper end of its range"),
+        ("needle_lift", LIFT, late(np.nan), "says `not available` or `error`"),
+        ("line_pressure", LINE, late(1e9), "is at the upper end of its range"),
     ],
 )
 def test_a_bad_sensor(

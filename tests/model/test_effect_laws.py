@@ -25,17 +25,12 @@ def model(**parameters: dict[str, float]) -> Coefficients:
     return effective_model(NOMINAL, [sized(name, **sizes) for name, sizes in parameters.items()]).coefficients
 
 
-def x_of(pressure: float) -> float:
-    """Normalised pressure (24)."""
-    return (pressure - P_C) / P_0
-
-
 @pytest.mark.parametrize("pressure", [-20e6, 0.0, 5e6, 400e6, 1e9])
 @pytest.mark.parametrize("slope", [-8.0, 12.0])
 def test_stiffness_stays_positive_where_no_injector_works(pressure: float, slope: float) -> None:
     """K_eff/K_L, by which the pressure of the shut line rises faster than that of the nominal one."""
     c = model(pressure_dependent_bulk_modulus={"n": slope}, entrained_air={"g": 0.03})
-    x, shut = [x_of(pressure), 0.5, 0.0], (1.0, 0.0)
+    x, shut = [(pressure - P_C) / P_0, 0.5, 0.0], (1.0, 0.0)
     changed, nominal = (rates_of_change(x, shut, each, constant_network())[0] for each in (c, model()))
     assert 0.0 < changed / nominal < 10.0
 

@@ -307,12 +307,8 @@ def run(
             if j * step < late <= (j + 1) * step * (1.0 + 1e-12):
                 recorded = seen0 + (seen - seen0) * (late / step - j)
         p_c = chamber_pressure(open1, part, faults)
-        result[k, 0] = nozzle_factor(p_s, p_c, open1, now, faults) * square_root(p_s - p_c)
-        result[k, 1] = p_s
-        result[k, 2] = lift1
-        result[k, 3] = p[last]
-        result[k, 4] = recorded
-        result[k, 5] = seen_lift
+        injected = nozzle_factor(p_s, p_c, open1, now, faults) * square_root(p_s - p_c)
+        result[k] = (injected, p_s, lift1, p[last], recorded, seen_lift)
     sac_and_sensor[0], sac_and_sensor[1], sac_and_sensor[2] = p_s, seen, seen_lift
 
 

@@ -24,11 +24,7 @@ from tests.plants.rail import MovingRail, drawn_rail
 from tests.plants.wave import WaveLine, real_part
 
 CORNER = 28e3  # Hz, of the two-pole filter of a channel
-BITS = {
-    plant.RAIL: 250e6 / 2**14,
-    plant.LINE: 250e6 / 2**14,
-    plant.LIFT: 1e-3 / 2**14,
-}  # Pa, Pa, m: steps of a converter
+BITS = {plant.RAIL: 250e6 / 2**14, plant.LINE: 250e6 / 2**14, plant.LIFT: 1e-3 / 2**14}  # Pa, Pa, m: of a converter
 STIFFENING = 10.8  # K_1 of a diesel fuel
 CONSTANT_AT = 100e6  # Pa, at which a fuel of one stiffness has that of one that stiffens
 CAVITATING = 0.1  # N_crit - 1 of the holes

@@ -115,10 +115,13 @@ def seat_step(
 
 
 @njit(cache=True, nogil=True)
-def _lift_in(time: float, strokes: Array, remembered: float, max_lift: float, laws: law.Laws) -> float:
-    """True lift [m] at a time [s]."""
-    lift: float = law.true_lift(equations.lift_at(time, strokes), remembered, max_lift, laws)
-    return lift
+def _lifts(
+    time: float, step: float, strokes: Array, remembered: float, max_lift: float, laws: law.Laws
+) -> tuple[float, float]:
+    """True lifts [m] GAMMA steps, and a whole one, after a time [s]."""
+    first, second = (equations.lift_at(time + GAMMA * step, strokes), equations.lift_at(time + step, strokes))
+    true_lift = law.true_lift
+    return true_lift(first, remembered, max_lift, laws), true_lift(second, remembered, max_lift, laws)
 
 
 @njit(cache=True, nogil=True)
@@ -187,20 +190,14 @@ def run_wave(
             if shut:
                 drain = 0.0
             else:
-                lifts = (
-                    _lift_in(time + GAMMA * (0.5 * step), strokes, remembered[-1], max_lift, laws),
-                    _lift_in(middle, strokes, remembered[-1], max_lift, laws),
-                )
+                lifts = _lifts(time, 0.5 * step, strokes, remembered[-1], max_lift, laws)
                 y[end], p_s, before = seat_step(
                     y[end], p_s, drain, lifts, 0.5 * step, lattice.end_volume, now, faults
                 )
             lost = law.outflow(part, laws, moment) if beyond else 0.0
             line_step(state, rooms, rail0, rail1, drain + lost, step, lattice, now, faults)
             if not shut:
-                lifts = (
-                    _lift_in(middle + GAMMA * (0.5 * step), strokes, remembered[-1], max_lift, laws),
-                    _lift_in(middle + 0.5 * step, strokes, remembered[-1], max_lift, laws),
-                )
+                lifts = _lifts(middle, 0.5 * step, strokes, remembered[-1], max_lift, laws)
                 y[end], p_s, after = seat_step(y[end], p_s, drain, lifts, 0.5 * step, lattice.end_volume, now, faults)
                 drain = 0.5 * (before + after)
             if beyond:
@@ -212,10 +209,6 @@ def run_wave(
                 recorded = seen0 + (seen - seen0) * (late / step - j)
         open1 = law.true_lift(lift1, remembered[-1], max_lift, laws)
         p_c = equations.chamber_pressure(open1, part, faults)
-        result[k, 0] = equations.nozzle_factor(p_s, p_c, open1, now, faults) * signed_root(p_s - p_c)
-        result[k, 1] = p_s
-        result[k, 2] = lift1
-        result[k, 3] = y[end]
-        result[k, 4] = recorded
-        result[k, 5] = seen_lift
+        injected = equations.nozzle_factor(p_s, p_c, open1, now, faults) * signed_root(p_s - p_c)
+        result[k] = (injected, p_s, lift1, y[end], recorded, seen_lift)
     sac_and_sensor[:] = np.array([p_s, seen, seen_lift, drain])

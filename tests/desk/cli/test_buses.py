@@ -31,19 +31,14 @@ def twins(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return twin_bench(tmp_path_factory.mktemp("twins"))
 
 
-@pytest.fixture(scope="module")
-def log(twins: Path) -> Path:
-    path = twins.parent / "bus.log"
-    log_of(twins, path)
-    return path
-
-
 def masses(command: Command, *arguments: object) -> list[float]:
     (recording,) = document(command, *arguments)["recordings"]
     return [injection["mass_mg"] for injection in recording["injections"]]
 
 
-def test_a_log_of_three_buses_is_as_the_recording(command: Command, twins: Path, log: Path, tmp_path: Path) -> None:
+def test_a_log_of_three_buses_is_as_the_recording(command: Command, twins: Path, tmp_path: Path) -> None:
+    log = tmp_path / "bus.log"
+    log_of(twins, log)
     result = masses(command, log, "--bench", twins)
     assert len(result) == 4
     numbered = tmp_path / "bus.blf"

@@ -34,16 +34,14 @@ def test_for_programs(command: Command) -> None:
             assert effect["id"] in [one["id"] for one in effects[other["id"]]["taken_for"]]
 
 
-@pytest.fixture
-def unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An injector file with an effect that once came from a file of Python, which lies beside it."""
+@pytest.mark.parametrize("words", ["check", "evaluate x.csv"])
+def test_an_effect_that_is_not_known_is_a_law_to_state(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str
+) -> None:
+    """One that once came from a file of Python, which lies beside it."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_effects.py").write_text("open('executed', 'w')\n")
-    return amended(tmp_path / "amended.toml", "my_effects", "r", 1.5)
-
-
-@pytest.mark.parametrize("words", ["check", "evaluate x.csv"])
-def test_an_effect_that_is_not_known_is_a_law_to_state(command: Command, unknown: Path, words: str) -> None:
+    unknown = amended(tmp_path / "amended.toml", "my_effects", "r", 1.5)
     said = command.refused(*shlex.split(words), "--model", unknown)
     assert "amended.toml: effects.0.id: unknown effect 'my_effects'" in said
     assert "no file of Python is read" in said

@@ -29,17 +29,14 @@ def received(bus: can.BusABC) -> list[can.Message]:
     return list(iter(lambda: bus.recv(0.0), None))
 
 
-def indices(messages: list[can.Message]) -> list[int]:
-    return [int(BLOCK.decode(bytes(m.data), scaling=False)["SampleIndex"]) for m in messages]
-
-
 def test_what_is_sent_in_json(command: Command, bus: can.BusABC, worn: Path) -> None:
     outcome = command.done("replay", worn, *ON_BUS, "--speed", "10", "--windowed", "--json")
     content = json.loads(outcome.out)
     messages = received(bus)
     assert content["frames"] == len(messages) > 0
     assert content["lateness_max_s"] >= 0.0
-    steps = {later - earlier for earlier, later in pairwise(indices(messages))}
+    indices = [int(BLOCK.decode(bytes(m.data), scaling=False)["SampleIndex"]) for m in messages]
+    steps = {later - earlier for earlier, later in pairwise(indices)}
     assert min(steps) == 9 < max(steps)
 
 

@@ -21,11 +21,6 @@ SLOWED_DOWN = 0.05  # user-mode Linux has one processor for all who take part
 LOOK_AHEAD = 100  # samples, and more, that wait for those behind them
 
 
-@pytest.fixture
-def bench(tmp_path: Path) -> Path:
-    return three_injectors(tmp_path, tmp_path.name)
-
-
 def processed(payloads: Payloads, number: int) -> float:
     """Samples of an injector, as it says; -1 before it says anything."""
     statuses = payloads.get(STATUS_ID + number * STEP)
@@ -85,7 +80,8 @@ def test_two_daemons_on_one_bus_leave_each_other_alone(tmp_path: Path, vcan: str
         assert [summary["Valid"] for summary in summaries] == [1, 1, 1, 1]
 
 
-def test_it_must_be_said_which(command: Command, bench: Path) -> None:
+def test_it_must_be_said_which(command: Command, tmp_path: Path) -> None:
+    bench = three_injectors(tmp_path, tmp_path.name)
     said = command.refused("run", "--bench", bench)
     assert "one, two, three" in said
     assert "--injector one" in said

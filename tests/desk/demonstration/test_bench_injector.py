@@ -19,11 +19,6 @@ def recorded(departure: bench_injector.Departure, energizing: float = 1.5e-3) ->
     )
 
 
-@pytest.fixture(scope="module")
-def healthy() -> bench_injector.BenchRecording:
-    return recorded(bench_injector.Departure())
-
-
 def test_a_long_injection_ends_at_the_flow_at_which_all_pressure_is_used_up() -> None:
     long = recorded(bench_injector.Departure(), LONG)
     last = round((bench_injector.FIRST_EVENT + LONG) * RATE)
@@ -42,8 +37,9 @@ def test_a_long_injection_ends_at_the_flow_at_which_all_pressure_is_used_up() ->
     assert np.mean(long.injection_rate[last - 50 : last]) == pytest.approx(steady, rel=5e-3)
 
 
-def test_sensors_show_what_their_departures_say(healthy: bench_injector.BenchRecording) -> None:
-    shown = recorded(bench_injector.Departure(rail_gain=0.02, hidden_lift=10e-6))
+def test_sensors_show_what_their_departures_say() -> None:
+    departures = bench_injector.Departure(), bench_injector.Departure(rail_gain=0.02, hidden_lift=10e-6)
+    healthy, shown = map(recorded, departures)
     assert np.mean(shown.recording.rail_pressure / healthy.recording.rail_pressure) == pytest.approx(1.02, rel=1e-3)
     open_ = healthy.recording.needle_lift > 0.1e-3
     hidden = healthy.recording.needle_lift[open_] - shown.recording.needle_lift[open_]

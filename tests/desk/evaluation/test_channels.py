@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench, load_bench, load_injector
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
 from observer_rt.files.signals.recording import Recording
@@ -28,15 +27,11 @@ def made() -> Simulation:
     return simulate(load_injector(), schedule, RATE, (), SimulatedNoise(), seed=4)
 
 
-def evaluated(folder: Path, signals: dict[str, str], *recordings: Recording) -> tuple[Evaluation, ...]:
-    bench = load_bench(write_time_bench(folder, RATE, signals))
-    return evaluate(bench, recordings, learning=False).evaluations
-
-
 @pytest.mark.parametrize("signals", [STAMPS, NIBBLE, slow(SLOW)], ids=["stamps", "counter", "slow rail"])
 def test_second_recording_of_a_history_is_found(tmp_path: Path, made: Simulation, signals: dict[str, str]) -> None:
     """Over the pause the count goes on by stamps; the second recording's samples are where they belong."""
-    first, second = evaluated(tmp_path, signals, made.recording, made.recording)
+    bench = load_bench(write_time_bench(tmp_path, RATE, signals))
+    first, second = evaluate(bench, [made.recording] * 2, learning=False).evaluations
     late = slice(LOCKED, made.recording.samples - 200)
     assert np.mean(second.trace.valid[late]) > 0.999
     assert first.counters.lost_samples == 0

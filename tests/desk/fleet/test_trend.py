@@ -18,21 +18,15 @@ from observer_rt.foundation.errors import UserError
 from tests.desk.fleet.rows import campaign, rows
 
 
-@pytest.fixture
-def table() -> pa.Table:
-    return pa.concat_tables(
-        [
-            rows("aa", "healthy", [0.5, 0.01], day=0),
-            rows("bb", "healthy", [0.005], day=1),
-            rows("cc", "worn", [0.2], day=0),
-            rows("dd", "worn", [0.25], day=2),
-            rows("ee", "doubtful", [0.9], valid=False),
-        ]
-    )
-
-
-def test_the_most_worn_comes_first_by_the_last_valid_estimate_of_each_recording(table: pa.Table) -> None:
-    worn, healthy, doubtful = trends(table)
+def test_the_most_worn_comes_first_by_the_last_valid_estimate_of_each_recording() -> None:
+    tables = [
+        rows("aa", "healthy", [0.5, 0.01], day=0),
+        rows("bb", "healthy", [0.005], day=1),
+        rows("cc", "worn", [0.2], day=0),
+        rows("dd", "worn", [0.25], day=2),
+        rows("ee", "doubtful", [0.9], valid=False),
+    ]
+    worn, healthy, doubtful = trends(pa.concat_tables(tables))
     assert [worn.injector, healthy.injector, doubtful.injector] == ["worn", "healthy", "doubtful"]
     assert healthy.courses["nozzle"].value.tolist() == [0.01, 0.005]
     assert (healthy.recordings, healthy.injections) == (2, 3)

@@ -22,11 +22,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def rows_of(folder: Path) -> list[dict[str, str]]:
-    with (folder / "table.csv").open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def test_figures_are_pictures_with_something_on_them(folder: Path) -> None:
     for number in (3, 4, 5):
         picture = imread(folder / f"figure_{number}.png")[:, :, :3]
@@ -36,7 +31,8 @@ def test_figures_are_pictures_with_something_on_them(folder: Path) -> None:
 
 
 def test_model_is_wrong_as_wear_says_and_ours_is_not(folder: Path) -> None:
-    rows = rows_of(folder)
+    with (folder / "table.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
     assert [float(row["v_H"]) for row in rows] == pytest.approx([-0.5 + 0.1 * i for i in range(11)])
     for row in rows:
         wear = float(row["v_H"])

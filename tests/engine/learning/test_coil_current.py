@@ -24,11 +24,6 @@ def window(output: NDArray[np.float64]) -> Window:
     return Window(inputs, output, np.zeros(COUNT, np.bool_), np.zeros(4), OPENINGS[0][0])
 
 
-def as_seen(window: Window) -> NDArray[np.float64]:
-    """Innovations of a predictor that slowly takes what it sees for its own."""
-    return np.asarray(lfilter([1.0, -1.0], [1.0, -0.97], window.output / SIGMA), np.float64)
-
-
 K = np.arange(COUNT)
 SLOPES = np.stack([np.where((K > 120) & (K < 250), 1.0, 0.0), np.sin(K / 40.0)], axis=1)
 OTHER = coil_current.ThetaColumns.of(SLOPES, PRIOR)
@@ -40,7 +35,10 @@ def after(events: int, height: float, until: int = UNTIL) -> coil_current.CoilCu
     for seed in range(events):
         noise = window(SIGMA * np.random.default_rng(seed).normal(size=COUNT))
         recorded = coil_current.CoilPulse(-height * SIGMA, BEFORE, until).taken_out(noise)
-        current = current.after(recorded, BEFORE, as_seen, OTHER, ends)
+        # innovations of a predictor that slowly takes what it sees for its own
+        current = current.after(
+            recorded, BEFORE, lambda seen: lfilter([1.0, -1.0], [1.0, -0.97], seen.output / SIGMA), OTHER, ends
+        )
     return current
 
 

@@ -90,11 +90,6 @@ def jumped(traffic: Traffic) -> list[TimedFrame]:
     return device.send(simulated(), Span(0, 9 * FIRST), Span(9 * FIRST + 900, 15_000))
 
 
-def stopped(traffic: Traffic) -> list[TimedFrame]:
-    """The service, in the middle of a block of rates."""
-    return traffic.frames[:FIRST]
-
-
 def rates(frame: dict[str, Any]) -> list[Any]:
     """Numbers, or the reason, in words, why there are no numbers."""
     return [value for name, value in frame.items() if name.startswith("InjectionRate_")]
@@ -104,7 +99,7 @@ def is_complete(frame: dict[str, Any]) -> bool:
     return all(isinstance(rate, float) for rate in rates(frame))
 
 
-@pytest.mark.parametrize("disturbance", [some_lost, restarted, jumped, stopped])
+@pytest.mark.parametrize("disturbance", [some_lost, restarted, jumped, lambda traffic: traffic.frames[:FIRST]])
 def test_a_frame_that_is_cut_short_is_not_valid(clean: Traffic, disturbance: Disturbance) -> None:
     frames: list[Any] = [
         RATE.decode(frame.payload)

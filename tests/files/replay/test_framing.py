@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.engine.signal_survey import Survey
 from observer_rt.files.replay.framing import Framer, all_samples, clamped_in, windows_of
@@ -28,16 +27,11 @@ def recording_of(samples: int, lift: NDArray[np.float64] | None = None) -> Recor
     )
 
 
-@pytest.fixture(scope="module")
-def bus() -> BusMap:
-    return map_bus(load_bench())
-
-
-def test_missing_values_and_a_frame_not_filled_are_not_available(bus: BusMap) -> None:
+def test_missing_values_and_a_frame_not_filled_are_not_available() -> None:
     lift = np.full(10, 1e-4)
     lift[4] = np.nan
     recording = recording_of(10, lift)
-    values = decoded(list(Framer(bus).frames(recording, all_samples(recording))))
+    values = decoded(list(Framer(map_bus(load_bench())).frames(recording, all_samples(recording))))
     assert np.flatnonzero(np.isnan(list(values[1].values()))).tolist() == [4, *range(10, 18)]
     assert np.flatnonzero(np.isnan(list(values[0].values()))).tolist() == list(range(10, 18))
 

@@ -33,11 +33,6 @@ def _without_rate(findings: Findings) -> Findings:
     return replace(findings, gaps=replace(findings.gaps, by_name=others))
 
 
-def _at_one_pressure(findings: Findings) -> Findings:
-    before = tuple(replace(cell, rail_pressure=60e6) for cell in findings.before)
-    return replace(findings, before=before)
-
-
 def _slow_lift_sensor(findings: Findings) -> Findings:
     lag = {"tau": Size(value=16.0, ci95=(15.0, 17.0), unit="us")}
     effect = replace(findings.effects[0], id="needle_lift_sensor_lag", parameters=lag)
@@ -49,7 +44,7 @@ def _slow_lift_sensor(findings: Findings) -> Findings:
     [
         ("bench_file", _slow_lift_sensor),
         ("one_operating_point", lambda f: replace(f, held_out=f.fitted_on)),
-        ("one_rail_pressure", _at_one_pressure),
+        ("one_rail_pressure", lambda f: replace(f, before=tuple(replace(c, rail_pressure=60e6) for c in f.before))),
         ("mass_not_measured", _without_rate),
         ("line_inertance", lambda f: _without_rate(replace(f, like_inertance=True))),
         ("healthy_recordings", lambda f: replace(f, healthy_warning="the model is another")),

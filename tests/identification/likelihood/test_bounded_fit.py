@@ -101,11 +101,9 @@ def test_steps_into_the_insoluble_are_shortened() -> None:
 def test_a_bound_on_the_way_does_not_end_the_search() -> None:
     """Two parameters almost alike: the undamped step runs into a bound of one of them and leads uphill."""
     nearly = REGRESSORS @ np.array([[1.0, 0.999], [0.0, 0.05]])
-
-    def slanted(theta: NDArray[np.float64]) -> Residuals:
-        return _residuals(NOISE + nearly @ (theta - np.array([4.0, 1.0])))
-
-    minimum = _minimum(fit(slanted, np.array([1.2, 1.5]), (Range(-50.0, 50.0, 1e-4), Range(0.9, 2.0, 1e-4))))
+    ranges = Range(-50.0, 50.0, 1e-4), Range(0.9, 2.0, 1e-4)
+    fitted = fit(lambda theta: _residuals(NOISE + nearly @ (theta - [4.0, 1.0])), np.array([1.2, 1.5]), ranges)
+    minimum = _minimum(fitted)
     assert minimum.statistic < _residuals(NOISE).statistic + 0.1
 
 

@@ -186,6 +186,15 @@ class Outcome:
     event_of: NDArray[np.int64]
 
 
+def shots_in_turn(durations: Sequence[float], gaps: Sequence[float], begin: float = 0.0) -> tuple[Shot, ...]:
+    """Openings one after the other, each with a gap behind it, the first at `begin` [s]."""
+    shots = []
+    for duration, gap in zip(durations, gaps, strict=True):
+        shots.append(Shot(begin, duration))
+        begin += duration + gap
+    return tuple(shots)
+
+
 def drawn_needle(rng: Generator) -> Needle:
     """A needle with speeds of its own."""
     return Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
@@ -224,7 +233,7 @@ def record(bench: Bench) -> Outcome:
     every = round(SAMPLE_RATE / bench.sample_rate)
     measured = _measure(bench, time, rail, result, lateness)
     truth = Truth(*(v[::every] for v in vars(truth).values()))
-    openings = _openings(truth.needle_lift)
+    openings = openings_of(truth.needle_lift)
     event_of = np.searchsorted(bench.starts[:-1], measured.time[openings[:, 0]] + 1e-4, side="right") - 1
     return Outcome(measured, truth, openings, event_of)
 
@@ -308,8 +317,8 @@ def _measure(bench: Bench, time: Array, rail: Array, result: Array, lateness: ND
     return sampled(seen, noise, every, bench.averaged, bench.around.after_noise)
 
 
-def _openings(lift: Array) -> NDArray[np.int64]:
-    """Sample ranges (m, 2), ends included, with lift above 1 um."""
-    is_open = np.concatenate(([False], lift > 1e-6, [False]))
+def openings_of(lift: Array, above: float = 1e-6) -> NDArray[np.int64]:
+    """Sample ranges (m, 2), ends included, with lift above a limit [m]."""
+    is_open = np.concatenate(([False], lift > above, [False]))
     changes = np.flatnonzero(is_open[1:] != is_open[:-1])
     return np.stack((changes[::2], changes[1::2] - 1), axis=1)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_injector
+from tests.observed_plants import bench_at
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot
 from tools.benchmarks.cases import make_case
 from tools.benchmarks.faults.command import score_scenario
 from tools.benchmarks.faults.scenario import Task
 from tools.benchmarks.needles import LARGE_JITTER, SHAPES, SHORTEST, How, Kind, recorded, score_by, with_kept_needle
-from tools.benchmarks.scoring import bench_for_case
 
 EVENTS = tuple(Event(pressure, (Shot(0.0, 0.3e-3),), Faults()) for pressure in (50e6, 100e6, 150e6))
 
@@ -34,7 +34,7 @@ def test_a_needle_answers_as_drawn_and_the_files_as_the_file_has_it(kind: Kind) 
 
 def test_the_first_injection_stands_apart_and_the_kept_needle_is_worse() -> None:
     case = make_case("healthy", 1, 0)
-    row = score_by(How(with_peer=True, has_lift=False), case, bench_for_case(case))
+    row = score_by(How(with_peer=True, has_lift=False), case, bench_at(case.bench.sample_rate))
     assert row["first_valid"]
     assert len(row["first_errors_pct"]) == len(row["first_opening_us"]) == len(case.bench.events[0].shots)
     assert max(row["closing_us"]) < 30.0

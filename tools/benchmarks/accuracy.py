@@ -11,6 +11,7 @@ import pandas as pd
 import typer
 
 from observer_rt.config.bench import load_injector
+from tests.observed_plants import bench_at
 from tests.plants.plant import record
 from tests.plants.real import WHOLE, Setting
 from tests.plants.windows import windows_of
@@ -19,7 +20,7 @@ from tools.benchmarks import command_line as cli
 from tools.benchmarks.campaign import Bar, How, Row, chance_of_95, conclude, run_cases, table, values_of
 from tools.benchmarks.cases import CLASSES, Group, make_case
 from tools.benchmarks.discovery.discrepancies import Discrepancy
-from tools.benchmarks.scoring import LIVE, OBSERVER, bench_for_case, estimate_of, score_outcome
+from tools.benchmarks.scoring import LIVE, OBSERVER, estimate_of, score_outcome
 from tools.benchmarks.unscented import unscented_rate
 
 CASES = 60  # per class
@@ -95,10 +96,11 @@ WORN_COLUMNS: dict[str, tuple[str, How]] = {
 def score_case(class_name: str, seed: int, number: int, how: needles.How) -> Row:
     """Record a case, and score the observer and the peer on it; a filter wants the whole recording."""
     case = make_case(class_name, seed, number)
+    observer = bench_at(case.bench.sample_rate)
     if not how.has_lift:
-        return needles.score_by(how, case, bench_for_case(case))
+        return needles.score_by(how, case, observer)
     outcome, kind = record(case.bench), CLASSES[class_name]
-    score = score_outcome(case, outcome, bench_for_case(case))
+    score = score_outcome(case, outcome, observer)
     if how.with_peer and kind.group is not Group.STABILITY and not kind.windowed:
         windows, density = windows_of(outcome, case.bench.sample_rate), case.bench.injector.density
         score.estimates[PEER] = estimate_of(unscented_rate(outcome.measured), outcome, windows, density)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Shot, drawn_needle, wave_injector
+from tests.plants.plant import Bench, Event, Shot, drawn_needle, shots_in_turn, wave_injector
 
 EVENTS = 20
 RAIL_PRESSURES = (40e6, 160e6)  # Pa
@@ -228,8 +228,4 @@ def _shots(rng: Generator, pilot: bool, post: bool) -> tuple[Shot, ...]:
     durations = [rng.uniform(*PILOT_DURATIONS), rng.uniform(*MAIN_DURATIONS)]
     if post:
         durations.append(rng.uniform(*PILOT_DURATIONS))
-    shots, start = [], 0.0
-    for duration in durations:
-        shots.append(Shot(start, duration))
-        start += duration + rng.uniform(*SHOT_GAPS)
-    return tuple(shots)
+    return shots_in_turn(durations, rng.uniform(*SHOT_GAPS, len(durations)).tolist())

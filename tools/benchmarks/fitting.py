@@ -15,7 +15,7 @@ from observer_rt.files.formats import write_recording
 from observer_rt.foundation.errors import RunError
 from tests.observed_plants import recording_of
 from tests.plants.parameters import Injector
-from tests.plants.plant import Bench, Outcome
+from tests.plants.plant import Bench, record
 from tests.plants.wave import new_part
 from tests.plants.windows import true_masses
 from tools.benchmarks.campaign import messages, state_of_the_code
@@ -63,17 +63,13 @@ def maker_file(part: Injector, body: float = 0.0) -> str:
     return tomlkit.dumps(document)
 
 
-def write_masses(file: Path, benches: Mapping[str, Bench], outcomes: Mapping[str, Outcome], sigma: float) -> None:
-    """Mean masses of recordings by name, as `fit --mass` reads them, each wrong by a share of one sigma."""
-    rng = np.random.default_rng([bench.seed for bench in benches.values()])
-    masses = {name: np.mean(true_masses(outcomes[name], bench)) * 1e6 for name, bench in benches.items()}
-    rows = [f"{name}.csv,{mass * rng.normal(1.0, sigma):.5f},{sigma * mass:.5f}" for name, mass in masses.items()]
-    file.write_text("\n".join(["recording,mass_mg,sigma_mg", *rows]) + "\n")
-
-
-def write_outcomes(folder: Path, outcomes: Mapping[str, Outcome]) -> list[Path]:
-    """Recordings by name, as CSV files."""
-    files = [folder / f"{name}.csv" for name in outcomes]
-    for file, outcome in zip(files, outcomes.values(), strict=True):
-        write_recording(file, recording_of(outcome))
-    return files
+def write_recordings(folder: Path, benches: Mapping[str, Bench], masses: Path, sigma: float) -> list[Path]:
+    """Recordings by name as CSV files, and a file of mean masses for `fit --mass`, wrong by a share of one sigma."""
+    rng, rows = np.random.default_rng([bench.seed for bench in benches.values()]), ["recording,mass_mg,sigma_mg"]
+    for name, bench in benches.items():
+        outcome = record(bench)
+        write_recording(folder / f"{name}.csv", recording_of(outcome))
+        mass = np.mean(true_masses(outcome, bench)) * 1e6
+        rows.append(f"{name}.csv,{mass * rng.normal(1.0, sigma):.5f},{sigma * mass:.5f}")
+    masses.write_text("\n".join(rows) + "\n")
+    return [folder / f"{name}.csv" for name in benches]

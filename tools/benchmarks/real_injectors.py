@@ -10,12 +10,12 @@ import numpy as np
 
 from observer_rt.config.bench import load_bench, load_injector
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, record
+from tests.plants.plant import Bench
 from tests.plants.real import Setting, real_injector
 from tools.benchmarks import scoring
 from tools.benchmarks.campaign import Bar, Row
 from tools.benchmarks.cases import Case
-from tools.benchmarks.fitting import fitted_model, maker_file, write_masses, write_outcomes
+from tools.benchmarks.fitting import fitted_model, maker_file, write_recordings
 from tools.benchmarks.needles import How, score_by
 
 MASSES = "masses.csv"
@@ -68,9 +68,7 @@ def write_healthy(setting: Setting, seed: int, folder: Path) -> list[Path]:
     for pressure, duration in injector.points:
         points, name = [(pressure, duration)] * FIT_EVENTS, f"{pressure / 1e6:.0f}MPa_{1e3 * duration:.1f}ms"
         benches[name] = injector.bench(points, injector.faults, rng)
-    outcomes = {name: record(bench) for name, bench in benches.items()}
-    write_masses(folder / MASSES, benches, outcomes, WEIGHED_SIGMA)
-    return write_outcomes(folder, outcomes)
+    return write_recordings(folder, benches, folder / MASSES, WEIGHED_SIGMA)
 
 
 def real_case(setting: Setting, kind: str, seed: int, number: int) -> Bench:

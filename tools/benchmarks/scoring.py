@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import EXAMPLE_BENCH, Bench, exact_text, load_bench, load_injector
-from observer_rt.config.injector_sections import SamplingConfig
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, exact_text, load_injector
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.simulation.schedule import Schedule
@@ -245,12 +244,7 @@ def estimate_of(
     """Of an estimator's rate [m3/s] at every sample, and of its normalised sac pressure if it has one."""
     off = (rate - outcome.truth.injection_rate) / MM3_PER_MS
     x3 = np.array(windows.mean_squares(np.full(rate.size, np.nan) if x3_error is None else x3_error))
-    return Estimate(np.array(windows.opening_masses_mg(rate, density)), np.array(windows.mean_squares(off)), x3)
-
-
-def bench_for_case(case: Case) -> Bench:
-    """The example bench as a case is recorded."""
-    return load_bench().exact.with_sections(sampling=SamplingConfig(rate_hz=case.bench.sample_rate))
+    return Estimate(windows.masses(rate, density) / MILLIGRAM, np.array(windows.mean_squares(off)), x3)
 
 
 def bench_text(*changes: tuple[str, str]) -> str:

@@ -12,12 +12,12 @@ import numpy as np
 from tests.observed_plants import bench_at
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Shot, record
+from tests.plants.plant import Bench, Event, Needle, Shot
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.cases import Case
 from tools.benchmarks.discovery.discrepancies import Discrepancy, plant_of
 from tools.benchmarks.discovery.rigs import Rig, healthy_benches, needle_of
-from tools.benchmarks.fitting import fitted_model, write_masses, write_outcomes
+from tools.benchmarks.fitting import fitted_model, write_recordings
 from tools.benchmarks.needles import How, score_by
 
 CASES = 9  # of a discrepancy
@@ -55,17 +55,14 @@ def on_line(bench: Bench, discrepancy: Discrepancy, seed: int) -> Bench:
 def worn_model(discrepancy: Discrepancy, seed: int, out: Path, laws: Laws = NO_LAWS) -> Path:
     """The injector file that `fit` makes of healthy recordings of a plant. Raises RunError where it fails."""
     folder = out / f"{discrepancy}-{seed}{'' if laws == NO_LAWS else f'-{zlib.crc32(str(laws).encode())}'}"
-    weighed, is_weighed = folder / "masses.txt", discrepancy is Discrepancy.LENGTH
+    weighed = folder / "masses.txt"
 
     def recorded(folder: Path) -> list[Path]:
         healthy = enumerate(healthy_benches(Rig(discrepancy, False, seed)))
         benches = {f"healthy_{number}": replace(bench, laws=laws) for number, bench in healthy}
-        outcomes = {name: record(bench) for name, bench in benches.items()}
-        if is_weighed:
-            write_masses(weighed, benches, outcomes, WEIGHED_SIGMA)
-        return write_outcomes(folder, outcomes)
+        return write_recordings(folder, benches, weighed, WEIGHED_SIGMA)
 
-    return fitted_model(folder, recorded, ["--mass", str(weighed)] if is_weighed else [])
+    return fitted_model(folder, recorded, ["--mass", str(weighed)] if discrepancy is Discrepancy.LENGTH else [])
 
 
 def score_worn(discrepancy: Discrepancy, seed: int, number: int, model: Path, how: How) -> Row:

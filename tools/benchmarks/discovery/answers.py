@@ -10,13 +10,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from scipy.stats import beta
 
-from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, save_figure
 from tools.benchmarks.campaign import How, Row
 
 TIME_LIMIT = 600  # s
@@ -40,37 +37,21 @@ class Grade(StrEnum):
 
 
 def calibration(confidences: pd.Series) -> pd.DataFrame:
-    """What confidences, positive where right, let expect, and how often they are right, by bins."""
+    """What confidences, positive where right, let expect, and how often they are right, with 95 % limits, by bins."""
     stated = confidences.abs().astype(float)
     within = pd.cut(stated, BIN_EDGES, include_lowest=True)
     columns = pd.DataFrame({"expected": stated, "seen": (confidences > 0.0).astype(float), "of": 1})
     bins = columns.groupby(within, observed=True).agg({"expected": "mean", "seen": "mean", "of": "sum"})
-    return bins.assign(off=(bins["expected"] - bins["seen"]).abs())
+    right, wrong = bins["seen"] * bins["of"], (1.0 - bins["seen"]) * bins["of"]
+    # by Jeffreys' prior
+    limits = {name: beta.ppf(q, right + 0.5, wrong + 0.5) for name, q in (("low", 0.025), ("high", 0.975))}
+    return bins.assign(off=(bins["expected"] - bins["seen"]).abs(), **limits)
 
 
 def calibration_error(confidences: pd.Series) -> float:
     """Mean distance between expected and seen in `calibration`."""
     bins = calibration(confidences)
     return float(np.average(bins["off"], weights=bins["of"]))
-
-
-def draw_calibration(confidences: pd.Series, path: Path) -> None:
-    """Write a picture of `calibration`: seen over expected, with 95 % intervals by Jeffreys' prior."""
-    bins = calibration(confidences)
-    right, wrong = bins["seen"] * bins["of"], (1.0 - bins["seen"]) * bins["of"]
-    with mpl.rc_context(LOOK):
-        figure = Figure(figsize=(4.6, 4.4), layout="constrained")
-        axes = figure.subplots()
-        axes.plot((0.0, 1.0), (0.0, 1.0), color=GIVEN, linewidth=1.0, label="as often as said")
-        low, high = (beta.ppf(q, right + 0.5, wrong + 0.5) for q in (0.025, 0.975))
-        axes.vlines(bins["expected"], low, high, colors=FOUND, alpha=0.5)
-        axes.scatter(bins["expected"], bins["seen"], 36.0, FOUND, zorder=3, label="seen")
-        for expected, seen, count, _ in bins.itertuples(index=False):
-            axes.annotate(f"{count}", (expected, seen), (7, -4), textcoords="offset points")
-        axes.set(xlim=(-0.03, 1.08), ylim=(-0.03, 1.03), xlabel="probability said", ylabel="share that is right")
-        axes.set_title(f"{bins['of'].sum()} explanations, off by {calibration_error(confidences):.3f} in the mean")
-        axes.legend(loc="upper left", frameon=False)
-        save_figure(figure, path, dpi=150)
 
 
 GRADES: dict[str, tuple[str, How]] = {str(grade): ("grade", grade.count_among) for grade in Grade}

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Surroundings, drawn_needle
+from tests.plants.plant import SAMPLE_RATE, Bench, Event, Shot, Surroundings, drawn_needle
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.kinds import RECIPROCAL, HiddenKind
 from tools.benchmarks.discovery.laws import ALL_KINDS, KINDS, NOT_IN, PRODUCT_KINDS, VOCABULARY_KINDS
@@ -39,8 +39,6 @@ class Query(StrEnum):
 
 OUTSIDE_SHARES = {Query.OUTSIDE: 0.5, Query.LEFT_OUT: 0.2, Query.SINGLE: 0.2, Query.HEALTHY: 0.1, Query.PRODUCT: 0.25}
 """Of a count; products are beside it."""
-_IN_KEYS = {Query.SINGLE: "named"}
-"""What stands for it in the keys that cases are drawn by, where not its name."""
 
 
 @dataclass(frozen=True)
@@ -101,13 +99,9 @@ def nominal_cases(effects: Sequence[str], count: int, rates: Sequence[bool], see
 
 def nominal_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[Bench]:
     """One bench a recording: one operating point, its injections anywhere on the grid of samples."""
-    needle, rng, made = drawn_needle(np.random.default_rng(case.seed)), _of_points(case, points), []
-    for rail_pressure, duration in points:
-        shots = [Shot(rng.uniform(0.0, 10e-6), duration) for _ in range(NOMINAL_INJECTIONS)]
-        events = tuple(Event(rail_pressure, (shot,), Faults()) for shot in shots)
-        bench = Bench(Injector(), needle, events, noise=noise, seed=int(rng.integers(2**62)))
-        made.append(_with_hidden(bench, case, HIDDEN))
-    return made
+    rng = _of_points(case, points)
+    healthy = [_at_rest(case, point, rng, noise, NOMINAL_INJECTIONS) for point in points]
+    return [_with_hidden(bench, case, HIDDEN) for bench in healthy]
 
 
 def real_cases(
@@ -184,7 +178,7 @@ def outside_cases(
             name, with_rate = hidden[index], rates[turn % len(rates)]
             plant = discrepancies[(index + turn) % len(discrepancies)]
             rig = Rig(plant, with_rate, seed) if tier == "B" else None
-            drawn_by = f"{_IN_KEYS.get(asked, asked)} {name} {tier}"
+            drawn_by = f"{'named' if asked is Query.SINGLE else asked} {name} {tier}"
             key = [seed, zlib.crc32(drawn_by.encode()), int(with_rate), turn]
             made.append(_drawn(key, asked, [] if name == HEALTHY else [ALL_KINDS[name]], with_rate, rig))
     return made
@@ -192,9 +186,10 @@ def outside_cases(
 
 def outside_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[Bench]:
     """One bench a recording of the case's rig; of tier A of a plant whose rail is at rest."""
-    rng, rig = _of_points(case, points), case.rig
+    rng, rig, count = _of_points(case, points), case.rig, OUTSIDE_INJECTIONS
+    around = Surroundings(starts=tuple(FIRST + DISTANCE * number for number in range(count)))
     healthy = [
-        _at_rest(case, point, rng, noise) if rig is None else bench_of(rig, point, OUTSIDE_INJECTIONS, rng, noise)
+        bench_of(rig, point, count, rng, noise) if rig else _at_rest(case, point, rng, noise, count, around)
         for point in points
     ]
     return [_with_hidden(bench, case, ALL_KINDS) for bench in healthy]
@@ -207,14 +202,14 @@ def taken_away(case: HiddenCase) -> tuple[str, ...]:
     return tuple(sorted(RECIPROCAL if case.name in RECIPROCAL else {case.name}))
 
 
-def _at_rest(case: HiddenCase, point: tuple[float, float], rng: Generator, noise: float) -> Bench:
-    speeds = np.random.default_rng(case.seed).uniform(0.85, 1.15, 2)
-    rail_pressure, duration = point
-    shots = [Shot(rng.uniform(0.0, 1.0 / SAMPLE_RATE), duration) for _ in range(OUTSIDE_INJECTIONS)]
-    events = tuple(Event(rail_pressure, (shot,), Faults()) for shot in shots)
-    around = Surroundings(starts=tuple(FIRST + DISTANCE * number for number in range(OUTSIDE_INJECTIONS)))
-    needle = Needle(0.80 * speeds[0], 0.90 * speeds[1])
-    return Bench(Injector(), needle, events, noise=noise, seed=int(rng.integers(2**62)), around=around)
+def _at_rest(
+    case: HiddenCase, point: tuple[float, float], rng: Generator, noise: float, injections: int, *around: Surroundings
+) -> Bench:
+    (pressure, duration), needle = point, drawn_needle(np.random.default_rng(case.seed))
+    shots = [Shot(rng.uniform(0.0, 1.0 / SAMPLE_RATE), duration) for _ in range(injections)]
+    events = tuple(Event(pressure, (shot,), Faults()) for shot in shots)
+    bench = Bench(Injector(), needle, events, noise=noise, seed=int(rng.integers(2**62)))
+    return replace(bench, around=around[0]) if around else bench
 
 
 def _of_points(case: HiddenCase, points: Points) -> Generator:

@@ -16,7 +16,7 @@ from tools.benchmarks import command_line as cli
 from tools.benchmarks.campaign import Row, conclude, run_cases, table, values_of
 from tools.benchmarks.discovery import cases as campaigns
 from tools.benchmarks.discovery import nominal, outside, real_line
-from tools.benchmarks.discovery.answers import calibration, draw_calibration
+from tools.benchmarks.discovery.answers import calibration
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.laws import ALL_KINDS
 from tools.benchmarks.discovery.rigs import Rig
@@ -70,8 +70,8 @@ def discovery(
             f"asked: {asked}": table(frame[frame["asked"].eq(asked)], "hidden", outside.COLUMNS)
             for asked in campaigns.OUTSIDE_SHARES
             if "asked" in frame and frame["asked"].eq(asked).any()
-        } | {"confidence": calibration(values_of(frame, "confidences"))}
-        conclude(frame, outside.bars(str(tier)), tables, out, outside.misses(frame))
+        }
+        bars, misses = outside.bars(str(tier)), outside.misses(frame)
     elif tier is cli.Tier.B:
         cli.chosen_names(effects.replace("+", ","), "--effects", (*EFFECTS, *OUTSIDE, campaigns.HEALTHY), ())
         count = real_line.CASES if cases is None else cases
@@ -82,7 +82,7 @@ def discovery(
             "effects, alone, in pairs and without a name": table(frame, "hidden", real_line.COLUMNS),
             "plants": table(frame, "discrepancy", real_line.PLANT_COLUMNS),
         }
-        conclude(frame, real_line.BARS, tables, out, real_line.misses(frame))
+        bars, misses = real_line.BARS, real_line.misses(frame)
     else:
         chosen = cli.chosen_names(effects, "--effects", HIDDEN, HIDDEN)
         hidden = campaigns.nominal_cases(chosen, nominal.CASES if cases is None else cases, rates, seed)
@@ -91,15 +91,13 @@ def discovery(
             "hidden effects": table(frame, "hidden", nominal.COLUMNS),
             "with a measured rate": table(frame, "with_rate", nominal.COLUMNS),
         }
-        conclude(frame, nominal.BARS, tables, out, nominal.misses(frame))
+        bars, misses = nominal.BARS, nominal.misses(frame)
+    conclude(frame, bars, tables | {"confidence": calibration(values_of(frame, "confidences"))}, out, misses)
 
 
 def _run(work: Callable[..., Row], cases: Sequence[campaigns.HiddenCase], jobs: int, out: Path) -> pd.DataFrame:
-    """A row a case, each asked with the fitted model of its rig, or the nominal one; draws how sure it was."""
+    """A row a case, each asked with the fitted model of its rig, or the nominal one."""
     rigs = dict.fromkeys(case.rig for case in cases if case.rig is not None)
     models: dict[Rig | None, Path | str] = {None: NOMINAL_INJECTOR}
     models |= {rig: real_line.model_of(rig, out) for rig in rigs}
-    frame = run_cases("discovery", work, {case.label: (case, models[case.rig]) for case in cases}, jobs, out)
-    if len(confidences := values_of(frame, "confidences")):
-        draw_calibration(confidences, out / "calibration.png")
-    return frame
+    return run_cases("discovery", work, {case.label: (case, models[case.rig]) for case in cases}, jobs, out)

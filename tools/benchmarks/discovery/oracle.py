@@ -100,9 +100,7 @@ class OracleRecording:
 def recorded(bench: plant.Bench, outcome: plant.Outcome, with_rate: bool) -> OracleRecording:
     """A recording for the oracle."""
     measured = outcome.measured
-    is_open = np.concatenate(([False], outcome.truth.needle_lift > 0.0, [False]))
-    changes = np.flatnonzero(is_open[1:] != is_open[:-1])
-    openings = np.stack((changes[::2], changes[1::2] - 1), axis=1)
+    openings = plant.openings_of(outcome.truth.needle_lift, 0.0)
     starts = (plant.event_start(number) for number in range(len(bench.events)))
     lift = bench.injector.max_lift
     strokes = [plant.strokes_of(*event, bench.needle, lift) for event in zip(bench.events, starts, strict=True)]

@@ -31,9 +31,6 @@ from tools.benchmarks.discovery.kinds import same_effect
 from tools.benchmarks.discovery.rigs import GIVEN, measured_rate
 from tools.benchmarks.discovery.vocabulary import ALL_EFFECTS, HIDDEN, Parts
 
-Model = tuple[Array, Array]
-"""Recorded line pressure [Pa] and mass flow [kg/s] (n,) of a model or of the plant."""
-
 
 def visibility(case: HiddenCase) -> Row:
     """How visible the hidden effect is on the recordings given, by the oracle.
@@ -160,8 +157,8 @@ def faults_of(case: HiddenCase) -> Faults:
     return HIDDEN[case.name].faults(case.parts[0][1]) if case.parts else Faults()
 
 
-def true_model(r: oracle.OracleRecording, faults: Faults) -> Model:
-    """The true model with these faults on a recording's inputs."""
+def true_model(r: oracle.OracleRecording, faults: Faults) -> tuple[Array, Array]:
+    """Recorded line pressure [Pa] and mass flow [kg/s] (n,) of the true model with these faults."""
     errors, rate, _ = oracle.simulated(r, faults, closed_loop=False)
     line = r.line - errors * (1.0 + faults.line_pressure_sensor_gain)
     return line, rate * with_faults(r.bench.injector, faults).density

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 
 from tests.plants.arrays import Array
-from tests.plants.plant import FIRST_EVENT, PERIOD, Bench, Event, Motion, Needle, Shot, strokes_of
+from tests.plants.plant import FIRST_EVENT, PERIOD, Bench, Event, Motion, Needle, Shot, shots_in_turn, strokes_of
 from tools.benchmarks.faults import reasons as of
 from tools.benchmarks.faults.fault import MPA, UM, BenchFault, Where
 
@@ -57,9 +57,7 @@ def several(bench: Bench, size: float, rng: Generator) -> Bench:
     """`size` openings an event, the next to last the main one."""
     count = round(size)
     durations = [rng.uniform(*(MAIN_DURATIONS if n == count - 2 else PILOT_DURATIONS)) for n in range(count)]
-    gaps = rng.uniform(*SHOT_GAPS, count)
-    starts = np.append(0.0, np.cumsum(np.array(durations) + gaps))
-    shots = tuple(Shot(float(t), d) for t, d in zip(starts, durations, strict=False))
+    shots = shots_in_turn(durations, rng.uniform(*SHOT_GAPS, count).tolist())
     return _with_shots(bench, lambda event: shots)
 
 

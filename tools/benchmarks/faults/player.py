@@ -7,6 +7,7 @@ import struct
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -173,10 +174,10 @@ class _Player:
     def __init__(self, scenario: Scenario, bench: Bench, time: NDArray[np.float64]) -> None:
         self._bench, self._bus = bench, map_bus(bench)
         self._of_process = [each for each in scenario.placed if each.fault.where is Where.PROCESS]
-        self._learning = scenario.learning
         is_waited_for = all(each.fault is KILLED for each in self._of_process)
         self._executor = None if is_waited_for else UnreliableExecutor()
-        self._core = Core(bench.injector, self._bus, executor=self._executor, learning=self._learning)
+        self._start = partial(Core, bench.injector, self._bus, executor=self._executor, learning=scenario.learning)
+        self._core = self._start()
         self._receiver = Receiver(time)
 
     def play(self, frames: Frames) -> Results:
@@ -230,6 +231,4 @@ class _Player:
         with TemporaryDirectory(prefix="faults-") as folder:
             save_knowledge(Path(folder) / "state.json", self._core.knowledge, model)
             restored = load_knowledge(Path(folder) / "state.json", model)
-        self._core = Core(
-            self._bench.injector, self._bus, restored.knowledge, executor=self._executor, learning=self._learning
-        )
+        self._core = self._start(restored.knowledge)

@@ -279,25 +279,20 @@ def _square(role: str) -> Wave:
     )
 
 
-def _floating(role: str) -> Wave:
+def _of_range(role: str, share: Wave) -> Wave:
+    """A share of the range from the lowest value on, whatever the signal is."""
+    return lambda *signal: _LOWEST[role] + SPAN[role] * share(*signal)
+
+
+def _floating(time: Array, values: Array, size: float, rng: Generator) -> Array:
     """A cable that is off hears the mains."""
-
-    def wave(time: Array, values: Array, size: float, rng: Generator) -> Array:
-        mains = 0.5 * (1.0 + np.sin(2 * math.pi * (50.0 * time + rng.random())))
-        open_input: Array = _LOWEST[role] + SPAN[role] * size * (mains + 1e-3 * rng.normal(size=time.size))
-        return open_input
-
-    return wave
+    mains = 0.5 * (1.0 + np.sin(2 * math.pi * (50.0 * time + rng.random())))
+    return np.asarray(size * (mains + 1e-3 * rng.normal(size=time.size)))
 
 
-def _wandering(role: str) -> Wave:
+def _wandering(time: Array, values: Array, size: float, rng: Generator) -> Array:
     """From wall to wall."""
-
-    def wave(time: Array, values: Array, size: float, rng: Generator) -> Array:
-        steps = np.cumsum(0.02 * size * rng.normal(size=time.size))
-        return np.asarray(_LOWEST[role] + SPAN[role] * np.abs((steps + size) % (2 * size) - size))
-
-    return wave
+    return np.abs((np.cumsum(0.02 * size * rng.normal(size=time.size)) + size) % (2 * size) - size)
 
 
 def _only_noise(role: str) -> Wave:
@@ -326,8 +321,8 @@ def _large_ones() -> list[SensorFault]:
             ("clipped", "%", (60.0, 80.0, 97.0), lambda t, v, size, rng: np.minimum(v, size * v.max()), of.GONE),
             ("lag", "us", (30.0, 100.0, 300.0),
                 through(lambda lag: filters.first_order(1.0 / (2.0 * math.pi * lag))), of.SLOW),
-            ("floating", "%", alien, _floating(role), of.GONE),
-            ("wandering", "%", alien, _wandering(role), of.GONE),
+            ("floating", "%", alien, _of_range(role, _floating), of.GONE),
+            ("wandering", "%", alien, _of_range(role, _wandering), of.GONE),
             ("square", "%", alien, _square(role), of.GONE),
             ("only_noise", "%", alien, _only_noise(role), of.GONE),
         )  # fmt: skip

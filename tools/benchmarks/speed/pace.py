@@ -45,8 +45,8 @@ class Passage:
         """Seconds from the last input frame that a rate frame needs to that rate frame."""
         number = traffic.trigger(self.index) - self.first
         answers = (number >= 0) & (number < self.sent.size)
-        if open_only:
-            answers &= traffic.has_open_needle(self.index)
+        if open_only:  # at the last sample
+            answers &= traffic.is_open[(self.index + RATES - 1) % traffic.is_open.size]
         sent = self.sent[number[answers]]
         return np.asarray((self.received[answers] - sent)[sent > 0] * 1e-9)
 

@@ -47,10 +47,6 @@ class Traffic:
         """Number of the input frame that lets a rate frame be sent, by the index that the rate frame begins with."""
         return (index + RATES - 1 + self.ahead) // SAMPLES
 
-    def has_open_needle(self, index: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether the needle is open at the last sample of rate frames."""
-        return np.asarray(self.is_open[(index + RATES - 1) % self.is_open.size])
-
 
 class Ids:
     """Identifiers of one of several observers on the same bus; shift: added to the database's."""

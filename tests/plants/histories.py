@@ -13,7 +13,18 @@ from numpy.random import Generator
 
 from tests.plants.laws import BY_DROP, BY_FLOW, BY_LIFT, BY_SPEED, BY_TIME, NINE_LAWS, NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import LEAD, LIFT, Bench, Event, Shot, Surroundings, drawn_needle, event_start, seen_as
+from tests.plants.plant import (
+    LEAD,
+    LIFT,
+    Bench,
+    Event,
+    Shot,
+    Surroundings,
+    drawn_needle,
+    event_start,
+    seen_as,
+    shots_in_turn,
+)
 
 MICROSECOND, MM3_PER_MS = 1e-6, 1e-6  # s, m3/s
 POINTS = tuple(itertools.product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))
@@ -23,6 +34,11 @@ TAUGHT, NEW = (POINTS[0], POINTS[5]), (POINTS[1], POINTS[4])
 HEALTHY = Faults()
 WEAR = (Faults(orifice_area=0.2), Faults(orifice_area=-0.15, seat_area=0.1))
 GAPS = (0.1e-3, 0.2e-3, 0.3e-3, 0.45e-3, 0.6e-3)  # s, between shots
+GROWS = "nozzle, growing to +24 %"
+CYCLE = 60  # events of a driving cycle
+CYCLE_PRESSURES, WANDER = (35e6, 175e6), (0.05, 0.3)  # Pa; of a sine between these, radians from event to event
+MAINS, SMALL, APART = (0.3e-3, 2e-3), (0.2e-3, 0.4e-3), (0.4e-3, 1.2e-3)  # s: main, pilot or post, between them
+PILOTS, POSTS = 0.7, 0.3  # share of the events that have one
 
 
 @dataclass(frozen=True)
@@ -107,6 +123,15 @@ PRODUCTS = {
 """Laws of two quantities, which no sum of functions of one of them holds."""
 
 
+DRIVEN = {name: FIRST[name] for name in ("coking 30 %", "seat -25 %", "friction x 2")} | {
+    "healthy": Kind(),
+    "nozzle +12 %": Kind(Faults(orifice_area=0.12)),
+    GROWS: Kind(Faults(orifice_area=0.24)),
+    "nozzle by rail and time": Kind(laws=PRODUCTS["nozzle by rail and time, 0.1"]),
+}
+"""Kinds that go through a driving cycle."""
+
+
 def first_injections(seed: int) -> list[History]:
     """One injection of every kind at every point, a recording each."""
     return [
@@ -173,6 +198,28 @@ def close_shots(seed: int) -> list[History]:
     return histories
 
 
+def driving_cycles(seed: int) -> list[History]:
+    """Rail pressures that wander, every event of other durations, many with a pilot or a post injection."""
+    histories = []
+    for name, kind in DRIVEN.items():
+        rng = _rng(seed, "drive", name)
+        swings = np.sin(rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(rng.uniform(*WANDER, CYCLE)))
+        pressures = np.interp(swings, (-1.0, 1.0), CYCLE_PRESSURES).tolist()
+        wear = [kind.faults] * CYCLE
+        if name == GROWS:
+            wear = [Faults(orifice_area=size) for size in np.linspace(0.0, kind.faults.orifice_area, CYCLE).tolist()]
+        events = tuple(Event(p, _driven_shots(rng), faults) for p, faults in zip(pressures, wear, strict=True))
+        bench = Bench(Injector(), drawn_needle(rng), events, seed=int(rng.integers(2**62)), laws=kind.laws)
+        histories.append(History(name, "", bench))
+    return histories
+
+
+def _driven_shots(rng: Generator) -> tuple[Shot, ...]:
+    pilot, post = ([SMALL] if rng.random() < share else [] for share in (PILOTS, POSTS))
+    durations = [rng.uniform(*limits) for limits in (*pilot, MAINS, *post)]
+    return shots_in_turn(durations, rng.uniform(*APART, len(durations)).tolist(), rng.uniform(0.0, 1e-5))
+
+
 SETS: dict[str, Callable[[int], list[History]]] = {
     "first": first_injections,
     "laws": lambda seed: _chained({name: Kind(faults, laws) for name, (laws, faults) in NINE_LAWS.items()}, seed),
@@ -183,6 +230,7 @@ SETS: dict[str, Callable[[int], list[History]]] = {
     "low": low_pressures,
     "pilot": pilot_valves,
     "shots": close_shots,
+    "drive": driving_cycles,
 }
 """Histories by a name, for a seed; where nothing else is said, four times over all points."""
 

@@ -1,6 +1,8 @@
 """Where in a recording of a plant something is injected, and how much. Imports nothing of `observer_rt`."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,10 @@ from tests.plants.plant import Bench, Outcome
 
 LEAD, TAIL = 0.15e-3, 0.5e-3  # s of a window, before the opening and after the needle is shut
 MILLIGRAM = 1e-6  # kg
+BINS = (0.0, 0.15e-3, 0.3e-3, 0.6e-3, 1e-3, 2e-3)  # s after an opening
+SETTLED = 0.3e-3  # s after an opening, from which on samples are to be valid
+WRONG = 3.0  # %, beyond which a valid sample is wrong
+LEAST_RATE = 0.5  # share of an opening's largest rate from which on a sample's own error counts: not at the flanks
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +42,6 @@ class Windows:
         """Mass of every opening [kg], trapezoidal rule over exactly its window."""
         return np.array([np.trapezoid(rate[window]) for window in self.ranges], np.float64) * self.interval * density
 
-    def opening_masses_mg(self, rate: Array, density: float) -> tuple[float, ...]:
-        """Mass of every opening [mg]."""
-        return tuple((self.masses(rate, density) / MILLIGRAM).tolist())
-
     def by_event(self, masses: Array) -> Array:
         """Sum of the masses of every event's openings."""
         return np.array([masses[list(openings)].sum() for openings in self.of_event])
@@ -47,6 +49,18 @@ class Windows:
     def mean_squares(self, error: Array) -> tuple[float, ...]:
         """Mean square of an error over every event's union of windows."""
         return tuple(float(np.mean(error[self.union(i)] ** 2)) for i in range(len(self.of_event)))
+
+
+def sample_facts(since: Array, valid: Array, true: Array, rates: Mapping[str, Array]) -> dict[str, list[float]]:
+    """Of samples (n,) of an opening: valid, wrong, and by the time since it [s] errors of rates [% of what flows]."""
+    least = LEAST_RATE * true.max()
+    flowing, scale = true > least, np.maximum(true, least)
+    errors = {name: 100.0 * np.abs(rate - true) / scale for name, rate in rates.items()}
+    facts = {"settled_valid": valid[flowing & (since >= SETTLED)]}
+    facts["valid_wrong"] = errors["live"][flowing & valid] > WRONG
+    for name, (low, high) in product(rates, pairwise(BINS)):
+        facts[f"{name}_from_{1e6 * low:.0f}_us"] = np.round(errors[name][(low <= since) & (since < high)], 3)
+    return {column: values.astype(float).tolist() for column, values in facts.items()}
 
 
 def true_masses(outcome: Outcome, bench: Bench) -> Array:

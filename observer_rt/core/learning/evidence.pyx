@@ -14,20 +14,29 @@ cdef enum:
     FEW = 18  # weights left, from which on all noises of a group are reckoned at once, one in each lane of a register
 
 
-def integrate_cost(cost, limits, prior, double beyond) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    """Integrate the cost of an `EventRun` over a prior, a `Belief`: logarithm, mean (m,) and covariance (m, m) after it.
+def integrate_cost(
+    cost, limits, prior, const int64_t[::1] columns, double beyond
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """Integrate the cost of an `EventRun` over a prior, a `Belief` of some columns (m,) of theta; the others stay.
 
-    The least sum of cost and distance from the prior is lower by `beyond` [nats] at most than it is within `Limits` and
-    reach of the slopes. Raises numpy.linalg.LinAlgError when singular.
+    Returns logarithm, mean (m,) and covariance (m, m) after it. The least sum of cost and distance from the prior is
+    lower by `beyond` [nats] at most than it is within `Limits` and reach of the slopes. Raises
+    numpy.linalg.LinAlgError when singular.
     """
-    cdef const double[::1] centre = cost.theta, slope = cost.gradient, mean = prior.mean
-    cdef const double[:, ::1] curve = cost.information, before
+    cdef const double[::1] of_theta = cost.theta, slopes = cost.gradient, mean = prior.mean
+    cdef const double[:, ::1] information = cost.information, before
     cdef const double[::1] lowest = limits.lowest, highest = limits.highest, longest = limits.longest_step
-    cdef int64_t m = centre.shape[0], i, j
-    cdef double[:, ::1] after = zeros((whole(m), whole(m)))
+    cdef int64_t m = columns.shape[0], i, j
+    cdef double[:, ::1] after = zeros((whole(m), whole(m))), curve = empty((m, m))
     cdef double[::1] nothing = zeros(m), row = empty(whole(m)), gradient = empty(m), step = empty(m), away = empty(m)
-    cdef double[::1] theta = array(mean)
+    cdef double[::1] theta = array(mean), centre = empty(m), slope = empty(m)
     cdef double value = cost.value, width, least, reach = 1.0, total
+    if mean.shape[0] != m or information.shape[0] != of_theta.shape[0]:
+        raise ValueError("the columns do not fit prior and cost")
+    for i in range(m):
+        centre[i], slope[i] = of_theta[columns[i]], slopes[columns[i]]
+        for j in range(m):
+            curve[i, j] = information[columns[i], columns[j]]
     before, width = prior.inverse
     for i in range(m):
         for j in range(m):
@@ -39,9 +48,9 @@ def integrate_cost(cost, limits, prior, double beyond) -> tuple[float, NDArray[n
     add_moved(-1.0, after, gradient, theta)
     for i in range(m):
         least += 0.5 * gradient[i] * (theta[i] - mean[i])
-        reach = fmax(reach, fabs(theta[i] - centre[i]) / longest[i])
+        reach = fmax(reach, fabs(theta[i] - centre[i]) / longest[columns[i]])
     for i in range(m):
-        step[i] = fmin(fmax(centre[i] + (theta[i] - centre[i]) / reach, lowest[i]), highest[i])
+        step[i] = fmin(fmax(centre[i] + (theta[i] - centre[i]) / reach, lowest[columns[i]]), highest[columns[i]])
     total = _expected(value, slope, curve, centre, step, away, gradient)
     total += _expected(0.0, nothing, before, mean, step, away, gradient)
     total = fmin(total, value + _expected(0.0, nothing, before, mean, centre, away, gradient))

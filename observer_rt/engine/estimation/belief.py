@@ -6,7 +6,7 @@ on it. A gated scalar is in the estimate only where it explains enough.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -55,7 +55,7 @@ class Belief:
 
     def widened(self, change: Vector) -> "Belief":
         """The belief after each parameter has moved, by `change` (m,) (one sigma)."""
-        return Belief(self.mean, _moved(self.covariance, change), _moved(self.error_covariance, change))
+        return Belief(self.mean, *self._of_each(lambda covariance: _moved(covariance, change)))
 
     def narrowed(self, columns: Sequence[int], share: float) -> "Belief":
         """The belief in which the standard deviations of these parameters are a share of what they were."""
@@ -66,15 +66,25 @@ class Belief:
 
     def part(self, columns: NDArray[np.int64]) -> "Belief":
         """The belief about the parameters of some columns (k,)."""
-        both = np.ix_(columns, columns)
-        return Belief(self.mean[columns], self.covariance[both], self.error_covariance[both])
+        return Belief(self.mean[columns], *self._of_each(lambda covariance: covariance[columns[:, None], columns]))
 
     def complete(self, columns: NDArray[np.int64], variances: Vector) -> "Belief":
         """The belief about all m parameters, this one being a part; the others are 0, with variances (m,)."""
-        mean, both = np.zeros(variances.size), np.ix_(columns, columns)
-        covariance, error_covariance = np.diag(variances), np.diag(variances)
-        mean[columns], covariance[both], error_covariance[both] = self.mean, self.covariance, self.error_covariance
-        return Belief(mean, covariance, error_covariance)
+
+        def placed(covariance: Matrix) -> Matrix:
+            result = np.diag(variances)
+            result[columns[:, None], columns] = covariance
+            return result
+
+        mean = np.zeros(variances.size)
+        mean[columns] = self.mean
+        return Belief(mean, *self._of_each(placed))
+
+    def _of_each(self, change: Callable[[Matrix], Matrix]) -> tuple[Matrix, Matrix]:
+        """Both covariances changed; computed once where they are one."""
+        covariance = change(self.covariance)
+        is_one = self.error_covariance is self.covariance
+        return covariance, covariance if is_one else change(self.error_covariance)
 
     def distance(self, theta: Vector) -> float:
         """Square of the distance of theta (m,) from the mean, in standard deviations."""

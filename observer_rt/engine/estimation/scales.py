@@ -29,7 +29,7 @@ NONE, SMALL, WHOLE = 1e-3, 0.1, math.sqrt(0.999)
 _PRIOR = SCALARS.prior(1.0)[WEIGHTS]
 _SCALES = np.array([NONE, SMALL, WHOLE]) ** 2
 _NOISES = _SCALES / (1.0 - _SCALES)
-_ALL = np.arange(HIDDEN)
+_ALONE = np.ones(1)
 _CURVE = np.repeat(np.arange(NEURONS.size), NEURONS)  # of each weight
 _PAIRS, _SINGLE = np.flatnonzero(IS_PAIR), np.flatnonzero(~IS_PAIR)
 _OF_PAIR = np.array([np.flatnonzero(pair == _CURVE) for pair in _PAIRS])
@@ -70,49 +70,65 @@ class ScaleChoice(NamedTuple):
         A prior smaller by s is the whole one after each weight was measured to be 0 with s^2/(1 - s^2) of its
         variance.
         """
-        squares = np.full(HIDDEN, _SCALES[0])
+        squares = np.where(_is_other(self.pairs), _SCALES[0], _SCALES[-1])
         squares[_OF_SINGLE] = _SQUARES[self.row]
-        squares[np.isin(_CURVE, list(self.pairs))] = _SCALES[-1]
         return np.asarray(squares / (1.0 - squares))
 
     def of(self, belief: Belief) -> Belief:
         """The belief with these scales, to fit an event from."""
-        return _measured(belief, WEIGHTS, _PRIOR, self.noise, has_errors=False)
+        return _measured(belief, WEIGHTS, _PRIOR, self.noise[None], _ALONE, has_errors=False)
 
 
 def _measured(
-    belief: Belief, columns: NDArray[np.int64], prior: Vector, noise: Vector | float, has_errors: bool = True
+    belief: Belief, columns: NDArray[np.int64], prior: Vector, noises: Matrix, shares: Vector, has_errors: bool = True
 ) -> Belief:
-    """The belief after weights in columns (k,) were measured to be 0, with variances in units of their prior's.
+    """Moments of the mixture of beliefs after weights in columns (k,) were measured to be 0.
 
+    noises (c, k): variances in units of their prior's, in each part of the mixture; shares (c,): of the parts;
     has_errors: whether its error covariance is wanted, which an event's fit does not ask for.
     """
-    across, information = _information(belief.covariance, columns, prior, noise)
-    gain = (information @ across).T
-    mean = belief.mean - gain @ (belief.mean[columns] / prior)
-    covariance = symmetric(belief.covariance - gain @ across)
+    across, own = _in_units(belief.covariance, columns, prior)
+    informations = np.array([_information(own, noise) for noise in noises])
+    pulls = informations @ (belief.mean[columns] / prior)
+    pull, shared = shares @ pulls, (shares[:, None, None] * informations).reshape(-1, columns.size)
+    information = shared.reshape(informations.shape).sum(axis=0)
+    away = pulls - pull
+    between = (shares * away.T) @ away
+    mean = belief.mean - pull @ across
+    covariance = symmetric(belief.covariance - across.T @ ((information - between) @ across))
     if not has_errors:
         return Belief(mean, covariance, covariance)
-    by_error = gain @ (belief.error_covariance[columns] / prior[:, None])
-    error = belief.error_covariance - by_error - by_error.T
-    error += (by_error[:, columns] / prior + gain * noise) @ gain.T
+    by_error, error = _in_units(belief.error_covariance, columns, prior)
+    noisy = informations @ error + informations * noises[:, None, :]
+    spread = noisy.transpose(1, 0, 2).reshape(columns.size, -1) @ shared + between
+    moved = across.T @ (information @ by_error)
+    error = belief.error_covariance - moved - moved.T + across.T @ (spread @ across)
     return Belief(mean, covariance, symmetric(error))
 
 
-def _information(
-    covariance: Matrix, columns: NDArray[np.int64], prior: Vector, noise: Vector | float
-) -> tuple[Matrix, Matrix]:
-    """Covariance (k, m) of weights with theta, in units of their prior; inverse (k, k) of their own with noise."""
+def _in_units(covariance: Matrix, columns: NDArray[np.int64], prior: Vector) -> tuple[Matrix, Matrix]:
+    """Covariance (k, m) of weights with theta, in units of their prior, and their own (k, k)."""
     across = covariance[columns] / prior[:, None]
-    variance = across[:, columns] / prior
-    variance[np.diag_indices(columns.size)] += noise
-    return across, inverse_of(variance)[0]
+    return across, across[:, columns] / prior
+
+
+def _information(own: Matrix, noise: Vector) -> Matrix:
+    """Inverse (k, k) of the covariance of weights with their noise (k,), in units of their prior."""
+    noisy = own.copy()
+    noisy.ravel()[:: noise.size + 1] += noise
+    return inverse_of(noisy)[0]
+
+
+@lru_cache(32)
+def _is_other(pairs: Pairs) -> NDArray[np.bool_]:
+    """Whether weights (HIDDEN,) are of pairs but these."""
+    return IS_PAIR[_CURVE] & ~np.isin(_CURVE, list(pairs))
 
 
 @lru_cache(32)
 def _others(pairs: Pairs) -> NDArray[np.int64]:
     """Weights of all pairs but these."""
-    return _OF_PAIR[~np.isin(_PAIRS, list(pairs))].ravel()
+    return np.flatnonzero(_is_other(pairs))
 
 
 def other_columns(pairs: Pairs) -> NDArray[np.int64]:
@@ -135,7 +151,8 @@ def without_others(belief: Belief, pairs: Pairs) -> Belief:
 def _in_use(belief: Belief, pairs: Pairs, has_errors: bool = True) -> Belief:
     """The belief about the columns in use, where weights of all pairs but these are 0."""
     others = _others(pairs)
-    measured = _measured(belief, WEIGHTS[others], _PRIOR[others], float(_NOISES[0]), has_errors)
+    noises = np.full((1, others.size), _NOISES[0])
+    measured = _measured(belief, WEIGHTS[others], _PRIOR[others], noises, _ALONE, has_errors)
     return measured.part(columns_in_use(pairs))
 
 
@@ -143,6 +160,12 @@ def _in_use(belief: Belief, pairs: Pairs, has_errors: bool = True) -> Belief:
 def columns_in_use(pairs: Pairs) -> NDArray[np.int64]:
     """Columns of theta but weights of all pairs but these."""
     return np.setdiff1d(EVERY, other_columns(pairs))
+
+
+@lru_cache(32)
+def _single_in_use(pairs: Pairs) -> NDArray[np.int64]:
+    """Weights of curves along one input among the columns in use."""
+    return np.searchsorted(columns_in_use(pairs), WEIGHTS[_OF_SINGLE])
 
 
 @lru_cache(32)
@@ -161,12 +184,17 @@ def weigh_choices(
     Both with the whole prior; log_priors (k,): of choices beyond what `_BEFORE` says. And the mean (m,) at the
     likeliest, without other pairs. Raises numpy.linalg.LinAlgError when not positive definite.
     """
-    columns = columns_in_use(pairs)
     logs = _BEFORE + len(pairs) * math.log(PAIRED) + log_priors
-    weights = np.searchsorted(columns, WEIGHTS[_OF_SINGLE])
     theta = np.zeros(EVERY.size)
-    theta[columns] = weigh_scales(mean, covariance, weights, _PRIOR[_OF_SINGLE], _ENDS, _NOISES, logs)
+    likeliest = weigh_scales(mean, covariance, _single_in_use(pairs), _PRIOR[_OF_SINGLE], _ENDS, _NOISES, logs)
+    theta[columns_in_use(pairs)] = likeliest
     return logs, theta
+
+
+def log_sum(logs: Vector) -> float:
+    """Logarithm of the sum of numbers by their logarithms (k,)."""
+    largest = float(logs.max())
+    return largest + math.log(np.exp(logs - largest).sum())
 
 
 def choices_by(belief: Belief, pairs: Pairs) -> Vector:
@@ -179,7 +207,8 @@ def choices_by(belief: Belief, pairs: Pairs) -> Vector:
 
 def _gains(mean: Vector, covariance: Matrix, choice: ScaleChoice) -> dict[int, float]:
     """Nats by which a choice is likelier with each of the other pairs, too: that its weights need not be 0."""
-    _, information = _information(covariance, WEIGHTS, _PRIOR, choice.noise)
+    _, own = _in_units(covariance, WEIGHTS, _PRIOR)
+    information = _information(own, choice.noise)
     blocks = information[_OF_PAIR[:, :, None], _OF_PAIR[:, None, :]]
     pulls = (information @ (mean[WEIGHTS] / _PRIOR))[_OF_PAIR]
     squares = (pulls * np.linalg.solve(blocks, pulls[..., None])[..., 0]).sum(axis=1)
@@ -226,17 +255,13 @@ def shrink(belief: Belief) -> Belief:
     """The belief with weights of the likely scales: moments of the mixture over their likeliest choices."""
     tried, probabilities = _likely(belief)
     weights = probabilities.ravel()
-    order = np.argsort(-weights, kind="stable")[:CHOICES]
+    likely = np.flatnonzero(weights >= np.partition(weights, -CHOICES)[-CHOICES])
+    order = likely[np.argsort(-weights[likely], kind="stable")][:CHOICES]
     order = order[: int(np.searchsorted(np.cumsum(weights[order]), CHOSEN)) + 1]
     shares = weights[order] / weights[order].sum()
     choices = [ScaleChoice(row, tried[number]) for number, row in zip(*divmod(order, len(_CHOICES)), strict=True)]
     pairs = frozenset().union(*(choice.pairs for choice in choices))
-    kept, used = columns_in_use(pairs), np.setdiff1d(_ALL, _others(pairs))
-    part, places = _in_use(belief, pairs), np.searchsorted(kept, WEIGHTS[used])
-    parts = [_measured(part, places, _PRIOR[used], choice.noise[used]) for choice in choices]
-    mean = shares @ np.array([part.mean for part in parts])
-    away = np.array([part.mean - mean for part in parts])
-    between = (shares * away.T) @ away
-    covariance = sum((share * part.covariance for share, part in zip(shares, parts, strict=True)), between)
-    error = sum((share * part.error_covariance for share, part in zip(shares, parts, strict=True)), between)
-    return Belief(mean, symmetric(covariance), symmetric(error)).complete(kept, _without_law(pairs))
+    kept, used = columns_in_use(pairs), np.flatnonzero(~_is_other(pairs))
+    noises = np.array([choice.noise[used] for choice in choices])
+    mixture = _measured(_in_use(belief, pairs), np.searchsorted(kept, WEIGHTS[used]), _PRIOR[used], noises, shares)
+    return mixture.complete(kept, _without_law(pairs))

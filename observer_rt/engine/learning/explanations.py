@@ -17,6 +17,7 @@ from observer_rt.engine.estimation.scales import (
     ScaleChoice,
     choices_by,
     columns_in_use,
+    log_sum,
     other_columns,
     pairs_in_use,
     weigh_choices,
@@ -134,12 +135,11 @@ class _KindEvidence:
 
     def weigh(self, cost: EventRun, limits: Limits) -> None:
         """Evidence by the parabola of a run, over all scales."""
-        columns = columns_in_use(self.pairs)
         centred = cost.centred(self.held.held_in(cost.theta))  # else its prior seems to be far from every theta
-        by_whole = evidence_of(centred.part(columns), self.part, limits.part(columns))
+        by_whole = evidence_of(centred, self.part, limits, columns_in_use(self.pairs))
         logs, self.theta = weigh_choices(by_whole.theta, by_whole.covariance, self.pairs, self.scale_log_priors)
         self.cost, self.scales = cost, ScaleChoice(int(np.argmax(logs)), self.pairs)
-        self.log = by_whole.log + self.held.log + float(np.logaddexp.reduce(logs))
+        self.log = by_whole.log + self.held.log + log_sum(logs)
 
     def refine(self, fitter: EventFitter, start: EventRun, steps: int) -> None:
         """Fit the kind at its likeliest scales, and again if others are the likeliest from there.
@@ -253,12 +253,15 @@ class _OfferedKinds:
         belief, evidence = self._learned.belief, dict[Kind, _KindEvidence]()
         pairs = pairs_in_use(belief)
         columns, likely = columns_in_use(pairs), choices_by(belief, pairs)
-        likely -= np.logaddexp.reduce(likely)
+        likely -= log_sum(likely)
+        before = without_others(priors[BEFORE], pairs)
         for kind, prior in priors.items():
-            held = self._reading.resting.held(without_others(prior, pairs))
+            is_lawful = WEIGHTS[0] not in kind.columns  # its prior of the weights is that of the first one
+            in_use = self._widened(before, kind) if is_lawful and kind is not QUICK else without_others(prior, pairs)
+            held = self._reading.resting.held(in_use)
             part = held.prior.part(columns)
-            if evidence and held.column is None and WEIGHTS[0] not in kind.columns:
-                log_priors = evidence[BEFORE].scale_log_priors  # the first one, with the same prior of the weights
+            if evidence and held.column is None and is_lawful:
+                log_priors = evidence[BEFORE].scale_log_priors
             else:
                 log_priors = likely - weigh_choices(part.mean, part.covariance, pairs)[0]
             evidence[kind] = _KindEvidence(prior, held, part, pairs, log_priors)

@@ -53,10 +53,6 @@ class Limits:
     gate: Gate = SCALARS.gate
     least_lag: float = 0.0
 
-    def part(self, columns: NDArray[np.int64]) -> "Limits":
-        """Limits of some columns (k,)."""
-        return Limits(self.lowest[columns], self.highest[columns], self.longest_step[columns])
-
     def gate_of_lag(self, least: float) -> Gate:
         """The gate, through which a lag of the line sensor goes from this one on."""
         return replace(self.gate, lowest={**self.gate.lowest, _LAG: least})
@@ -163,20 +159,20 @@ class EventFitter:
 
 
 class Evidence(NamedTuple):
-    """Logarithm of the marginal likelihood, but for what all priors share; mean (m,), covariance (m, m) after it."""
+    """Logarithm of the marginal likelihood, but for what all priors share; mean (k,), covariance (k, k) after it."""
 
     log: float
     theta: Theta
     covariance: Matrix
 
 
-def evidence_of(run: EventRun, prior: Belief, limits: Limits) -> Evidence:
-    """Integrates exp(-cost) over a Gaussian prior, the cost a parabola round where the event was run.
+def evidence_of(run: EventRun, prior: Belief, limits: Limits, columns: NDArray[np.int64]) -> Evidence:
+    """Integrates exp(-cost) over a Gaussian prior of some columns (k,), the cost a parabola round where it was run.
 
     What that promises beyond the limits, or further off than slopes hold, is fiction: no more than `BEYOND` of it
     counts. Raises numpy.linalg.LinAlgError when singular.
     """
-    return Evidence(*integrate_cost(run, limits, prior, BEYOND))
+    return Evidence(*integrate_cost(run, limits, prior, columns, BEYOND))
 
 
 def nearly_white(clipped: PhaseStatistics, temper: float, healthy: Healthy) -> float:

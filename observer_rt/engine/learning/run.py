@@ -93,11 +93,6 @@ class EventRun:
         """The gradient at another theta (m,) by the parabola."""
         return self.gradient + self.information @ (theta - self.theta)
 
-    def part(self, columns: NDArray[np.int64]) -> "EventRun":
-        """The parabola along some columns (k,) of theta."""
-        information = self.information[np.ix_(columns, columns)]
-        return EventRun(self.theta[columns], self.value, self.gradient[columns], information)
-
     def centred(self, theta: NDArray[np.float64]) -> "EventRun":
         """The parabola round another theta (m,)."""
         if theta is self.theta:

@@ -16,7 +16,7 @@ from observer_rt.engine.learning.healthy import NOT_FITTED
 from observer_rt.engine.learning.run import EventRun
 
 FAR = np.full(2, 1e3)
-ANYWHERE = Limits(-FAR, FAR, FAR)
+ANYWHERE, BOTH = Limits(-FAR, FAR, FAR), np.arange(2)
 
 PHASE_SAMPLES = {Phase.STANDSTILL: 500, Phase.OPENING: 30, Phase.OPEN: 150, Phase.CLOSING: 30, Phase.AFTER: 200}
 PHASE_OF = np.repeat(np.arange(PHASES, dtype=np.int8), [PHASE_SAMPLES[phase] for phase in Phase])
@@ -56,7 +56,7 @@ def integral(cost: EventRun, belief: Belief) -> tuple[float, NDArray[np.float64]
 )
 def test_it_is_the_integral(entries: list[float], mean: list[float], sigma: list[float], correlation: float) -> None:
     cost, belief = parabola(entries), prior(mean, sigma, correlation)
-    result, (log, theta) = evidence_of(cost, belief, ANYWHERE), integral(cost, belief)
+    result, (log, theta) = evidence_of(cost, belief, ANYWHERE, BOTH), integral(cost, belief)
     assert result.log == pytest.approx(log, abs=1e-3)
     np.testing.assert_allclose(result.theta, theta, atol=1e-3)
 
@@ -69,7 +69,7 @@ def test_it_is_the_integral(entries: list[float], mean: list[float], sigma: list
 def test_of_what_lies_beyond_little_is_believed(limits: Limits) -> None:
     cost = EventRun(np.zeros(2), 50.0, np.array([-40.0, 0.0]), 20.0 * np.eye(2))
     belief = prior([0.0, 0.0], [1.0, 1.0], 0.0)
-    result, free = evidence_of(cost, belief, limits), evidence_of(cost, belief, ANYWHERE)
+    result, free = evidence_of(cost, belief, limits, BOTH), evidence_of(cost, belief, ANYWHERE, BOTH)
     reached = np.clip(free.theta / max(1.0, float(np.max(free.theta / limits.longest_step))), None, limits.highest)
     total = cost.expected(reached) + 0.5 * float(reached @ reached)
     price = free.log + cost.expected(free.theta) + 0.5 * float(free.theta @ free.theta)

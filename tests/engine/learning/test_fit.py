@@ -8,7 +8,7 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.belief import prior_belief
-from observer_rt.engine.estimation.parameters import PARAMETERS, Parameter, Theta
+from observer_rt.engine.estimation.parameters import EVERY, PARAMETERS, Parameter, Theta
 from observer_rt.engine.learning.fit import EventFitter, evidence_of, theta_limits
 from observer_rt.engine.learning.run import EventCost, EventRun
 from tests.engine.conftest import make_case
@@ -55,4 +55,4 @@ def test_a_step_that_lowers_nothing_is_not_taken_unless_a_scalar_does_not_pay(
     assert fit.stuck is stuck
     assert fit.run.theta[column] == fit.run.innovations[0] == pytest.approx(end, abs=2e-3)
     if stuck:  # what the slopes promise is not believed
-        assert evidence_of(fit.run, wide, limits).theta[column] == pytest.approx(end)
+        assert evidence_of(fit.run, wide, limits, EVERY).theta[column] == pytest.approx(end)

@@ -438,18 +438,27 @@ def by_theta(
     """Action of theta (m,) on a model without it: columns of the parameters, and slopes of the line by complex steps.
 
     columns (k,): of theta, by which a tangent is wanted: its first ones; shots: of an event, whose delays come next.
+    Cached: no caller may write into its arrays.
     """
-    acting, elsewhere = _by_values(c.line, SCALARS.of_line(theta)), columns.size + 2 * shots
-    column, wanted = np.full(PARAMETERS, elsewhere), np.isin(acting.line_columns, columns)
+    return _by_columns(c.line, SCALARS.of_line(theta), columns.tobytes(), shots)
+
+
+@_cached
+def _by_columns(line: Any, values: tuple[float, ...], wanted: bytes, shots: int) -> ByTheta:
+    """`by_theta` of a line, by its entries in the order of `SCALARS.laws` and the bytes of the columns."""
+    acting, columns = _by_values(line, values), np.frombuffer(wanted, np.int64)
+    elsewhere = columns.size + 2 * shots
+    column = np.full(PARAMETERS, elsewhere)
     column[columns] = np.arange(columns.size)
+    is_wanted = column[acting.line_columns] < elsewhere
     return acting._replace(
         **{name: column[getattr(acting, name)] for name in _PLACED},
         neurons=NEURONS * (column[Parameter.NOZZLE_WEIGHT] < elsewhere),
         shots=shots,
         first_shot=columns.size,
-        line_columns=column[acting.line_columns[wanted]],
-        line_coefficients=acting.line_coefficients[wanted],
-        line_slopes=acting.line_slopes[wanted],
+        line_columns=column[acting.line_columns[is_wanted]],
+        line_coefficients=acting.line_coefficients[is_wanted],
+        line_slopes=acting.line_slopes[is_wanted],
         elsewhere=elsewhere,
     )
 

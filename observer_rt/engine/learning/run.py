@@ -186,20 +186,19 @@ class EventCost:
 
     def linearised(self, theta: NDArray[np.float64], near: EventRun | None = None) -> EventRun:
         """The event run with theta (m,) and its slopes; near: a run whose shots are about as late, None: none is."""
-        followed, slopes, delays = self._follow_with_slopes(theta, self._jitter(near))
-        unfiltered_slopes = np.zeros((followed.unfiltered.size, theta.size))
-        unfiltered_slopes[:, self.columns] = slopes
-        slopes = self.whitened(unfiltered_slopes)
+        followed, unfiltered_slopes, delays = self._follow_with_slopes(theta, self._jitter(near))
+        slopes, by_theta = np.ascontiguousarray(self.whitened(unfiltered_slopes)), NO_SLOPES
         if delays is not None:
             by_theta = delays.solved @ slopes
             slopes = slopes + delays.slopes @ by_theta
-            delays = delays._replace(theta=theta, likeliest=followed.jitter, by_theta=by_theta)
-        gradient = np.zeros(theta.size)
-        information = np.zeros((theta.size, theta.size))
+        gradient = np.zeros(self.columns.size)
+        information = np.zeros((self.columns.size, self.columns.size))
         weigh(followed.innovations, slopes, self.burn_in, self.sigma, self._together, gradient, information)
         if delays is not None:
-            gradient += delays.by_theta.T @ followed.jitter
-            information += delays.by_theta.T @ delays.by_theta
+            gradient += by_theta.T @ followed.jitter
+            information += by_theta.T @ by_theta
+            delays = delays._replace(theta=theta, likeliest=followed.jitter, by_theta=self._wide(by_theta))
+        gradient, information = self._wide(gradient), self._wide(np.ascontiguousarray(self._wide(information).T))
         by_offset = np.zeros(theta.size)
         by_offset[_OFFSET], by_offset[_GAIN] = 1.0, self._rail_pressure
         gradient += self._offset_weight * self._offset_error(theta) * by_offset
@@ -211,8 +210,8 @@ class EventCost:
             information / self.temper,
             followed.innovations,
             followed.unfiltered,
-            slopes,
-            unfiltered_slopes,
+            self._wide(slopes),
+            self._wide(unfiltered_slopes),
             followed.jitter,
             delays,
         )
@@ -220,6 +219,14 @@ class EventCost:
     def whitened(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Innovations (n,), or slopes of them (n, m), as they count in J."""
         return values if self.whitening is None else self.whitening.of(values, self.window.masked)
+
+    def _wide(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values (.., k) by `columns` among those by all of theta (.., m), which are 0 for the others."""
+        if self.columns.size == EVERY.size:
+            return values
+        wide = np.zeros((*values.shape[:-1], EVERY.size))
+        wide[..., self.columns] = values
+        return wide
 
     @cached_property
     def _together(self) -> int:

@@ -10,9 +10,6 @@ from numpy.linalg import LinAlgError
 from observer_rt.core.learning.matrices cimport add_moved, invert, whole
 from observer_rt.core.model.records cimport WIDTH, Columns
 
-cdef enum:
-    FEW = 18  # weights left, from which on all noises of a group are reckoned at once, one in each lane of a register
-
 
 def integrate_cost(
     cost, limits, prior, const int64_t[::1] columns, double beyond
@@ -68,56 +65,44 @@ def weigh_scales(
     variances. Returns the mean (m,) once they were measured to be 0 with the likeliest noises. Raises
     numpy.linalg.LinAlgError when not positive definite.
     """
-    cdef int64_t w = weights.shape[0], k = noises.shape[0], groups = ends.shape[0] - 1, count = logs.shape[0], size = whole(w + 1)
-    # a table a group: upper half of the weights' covariance, beside it their mean, in units of the sizes
-    cdef double[:, :, ::1] tables = empty((groups + 1, w + 1, size))
-    cdef double[:, ::1] rows = tables[0]
-    cdef double[::1] densities = zeros(groups + 1)
-    cdef int64_t i, j, group, first, leaves, lane, parent, best = 0, at_once = groups - 1
-    if not 0 < k <= WIDTH:
-        raise ValueError("there are more noises than lanes")
-    while at_once > 0 and w - ends[at_once - 1] <= FEW:
-        at_once -= 1
-    cdef int64_t left = w + 1 - ends[at_once]
-    cdef double[:, ::1] lanes = empty((groups, left * left * WIDTH)), of_lanes = empty((groups, WIDTH))
+    cdef int64_t w = weights.shape[0], k = noises.shape[0], groups = ends.shape[0] - 1, count = logs.shape[0], leaves = count // k
+    cdef int64_t i, j, group, first, last, leaf, alike, lane, best = 0, left = w + 1 - ends[0]
+    # upper half of the weights' covariance, beside it their mean, in units of the sizes
+    cdef double[:, ::1] rows = zeros((w + 1, whole(w + 1)))
+    # a table for each group, every number of it with as many noises of the first group as a register has lanes
+    cdef double[:, ::1] tables = empty((groups, left * left * WIDTH)), densities = zeros((groups + 1, WIDTH))
+    cdef double[WIDTH] of_first, of_group
     moved = array(mean)
     cdef double[::1] result = moved
-    rows[:] = 0.0
+    if not 0 < k <= WIDTH:
+        raise ValueError("there are more noises than lanes")
     for i in range(w):
         for j in range(i, w):
             rows[i, j] = covariance[weights[i], weights[j]] / (sizes[i] * sizes[j])
         rows[i, w] = mean[weights[i]] / sizes[i]
     with nogil:
-        densities[0] = _eliminate(rows, 0, ends[0], noises[0])
-        for parent in range(count // k):
-            i, leaves = parent * k, count // k
-            for group in range(at_once):  # those before have the noise that they had
-                if i % leaves == 0:
-                    first = ends[group]
-                    for j in range(first, w):
-                        memcpy(&tables[group + 1, j, first], &tables[group, j, first], (size - first) * sizeof(double))
-                    densities[group + 1] = densities[group] + _eliminate(
-                        tables[group + 1], first, ends[group + 1], noises[i // leaves % k]
+        densities[0, :] = _eliminate(rows, 0, ends[0], noises[0])
+        for lane in range(WIDTH):
+            of_first[lane] = noises[min(lane, k - 1)]
+        _spread(rows, ends[0], &tables[0, 0])
+        _eliminate_in_lanes(&tables[0, 0], left, ends[1] - ends[0], of_first, &densities[0, 0], &densities[1, 0])
+        for leaf in range(leaves):
+            alike = leaves
+            for group in range(1, groups):  # those before have the noise that they had
+                alike //= k
+                if leaf % alike == 0:
+                    first, last = ends[group], ends[group + 1]
+                    for lane in range(WIDTH):
+                        of_group[lane] = noises[leaf // alike % k]
+                    _take_corner(&tables[group - 1, 0], w + 1 - ends[group - 1], &tables[group, 0], w + 1 - first)
+                    _eliminate_in_lanes(
+                        &tables[group, 0], w + 1 - first, last - first, of_group, &densities[group, 0], &densities[group + 1, 0]
                     )
-                leaves //= k
-            for group in range(at_once, groups):
-                first = ends[group]
-                if i % (leaves * k) == 0:
-                    if group == at_once:
-                        _spread(&tables[group, first, first], size, 1, w + 1 - first, densities[group], &lanes[group, 0], &of_lanes[group, 0])
-                    else:
-                        lane = i // (leaves * k) % k
-                        j = w + 1 - ends[group - 1]
-                        _spread(
-                            &lanes[group - 1, (first - ends[group - 1]) * (j + 1) * WIDTH + lane], j * WIDTH, WIDTH, w + 1 - first,
-                            of_lanes[group - 1, lane], &lanes[group, 0], &of_lanes[group, 0]
-                        )
-                    _eliminate_at_once(&lanes[group, 0], w + 1 - first, ends[group + 1] - first, noises, &of_lanes[group, 0])
-                leaves //= k
             for lane in range(k):
-                logs[i + lane] += of_lanes[groups - 1, lane]
-                if logs[i + lane] > logs[best]:
-                    best = i + lane
+                logs[lane * leaves + leaf] += densities[groups, lane]
+    for i in range(count):
+        if logs[i] > logs[best]:
+            best = i
     for i in range(count):
         if not isfinite(logs[i]):
             raise LinAlgError("matrix is not positive definite")
@@ -158,37 +143,43 @@ cdef double _eliminate(double[:, ::1] rows, int64_t first, int64_t last, double 
     return -0.5 * (log(pivots) + squares)
 
 
-cdef void _spread(
-    const double* table, int64_t row, int64_t column, int64_t size, double density, double* lanes, double* densities
-) noexcept nogil:
-    """The upper half of a table (size, size), its numbers so far apart in memory, and a density, into all lanes."""
-    cdef int64_t i, j, lane
+cdef void _spread(const double[:, ::1] rows, int64_t first, double* lanes) noexcept nogil:
+    """The upper half of rows (w + 1, ..) from a column on, into all lanes of a table (size, size)."""
+    cdef int64_t size = rows.shape[0] - first, i, j, lane
     for i in range(size - 1):
         for j in range(i, size):
             for lane in range(WIDTH):
-                lanes[(i * size + j) * WIDTH + lane] = table[i * row + j * column]
-    for lane in range(WIDTH):
-        densities[lane] = density
+                lanes[(i * size + j) * WIDTH + lane] = rows[first + i, first + j]
 
 
-cdef void _eliminate_at_once(
-    double* lanes, int64_t size, int64_t last, const double[::1] noises, double* densities
+cdef void _take_corner(const double* before, int64_t before_size, double* lanes, int64_t size) noexcept nogil:
+    """The upper half of the last rows and columns of a larger table."""
+    cdef const Columns* larger = <const Columns*> before + (before_size - size) * (before_size + 1)
+    cdef Columns* table = <Columns*> lanes
+    cdef int64_t i, j
+    for i in range(size - 1):
+        for j in range(i, size):
+            table[i * size + j] = larger[i * before_size + j]
+
+
+cdef void _eliminate_in_lanes(
+    double* lanes, int64_t size, int64_t last, const double* noises, const double* before, double* densities
 ) noexcept nogil:
-    """`_eliminate` columns 0 .. last of a table (size, size) in lanes, each with a noise; adds to the densities."""
+    """`_eliminate` the first columns of a table (size, size) with a noise in each lane; adds to the densities before."""
     cdef Columns* values = <Columns*> lanes
     cdef double[WIDTH] of_pivots, of_squares, of_ones
     cdef Columns* pivots = <Columns*> of_pivots
     cdef Columns* squares = <Columns*> of_squares
     cdef const Columns* ones = <const Columns*> of_ones
+    cdef const Columns* noise = <const Columns*> noises
     cdef Columns share, factor
-    cdef int64_t i, j, k, lane, count = noises.shape[0]
+    cdef int64_t i, j, k, lane
     for k in range(last):
-        for lane in range(WIDTH):
-            lanes[(k * size + k) * WIDTH + lane] += noises[lane if lane < count else 0]
+        values[k * size + k] = values[k * size + k] + noise[0]
     for lane in range(WIDTH):
         of_pivots[lane], of_squares[lane], of_ones[lane] = 1.0, 0.0, 1.0
     for k in range(last):
-        for lane in range(count):
+        for lane in range(WIDTH):
             if not lanes[(k * size + k) * WIDTH + lane] > 0.0:
                 of_squares[lane] = NAN
         share = ones[0] / values[k * size + k]
@@ -198,8 +189,8 @@ cdef void _eliminate_at_once(
                 values[i * size + j] = values[i * size + j] - factor * values[k * size + j]
         pivots[0] = pivots[0] * values[k * size + k]
         squares[0] = squares[0] + share * values[k * size + size - 1] * values[k * size + size - 1]
-    for lane in range(count):
-        densities[lane] += -0.5 * (log(of_pivots[lane]) + of_squares[lane])
+    for lane in range(WIDTH):
+        densities[lane] = before[lane] - 0.5 * (log(of_pivots[lane]) + of_squares[lane])
 
 
 cdef double _expected(

@@ -190,7 +190,7 @@ class EventCost:
         slopes, by_theta = np.ascontiguousarray(self.whitened(unfiltered_slopes)), NO_SLOPES
         if delays is not None:
             by_theta = delays.solved @ slopes
-            slopes = slopes + delays.slopes @ by_theta
+            slopes += delays.slopes @ by_theta
         gradient = np.zeros(self.columns.size)
         information = np.zeros((self.columns.size, self.columns.size))
         weigh(followed.innovations, slopes, self.burn_in, self.sigma, self._together, gradient, information)

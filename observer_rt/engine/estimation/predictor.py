@@ -23,6 +23,8 @@ from observer_rt.model.tangent import ByTheta, Tangent, tangent_of
 START_DURATION = 2e-3  # s, after which the gain is steady
 SHAPING = 3  # first-order lags that represent the smoothing of the rail pressure
 SHAPE = 0.35  # time constant of each, in widths of the kernel: both halve the noise at the same frequency
+SMOOTHED_BY = 50e-6  # s, of the rail pressure's kernel: it leaves what a rail does up to some 3 kHz
+SMOOTHED_OVER = 4.0  # widths to either side
 START_FLOW_SIGMA = 1e-5  # m3/s (10 mm3/ms), of Q_L when x~ starts anew in a ringing line
 NO_RATE = np.empty(0)
 NO_COMMANDS = NO_KNOTS = np.empty((0, 2))
@@ -150,6 +152,27 @@ def _measurement(c: Coefficients, size: int, interval: float, lag: float, late: 
     else:
         now[-1], before[-1] = 1.0 - late, late
     return now, before
+
+
+def smoothing_of(interval: float) -> float:
+    """Width of the kernel [s] that smooths the rail pressure, at a sample interval [s].
+
+    At least a sample, so that noise does not fix the delay; noise that drives waves passes for a lag, or for damping.
+    """
+    return max(SMOOTHED_BY, interval)
+
+
+def smoothed(rail: NDArray[np.float64], interval: float, late: float = 0.0) -> NDArray[np.float64]:
+    """Rail pressure (n,) at samples of an interval [s], smoothed, of a channel that records it `late` samples late.
+
+    The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass unchanged.
+    """
+    width = smoothing_of(interval) / interval
+    reach = int(np.ceil(SMOOTHED_OVER * width + abs(late)))
+    u = (np.arange(-reach, reach + 1) - late) / width
+    weights = (3.0 - u**2) * np.exp(-0.5 * u**2)
+    beyond = np.pad(rail, reach, mode="edge")
+    return np.asarray(np.convolve(beyond, weights[::-1] / weights.sum(), "valid"), np.float64)
 
 
 class Window(NamedTuple):

@@ -18,7 +18,7 @@ from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.model import FIRST_OF_SEAT
 from observer_rt.engine.estimation.belief import Belief, Matrix, Vector, symmetric
 from observer_rt.engine.estimation.parameters import EVERY, SCALARS, WEIGHTS
-from observer_rt.model.network import HIDDEN, IS_PAIR, NEURONS
+from observer_rt.model.network import IS_PAIR, NEURONS
 
 LAWLESS, ONE_SCALE = 0.6, 0.5  # probability that a flow has no law; of one that has, that all curves are alike; M
 PAIRED, MOST_PAIRS = 0.01, 3  # probability that a law goes by two inputs at once, each two; pairs in use at most; M
@@ -132,7 +132,7 @@ def _information(own: Matrix, noise: Vector) -> Matrix:
 @lru_cache(32)
 def _is_other(pairs: Pairs) -> NDArray[np.bool_]:
     """Whether weights (HIDDEN,) are of pairs but these."""
-    return IS_PAIR[_CURVE] & ~np.isin(_CURVE, list(pairs))
+    return np.asarray(IS_PAIR[_CURVE] & ~np.isin(_CURVE, list(pairs)), np.bool_)
 
 
 @lru_cache(32)

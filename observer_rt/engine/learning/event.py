@@ -17,8 +17,15 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation import parameters
 from observer_rt.engine.estimation.belief import Belief, HeldBelief, Matrix, Vector, held_at
 from observer_rt.engine.estimation.phases import PhaseStatistics, phase_statistics
-from observer_rt.engine.estimation.predictor import GainSchedule, NoiseLevels, Setting, Window, gain_schedule
-from observer_rt.engine.estimation.rail_smoothing import smoothed, smoothing_of
+from observer_rt.engine.estimation.predictor import (
+    GainSchedule,
+    NoiseLevels,
+    Setting,
+    Window,
+    gain_schedule,
+    smoothed,
+    smoothing_of,
+)
 from observer_rt.engine.learning.adequacy import BURN_IN, CLIP
 from observer_rt.engine.learning.fit import Limits, at_fault
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy

@@ -13,7 +13,7 @@ from observer_rt.core.identification.areas import fill_areas
 from observer_rt.core.model.model import InputTerms
 from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, commanded_areas
 from observer_rt.core.stream.stream import dead_band
-from observer_rt.engine.estimation.rail_smoothing import smoothed
+from observer_rt.engine.estimation.predictor import smoothed
 from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag

@@ -25,8 +25,8 @@ from observer_rt.engine.estimation.predictor import (
     Setting,
     Window,
     gain_schedule,
+    smoothing_of,
 )
-from observer_rt.engine.estimation.rail_smoothing import smoothing_of
 from observer_rt.foundation.units import Floats
 from observer_rt.identification.likelihood.events import shut_mask
 from observer_rt.identification.likelihood.measurement import Measurement, Rows

@@ -1,28 +1,64 @@
-"""Learning between events: everything jointly, by prediction error, as a posterior over what an event may be."""
+"""Learning between events: everything jointly, by prediction error, as a posterior over what an event may be.
+
+The outcome of an event is its mass, how well that is known, and the state carried on. The mass is that by the event's
+own pressures: the mean over all that explains them. What disturbances are followed by moves only while events are
+explained.
+"""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.parameters import Parameter, Theta
+from observer_rt.engine.estimation.parameters import FLOWS, Parameter, Theta, learned_of
 from observer_rt.engine.estimation.phases import no_statistics
 from observer_rt.engine.estimation.predictor import NoiseLevels, Window, gain_schedule
-from observer_rt.engine.learning.account import explain
+from observer_rt.engine.learning import kinds
+from observer_rt.engine.learning.account import Continued, ExplainedEvent, explain
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.event import ClosedEvent, EventReader
+from observer_rt.engine.learning.explanations import Explanation
 from observer_rt.engine.learning.fit import theta_limits
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
-from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearnedInjector, LearningState, Outcome
-from observer_rt.engine.learning.outcome import outcome_of
-from observer_rt.engine.learning.verdict import first_objection
+from observer_rt.engine.learning.kinds import Velocity
+from observer_rt.engine.learning.knowledge import (
+    Account,
+    Adoption,
+    Knowledge,
+    LearnedInjector,
+    LearningState,
+    Outcome,
+)
+from observer_rt.engine.learning.mass import (
+    HOLDS,
+    UNSEEN,
+    EventMass,
+    Shares,
+    extrapolation_sigma,
+    known_flow,
+    mass_of,
+    opening_points,
+    resimulated,
+    with_shots,
+)
+from observer_rt.engine.learning.noise import RestingNoise
+from observer_rt.engine.learning.verdict import facts_of, first_objection, look_alikes, named, verdict_of
 from observer_rt.engine.stream.standstill import Standstill, offset_between
 from observer_rt.engine.stream.state import Constants, Reason
 
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 OTHER_NOISE = 1.25  # times a level
 SCHEDULES = 6  # gains that are kept: those of all hypotheses
+OFTEN, CHANGES_REMEMBERED = 2.0, 0.9
+STROKE_SHARE = 0.0025  # of a mass, one sigma, that a needle moves unlike its model; M: on lines with waves
+LEAST_OF_MIXED = 0.25  # of the lead's own variance, that hypotheses between them leave at least; M
+LEAST_PART = 0.005  # weight, below which a hypothesis is no part of an interval; I
+AHEAD = 2.0  # events by which what is carried is ahead of what was learned: it is carried during the second; P
+SHOWN = 0.005  # probability, below which nothing is said
 
 
 class Learner:
@@ -105,3 +141,172 @@ def _failed(state: LearningState, event: ClosedEvent, objection: Objection, read
         estimate=state.learned.theta,
         covariance=state.learned.gated.covariance,
     )
+
+
+def shares_of(mass: EventMass, explained: ExplainedEvent, systematic: float) -> Shares:
+    """How well the mass of an event is known.
+
+    systematic: share that the model gets wrong of a healthy injector, or far from where it was learned.
+    """
+    by_belief = mass.variance(explained.account.learned.gated.covariance)
+    by_stated = by_belief + mass.by_inputs + systematic**2
+    moved, mixed = _between(mass, by_belief, explained)
+    total = max(by_stated + mixed, LEAST_OF_MIXED * by_stated)
+    return Shares(math.sqrt(by_stated), math.sqrt(total), moved)
+
+
+def _between(mass: EventMass, by_belief: float, explained: ExplainedEvent) -> tuple[float, float]:
+    """Share by which explanations have another mean than the leading one, and the variance they have beyond its."""
+    good = [(each.weight, learned) for each, learned in explained.explanations if each.is_good]
+    total = sum(weight for weight, _ in good)
+    parts = [(weight / total, learned) for weight, learned in good if weight >= LEAST_PART * total]
+    moves = [mass.moved_far(learned.theta) for _, learned in parts]
+    mean = sum(weight * moved for (weight, _), moved in zip(parts, moves, strict=True))
+    variance = 0.0
+    for (weight, learned), moved in zip(parts, moves, strict=True):
+        wider = mass.variance(learned.gated.covariance) - by_belief
+        variance += weight * (wider + (moved - mean) ** 2)
+    return mean, variance
+
+
+def posterior_of(continued: Sequence[Continued]) -> tuple[tuple[str, float], ...]:
+    """Names of what an event may be, and their probabilities, the largest first."""
+    summed: dict[str, float] = {}
+    for explanation, _ in continued:
+        summed[explanation.kind.name] = summed.get(explanation.kind.name, 0.0) + explanation.weight
+    ordered = sorted(summed.items(), key=lambda each: -each[1])
+    return tuple((name, weight) for name, weight in ordered if weight >= SHOWN)
+
+
+def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReader) -> Outcome:
+    """Outcome of an event that was explained. Raises numpy.linalg.LinAlgError when singular."""
+    explanation, learned, velocity = explained.lead, explained.account.learned, explained.account.velocity
+    setting = explanation.reading.cost.setting
+    # before anything was learned the best explanation is carried, though it is not believed
+    theta = explanation.theta if learned.is_prior else learned.theta
+    covariance = learned.gated.covariance
+    window, delays = explained.window, explanation.run.delays
+    if delays is not None:
+        window = window.with_jitter(delays.seconds(theta), setting.interval)
+    again = resimulated(window, setting, explained.state.noise, theta, covariance)
+    again = again if delays is None else with_shots(again, window, delays)
+    mass = mass_of(window, setting, theta, again)
+    unlike = look_alikes_in(explained, reader)
+    systematic = math.hypot(
+        reader.healthy.mass_share,
+        UNSEEN * extrapolation_sigma(explained.point, explanation.before.learned_at),
+        0.0 if window.needle is None else STROKE_SHARE,
+        explained.state.sensor_slope.share,
+    )
+    shares = shares_of(mass, explained, systematic)
+    verdict = verdict_of(explained, mass, shares, unlike.objections, reader.wide)
+    state, forward = unlike.state, named(verdict.forward, explained, reader)
+    if not unlike.begins_anew:
+        changed = sum(each.weight for each, _ in explained.explanations if each.kind in kinds.UNLIKE_BEFORE)
+        changes = CHANGES_REMEMBERED * state.changes + changed
+        state = replace(state, account=explained.account, changes=changes)
+    before = explanation.before
+    if explanation.is_good:
+        holds = abs(mass.moved_far(before.theta)) <= HOLDS
+        openings = opening_points(explained.window, setting.interval)
+        state = replace(state, elsewhere=state.elsewhere.after(holds, openings, before.learned_at))
+    in_force = theta
+    if explanation.kind is kinds.QUICK and velocity is not None:
+        in_force = _ahead(theta, explanation, velocity, reader)
+    by_coil = unlike.state.energizing.current.unsure
+    covariance = covariance + _apart(explained, mass, shares.agreement) + by_coil
+    again = replace(
+        again,
+        covariance=covariance,
+        systematic=systematic,
+        unknown=shares.remainder,
+        moved=shares.moved,
+        strokes=tuple(filter(None, window.strokes(learned_of(theta, setting.coefficients), setting))),
+        calibration=reader.calibration.of_event(mass.controlled),
+    )
+    return Outcome(
+        adoption=Adoption.REJECTED if np.array_equal(in_force, event.in_force) else Adoption.ADOPTED,
+        knowledge=Knowledge(state, in_force),
+        schedule=reader.gains(theta, state.noise, event.constants),
+        forward=forward,
+        objections=named(verdict.own, explained, reader),
+        estimate=theta,
+        covariance=covariance,
+        resimulated=again,
+        outliers=int(explained.window.masked.sum()) - int(explained.unmasked.masked.sum()),
+        known_flow=known_flow(again, theta, covariance, explained.point, state.elsewhere),
+        change=verdict.change,
+        posterior=posterior_of(explained.explanations),
+    )
+
+
+def _apart(explained: ExplainedEvent, mass: EventMass, within: float) -> NDArray[np.float64]:
+    """Covariance (m, m) by hypotheses that agree on the mass with another theta."""
+    total = np.zeros((mass.theta.size, mass.theta.size))
+    for explanation, learned in explained.explanations:
+        away = learned.theta - mass.theta
+        if explanation.is_good and abs(mass.moved(learned.theta)) <= within:
+            total += explanation.weight * np.outer(away, away)
+    return total
+
+
+def _ahead(theta: Theta, explanation: Explanation, velocity: Velocity, reader: EventReader) -> Theta:
+    """Theta (m,) to carry where wear moves on: ahead of what was learned, for it is carried later."""
+    theta = theta.copy()
+    theta[list(FLOWS)] += AHEAD * explanation.weight * velocity.mean
+    return np.clip(theta, reader.limits.lowest, reader.limits.highest)
+
+
+class LookAlikes(NamedTuple):
+    """Findings of one event beside its posterior."""
+
+    state: LearningState  # after it, but for the account
+    objections: tuple[Objection, ...]  # whatever the posterior says
+    begins_anew: bool  # all that was believed was of other line pressures than those that come
+
+
+def look_alikes_in(explained: ExplainedEvent, reader: EventReader) -> LookAlikes:
+    """Look-alikes in an event that was explained."""
+    state = explained.state
+    if not explained.lead.is_good or explained.lead.fit is None:
+        return LookAlikes(state, (), begins_anew=False)
+    if explained.fault_weight < 0.5:
+        state = _followed(state, explained)
+    state, is_disturbed, begins_anew = _with_coil(state, explained, reader)
+    facts = facts_of(explained, is_disturbed, reader)
+    return LookAlikes(state, look_alikes(facts), begins_anew)
+
+
+def _followed(state: LearningState, explained: ExplainedEvent) -> LearningState:
+    """Adds an explained event to the state that is followed."""
+    overdispersion, score = state.overdispersion, explained.lead.score_as_believed
+    if score is not None:
+        overdispersion = overdispersion.after(score)
+    return replace(state, events=state.events + 1, overdispersion=overdispersion)
+
+
+def _with_coil(
+    state: LearningState, explained: ExplainedEvent, reader: EventReader
+) -> tuple[LearningState, bool, bool]:
+    """Whether energizing the coil shows in an event that had all of it, and whether it is taken out from now on.
+
+    Then what was learned so far was of other line pressures than those that come.
+    """
+    explanation, reading = explained.lead, explained.lead.reading
+    energizing, is_disturbed = state.energizing.after(
+        explained.window._replace(output=explained.recorded.output),
+        explanation.run,
+        reading.cost.sigma * math.sqrt(reading.cost.temper),
+        replace(reading.cost, offset=None),
+        reader.wide,
+        reader.interval,
+        learned_of(explanation.theta, reading.cost.setting.coefficients).coefficients.line.control_flow > 0.0,
+    )
+    begins_anew = energizing.is_known and not state.energizing.is_known
+    state = replace(state, energizing=energizing)
+    if begins_anew:
+        learned = explained.account.learned
+        belief, at_rest = learned.belief.widened(reader.wide), RestingNoise()
+        learned = replace(learned, belief=belief, statistics=no_statistics(), colour=None, at_rest=at_rest)
+        state = replace(state, account=Account(learned))
+    return state, is_disturbed, begins_anew

@@ -16,6 +16,7 @@ from observer_rt.config.signals import in_units
 from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.engine.estimation.parameters import NOZZLE, SCALARS, SEAT, ShownIndicator
 from observer_rt.engine.learning.knowledge import EventRecord
+from observer_rt.engine.learning.learner import OFTEN
 from observer_rt.engine.learning.mass import (
     VolumeBudget,
     corrected_rate,
@@ -24,7 +25,6 @@ from observer_rt.engine.learning.mass import (
     volume_budget,
     volume_in,
 )
-from observer_rt.engine.learning.outcome import OFTEN
 from observer_rt.engine.learning.verdict import WRONG
 from observer_rt.engine.reports.indicators import Indicators, indicators_of
 from observer_rt.engine.stream.state import Reason, State

@@ -23,7 +23,7 @@ from observer_rt.engine.learning.event import (
     resting_pressure,
     with_smooth_rail,
 )
-from observer_rt.engine.learning.explanations import FIRST_STEPS, LATE_SENSOR, STARTED, Explanation, Weighing
+from observer_rt.engine.learning.explanations import FIRST_STEPS, LATE_SENSOR, STARTED, Explanation, OfferedKinds
 from observer_rt.engine.learning.fit import EventFitter, Fit
 from observer_rt.engine.learning.kinds import FILED, NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import Account, LearnedInjector, LearningState
@@ -40,7 +40,8 @@ from observer_rt.engine.learning.run import EventCost, EventRun
 from observer_rt.foundation.units import MEGAPASCAL
 
 AGAINST_RIVAL = 5.0  # nats at most that one event counts against a rival: a needle unlike the model's misleads; M
-
+LIVE = 5e-3  # weight from which on a hypothesis is carried on; M
+RIVAL_LIVES = 1e-7  # .. where it explains all events by other elements: it takes some to tell a lag from a bounce; M
 MOVED = 0.005 * MEGAPASCAL  # of offset or gain: beyond it an event is linearised anew
 _SENSOR = (int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN))
 
@@ -201,7 +202,7 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
     if state.learned.is_prior:
         readings.weigh_coloured(state.learned, window)
     readings.weigh_masked()
-    explanations = readings.weighing.explanations()
+    explanations = readings.explanations()
     lead = next((i for i, each in enumerate(explanations) if each.is_good), None)
     if lead is not None:  # it is carried, and run again
         explanations[lead] = explanations[lead].fitted(reader)
@@ -215,13 +216,13 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
 
 
 class _EventReadings:
-    """Readings of an event, round one belief after the other, with all of its samples or without some."""
+    """Readings of an event, with all of its samples or without some, and the weights of all that explains it."""
 
     def __init__(self, state: LearningState, event: ClosedEvent, offset: float | None, reader: EventReader) -> None:
         self._state, self._event, self._offset, self._reader = state, event, offset, reader
         window = event.window
         self._phases = phases_of(window, round(EDGE / reader.interval), round(AFTERGLOW / reader.interval))
-        self.weighing = Weighing(reader)
+        self._best, self._weighed = -math.inf, list[Explanation]()
         self.rivals = [state.account.rival] if state.account.rival else []
 
     def weigh(self, account: Account, window: Window, off: float = 0.0) -> None:
@@ -231,12 +232,16 @@ class _EventReadings:
         """
         reading = self._read(account.learned, window, off)
         if np.isfinite(reading.first.value):
-            self.weighing.add(account, reading)
+            kinds = OfferedKinds(account, reading, self._reader)
+            kinds.refine(self._best)
+            self._best = max(self._best, kinds.best)
+            self._weighed += kinds.explanations(self._best)
 
     def weigh_coloured(self, learned: LearnedInjector, window: Window) -> None:
         """Explain the event with the colour that its innovations at rest show, if none was known before."""
-        likeliest = self.weighing.likeliest_fit
-        if likeliest is None or likeliest.fit is None or learned.colour is not None:
+        fitted = (each for each in self._weighed if each.fit is not None)
+        likeliest = max(fitted, key=lambda each: each.log_weight, default=None)
+        if likeliest is None or learned.colour is not None:
             return
         run = likeliest.run
         colour = noise_after(learned, likeliest.reading, run, self._reader).colour
@@ -246,7 +251,7 @@ class _EventReadings:
 
     def weigh_masked(self) -> None:
         """Explain the event without stretches that stand out of its likeliest explanation."""
-        best = self.weighing.likeliest
+        best = max(self._weighed, key=lambda each: each.log_weight, default=None)
         if best is None:
             return
         noise = self._state.noise.line_pressure / self._reader.pressure_scale
@@ -255,6 +260,18 @@ class _EventReadings:
         if masked is not None:
             whose = next((each for each in self.rivals if each.learned is best.before), self._state.account)
             self.weigh(replace(whose, learned=best.before), masked.window, masked.nats)
+
+    def explanations(self) -> list[Explanation]:
+        """Explanations of sufficient weight, the likeliest first. Raises numpy.linalg.LinAlgError without any."""
+        if not self._weighed:
+            raise np.linalg.LinAlgError("no finite fit")
+        logs = np.array([each.log_weight for each in self._weighed])
+        weights = np.exp(logs - logs.max())
+        weights /= weights.sum()
+        order = np.argsort(-weights, kind="stable")
+        active = self._weighed[order[0]].before.active
+        lives = [LIVE if each.before.active == active else RIVAL_LIVES for each in self._weighed]
+        return [replace(self._weighed[i], weight=float(weights[i])) for i in order if weights[i] >= lives[i]]
 
     def _read(self, learned: LearnedInjector, window: Window, off: float) -> EventReading:
         """Reads the event round a belief."""

@@ -40,8 +40,6 @@ FALLS, FALLS_FAR = 20.0, 100.0  # nats by which the cost falls: a fit is needed,
 REFINED = 12.0  # nats behind the best, from which on nothing is looked at: 6e-6 of its weight; I
 LEFT_ALIKE = 1.0  # nats of the cost, within which two fits leave the same innovations; I
 FALL_COUNTS = 0.42  # of the fall, by which the closed form may be wrong: .41 at a nozzle that jumped by 43 %; M
-LIVE = 5e-3  # weight from which on a hypothesis is carried on; M
-RIVAL_LIVES = 1e-7  # .. where it explains all events by other elements: it takes some to tell a lag from a bounce; M
 SCALE_FITS = 3  # of an explanation, each at the scale of the weights that the one before makes the likeliest; M
 FIRST_STEPS, STEPS = 8, 2  # Gauss-Newton iterations: of a fit from far, and of one from near
 
@@ -171,7 +169,7 @@ def kind_log_priors(account: Account, has_lift: bool) -> Mapping[Kind, float]:
     return {kind: math.log(probability) + account.log_odds for kind, probability in offers.items()}
 
 
-class _OfferedKinds:
+class OfferedKinds:
     """The kinds that an account offers for an event, each with its evidence, and fits of those that may matter."""
 
     def __init__(self, account: Account, reading: EventReading, reader: EventReader) -> None:
@@ -310,42 +308,3 @@ class _OfferedKinds:
             return
         steps = FIRST_STEPS if far > 1.0 or falls > FALLS_FAR or is_new else STEPS
         evidence.refine(fitter_of(self._learned, self._reading, self._reader), first, steps)
-
-
-class Weighing:
-    """Weights of all explanations, by which they are ordered."""
-
-    def __init__(self, reader: EventReader) -> None:
-        self._reader = reader
-        self._best = -math.inf
-        self._all: list[Explanation] = []
-
-    def add(self, account: Account, reading: EventReading) -> None:
-        """Explain the event as each kind that an account offers. Raises numpy.linalg.LinAlgError if singular."""
-        kinds = _OfferedKinds(account, reading, self._reader)
-        kinds.refine(self._best)
-        self._best = max(self._best, kinds.best)
-        self._all += kinds.explanations(self._best)
-
-    @property
-    def likeliest(self) -> Explanation | None:
-        """The likeliest explanation so far; None without any."""
-        return max(self._all, key=lambda each: each.log_weight, default=None)
-
-    @property
-    def likeliest_fit(self) -> Explanation | None:
-        """The likeliest explanation with a fit so far; None without any."""
-        fitted = (each for each in self._all if each.fit is not None)
-        return max(fitted, key=lambda each: each.log_weight, default=None)
-
-    def explanations(self) -> list[Explanation]:
-        """Explanations of sufficient weight, the likeliest first. Raises numpy.linalg.LinAlgError without any."""
-        if not self._all:
-            raise np.linalg.LinAlgError("no finite fit")
-        logs = np.array([each.log_weight for each in self._all])
-        weights = np.exp(logs - logs.max())
-        weights /= weights.sum()
-        order = np.argsort(-weights, kind="stable")
-        active = self._all[order[0]].before.active
-        lives = [LIVE if each.before.active == active else RIVAL_LIVES for each in self._all]
-        return [replace(self._all[i], weight=float(weights[i])) for i in order if weights[i] >= lives[i]]

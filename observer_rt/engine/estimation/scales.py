@@ -80,46 +80,36 @@ class ScaleChoice(NamedTuple):
 
 
 def _measured(
-    belief: Belief,
-    columns: NDArray[np.int64],
-    prior: Vector,
-    noises: Matrix,
-    shares: Vector,
-    kept: NDArray[np.int64] | None = None,
-    has_errors: bool = True,
+    belief: Belief, columns: NDArray[np.int64], prior: Vector, noises: Matrix, shares: Vector, has_errors: bool = True
 ) -> Belief:
     """Moments of the mixture of beliefs after weights in columns (k,) were measured to be 0.
 
     noises (c, k): variances in units of their prior's, in each part of the mixture; shares (c,): of the parts;
-    kept: columns that are asked for, None: all; has_errors: whether its error covariance is wanted, which an event's
-    fit does not ask for.
+    has_errors: whether its error covariance is wanted, which an event's fit does not ask for.
     """
-    left = belief if kept is None else belief.part(kept)
-    across, own = _in_units(belief.covariance, columns, prior, kept)
+    across, own = _in_units(belief.covariance, columns, prior)
     informations = np.array([_information(own, noise) for noise in noises])
     pulls = informations @ (belief.mean[columns] / prior)
     pull, shared = shares @ pulls, (shares[:, None, None] * informations).reshape(-1, columns.size)
     information = shared.reshape(informations.shape).sum(axis=0)
     away = pulls - pull
     between = (shares * away.T) @ away
-    mean = left.mean - pull @ across
-    covariance = symmetric(left.covariance - across.T @ ((information - between) @ across))
+    mean = belief.mean - pull @ across
+    covariance = symmetric(belief.covariance - across.T @ ((information - between) @ across))
     if not has_errors:
         return Belief(mean, covariance, covariance)
-    by_error, error = _in_units(belief.error_covariance, columns, prior, kept)
+    by_error, error = _in_units(belief.error_covariance, columns, prior)
     noisy = informations @ error + informations * noises[:, None, :]
     spread = noisy.transpose(1, 0, 2).reshape(columns.size, -1) @ shared + between
     moved = across.T @ (information @ by_error)
-    error = left.error_covariance - moved - moved.T + across.T @ (spread @ across)
+    error = belief.error_covariance - moved - moved.T + across.T @ (spread @ across)
     return Belief(mean, covariance, symmetric(error))
 
 
-def _in_units(
-    covariance: Matrix, columns: NDArray[np.int64], prior: Vector, kept: NDArray[np.int64] | None = None
-) -> tuple[Matrix, Matrix]:
-    """Covariance (k, m) of weights with the columns kept, in units of their prior, and their own (k, k)."""
+def _in_units(covariance: Matrix, columns: NDArray[np.int64], prior: Vector) -> tuple[Matrix, Matrix]:
+    """Covariance (k, m) of weights with theta, in units of their prior, and their own (k, k)."""
     across = covariance[columns] / prior[:, None]
-    return across if kept is None else across[:, kept], across[:, columns] / prior
+    return across, across[:, columns] / prior
 
 
 def _information(own: Matrix, noise: Vector) -> Matrix:
@@ -160,9 +150,10 @@ def without_others(belief: Belief, pairs: Pairs) -> Belief:
 
 def _in_use(belief: Belief, pairs: Pairs, has_errors: bool = True) -> Belief:
     """The belief about the columns in use, where weights of all pairs but these are 0."""
-    others, kept = _others(pairs), columns_in_use(pairs)
+    others = _others(pairs)
     noises = np.full((1, others.size), _NOISES[0])
-    return _measured(belief, WEIGHTS[others], _PRIOR[others], noises, _ALONE, kept, has_errors)
+    measured = _measured(belief, WEIGHTS[others], _PRIOR[others], noises, _ALONE, has_errors)
+    return measured.part(columns_in_use(pairs))
 
 
 @lru_cache(32)

@@ -2,7 +2,6 @@
 
 from libc.math cimport INFINITY, NAN, fabs, fmax, fmin, isfinite, isnan, log
 from libc.stdint cimport int64_t
-from libc.string cimport memcpy
 
 from numpy import array, empty, zeros
 from numpy.linalg import LinAlgError
@@ -65,91 +64,63 @@ def weigh_scales(
     variances. Returns the mean (m,) once they were measured to be 0 with the likeliest noises. Raises
     numpy.linalg.LinAlgError when not positive definite.
     """
-    cdef int64_t w = weights.shape[0], k = noises.shape[0], groups = ends.shape[0] - 1, count = logs.shape[0], leaves = count // k
-    cdef int64_t i, j, group, first, last, leaf, alike, lane, best = 0, left = w + 1 - ends[0]
-    # upper half of the weights' covariance, beside it their mean, in units of the sizes
-    cdef double[:, ::1] rows = zeros((w + 1, whole(w + 1)))
-    # a table for each group, every number of it with as many noises of the first group as a register has lanes
-    cdef double[:, ::1] tables = empty((groups, left * left * WIDTH)), densities = zeros((groups + 1, WIDTH))
-    cdef double[WIDTH] of_first, of_group
+    cdef int64_t w = weights.shape[0], k = noises.shape[0], groups = ends.shape[0], leaves = logs.shape[0] // k, size = w + 1
+    cdef int64_t i, j, group, begin, left, leaf, alike, lane, best = 0, numbers = size * size
+    cdef double number
+    for group in range(groups - 1):
+        numbers += (size - ends[group]) ** 2
+    cdef double[::1] tables = empty(numbers * WIDTH)
+    cdef double[:, ::1] densities = zeros((groups + 1, WIDTH))
+    cdef double[WIDTH] of_lanes
+    # for each group a table of the weights that are left: upper half of their covariance, beside it their mean, in units
+    # of the sizes; every number as often as a register has lanes, each of which has another noise of the first group
+    cdef double* table = &tables[0]
+    cdef double* last_table = table
     moved = array(mean)
     cdef double[::1] result = moved
     if not 0 < k <= WIDTH:
         raise ValueError("there are more noises than lanes")
     for i in range(w):
-        for j in range(i, w):
-            rows[i, j] = covariance[weights[i], weights[j]] / (sizes[i] * sizes[j])
-        rows[i, w] = mean[weights[i]] / sizes[i]
+        for j in range(i, size):
+            number = covariance[weights[i], weights[j]] / (sizes[i] * sizes[j]) if j < w else mean[weights[i]] / sizes[i]
+            for lane in range(WIDTH):
+                table[(i * size + j) * WIDTH + lane] = number
     with nogil:
-        densities[0, :] = _eliminate(rows, 0, ends[0], noises[0])
-        for lane in range(WIDTH):
-            of_first[lane] = noises[min(lane, k - 1)]
-        _spread(rows, ends[0], &tables[0, 0])
-        _eliminate_in_lanes(&tables[0, 0], left, ends[1] - ends[0], of_first, &densities[0, 0], &densities[1, 0])
+        _eliminate(table, size, 0, ends[0], &noises[0], 0, &densities[0, 0], &densities[1, 0])
         for leaf in range(leaves):
-            alike = leaves
-            for group in range(1, groups):  # those before have the noise that they had
-                alike //= k
-                if leaf % alike == 0:
-                    first, last = ends[group], ends[group + 1]
-                    for lane in range(WIDTH):
-                        of_group[lane] = noises[leaf // alike % k]
-                    _take_corner(&tables[group - 1, 0], w + 1 - ends[group - 1], &tables[group, 0], w + 1 - first)
-                    _eliminate_in_lanes(
-                        &tables[group, 0], w + 1 - first, last - first, of_group, &densities[group, 0], &densities[group + 1, 0]
+            alike, begin, table = leaves, 0, &tables[0]
+            for group in range(1, groups):
+                last_table, left = table, size - begin
+                table, begin = table + left * left * WIDTH, ends[group - 1]
+                if group > 1:
+                    alike //= k
+                if leaf % alike == 0:  # else it has the noise that it had
+                    _take_corner(last_table, left, table, size - begin)
+                    _eliminate(
+                        table, size - begin, 0, ends[group] - begin, &noises[0 if group == 1 else leaf // alike % k],
+                        k - 1 if group == 1 else 0, &densities[group, 0], &densities[group + 1, 0]
                     )
             for lane in range(k):
                 logs[lane * leaves + leaf] += densities[groups, lane]
-    for i in range(count):
-        if logs[i] > logs[best]:
-            best = i
-    for i in range(count):
+    for i in range(logs.shape[0]):
         if not isfinite(logs[i]):
             raise LinAlgError("matrix is not positive definite")
-    for group in range(groups - 1, -1, -1):
-        for j in range(ends[group], ends[group + 1]):
-            rows[j, j] += noises[best % k]
+        if logs[i] > logs[best]:
+            best = i
+    table = &tables[0]
+    for group in range(groups - 1, 0, -1):
+        for i in range(ends[group - 1], ends[group]):
+            table[(i * size + i) * WIDTH] += noises[best % k]
         best //= k
-    _eliminate(rows, ends[0], w, 0.0)
+    of_lanes[0] = 0.0
+    _eliminate(table, size, ends[0], w, of_lanes, 0, &densities[0, 0], &densities[1, 0])
     for i in range(w - 1, -1, -1):
         for j in range(i + 1, w):
-            rows[i, w] -= rows[i, j] * rows[j, w]
-        rows[i, w] /= rows[i, i]
+            table[(i * size + w) * WIDTH] -= table[(i * size + j) * WIDTH] * table[(j * size + w) * WIDTH]
+        table[(i * size + w) * WIDTH] /= table[(i * size + i) * WIDTH]
         for j in range(result.shape[0]):
-            result[j] -= rows[i, w] / sizes[i] * covariance[weights[i], j]
+            result[j] -= table[(i * size + w) * WIDTH] / sizes[i] * covariance[weights[i], j]
     return moved
-
-
-cdef double _eliminate(double[:, ::1] rows, int64_t first, int64_t last, double noise) noexcept nogil:
-    """Eliminate columns first .. last of the upper half of rows (w + 1, ..), in place, with a noise on their diagonal.
-
-    Returns the logarithm of how likely the last column is by these; NaN: not positive definite.
-    """
-    cdef int64_t size = rows.shape[0], parts = rows.shape[1] // WIDTH, i, j, k
-    cdef Columns* values = <Columns*> &rows[0, 0]
-    cdef double pivots = 1.0, squares = 0.0, share, factor
-    for k in range(first, last):
-        rows[k, k] += noise
-    for k in range(first, last):
-        if not rows[k, k] > 0.0:
-            return NAN
-        share = 1.0 / rows[k, k]
-        for i in range(k + 1, size - 1):
-            factor = share * rows[k, i]
-            for j in range(i // WIDTH, parts):
-                values[i * parts + j] = values[i * parts + j] - factor * values[k * parts + j]
-        pivots *= rows[k, k]
-        squares += share * rows[k, size - 1] * rows[k, size - 1]
-    return -0.5 * (log(pivots) + squares)
-
-
-cdef void _spread(const double[:, ::1] rows, int64_t first, double* lanes) noexcept nogil:
-    """The upper half of rows (w + 1, ..) from a column on, into all lanes of a table (size, size)."""
-    cdef int64_t size = rows.shape[0] - first, i, j, lane
-    for i in range(size - 1):
-        for j in range(i, size):
-            for lane in range(WIDTH):
-                lanes[(i * size + j) * WIDTH + lane] = rows[first + i, first + j]
 
 
 cdef void _take_corner(const double* before, int64_t before_size, double* lanes, int64_t size) noexcept nogil:
@@ -162,23 +133,27 @@ cdef void _take_corner(const double* before, int64_t before_size, double* lanes,
             table[i * size + j] = larger[i * before_size + j]
 
 
-cdef void _eliminate_in_lanes(
-    double* lanes, int64_t size, int64_t last, const double* noises, const double* before, double* densities
+cdef void _eliminate(
+    double* lanes, int64_t size, int64_t first, int64_t last, const double* noises, int64_t last_noise, const double* before,
+    double* densities
 ) noexcept nogil:
-    """`_eliminate` the first columns of a table (size, size) with a noise in each lane; adds to the densities before."""
+    """Eliminate columns first .. last of a table (size, size), in place, in each lane with its noise on their diagonal.
+
+    noises: of the lanes, the last one in those left, too. Adds to the densities before: logarithms of how likely the
+    last column is by these; NaN: not positive definite.
+    """
     cdef Columns* values = <Columns*> lanes
     cdef double[WIDTH] of_pivots, of_squares, of_ones
     cdef Columns* pivots = <Columns*> of_pivots
     cdef Columns* squares = <Columns*> of_squares
     cdef const Columns* ones = <const Columns*> of_ones
-    cdef const Columns* noise = <const Columns*> noises
     cdef Columns share, factor
     cdef int64_t i, j, k, lane
-    for k in range(last):
-        values[k * size + k] = values[k * size + k] + noise[0]
     for lane in range(WIDTH):
         of_pivots[lane], of_squares[lane], of_ones[lane] = 1.0, 0.0, 1.0
-    for k in range(last):
+        for k in range(first, last):
+            lanes[(k * size + k) * WIDTH + lane] += noises[min(lane, last_noise)]
+    for k in range(first, last):
         for lane in range(WIDTH):
             if not lanes[(k * size + k) * WIDTH + lane] > 0.0:
                 of_squares[lane] = NAN

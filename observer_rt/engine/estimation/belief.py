@@ -83,8 +83,7 @@ class Belief:
     def _of_each(self, change: Callable[[Matrix], Matrix]) -> tuple[Matrix, Matrix]:
         """Both covariances changed; computed once where they are one."""
         covariance = change(self.covariance)
-        is_one = self.error_covariance is self.covariance
-        return covariance, covariance if is_one else change(self.error_covariance)
+        return covariance, covariance if self.error_covariance is self.covariance else change(self.error_covariance)
 
     def distance(self, theta: Vector) -> float:
         """Square of the distance of theta (m,) from the mean, in standard deviations."""

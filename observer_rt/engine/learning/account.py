@@ -37,7 +37,7 @@ from observer_rt.engine.learning.noise import (
     without_stretches,
 )
 from observer_rt.engine.learning.run import EventCost, EventRun
-from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.foundation.units import MEGAPASCAL, Z_95
 
 AGAINST_RIVAL = 5.0  # nats at most that one event counts against a rival: a needle unlike the model's misleads; M
 LIVE = 5e-3  # weight from which on a hypothesis is carried on; M
@@ -210,8 +210,9 @@ def explain(state: LearningState, event: ClosedEvent, offset: float | None, read
     update = BeliefUpdate(reader, state, point)
     continued = [(each, update.after(each)) for each in explanations]
     carried, account = account_after(state.account, continued)
-    at_rest, gain = carried.reading.resting.point(point.rail_pressure), reader.stated_gain(account.learned.theta)
-    state = replace(state, sensor_slope=state.sensor_slope.after(at_rest, gain))
+    gain, furthest = float(account.learned.theta[_SENSOR[1]]), Z_95 * reader.calibration.gain  # as far as is stated
+    at_rest = carried.reading.resting.point(point.rail_pressure)
+    state = replace(state, sensor_slope=state.sensor_slope.after(at_rest, min(max(gain, -furthest), furthest)))
     return ExplainedEvent(state, event.window, window, point, continued, carried, account)
 
 
@@ -277,7 +278,10 @@ class _EventReadings:
         """Reads the event round a belief."""
         state, event, reader = self._state, self._event, self._reader
         setting, white_sigma = reader.setting_at(learned.theta, state.noise, event.constants)
-        cost = reader.cost_of(state, learned, window, setting, white_sigma, self._offset)
+        colour, temper = learned.colour, state.overdispersion.factor
+        sigma, whitening = (white_sigma, None) if colour is None else (colour.sigma, colour.whitening)
+        shape = reader.healthy.shape
+        cost = EventCost(window, setting, sigma, reader.burn_in, whitening, self._offset, temper, shape)
         first, resting = self._run(learned, cost)
         return EventReading(learned, cost, first, white_sigma, self._phases, resting, off)
 

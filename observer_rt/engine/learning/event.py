@@ -30,12 +30,12 @@ from observer_rt.engine.learning.adequacy import BURN_IN, CLIP
 from observer_rt.engine.learning.fit import Limits, at_fault
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.kinds import Kind
-from observer_rt.engine.learning.knowledge import LearnedInjector, LearningState
+from observer_rt.engine.learning.knowledge import LearnedInjector
 from observer_rt.engine.learning.noise import LAGS, SEGMENT, mask_of
 from observer_rt.engine.learning.run import EventCost, EventRun
 from observer_rt.engine.stream.standstill import RestPoint, Standstill
 from observer_rt.engine.stream.state import Constants
-from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, Z_95
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
 BLOCK = 1 * MILLISECOND  # of which means are taken: about a period of the line
@@ -169,11 +169,6 @@ class EventReader:
             parameters.SCALARS.drift(self.pressure_scale), parameters.GAIN_DRIFT * self.calibration.gain
         )
 
-    def stated_gain(self, theta: parameters.Theta) -> float:
-        """Gain of theta (m,), as far as the accuracies of the sensors allow for it."""
-        furthest = Z_95 * self.calibration.gain
-        return min(max(float(theta[_GAIN]), -furthest), furthest)
-
     def widths(self, kind: Kind) -> parameters.Theta:
         """Standard deviations (m,) by which theta moves where an event is of a kind."""
         if kind not in self._widths:
@@ -205,28 +200,6 @@ class EventReader:
             rail_share=constants.calibration.rail_share,
         )
         return setting, schedule.innovation_sigma
-
-    def cost_of(
-        self,
-        state: LearningState,
-        learned: LearnedInjector,
-        window: Window,
-        setting: Setting,
-        white_sigma: float,
-        offset: float | None,
-    ) -> EventCost:
-        """Cost of an event, whitened by the colour of the noise that was learned; white_sigma: without a colour."""
-        colour = learned.colour
-        return EventCost(
-            window,
-            setting,
-            white_sigma if colour is None else colour.sigma,
-            self.burn_in,
-            None if colour is None else colour.whitening,
-            offset,
-            state.overdispersion.factor,
-            self.healthy.shape,
-        )
 
 
 def smoothing_in(constants: Constants) -> float:

@@ -10,19 +10,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.engine.estimation import scales
 from observer_rt.engine.estimation.belief import Belief, HeldBelief
 from observer_rt.engine.estimation.parameters import PARAMETERS, WEIGHTS, Parameter, Theta
-from observer_rt.engine.estimation.scales import (
-    Pairs,
-    ScaleChoice,
-    choices_by,
-    columns_in_use,
-    log_sum,
-    other_columns,
-    pairs_in_use,
-    weigh_choices,
-    without_others,
-)
+from observer_rt.engine.estimation.scales import Pairs, ScaleChoice
 from observer_rt.engine.learning import kinds
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
 from observer_rt.engine.learning.event import EventReader, EventReading
@@ -134,10 +125,10 @@ class _KindEvidence:
     def weigh(self, cost: EventRun, limits: Limits) -> None:
         """Evidence by the parabola of a run, over all scales."""
         centred = cost.centred(self.held.held_in(cost.theta))  # else its prior seems to be far from every theta
-        by_whole = evidence_of(centred, self.part, limits, columns_in_use(self.pairs))
-        logs, self.theta = weigh_choices(by_whole.theta, by_whole.covariance, self.pairs, self.scale_log_priors)
+        by_whole = evidence_of(centred, self.part, limits, scales.columns_in_use(self.pairs))
+        logs, self.theta = scales.weigh_choices(*by_whole[1:], self.pairs, self.scale_log_priors)
         self.cost, self.scales = cost, ScaleChoice(int(np.argmax(logs)), self.pairs)
-        self.log = by_whole.log + self.held.log + log_sum(logs)
+        self.log = by_whole.log + self.held.log + scales.log_sum(logs)
 
     def refine(self, fitter: EventFitter, start: EventRun, steps: int) -> None:
         """Fit the kind at its likeliest scales, and again if others are the likeliest from there.
@@ -145,11 +136,11 @@ class _KindEvidence:
         Of a fall of the cost that the last linearisation promises, and no fit confirmed, `BEYOND` counts at most.
         """
         for _ in range(SCALE_FITS):
-            scales = self.scales
-            self.fit = fitter.fit(start, scales.of(self.held.prior), steps)
+            likeliest = self.scales
+            self.fit = fitter.fit(start, likeliest.of(self.held.prior), steps)
             start = self.fit.run
             self.weigh(start, fitter.limits)
-            if self.scales == scales or self.fit.stuck:
+            if self.scales == likeliest or self.fit.stuck:
                 break
         self.log -= max(self.falls - BEYOND, 0.0)
         self.theta = self.cost.theta
@@ -157,16 +148,9 @@ class _KindEvidence:
 
 def fitter_of(before: LearnedInjector, reading: EventReading, reader: EventReader) -> EventFitter:
     """The fitter of an event that starts from a belief."""
-    return EventFitter(reading.cost, before.active, reader.limits, other_columns(pairs_in_use(before.belief)))
-
-
-def kind_log_priors(account: Account, has_lift: bool) -> Mapping[Kind, float]:
-    """Kinds of the next event, and logarithms of their probabilities; has_lift: as of `transitions`."""
-    offers: dict[Kind, float] = {}
-    for mode, weight in account.modes.items():
-        for kind, rate in transitions(mode, account.learned.is_prior, has_lift):
-            offers[kind] = offers.get(kind, 0.0) + weight * rate
-    return {kind: math.log(probability) + account.log_odds for kind, probability in offers.items()}
+    return EventFitter(
+        reading.cost, before.active, reader.limits, scales.other_columns(scales.pairs_in_use(before.belief))
+    )
 
 
 class OfferedKinds:
@@ -174,7 +158,11 @@ class OfferedKinds:
 
     def __init__(self, account: Account, reading: EventReading, reader: EventReader) -> None:
         self._learned, self._reading, self._reader = account.learned, reading, reader
-        self._logs = kind_log_priors(account, reading.window.needle is None)
+        offers: dict[Kind, float] = {}
+        for mode, weight in account.modes.items():
+            for kind, rate in transitions(mode, account.learned.is_prior, reading.window.needle is None):
+                offers[kind] = offers.get(kind, 0.0) + weight * rate
+        self._logs = {kind: math.log(probability) + account.log_odds for kind, probability in offers.items()}
         self._drift, priors = self._priors(account)
         self._evidence = self._weighed(priors)
 
@@ -249,19 +237,20 @@ class OfferedKinds:
     def _weighed(self, priors: Mapping[Kind, Belief]) -> dict[Kind, _KindEvidence]:
         """Evidence of each kind with its prior, by the cost as it was linearised first."""
         belief, evidence = self._learned.belief, dict[Kind, _KindEvidence]()
-        pairs = pairs_in_use(belief)
-        columns, likely = columns_in_use(pairs), choices_by(belief, pairs)
-        likely -= log_sum(likely)
-        before = without_others(priors[BEFORE], pairs)
+        pairs = scales.pairs_in_use(belief)
+        columns, likely = scales.columns_in_use(pairs), scales.choices_by(belief, pairs)
+        likely -= scales.log_sum(likely)
+        before = scales.without_others(priors[BEFORE], pairs)
         for kind, prior in priors.items():
-            is_lawful = WEIGHTS[0] not in kind.columns  # its prior of the weights is that of the first one
-            in_use = self._widened(before, kind) if is_lawful and kind is not QUICK else without_others(prior, pairs)
+            keeps_laws = WEIGHTS[0] not in kind.columns  # its prior of the weights is that of the first kind
+            is_wider = keeps_laws and kind is not QUICK  # and nothing else
+            in_use = self._widened(before, kind) if is_wider else scales.without_others(prior, pairs)
             held = self._reading.resting.held(in_use)
             part = held.prior.part(columns)
-            if evidence and held.column is None and is_lawful:
+            if evidence and held.column is None and keeps_laws:
                 log_priors = evidence[BEFORE].scale_log_priors
             else:
-                log_priors = likely - weigh_choices(part.mean, part.covariance, pairs)[0]
+                log_priors = likely - scales.weigh_choices(part.mean, part.covariance, pairs)[0]
             evidence[kind] = _KindEvidence(prior, held, part, pairs, log_priors)
             evidence[kind].weigh(self._reading.first, self._reader.limits)
         return evidence

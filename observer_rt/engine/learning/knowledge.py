@@ -3,7 +3,6 @@
 Each tracker is a frozen class in a module of its own, with a method `after` that returns its next value, and is one
 field here; the state file keeps it by the names of its fields. Nothing writes into the arrays.
 
-
 A quasi-likelihood: what an event says of the parameters counts for less by the factor by which such events were seen
 to differ (McCullagh, Nelder, Generalized Linear Models, 2nd ed., section 4.5).
 """
@@ -122,11 +121,6 @@ class Overdispersion:
         )
 
 
-def of_healthy(factor: float) -> Overdispersion:
-    """Overdispersion before any event, by the factor of the healthy injector, 1 of a model that is exact."""
-    return Overdispersion(PRIOR_EVENTS * factor)
-
-
 class TemperedEvent(NamedTuple):
     """The run of an event with the belief before it, and the covariance (m, m) of that belief."""
 
@@ -184,7 +178,7 @@ class LearningState:
             noise=self.noise,
             events=self.events,
             interval=interval,
-            overdispersion=of_healthy(overdispersion),
+            overdispersion=Overdispersion(PRIOR_EVENTS * overdispersion),
         )
 
 

@@ -271,18 +271,12 @@ def look_alikes_in(explained: ExplainedEvent, reader: EventReader) -> LookAlikes
     if not explained.lead.is_good or explained.lead.fit is None:
         return LookAlikes(state, (), begins_anew=False)
     if explained.fault_weight < 0.5:
-        state = _followed(state, explained)
+        overdispersion, score = state.overdispersion, explained.lead.score_as_believed
+        if score is not None:
+            overdispersion = overdispersion.after(score)
+        state = replace(state, events=state.events + 1, overdispersion=overdispersion)
     state, is_disturbed, begins_anew = _with_coil(state, explained, reader)
-    facts = facts_of(explained, is_disturbed, reader)
-    return LookAlikes(state, look_alikes(facts), begins_anew)
-
-
-def _followed(state: LearningState, explained: ExplainedEvent) -> LearningState:
-    """Adds an explained event to the state that is followed."""
-    overdispersion, score = state.overdispersion, explained.lead.score_as_believed
-    if score is not None:
-        overdispersion = overdispersion.after(score)
-    return replace(state, events=state.events + 1, overdispersion=overdispersion)
+    return LookAlikes(state, look_alikes(facts_of(explained, is_disturbed, reader)), begins_anew)
 
 
 def _with_coil(

@@ -140,11 +140,6 @@ class Whitening:
         return result.reshape(values.shape)
 
 
-def forgetting_of(time_constant: float, interval: float) -> float:
-    """theta of a high pass with a time constant [s] at a sample interval [s]."""
-    return math.exp(-interval / time_constant)
-
-
 @dataclass(frozen=True, eq=False)
 class Colour:
     """Colour of a bench's innovations."""
@@ -182,7 +177,7 @@ def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
 @lru_cache
 def _choices(interval: float) -> NDArray[np.float64]:
     """Shares that the high passes to choose from leave from one sample to the next, none first."""
-    return np.array([NO_HIGH_PASS, *(forgetting_of(constant, interval) for constant in TIME_CONSTANTS)])
+    return np.array([NO_HIGH_PASS, *(math.exp(-interval / constant) for constant in TIME_CONSTANTS)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -191,8 +191,7 @@ class EventCost:
         if delays is not None:
             by_theta = delays.solved @ slopes
             slopes += delays.slopes @ by_theta
-        gradient = np.zeros(self.columns.size)
-        information = np.zeros((self.columns.size, self.columns.size))
+        gradient, information = np.zeros(self.columns.size), np.zeros((self.columns.size, self.columns.size))
         weigh(followed.innovations, slopes, self.burn_in, self.sigma, self._together, gradient, information)
         if delays is not None:
             gradient += by_theta.T @ followed.jitter

@@ -15,7 +15,6 @@ import numpy as np
 
 from observer_rt.engine.estimation.parameters import Parameter, Theta, sensor_lag
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning import adequacy, kinds
 from observer_rt.engine.learning.account import ExplainedEvent, has_lag_for_bounce
 from observer_rt.engine.learning.adequacy import Objection, tempering
@@ -125,6 +124,7 @@ def facts_of(explained: ExplainedEvent, is_disturbed: bool, reader: EventReader)
     theta = learned.theta
     gain, untold = float(theta[Parameter.LINE_PRESSURE_GAIN]), learned.belief.sigma[Parameter.LINE_PRESSURE_GAIN]
     is_other = abs(gain) > Z_95 * reader.calibration.gain > 0.0
+    opened = window.inputs[int(np.argmax(window.inputs[:, 1]))]  # the sac has the pressure of a steady flow
     phase = adequacy.inadequate_phase(learned.statistics)
     # of a needle that answers commands a lag is one with its delays
     if phase is None and window.needle is None and adequacy.is_no_law(theta, reader.wide):
@@ -136,7 +136,7 @@ def facts_of(explained: ExplainedEvent, is_disturbed: bool, reader: EventReader)
         explained.state.sensor_slope.share,
         sensor_lag(theta),
         float(theta[Parameter.LIFT_DELAY]) * LAG_UNIT,
-        _open_nozzle_change(theta, window),
+        float(nozzle_change(theta, np.array([opened[0], 0.0, 0.9 * opened[0]]), opened)[0]),
         float(theta[Parameter.BULK_MODULUS]),
         reader.calibration.line,
         phase,
@@ -224,10 +224,3 @@ def named(against: Sequence[Objection], explained: ExplainedEvent, reader: Event
     return tuple(
         replace(each, phase=phase) if each.reason in UNEXPLAINED and each.phase is None else each for each in against
     )
-
-
-def _open_nozzle_change(theta: Theta, window: Window) -> float:
-    """N_H with the needle as open as it was in an event, at the steady sac pressure of the rail pressure."""
-    widest = int(np.argmax(window.inputs[:, 1]))
-    u = window.inputs[widest]
-    return float(nozzle_change(theta, np.array([u[0], 0.0, 0.9 * u[0]]), u)[0])

@@ -66,7 +66,9 @@ class Belief:
 
     def part(self, columns: NDArray[np.int64]) -> "Belief":
         """The belief about the parameters of some columns (k,)."""
-        return Belief(self.mean[columns], *self._of_each(lambda covariance: covariance[columns[:, None], columns]))
+        return Belief(
+            self.mean[columns], *self._of_each(lambda covariance: covariance.take(columns, 0).take(columns, 1))
+        )
 
     def complete(self, columns: NDArray[np.int64], variances: Vector) -> "Belief":
         """The belief about all m parameters, this one being a part; the others are 0, with variances (m,)."""

@@ -247,13 +247,11 @@ class Window(NamedTuple):
         if samples == 0.0:
             return self
         inputs, knots = move_lift(self.inputs, self.knots, samples)
-        last = self.resting.size - 1
-        return self._replace(
-            inputs=inputs,
-            resting=self.resting[np.minimum(np.maximum(np.arange(last + 1) + round(samples), 0), last)],
-            opening=max(self.opening - math.ceil(samples), 1),
-            knots=knots,
-        )
+        opening, resting, whole_samples = max(self.opening - math.ceil(samples), 1), self.resting, round(samples)
+        if whole_samples != 0:
+            last = resting.size - 1
+            resting = resting[np.minimum(np.maximum(np.arange(last + 1) + whole_samples, 0), last)]
+        return self._replace(inputs=inputs, resting=resting, opening=opening, knots=knots)
 
 
 class Setting(NamedTuple):

@@ -116,13 +116,13 @@ class EventRun:
         freedom: parameters that it cannot separate, or does not touch, add none. The sensor's gain, which is held,
         is left out.
         """
-        tested = np.arange(covariance.shape[0]) != _GAIN
-        before, _ = inverse_of(covariance[tested][:, tested])
-        information, gradient = self.information[tested][:, tested], self.gradient[tested]
+        tested = np.flatnonzero(np.arange(covariance.shape[0]) != _GAIN)
+        before, _ = inverse_of(covariance.take(tested, 0).take(tested, 1))
+        information, gradient = self.information.take(tested, 0).take(tested, 1), self.gradient[tested]
         weights, _ = inverse_of(information + INFORMED * before)
         after, _ = inverse_of(information + before)
         chi2 = float((gradient @ weights) @ before @ (after @ gradient))
-        return float(chi2 / max(gradient.size - INFORMED * np.vdot(weights, before), 1.0))
+        return float(chi2 / max(gradient.size - INFORMED * float(np.vdot(weights, before)), 1.0))
 
 
 class _Innovations(NamedTuple):

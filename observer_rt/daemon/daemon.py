@@ -15,8 +15,7 @@ from observer_rt.daemon.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.daemon.input_watch import InputWatch, StateWatch
 from observer_rt.daemon.link_opening import buses_of
 from observer_rt.daemon.port import RETRY, Port
-from observer_rt.daemon.pump import FramePump
-from observer_rt.daemon.pump_memory import Latency
+from observer_rt.daemon.pump import FramePump, Latency
 from observer_rt.daemon.rights import drop_priority, touch
 from observer_rt.daemon.signal_watch import LIFT_MOVED
 from observer_rt.daemon.state_file import model_hash

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from observer_rt.bus.links.link import BusDownError, Frame, LinkDownError
 from observer_rt.config.bench import load_bench
 from observer_rt.core.frames.frames import LATENCIES, PUMP
-from observer_rt.daemon.pump_memory import latency_of
+from observer_rt.daemon.pump import latency_of
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError

@@ -221,7 +221,7 @@ cdef class FramePath:
 cdef class PumpLoop:
     """The pump's loop over sockets, with the buffers that the kernel fills.
 
-    memory (1,), buses (b,), errors (b ERRORS,), arrivals (a,): records of `daemon.pump_memory`; waiting (WAITING 72,).
+    memory (1,), buses (b,), errors (b ERRORS,), arrivals (a,): records of `daemon.pump.Pump`; waiting (WAITING 72,).
     """
 
     cdef Pumped pump

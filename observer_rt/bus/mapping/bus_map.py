@@ -1,16 +1,17 @@
-"""Mapping of an injector's bench file and bus databases to arrays: frames with samples, and frames with results."""
+"""Mapping of bench file and bus databases to arrays: frames with samples and with results, by injector."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import STANDARD_MASK
+from observer_rt.bus.can_frame import STANDARD_MASK, frame_key
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, locating
 from observer_rt.bus.database.lookup import INDEX_BITS, MessageLayout, from_unit, signal_names
 from observer_rt.bus.mapping import input_tables, output_messages
@@ -102,10 +103,10 @@ def map_bus(bench: Bench) -> BusMap:
 
     Raises `UserError` naming bench file, key and what the database has instead.
     """
-    return map_injector(bench.injector, BenchDatabases(bench))
+    return _map_injector(bench.injector, BenchDatabases(bench))
 
 
-def map_injector(injector: BenchInjector, databases: BenchDatabases) -> BusMap:
+def _map_injector(injector: BenchInjector, databases: BenchDatabases) -> BusMap:
     """Compile the mapping of one injector of a bench, whose `databases` are all injectors'.
 
     Raises `UserError` naming bench file, key and what the database has instead.
@@ -228,3 +229,73 @@ def _map_message(
         tables.streams.append((int(row["samples"]), sum(1 << input_tables.ROLES.index(role) for role in together)))
     tables.add_message(row, message, [group for groups in streams for group in groups])
     return list(streams.values())
+
+
+class KnownMessage(NamedTuple):
+    """A message that some database defines, for a bus; `key` as by `frame_key`."""
+
+    name: str
+    key: int
+    path: Path
+    bus: int
+
+
+@dataclass(frozen=True)
+class BenchMap:
+    """Messages and signals of all injectors of a bench file, compiled; `injectors` in its order."""
+
+    injectors: tuple[BusMap, ...]
+    database_messages: tuple[KnownMessage, ...]
+    """All messages of all databases, used or not."""
+    overlooked_faults: tuple[str, ...]
+    """Faults of databases that were read leniently."""
+
+    @cached_property
+    def received(self) -> tuple[MessageLayout, ...]:
+        """Every message that some injector reads something from, once."""
+        return _unique(layout for bus in self.injectors for layout in bus.received)
+
+    @cached_property
+    def sent(self) -> tuple[MessageLayout, ...]:
+        """Every message that some injector's results go out in, once."""
+        return _unique(layout for bus in self.injectors for layout in bus.sent)
+
+    @property
+    def layouts(self) -> tuple[MessageLayout, ...]:
+        """Every message received, then every one sent."""
+        return (*self.received, *self.sent)
+
+    def name_of(self, layout: MessageLayout) -> str:
+        """Name of a message and, where there are several, of its bus."""
+        return self.injectors[0].name_of(layout)
+
+
+def map_bench(bench: Bench) -> BenchMap:
+    """The mapping of all injectors, compiled. Raises `UserError` with file, key and what the database has instead."""
+    databases = BenchDatabases(bench)
+    return BenchMap(
+        tuple(_map_injector(injector, databases) for injector in bench.injectors),
+        tuple(
+            KnownMessage(message.name, frame_key(message.frame_id, message.is_extended_frame, bus), path, bus)
+            for path, (message, bus) in databases
+        ),
+        databases.overlooked_faults(),
+    )
+
+
+def shared_resources(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]:
+    """Messages, numbers and files that several injectors must not share but do, each with the injectors' names."""
+    owners: dict[str, list[str]] = {}
+    for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
+        for layout in bus.sent:
+            message = f"the message {mapped.name_of(layout)} 0x{layout.frame_id:X}"
+            owners.setdefault(message, []).append(injector.name)
+        owners.setdefault(f"outputs.injector_id = {injector.config.outputs.injector_id}", []).append(injector.name)
+        for key, file in (("file", injector.state), ("journal", injector.journal)):
+            if file is not None:
+                owners.setdefault(f"state.{key} = {file}", []).append(injector.name)
+    return ((resource, names) for resource, names in owners.items() if len(names) > 1)
+
+
+def _unique(layouts: Iterable[MessageLayout]) -> tuple[MessageLayout, ...]:
+    return tuple({(layout.name, layout.bus, layout.frame_id): layout for layout in layouts}.values())

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from observer_rt.bus.database.lookup import database_hash
-from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.daemon.keeper import kept_files
 from observer_rt.daemon.state_file import StateDoesNotFitError, load_knowledge, model_hash

@@ -8,8 +8,7 @@ import numpy as np
 from observer_rt.bus.can_frame import frame_time
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.opening import require_interface
-from observer_rt.bus.mapping.bench_map import BenchMap, shared_resources
-from observer_rt.bus.mapping.bus_map import timing_row
+from observer_rt.bus.mapping.bus_map import BenchMap, shared_resources, timing_row
 from observer_rt.bus.mapping.output_signals import RESULTS
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import RESULT_IDS

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.mapping.bench_map import KnownMessage
-from observer_rt.bus.mapping.bus_map import BusMap, layout_of, timing_row
+from observer_rt.bus.mapping.bus_map import BusMap, KnownMessage, layout_of, timing_row
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.role_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.bus.mapping.timing import LINE_SLOPE, TOLERANCE

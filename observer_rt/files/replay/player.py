@@ -12,8 +12,7 @@ from rich.console import Console
 
 from observer_rt.bus.links.link import FdFlags, Link, LinkDownError
 from observer_rt.bus.links.opening import first_heard, open_link, reconnect
-from observer_rt.bus.mapping.bench_map import map_bench
-from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.bus_map import map_bench, map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.engine.signal_survey import refuse_implausible

@@ -6,7 +6,7 @@ import pytest
 
 from observer_rt.bus.database.catalogue import load_database
 from observer_rt.bus.database.lookup import find_message, reserved_codes
-from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.bus.mapping.bus_map import BusMap, map_bench, map_bus, shared_resources
 from observer_rt.bus.mapping.output_messages import output_message, rate_message
 from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues, signals_of
 from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
@@ -14,6 +14,9 @@ from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import UNPROTECTED
 from observer_rt.foundation.errors import UserError
 from tests.benches import attributes, own_bench
+from tests.daemon.pulses import EnergizingBy as By
+from tests.daemon.pulses import pulse_bench
+from tests.two_injectors import two_injectors
 
 FD_DATABASE = PACKAGE_DATA / "observer_fd.dbc"
 CLASSIC_DATABASE = PACKAGE_DATA / "observer_classic.dbc"
@@ -194,3 +197,32 @@ def test_a_wrong_database_names_the_bench(tmp_path: Path, old: str, new: str, lo
         map_bus(load_bench(tmp_path / "bench.toml"))
     assert refused.value.location == f"{tmp_path / 'bench.toml'}: {location}"
     assert problem in refused.value.problem
+
+
+def test_a_message_that_both_read_stands_once_and_what_they_must_not_share_is_named(tmp_path: Path) -> None:
+    bench = load_bench(two_injectors(tmp_path))
+    mapped = map_bench(bench)
+    assert [{(layout.name, layout.bus) for layout in bus.input_layouts} for bus in mapped.injectors] == [
+        {("RailPressureBlock", 0), ("NeedleLiftBlock", bus), ("LinePressureBlock", bus)} for bus in (1, 2)
+    ]
+    assert [(layout.name, layout.bus) for layout in mapped.sent] == [
+        (name, bus) for bus in (1, 2) for name in ("InjectionRate", "InjectionSummary", "ObserverStatus")
+    ]
+    received = [(layout.name, layout.bus) for layout in mapped.received]
+    assert len(received) == len({*received}) == 5  # one rail pressure, two lifts and line pressures
+    assert [*shared_resources(bench, mapped)] == []
+    path = tmp_path / "two.toml"
+    text = path.read_text().replace("injector_id = 2", "injector_id = 1").replace('\nlink = "right"\ninj', "\ninj")
+    path.write_text(text)
+    bench = load_bench(path)
+    shared = dict(shared_resources(bench, map_bench(bench)))
+    assert shared == {"outputs.injector_id = 1": ["left", "right"]}
+
+
+@pytest.mark.parametrize(
+    ("lines", "index"), [(By.TIME, "PulseIndex"), (By.TIME_BY_STAMP, None), (By.LEVELS_IN_BLOCK, "SampleIndex")]
+)
+def test_commands_have_the_index_that_is_stated_or_usual(tmp_path: Path, lines: str, index: str | None) -> None:
+    (injector,) = map_bench(load_bench(pulse_bench(tmp_path, lines))).injectors
+    assert injector.energizing is not None
+    assert injector.energizing.index == index

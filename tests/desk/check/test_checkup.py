@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench
 from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.buses import expected_load

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.can_frame import frame_time
-from observer_rt.bus.mapping.bench_map import map_bench
-from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.bus_map import map_bench, map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.check.bench_rules import checkup
 from observer_rt.desk.check.buses import expected_load

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import tools.benchmarks.__main__  # noqa: F401
-from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate

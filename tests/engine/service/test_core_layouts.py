@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 from observer_rt.bus.can_frame import frame_key
-from observer_rt.bus.mapping.bench_map import map_bench
-from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.bus_map import map_bench, map_bus
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.core.frames.frames import SLOTS
 from observer_rt.engine.service.core import Core

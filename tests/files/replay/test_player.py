@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from observer_rt.bus.links.link import Frame, LinkDownError
-from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.config.bench import load_bench
 from observer_rt.files.replay import player
 from observer_rt.files.replay.framing import TimedFrame

@@ -13,7 +13,6 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
 from observer_rt.daemon.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.daemon.input_watch import InputWatch, StateWatch
-from observer_rt.daemon.link_opening import buses_of
 from observer_rt.daemon.port import RETRY, Port
 from observer_rt.daemon.pump import FramePump, Latency
 from observer_rt.daemon.rights import drop_priority, touch
@@ -101,7 +100,7 @@ class Daemon:
         port = self.ports[bus_map.sent[0].bus]  # of all results
         self._pump = FramePump(self._links, self.core, bus_map, self.arrivals, port.count_unsent, self._on_thread)
         self._latency = self._pump.latency
-        for idle in set(range(len(self.ports))) - buses_of(bus_map):
+        for idle in set(range(len(self.ports))) - bus_map.buses:
             self._pump.leave_out(idle)
         self.ready.set()
         try:

@@ -68,6 +68,11 @@ class BusMap:
         outputs = (self.rate, self.corrected, *self.results.values())
         return tuple(output.layout for output in outputs if output is not None)
 
+    @property
+    def buses(self) -> frozenset[int]:
+        """Numbers of the buses that something is read from or sent to."""
+        return frozenset(layout.bus for layout in (*self.received, *self.sent))
+
     def results_of(self, per_injection: bool) -> list[tuple[Any, output_messages.OutputMessage]]:
         """Messages of an injection, or those of a moment, each behind the table of its values."""
         kinds = ((RESULTS[key], message) for key, message in self.results.items())

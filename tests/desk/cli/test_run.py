@@ -14,7 +14,7 @@ import pytest
 
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
-from observer_rt.daemon import link_opening
+from observer_rt.daemon import injector_service
 from observer_rt.daemon.control_socket import Message, ask, socket_places
 from observer_rt.daemon.journal import read_journal
 from observer_rt.daemon.state_file import learned_beside, load_knowledge, model_hash, save_knowledge
@@ -249,7 +249,7 @@ def test_an_interface_that_is_not_there_is_waited_for(
     """At the start as later: a missing link is reported once, and the service begins as soon as it is there."""
     link = ScriptedLink(frames_of(bench, worn), RunError("that was it"))
     tries: list[str] = []
-    monkeypatch.setattr(link_opening, "REOPEN", 0.02)
+    monkeypatch.setattr(injector_service, "REOPEN", 0.02)
 
     def opened(_interface: str, channel: str, _fd: bool, wanted: list[tuple[int, bool]], *_: object) -> Link:
         tries.append(channel)
@@ -257,7 +257,7 @@ def test_an_interface_that_is_not_there_is_waited_for(
             raise LinkDownError(f"there is no interface {channel}\n  remedy: plug it in")
         return link if (BLOCK_ID, False) in wanted else FakeLink()
 
-    monkeypatch.setattr(link_opening, "open_link", opened)
+    monkeypatch.setattr(injector_service, "open_link", opened)
     outcome = command("run", "--bench", bench)
     assert outcome.code == 1
     channel = load_bench(bench).config.link.channel
@@ -276,7 +276,7 @@ def test_another_sender_is_told_before_anything_is_sent_and_what_check_warns_of_
         is_input = (BLOCK_ID, False) in wanted
         return ScriptedLink((), RunError("that was it")) if is_input else ScriptedLink([other])
 
-    monkeypatch.setattr(link_opening, "open_link", opened)
+    monkeypatch.setattr(injector_service, "open_link", opened)
     outcome = command("run", "--bench", bench)
     assert "WARNING sender: another node sends ObserverStatus 0x202 already; remedy: stop" in outcome.err
     assert outcome.err.index("sender:") < outcome.err.index("ready")

@@ -13,8 +13,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.config.signals import Role, as_sent
 from observer_rt.daemon.signal_watch import OUTSIDE_REMEDY
-from observer_rt.desk.evaluation.log_causes import DecodedLog, clocks_apart, odd_stamps, refusal
-from observer_rt.desk.evaluation.log_watch import LogWatch
+from observer_rt.desk.evaluation.log_causes import DecodedLog, LogWatch, clocks_apart, odd_stamps, refusal
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.channels import InputFrames, chosen_channels

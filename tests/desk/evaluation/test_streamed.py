@@ -11,11 +11,11 @@ import pytest
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.evaluation import samples
+from observer_rt.desk.evaluation import observer_run
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals
-from observer_rt.desk.evaluation.samples import HistorySamples
+from observer_rt.desk.evaluation.observer_run import HistorySamples
 from observer_rt.desk.evaluation.trace import Signal
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.signals.recording import OPTIONAL, Chunk, Recording
@@ -109,7 +109,7 @@ def test_what_is_remembered_does_not_grow(monkeypatch: pytest.MonkeyPatch) -> No
         sizes.append(self.held.size)
 
     monkeypatch.setattr(HistorySamples, "give", watched)
-    monkeypatch.setattr(samples, "LOOK_BACK", 4096)
+    monkeypatch.setattr(observer_run, "LOOK_BACK", 4096)
     recording = worn()
     assert recording.samples > 15_000
     streamed(Cut(recording, [0, recording.samples], 1000))

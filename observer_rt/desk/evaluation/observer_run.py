@@ -1,4 +1,4 @@
-"""Runs observer and nominal model over samples of many recordings, and keeps those that an injection may still need."""
+"""Runs observer and nominal model over samples of recordings, and keeps samples that an injection may still need."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator

@@ -10,7 +10,8 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from observer_rt.foundation.units import Floats
 
 FEWEST = 16  # numbers of an array that becomes a text; fewer are easier read as they are
 _EXACT, _ROOT = "exact", "root"
@@ -48,7 +49,7 @@ class ArrayTexts:
         return value
 
 
-def _text(array: NDArray[np.float64]) -> str:
+def _text(array: Floats) -> str:
     kind, data, size = _EXACT, array.astype("<f8"), array.shape[-1]
     if array.ndim > 1 and array.shape[-2] == size and np.array_equal(array, array.swapaxes(-1, -2)):
         with suppress(np.linalg.LinAlgError):  # not positive definite
@@ -58,7 +59,7 @@ def _text(array: NDArray[np.float64]) -> str:
     return f"{kind} {'x'.join(map(str, array.shape))} {b85encode(zlib.compress(data.tobytes())).decode()}"
 
 
-def _array(text: str) -> NDArray[np.float64]:
+def _array(text: str) -> Floats:
     kind, shown, data = text.split()
     shape = tuple(map(int, shown.split("x")))
     values = np.frombuffer(zlib.decompress(b85decode(data)), "<f4" if kind == _ROOT else "<f8").astype(np.float64)

@@ -30,7 +30,15 @@ from observer_rt.engine.service.nominal import ComparedRate, NominalInjection, R
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
 from observer_rt.foundation.errors import REMEDY
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS, NANOSECONDS
+from observer_rt.foundation.units import (
+    MEGAPASCAL,
+    MICROMETRE,
+    MILLIGRAM,
+    MILLISECOND,
+    MM3_PER_MS,
+    NANOSECONDS,
+    Floats,
+)
 
 LONGEST_WAIT = 1.0  # s that a client waits for news at the most
 _POLL_INTERVAL = 0.01  # s between two looks for news
@@ -136,7 +144,7 @@ class SnapshotKeeper:
     ) -> dict[str, NDArray[np.float32]]:
         chamber = report.surroundings.chamber_pressure or self._c.chamber_pressure
 
-        def pressure(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        def pressure(values: Floats) -> Floats:
             return (values * self._c.pressure_scale + chamber) / MEGAPASCAL
 
         courses = {"corrected_rate": report.corrected_rate, "corrected_rate_sigma": report.rate_sigma}

@@ -12,7 +12,6 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from observer_rt.core.stream.stream import FURTHEST_ZERO, MOST_CROSSTALK
@@ -26,6 +25,7 @@ from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import replacing
 from observer_rt.foundation.outputs import LEARNED_STATE, refuse_other_kind
 from observer_rt.foundation.records import Count, NotAsExpectedError, from_plain, kept_names, to_plain
+from observer_rt.foundation.units import Floats
 from observer_rt.foundation.version import __version__
 from observer_rt.model.parameters import InjectorParameters
 
@@ -64,7 +64,7 @@ class _Content:
     model_sha256: str
     columns: tuple[str, ...]
     phi_version: Count
-    in_force: NDArray[np.float64]
+    in_force: Floats
     state: Mapping[str, Any]
     lift: RestingLift
     arrays: tuple[str, ...]
@@ -316,7 +316,7 @@ def _doubt_of(knowledge: Knowledge) -> str | None:
     return None
 
 
-def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
+def _is_positive_definite(matrix: Floats) -> bool:
     try:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:

@@ -19,7 +19,7 @@ from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.mailbox import begin_with
 from observer_rt.engine.stream import state
 from observer_rt.engine.stream.standstill import Standstill, standstill_of
-from observer_rt.foundation.units import MILLISECOND
+from observer_rt.foundation.units import MILLISECOND, Floats
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import Clock, averaged, sensor_of
@@ -201,12 +201,12 @@ def energize(observer: state.Observer, number: int, start: int, length: float = 
     commands["count"] = max(int(commands["count"]), number + 1)
 
 
-def commands_at(observer: state.Observer, start: int, end: int) -> NDArray[np.float64]:
+def commands_at(observer: state.Observer, start: int, end: int) -> Floats:
     """Commands (k, 2) as of `Window` that begin in, or not long before, positions [start, end)."""
     commands = observer.memory[0]["commands"]
     kept = np.arange(max(int(commands["count"]) - core.COMMANDS, 0), int(commands["count"])) % core.COMMANDS
     first = observer.ring["index"][start % core.RING]
-    begun: NDArray[np.float64] = samples_between(first, commands["starts"][kept])
+    begun: Floats = samples_between(first, commands["starts"][kept])
     within = np.abs(begun) < end - start
     return np.column_stack((begun, begun + commands["lengths"][kept]))[within]
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE, Floats
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -56,7 +55,7 @@ class SignalSurvey:
     change: float = 0.0
     """Sum of the changes from sample to sample, without their signs."""
 
-    def take(self, values: NDArray[np.float64]) -> None:
+    def take(self, values: Floats) -> None:
         """Go on with further samples (n,)."""
         is_there = ~np.isnan(values)
         present = values[is_there]
@@ -93,13 +92,13 @@ class Openings:
     through one of the levels, wherever the dead band is.
     """
 
-    _LEVELS: NDArray[np.float64] = np.array([2e-6 * 2.0**i for i in range(11)])  # m
+    _LEVELS: Floats = np.array([2e-6 * 2.0**i for i in range(11)])  # m
 
     def __init__(self) -> None:
         self._counts = np.zeros(self._LEVELS.size, np.int64)
         self._last = 0.0
 
-    def take(self, lift: NDArray[np.float64]) -> None:
+    def take(self, lift: Floats) -> None:
         """Go on with further samples (n,) [m]; those that are NaN are passed over."""
         values = lift[~np.isnan(lift)]
         before = np.append(self._last, values[:-1])[: values.size]
@@ -123,7 +122,7 @@ class Survey:
     swapped_in_part: bool = False
     """Whether rail and line pressure are `swapped` within samples that were taken together."""
 
-    def take_together(self, signals: Mapping[str, NDArray[np.float64]]) -> None:
+    def take_together(self, signals: Mapping[str, Floats]) -> None:
         """Go on with further samples (n,) of several signals, taken at the same times."""
         part = Survey()
         for name, values in signals.items():
@@ -131,7 +130,7 @@ class Survey:
             part.take(name, values)
         self.swapped_in_part |= swapped(part) is not None
 
-    def take(self, name: str, values: NDArray[np.float64]) -> None:
+    def take(self, name: str, values: Floats) -> None:
         """Go on with further samples (n,) of a signal."""
         self.signals.setdefault(name, SignalSurvey()).take(values)
         if name == "needle_lift":

@@ -32,7 +32,7 @@ from observer_rt.config.signals import (
 )
 from observer_rt.core.frames.frames import OPTIONAL_INPUT, Joining, Numbering, carries, encode_signals
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECONDS, TIME_UNITS, factor_of
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECONDS, TIME_UNITS, Floats, factor_of
 from observer_rt.model.surroundings import Surroundings
 
 NO_UNITS = ("", "-", "1")  # of a level
@@ -88,7 +88,7 @@ class EnergizingLayout(input_tables.OptionalInput):
         """Whether start and end of the energizing are known to the sample, unlike those of a level sent seldom."""
         return self.index is not None and (not self.is_level or len(self.names) > 1 or self.cycle is None)
 
-    def reading(self, values: NDArray[np.float64], stamp: int, follows: bool) -> "EnergizingSignal":
+    def reading(self, values: Floats, stamp: int, follows: bool) -> "EnergizingSignal":
         """Reading of a frame received at `stamp` [ns]; values: by the table, SI; follows: see `EnergizingSignal`."""
         return EnergizingSignal(
             None if self.index is None else int(values[0]),
@@ -105,7 +105,7 @@ class EnergizingSignal(NamedTuple):
     """Index of its first sample, modulo 2^32; None: the message has none."""
     taken: int
     """Time at which its last sample was taken, by the clock of the stamps [ns]."""
-    values: NDArray[np.float64]
+    values: Floats
     """(samples,) levels, or the duration [s]; nan: not available."""
     follows: bool | None
     """Whether no frame was lost since the reading before, by the E2E protection; None: without protection."""

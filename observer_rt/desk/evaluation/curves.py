@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from observer_rt.core.model.needle import NeedleStroke, lift_of_stroke
-from observer_rt.desk.evaluation.trace import InjectionSamples, Signal, trace_of
+from observer_rt.desk.evaluation.trace import InjectionSamples, trace_of
 from observer_rt.engine.estimation.parameters import NEEDLE_LAW, SCALARS, ShownIndicator
 from observer_rt.engine.reports.indicators import Estimate
 from observer_rt.engine.reports.injection_report import FIELDS, MASS_BOUND, Field, InjectionReport, Output
@@ -36,14 +36,14 @@ class RateCurves:
     """Rates of one injection [m3/s] over time [s]."""
 
     title: str
-    time: Signal
-    estimated: Signal
-    nominal: Signal
-    reference: Signal | None  # what the estimate is compared with, if anything
-    sigma: Signal | None = None  # standard deviation of the estimated rate
-    corrected: Signal | None = None  # rate by the injection's own pressures, where known
-    line: tuple[Signal, Signal] | None = None  # line pressure [Pa] measured, and observed open loop
-    lift: tuple[Signal, str] | None = None  # [m], learned where it is not recorded; what else was learned, in words
+    time: Floats
+    estimated: Floats
+    nominal: Floats
+    reference: Floats | None  # what the estimate is compared with, if anything
+    sigma: Floats | None = None  # standard deviation of the estimated rate
+    corrected: Floats | None = None  # rate by the injection's own pressures, where known
+    line: tuple[Floats, Floats] | None = None  # line pressure [Pa] measured, and observed open loop
+    lift: tuple[Floats, str] | None = None  # [m], learned where it is not recorded; what else was learned, in words
 
 
 def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:
@@ -75,7 +75,7 @@ def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficie
     )
 
 
-def _learned_lift(report: InjectionReport, stroke: NeedleStroke, time: Signal, c: Coefficients) -> tuple[Signal, str]:
+def _learned_lift(report: InjectionReport, stroke: NeedleStroke, time: Floats, c: Coefficients) -> tuple[Floats, str]:
     """Lift [m] at times (n,) [s] in the window, and delays, speeds and landing, with 95 % intervals, in words."""
     learned = [shown for column, shown in SCALARS.shown() if column in NEEDLE_LAW.columns]
     lines = [in_words(shown, report.indicators[shown.effect], c) for shown in learned]

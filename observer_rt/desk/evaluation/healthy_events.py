@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench, BenchInjector, load_bench
 from observer_rt.config.injector_sections import Meaning, SamplingConfig
@@ -28,6 +27,7 @@ from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Floats
 from observer_rt.model.baseline import Baseline, HealthyRemainder, HealthyShape, PhaseFigures
 from observer_rt.model.parameters import InjectorParameters
 
@@ -43,7 +43,7 @@ class _HealthyEvent:
     setting: Setting
     sigma: float  # of the innovations [p_0]
     theta: Theta  # (m,) of the healthy injector, its sensor's offset as at rest
-    covariance: NDArray[np.float64]  # (m, m) of the belief before the event
+    covariance: Floats  # (m, m) of the belief before the event
 
     def cost(self, shape: HealthyShape | None = None) -> EventCost:
         """Cost of the event, the shape taken out."""
@@ -134,7 +134,7 @@ def _remainder(collected: Sequence[Sequence[_HealthyEvent]]) -> HealthyRemainder
     )
 
 
-def _innovations(event: _HealthyEvent) -> tuple[EventStretch, NDArray[np.float64]]:
+def _innovations(event: _HealthyEvent) -> tuple[EventStretch, Floats]:
     """Normalised, an outlier counting for little."""
     setting, cost = event.setting, event.cost()
     z = np.clip(cost.innovations(event.theta) / event.sigma, -OUTLIER, OUTLIER)

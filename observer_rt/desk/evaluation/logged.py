@@ -22,7 +22,7 @@ from observer_rt.files.signals.recording import COMPANION_SUFFIXES, Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import first_of
+from observer_rt.foundation.units import Floats, first_of
 
 LARGEST_HOLE = 1 << 28  # samples between two that came
 
@@ -162,7 +162,7 @@ class LoggedSignals(SignalStream):
             stop = min(end, start + SAMPLES_AT_ONCE)
             here = received & (position >= start) & (position < stop)
 
-            def signal(values: NDArray[np.float64]) -> NDArray[np.float64]:
+            def signal(values: Floats) -> Floats:
                 placed = np.full(stop - start, np.nan)  # noqa: B023 - called at once
                 placed[position[here] - start] = values[here]  # noqa: B023
                 return placed
@@ -171,15 +171,15 @@ class LoggedSignals(SignalStream):
             rail, line = (signal(self._pressure(rows, name)) for name in ("rail_pressure", "line_pressure"))
             yield Chunk(time, rail, signal(lift), line, None, self.path, self.sample_rate, number, start)
 
-    def _signals(self, rows: NDArray[np.void]) -> dict[Role, NDArray[np.float64]]:
+    def _signals(self, rows: NDArray[np.void]) -> dict[Role, Floats]:
         """Signals [SI] of the samples that came; the lift before its interpolation."""
         came = rows[~rows["interpolated"]]
         pressures = {role: self._pressure(came, role) for role in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE)}
         return {**pressures, Role.NEEDLE_LIFT: came["needle_lift"]} if self.has_lift else pressures
 
-    def _pressure(self, rows: NDArray[np.void], name: str) -> NDArray[np.float64]:
+    def _pressure(self, rows: NDArray[np.void], name: str) -> Floats:
         c = self._coefficients
-        pressure: NDArray[np.float64] = rows[name] * c.pressure_scale + c.chamber_pressure
+        pressure: Floats = rows[name] * c.pressure_scale + c.chamber_pressure
         return pressure
 
 

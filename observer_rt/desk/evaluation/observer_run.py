@@ -13,7 +13,7 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals
-from observer_rt.desk.evaluation.trace import SAMPLE, InjectionSamples, Signal, Trace, trace_of, unknown
+from observer_rt.desk.evaluation.trace import SAMPLE, InjectionSamples, Trace, trace_of, unknown
 from observer_rt.engine.observer import energize
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass, News
@@ -24,6 +24,7 @@ from observer_rt.engine.stream.state import Observer
 from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, cut
+from observer_rt.foundation.units import Floats
 from observer_rt.model.surroundings import Surroundings
 
 PIECE = 5e-3  # s of a recording, in which the surroundings are the same
@@ -49,7 +50,7 @@ class Run:
         """Number after its last sample."""
         return self.number + self.samples
 
-    def times(self, numbers: NDArray[np.int64]) -> Signal:
+    def times(self, numbers: NDArray[np.int64]) -> Floats:
         """Times [s] (n,) of samples by their numbers, where a log brings no times of its own."""
         return np.asarray(self.start + (self.offset + numbers - self.number) / self.rate)
 
@@ -76,14 +77,14 @@ class HistorySamples:
         run.number = self._runs[-1].end if self._runs else 0
         self._runs.append(run)
 
-    def give(self, first: int, time: Signal, measured_rate: Signal | None) -> None:
+    def give(self, first: int, time: Floats, measured_rate: Floats | None) -> None:
         """Append samples of a recording, (n,), from that number of the last run on."""
         samples = unknown(self._runs[-1].number + first, time)
         if measured_rate is not None:
             samples.measured_rate = measured_rate
         self._append(samples)
 
-    def note(self, observer: Observer, position: int, index: NDArray[np.int64], nominal: Signal) -> None:
+    def note(self, observer: Observer, position: int, index: NDArray[np.int64], nominal: Floats) -> None:
         """Take what the observer made of samples, the first of them at a position of its stream.
 
         index (n,): those they were sent with; nominal [m3/s] (n,): rate of the nominal model.
@@ -105,7 +106,7 @@ class HistorySamples:
             places = np.searchsorted(self.held.number, numbers)
             self._note(observer, (position + first + inside) % RING, places, nominal[first + inside])
 
-    def _note(self, observer: Observer, rows: NDArray[np.int64], places: NDArray[np.int64], nominal: Signal) -> None:
+    def _note(self, observer: Observer, rows: NDArray[np.int64], places: NDArray[np.int64], nominal: Floats) -> None:
         """Copy rows (k,) of the observer's ring to the places (k,) of their samples."""
         ring, trace = observer.ring, self.held
         trace.line_pressure[places] = np.where(ring["interpolated"][rows], np.nan, ring["line_pressure"][rows])

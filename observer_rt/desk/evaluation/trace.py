@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.stream.state import State
 from observer_rt.files.signals.table_writers import TABLE_WRITERS, TableWriter, WrittenColumn
-from observer_rt.foundation.units import MM3_PER_MS
+from observer_rt.foundation.units import MM3_PER_MS, Floats
 
-Signal = NDArray[np.float64]
 SUFFIXES = tuple(TABLE_WRITERS)
 TRACE_SUFFIX = ".trace.csv"  # added to a recording's name, in a folder
 NUMBER = "%.9g"
@@ -71,7 +70,7 @@ def trace_of(samples: NDArray[np.void]) -> Trace:
     return samples.view(np.recarray)
 
 
-def unknown(first: int, time: Signal) -> Trace:
+def unknown(first: int, time: Floats) -> Trace:
     """Samples (n,) from a number on, at these times [s] (n,), all else of them unknown."""
     trace = trace_of(np.repeat(UNKNOWN, time.size))
     trace.number, trace.time = np.arange(first, first + time.size), time

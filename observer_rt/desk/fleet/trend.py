@@ -14,7 +14,6 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-from numpy.typing import NDArray
 from rich.table import Table
 from scipy.optimize import brentq
 from scipy.stats import t as student
@@ -23,8 +22,8 @@ from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern, TimeFrom
 from observer_rt.engine.reports.injection_report import WEAR
 from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Floats
 
-Signal = NDArray[np.float64]
 FEWEST = 4  # recordings that a line is made of
 QUANTITIES = tuple(indicator.name.partition("_")[0] for indicator in WEAR)
 _SIGMAS, _LEAST_SIGMA = 1.959964, 1e-4  # standard deviations of a recording's 95 % interval; of its value
@@ -60,12 +59,12 @@ class Limit(NamedTuple):
 class WearLine(NamedTuple):
     """Change of flow by days since the first recording."""
 
-    days: Signal  # (n,)
-    coefficients: Signal  # (2,) change a day, and on day 0
-    spread: Signal  # (2, 2) their covariance, times the squared 95 % quantile
+    days: Floats  # (n,)
+    coefficients: Floats  # (2,) change a day, and on day 0
+    spread: Floats  # (2, 2) their covariance, times the squared 95 % quantile
 
     @classmethod
-    def of(cls, days: Signal, value: Signal, half: Signal) -> Self:
+    def of(cls, days: Floats, value: Floats, half: Floats) -> Self:
         """Through values with 95 % intervals of these halves, all (n,), n >= `FEWEST`, at rising days.
 
         What values scatter beyond their intervals is added to the variance of each, so that chi squared is its
@@ -73,7 +72,7 @@ class WearLine(NamedTuple):
         """
         variance, freedom = np.maximum(half / _SIGMAS, _LEAST_SIGMA) ** 2, days.size - 2
 
-        def fit(scatter: float) -> tuple[Signal, Signal, float]:
+        def fit(scatter: float) -> tuple[Floats, Floats, float]:
             weight = 1.0 / np.sqrt(variance + scatter)
             line, covariance = np.polyfit(days, value, 1, w=weight, cov="unscaled")
             return line, covariance, float(np.sum((weight * (value - np.polyval(line, days))) ** 2)) - freedom
@@ -83,7 +82,7 @@ class WearLine(NamedTuple):
         line, covariance, _ = fit(scatter)
         return cls(days, line, covariance * student.ppf(0.975, freedom) ** 2)
 
-    def at(self, days: Signal) -> tuple[Signal, Signal]:
+    def at(self, days: Floats) -> tuple[Floats, Floats]:
         """Levels and halves of their 95 % intervals, as days (k,)."""
         design = np.vander(days, 2)
         return design @ self.coefficients, np.sqrt(((design @ self.spread) * design).sum(axis=1))
@@ -105,8 +104,8 @@ class WearLine(NamedTuple):
 class Course(NamedTuple):
     """A change of flow at recordings, and halves of its 95 % intervals, (n,); line: None of fewer than `FEWEST`."""
 
-    value: Signal
-    half: Signal
+    value: Floats
+    half: Floats
     line: WearLine | None
 
     @property

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from rich.table import Table
 
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.foundation.console import plain_table
+from observer_rt.foundation.units import Floats
 from observer_rt.model.effective import Coefficients
 
 
@@ -27,9 +27,9 @@ class Estimator(StrEnum):
 class EstimatorCurves(NamedTuple):
     """One injection as an estimator sees it, n samples: x3, phi (n, 3) [1/s], rate [m3/s]."""
 
-    x_3: NDArray[np.float64]
-    phi: NDArray[np.float64]
-    rate: NDArray[np.float64]
+    x_3: Floats
+    phi: Floats
+    rate: Floats
 
 
 class WearCase(NamedTuple):
@@ -39,7 +39,7 @@ class WearCase(NamedTuple):
     """
 
     nozzle_wear: float
-    time: NDArray[np.float64]
+    time: Floats
     truth: EstimatorCurves
     estimates: dict[Estimator, EstimatorCurves]
 

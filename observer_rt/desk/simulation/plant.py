@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.model import Model, Terms, Weights, rest_state
 from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.core.plant.plant import run_injector
+from observer_rt.foundation.units import Floats
 from observer_rt.model.effective import EffectiveModel, SensorTerms
 from observer_rt.model.network import constant_network
 from observer_rt.model.stability import fastest_rate
@@ -29,24 +29,24 @@ Progress = Callable[[float], None]
 class Truth:
     """Noise-free signals of the simulated injector at the sample times, SI, every array of shape (n,)."""
 
-    time: NDArray[np.float64]
-    injection_rate: NDArray[np.float64]
-    needle_lift: NDArray[np.float64]
-    rail_pressure: NDArray[np.float64]
-    line_pressure: NDArray[np.float64]
-    sac_pressure: NDArray[np.float64]
-    line_flow: NDArray[np.float64]
+    time: Floats
+    injection_rate: Floats
+    needle_lift: Floats
+    rail_pressure: Floats
+    line_pressure: Floats
+    sac_pressure: Floats
+    line_flow: Floats
     """Q_L into the closed end of the line [m3/s]."""
-    recorded_line_pressure: NDArray[np.float64]
+    recorded_line_pressure: Floats
     """Line pressure [Pa] as a slow sensor and late recording give it, without its offset."""
 
 
 class _Conditions(NamedTuple):
     """The problem that is integrated, in the order of `run_injector`; rows of `strokes` are `NeedleStroke`."""
 
-    time: NDArray[np.float64]  # s
-    rail: NDArray[np.float64]  # p_0
-    strokes: NDArray[np.float64]
+    time: Floats  # s
+    rail: Floats  # p_0
+    strokes: Floats
     steps: int  # from sample to sample
     bounce: float  # m
     model: Model
@@ -58,17 +58,17 @@ class _Conditions(NamedTuple):
 class _Records(NamedTuple):
     """Samples that `run_injector` fills, in its order."""
 
-    states: NDArray[np.float64]  # (n, 3), normalised
-    lift: NDArray[np.float64]  # m
-    rate: NDArray[np.float64]  # m3/s
-    line_pressure: NDArray[np.float64]  # p_0, as recorded
+    states: Floats  # (n, 3), normalised
+    lift: Floats  # m
+    rate: Floats  # m3/s
+    line_pressure: Floats  # p_0, as recorded
 
 
 def run_plant(
     model: EffectiveModel,
     strokes: Sequence[NeedleStroke],
-    time: NDArray[np.float64],
-    rail_pressure: NDArray[np.float64],
+    time: Floats,
+    rail_pressure: Floats,
     progress: Progress | None = None,
     bounce: float = 0.0,
 ) -> Truth:

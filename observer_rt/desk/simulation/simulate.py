@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.effects import effect_named, parameter_named, value_in_bounds
 from observer_rt.desk.simulation.plant import Progress, Truth, run_plant
@@ -20,6 +19,7 @@ from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording, shown_s
 from observer_rt.files.signals.table_writers import TRUTH, CsvWriter
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.files import replacing
+from observer_rt.foundation.units import Floats
 from observer_rt.model.effect import EffectParameter, SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model, sized
@@ -39,7 +39,7 @@ class Quantisation(NamedTuple):
     multiple: float
     divisor: float
 
-    def apply(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def apply(self, values: Floats) -> Floats:
         """Nearest values the bus can carry, clipped to its range; shape (n,)."""
         steps = np.rint(values * (self.divisor / self.multiple))
         return np.clip(steps, self.lowest, self.lowest + HIGHEST_CODE) * self.multiple / self.divisor
@@ -103,7 +103,7 @@ def truth_path(recording: Path) -> Path:
     return recording.with_name(recording.name + TRUTH_SUFFIX)
 
 
-def printed_truth(truth: Truth) -> dict[str, NDArray[np.float64]]:
+def printed_truth(truth: Truth) -> dict[str, Floats]:
     """Columns of the truth by their headings, in the units that these name."""
     return {column.header: getattr(truth, column.channel) / column.factor for column in TRUTH}
 

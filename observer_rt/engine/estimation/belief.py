@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.gating import search_subsets
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.engine.estimation.parameters import Gate
+from observer_rt.foundation.units import Floats
 
 _EXACTLY = 1e-14  # variance of a held parameter
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+Vector = Floats
+Matrix = Floats
 ENTER = 16.0  # gain of chi2 (4 sigma) from which on a scalar is active
 STAY = 6.25  # the same (2.5 sigma) of one that is active already
 ALIKE = 60.0  # the same of one that looks like another that is active

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import FIRST_OF_SEAT, SENSOR_NUMBERS
 from observer_rt.core.model.needle import NEEDLE_NUMBERS
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MM3_PER_MS, Floats
 from observer_rt.model.effective import LAG_UNIT, LIFT_UNIT, Coefficients
 from observer_rt.model.hydraulics import CONTROL_REFERENCE, Valve
 from observer_rt.model.line import stiffened
@@ -30,7 +30,7 @@ from observer_rt.model.network import (
 )
 from observer_rt.model.tangent import ByTheta
 
-Theta = NDArray[np.float64]
+Theta = Floats
 """A parameter vector, as wide as its table: (m,)."""
 
 NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset"
@@ -126,9 +126,9 @@ class Numbers(NamedTuple):
     """Columns of theta that are the numbers of an element's law, and SI sizes of theta = 1, of pressures in p_0."""
 
     columns: NDArray[np.int64]
-    sizes: NDArray[np.float64]
+    sizes: Floats
 
-    def of(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def of(self, theta: Floats) -> Floats:
         """The numbers in a parameter vector (m,)."""
         return np.asarray(theta[self.columns] * self.sizes)
 
@@ -185,24 +185,24 @@ class Scalars:
         rows = sorted(self.rows, key=attrgetter("turn"))
         return tuple((row.column, row.change) for row in rows if row.change is not None)
 
-    def of_line(self, theta: NDArray[np.float64]) -> tuple[float, ...]:
+    def of_line(self, theta: Floats) -> tuple[float, ...]:
         """Entries of theta (m,) that change line and guide, in the order of `laws`."""
         values = theta.tolist()
         return tuple([values[column] for column, _ in self.laws])
 
-    def prior(self, pressure_scale: float) -> NDArray[np.float64]:
+    def prior(self, pressure_scale: float) -> Floats:
         """Standard deviations before any event; pressure_scale p_0 [Pa], as below."""
         return self._vector(attrgetter("prior"), pressure_scale)
 
-    def drift(self, pressure_scale: float) -> NDArray[np.float64]:
+    def drift(self, pressure_scale: float) -> Floats:
         """Standard deviations of the change from event to event."""
         return self._vector(attrgetter("drift"), pressure_scale)
 
-    def longest_step(self, pressure_scale: float) -> NDArray[np.float64]:
+    def longest_step(self, pressure_scale: float) -> Floats:
         """Longest steps of one iteration."""
         return self._vector(attrgetter("longest_step"), pressure_scale)
 
-    def bounds(self, pressure_scale: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self, pressure_scale: float) -> tuple[Floats, Floats]:
         """Lowest and highest admissible theta."""
         lowest = self._vector(lambda row: row.bounds[0], pressure_scale)
         return lowest, self._vector(lambda row: row.bounds[1], pressure_scale)
@@ -232,7 +232,7 @@ class Scalars:
         """Columns that change with these."""
         return tuple(row.column + i for row in self.rows if row.origin in origins for i in range(row.columns))
 
-    def _vector(self, figure: Callable[[Scalar], float], pressure_scale: float) -> NDArray[np.float64]:
+    def _vector(self, figure: Callable[[Scalar], float], pressure_scale: float) -> Floats:
         result = np.zeros(self.width)
         for row in self.rows:
             result[row.column : row.column + row.columns] = figure(row) / row.counted.unit(pressure_scale)
@@ -381,7 +381,7 @@ NOZZLE_LAW, SENSOR_LAW, VALVE_LAW, NEEDLE_LAW = map(SCALARS.numbers, Element)
 EVERY = np.arange(PARAMETERS)
 
 
-def with_gain(vector: NDArray[np.float64], gain: float) -> NDArray[np.float64]:
+def with_gain(vector: Floats, gain: float) -> Floats:
     """The vector (m,) itself, its entry for the line-pressure sensor's gain raised in place to `gain` at least."""
     vector[Parameter.LINE_PRESSURE_GAIN] = max(vector[Parameter.LINE_PRESSURE_GAIN], gain)
     return vector
@@ -404,9 +404,9 @@ class LearnedModel(NamedTuple):
     network: Network
     coefficients: Coefficients
     offset: float
-    sensor: NDArray[np.float64]  # (SENSOR_NUMBERS,): lag [s], gain over the rail sensor's
+    sensor: Floats  # (SENSOR_NUMBERS,): lag [s], gain over the rail sensor's
     lift_delay: float = 0.0  # s, by which the lift is recorded late; the stream does not undo it
-    needle: NDArray[np.float64] = np.zeros(NEEDLE_NUMBERS)  # (NEEDLE_NUMBERS,) of its law, if no lift is recorded
+    needle: Floats = np.zeros(NEEDLE_NUMBERS)  # (NEEDLE_NUMBERS,) of its law, if no lift is recorded
 
 
 def nothing_learned(c: Coefficients) -> LearnedModel:
@@ -414,17 +414,17 @@ def nothing_learned(c: Coefficients) -> LearnedModel:
     return LearnedModel(constant_network(), c, 0.0, np.zeros(SENSOR_NUMBERS))
 
 
-def learned_of(theta: NDArray[np.float64], c: Coefficients) -> LearnedModel:
+def learned_of(theta: Floats, c: Coefficients) -> LearnedModel:
     """Meaning of a parameter vector (m,) on a model without it; cached: no caller may write into its arrays."""
     return _meaning(theta.tobytes(), c.line, c)
 
 
-def sensor_lag(theta: NDArray[np.float64]) -> float:
+def sensor_lag(theta: Floats) -> float:
     """The lag tau of the line-pressure sensor [s] in a parameter vector (m,)."""
     return float(theta[Parameter.SENSOR_LAG]) * LAG_UNIT
 
 
-def network_of(theta: NDArray[np.float64]) -> Network:
+def network_of(theta: Floats) -> Network:
     """The network in a parameter vector (m,)."""
     network = network_with(theta[WEIGHTS])
     network.bias[0], network.bias[1] = theta[_NOZZLE], theta[_SEAT]
@@ -432,9 +432,7 @@ def network_of(theta: NDArray[np.float64]) -> Network:
     return network
 
 
-def by_theta(
-    theta: NDArray[np.float64], c: Coefficients, columns: NDArray[np.int64] = EVERY, shots: int = 0
-) -> ByTheta:
+def by_theta(theta: Floats, c: Coefficients, columns: NDArray[np.int64] = EVERY, shots: int = 0) -> ByTheta:
     """Action of theta (m,) on a model without it: columns of the parameters, and slopes of the line by complex steps.
 
     columns (k,): of theta, by which a tangent is wanted: its first ones; shots: of an event, whose delays come next.

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning import phases as core
+from observer_rt.foundation.units import Floats
 
 EDGE = 0.3e-3  # s after the needle leaves its seat, and before it is back on it
 AFTERGLOW = 0.05e-3  # s after it is shut that still count as closing
 BLOCKS = (8, 20)  # samples in a block; means of blocks show a colour that single samples hide
 _BLOCKS = np.array(BLOCKS)
 _FEWEST = 1e-300  # of samples or blocks, so that none is divided by 0
-Sums = TypeVar("Sums", float, NDArray[np.float64])
+Sums = TypeVar("Sums", float, Floats)
 
 
 class Phase(IntEnum):
@@ -52,10 +53,10 @@ class PhaseStatistics:
     The sum of squares over their number is 1 for an adequate model.
     """
 
-    squares: NDArray[np.float64]  # (PHASES,)
-    samples: NDArray[np.float64]  # (PHASES,)
-    block_squares: NDArray[np.float64]  # (PHASES, len(BLOCKS))
-    blocks: NDArray[np.float64]  # (PHASES, len(BLOCKS))
+    squares: Floats  # (PHASES,)
+    samples: Floats  # (PHASES,)
+    block_squares: Floats  # (PHASES, len(BLOCKS))
+    blocks: Floats  # (PHASES, len(BLOCKS))
 
     def faded(self, factor: float, newer: "PhaseStatistics") -> "PhaseStatistics":
         """Statistics weighted by `factor`, and newer ones added."""
@@ -75,24 +76,24 @@ class PhaseStatistics:
             self.blocks,
         )
 
-    def relative_to(self, variance: NDArray[np.float64], colour: NDArray[np.float64]) -> "PhaseStatistics":
+    def relative_to(self, variance: Floats, colour: Floats) -> "PhaseStatistics":
         """Statistics with squares divided by `variance` (PHASES,) and `colour` (PHASES, len(BLOCKS))."""
         return PhaseStatistics(self.squares / variance, self.samples, self.block_squares / colour, self.blocks)
 
     @cached_property
-    def quotients(self) -> NDArray[np.float64]:
+    def quotients(self) -> Floats:
         """Mean squares (PHASES, 1 + len(BLOCKS)) of samples, and of scaled means of blocks; 1 without any."""
         sums, counts = self._sums
         return np.where(counts > 0.0, sums / np.maximum(counts, _FEWEST), 1.0)
 
     @cached_property
-    def deviates(self) -> NDArray[np.float64]:
+    def deviates(self) -> Floats:
         """`deviate` (PHASES, 1 + len(BLOCKS)) of the same sums; 0 without any."""
         sums, counts = self._sums
         return np.where(counts > 0.0, deviate(sums, np.maximum(counts, _FEWEST)), 0.0)
 
     @property
-    def _sums(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _sums(self) -> tuple[Floats, Floats]:
         sums = np.concatenate((self.squares[:, None], self.block_squares), axis=1)
         return sums, np.concatenate((self.samples[:, None], self.blocks), axis=1)
 
@@ -104,7 +105,7 @@ class PhaseStatistics:
         """Largest mean square of scaled block means over the block lengths, 1 without blocks."""
         return float(self.quotients[phase, 1:].max())
 
-    def excess_beyond(self, colour: float, variance: NDArray[np.float64]) -> NDArray[np.float64]:
+    def excess_beyond(self, colour: float, variance: Floats) -> Floats:
         """`excess` (PHASES,) where the colour is above a limit or the variance above one (PHASES,); 0 elsewhere."""
         quotients = self.quotients
         is_beyond = (quotients[:, 0] > variance) | (quotients[:, 1:].max(axis=1) > colour)
@@ -126,7 +127,7 @@ def no_statistics() -> PhaseStatistics:
 
 
 def phase_statistics(
-    innovations: NDArray[np.float64],
+    innovations: Floats,
     sigma: float,
     phases: NDArray[np.int8],
     first: int,
@@ -155,7 +156,7 @@ def phase_statistics(
     return result
 
 
-def _capped(sums: NDArray[np.float64], deviate: float, count: NDArray[np.float64]) -> NDArray[np.float64]:
+def _capped(sums: Floats, deviate: float, count: Floats) -> Floats:
     """Sums of `count` squares, at most those whose `deviate` is `deviate` (but for counts below 1)."""
     variance = 2.0 / (9.0 * np.maximum(count, 1.0))
     return np.minimum(sums, count * (1.0 - variance + deviate * np.sqrt(variance)) ** 3)

@@ -15,7 +15,7 @@ from observer_rt.core.model.model import SENSOR_NUMBERS
 from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, NeedleStroke, commanded_areas, stroke_of
 from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.engine.estimation.parameters import EVERY, SENSOR_LAW, LearnedModel, Parameter, by_theta, learned_of
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, Floats
 from observer_rt.model.effective import LAG_UNIT, NO_CLOCK, NO_PROGRAM, Clock, Coefficients
 from observer_rt.model.hydraulics import CONTROL_REFERENCE
 from observer_rt.model.tangent import ByTheta, Tangent, tangent_of
@@ -162,7 +162,7 @@ def smoothing_of(interval: float) -> float:
     return max(SMOOTHED_BY, interval)
 
 
-def smoothed(rail: NDArray[np.float64], interval: float, late: float = 0.0) -> NDArray[np.float64]:
+def smoothed(rail: Floats, interval: float, late: float = 0.0) -> Floats:
     """Rail pressure (n,) at samples of an interval [s], smoothed, of a channel that records it `late` samples late.
 
     The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass unchanged.
@@ -178,17 +178,17 @@ def smoothed(rail: NDArray[np.float64], interval: float, late: float = 0.0) -> N
 class Window(NamedTuple):
     """Consecutive samples round one event, normalised by (24); n samples."""
 
-    inputs: NDArray[np.float64]  # (n, 2) u = [p_R, A_S]
-    output: NDArray[np.float64]  # (n,) y, moved by the whole samples it is recorded late
+    inputs: Floats  # (n, 2) u = [p_R, A_S]
+    output: Floats  # (n,) y, moved by the whole samples it is recorded late
     resting: NDArray[np.bool_]  # (n,) needle shut so long that p_S = p_C
-    start: NDArray[np.float64]  # (states + 1,) x~ and the indicated pressure at the first sample
+    start: Floats  # (states + 1,) x~ and the indicated pressure at the first sample
     opening: int  # index of the first sample with an open needle
-    knots: NDArray[np.float64] = NO_KNOTS  # bends (n, 2) of the area as in `model.advance_over`; (0, 2): none
+    knots: Floats = NO_KNOTS  # bends (n, 2) of the area as in `model.advance_over`; (0, 2): none
     masked: NDArray[np.bool_] = np.empty(0, np.bool_)  # (n,) y is an outlier and does not count; (0,): none is
     clock: Clock = NO_CLOCK  # time and openings up to the first sample
-    commands: NDArray[np.float64] = NO_COMMANDS  # (k, 2) first samples with and without energizing; inf: unknown
+    commands: Floats = NO_COMMANDS  # (k, 2) first samples with and without energizing; inf: unknown
     needle: NeedleLaw | None = None  # answers the commands; None: its lift is recorded
-    by_needle: NDArray[np.float64] = NO_NEEDLE  # (n, NEEDLE_NUMBERS) slopes of A_S; (0, ..): none
+    by_needle: Floats = NO_NEEDLE  # (n, NEEDLE_NUMBERS) slopes of A_S; (0, ..): none
     shots: NDArray[np.int64] = NO_SHOTS  # (n,) numbers of the commands; (0,): none
 
     def until(self, end: int) -> "Window":
@@ -228,7 +228,7 @@ class Window(NamedTuple):
             answer = stroke_of(begin, end - begin, rail, self.needle, learned.needle)
             yield None if answer is None else NeedleStroke(**answer)
 
-    def _pressures(self, c: Coefficients) -> NDArray[np.float64]:
+    def _pressures(self, c: Coefficients) -> Floats:
         """Rail pressures (k,) at the commands, in units of 100 MPa."""
         begun = np.clip(self.commands[:, 0], 0, len(self.inputs) - 1).astype(np.int64)
         return np.asarray((self.inputs[begun, 0] * c.pressure_scale + c.chamber_pressure) / CONTROL_REFERENCE)
@@ -238,7 +238,7 @@ class Window(NamedTuple):
         """Number of columns of slopes by delays of shots: two for each command that a needle answers, else 0."""
         return 0 if self.needle is None else 2 * len(self.commands)
 
-    def with_jitter(self, jitter: NDArray[np.float64], interval: float) -> "Window":
+    def with_jitter(self, jitter: Floats, interval: float) -> "Window":
         """The window with shots that open and close later by `jitter` (2 shots,) [s]: two delays of each."""
         return self if not jitter.size else self._replace(commands=self.commands + jitter.reshape(-1, 2) / interval)
 
@@ -260,11 +260,11 @@ class Setting(NamedTuple):
     interval: float  # of the samples [s]
     substeps: int  # of an interval
     coefficients: Coefficients
-    gain: NDArray[np.float64]  # (states,)
+    gain: Floats  # (states,)
     late: float = 0.0  # share of an interval (0..1) by which the indicated pressure is recorded late
     lag: float = 0.0  # [s] of the sensor in force, to which a learned one is added
     offset: float = 0.0  # [p_0] likewise
-    program: NDArray[np.float64] = NO_PROGRAM  # terms in force
+    program: Floats = NO_PROGRAM  # terms in force
     rail_share: float = 0.0  # as of `StatedAccuracy`
 
 
@@ -273,10 +273,10 @@ class Gradient(NamedTuple):
 
     tangent: Tangent
     offset: int  # column of theta that is the offset of the line-pressure sensor
-    sensor: NDArray[np.float64]  # (SENSOR_NUMBERS, m) of the numbers of the sensor's law
-    before: NDArray[np.float64]  # (m,) of p_L one sample before
-    indicated: NDArray[np.float64]  # (m,) of the indicated pressure
-    error: NDArray[np.float64]  # (m,) of the innovation
+    sensor: Floats  # (SENSOR_NUMBERS, m) of the numbers of the sensor's law
+    before: Floats  # (m,) of p_L one sample before
+    indicated: Floats  # (m,) of the indicated pressure
+    error: Floats  # (m,) of the innovation
 
 
 def gradient_of(acting: ByTheta, c: Coefficients, columns: int, is_commanded: bool = False) -> Gradient:
@@ -291,7 +291,7 @@ def gradient_of(acting: ByTheta, c: Coefficients, columns: int, is_commanded: bo
     return Gradient(tangent, acting.offset, sensor, before, indicated, error)
 
 
-def innovations(window: Window, setting: Setting, learned: LearnedModel, result: NDArray[np.float64]) -> None:
+def innovations(window: Window, setting: Setting, learned: LearnedModel, result: Floats) -> None:
     """Innovations e~ = y - o - (indicated pressure of x~) of every sample into `result` (n,); result[0] is 0."""
     window = window.as_learned(learned, setting)
     follow(window, setting, learned, window.output.size, result, NO_RATE, None, NO_SLOPES)
@@ -300,9 +300,9 @@ def innovations(window: Window, setting: Setting, learned: LearnedModel, result:
 def innovations_with_sensitivity(
     window: Window,
     setting: Setting,
-    theta: NDArray[np.float64],
-    result: NDArray[np.float64],
-    slopes: NDArray[np.float64],
+    theta: Floats,
+    result: Floats,
+    slopes: Floats,
     columns: NDArray[np.int64] = EVERY,
 ) -> None:
     """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, k): the filtered gradient.
@@ -327,16 +327,16 @@ def innovations_with_sensitivity(
 class OpenLoop(NamedTuple):
     """x^ over a window of n samples: it is x~ up to the opening, and open loop from there; all 0 without flow."""
 
-    rate: NDArray[np.float64]  # (n,) Q_H^ [m3/s]
-    slopes: NDArray[np.float64]  # (n, m) of the rate by theta
-    gradient: NDArray[np.float64]  # (n, states + 1) of the rate by x and A_S [m3/s]
-    transition: NDArray[np.float64]  # (k, states, states) of x by x one sample before, until the sac is drained
-    relaxation: NDArray[np.float64]  # (n,) rate [1/s] at which p_S approaches its steady value
-    by_area: NDArray[np.float64]  # (n,) slope of that value by A_S, normalised by (24)
-    fullness: NDArray[np.float64]  # (n,) p_S over p_L
+    rate: Floats  # (n,) Q_H^ [m3/s]
+    slopes: Floats  # (n, m) of the rate by theta
+    gradient: Floats  # (n, states + 1) of the rate by x and A_S [m3/s]
+    transition: Floats  # (k, states, states) of x by x one sample before, until the sac is drained
+    relaxation: Floats  # (n,) rate [1/s] at which p_S approaches its steady value
+    by_area: Floats  # (n,) slope of that value by A_S, normalised by (24)
+    fullness: Floats  # (n,) p_S over p_L
 
 
-def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> OpenLoop:
+def open_loop(window: Window, setting: Setting, theta: Floats) -> OpenLoop:
     """x^ with the parameters theta (m,) over a window, its sensitivities starting at 0 at the opening."""
     n, m, states = window.output.size, theta.size, setting.coefficients.states
     learned = learned_of(theta, setting.coefficients)
@@ -366,7 +366,7 @@ def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> O
     return result
 
 
-def level_of(theta: NDArray[np.float64], setting: Setting) -> float:
+def level_of(theta: Floats, setting: Setting) -> float:
     """Factor on flows with theta (m,), which are computed in the rail sensor's units."""
     return 1.0 + setting.rail_share * float(theta[Parameter.LINE_PRESSURE_GAIN])
 
@@ -375,8 +375,8 @@ def level_of(theta: NDArray[np.float64], setting: Setting) -> float:
 class InputVariance:
     """Variances (n,) by input noise alone: of the rate [m6/s2], and of the volume since the last opening [m6]."""
 
-    rate: NDArray[np.float64]
-    volume: NDArray[np.float64]
+    rate: Floats
+    volume: Floats
 
 
 def input_variance(window: Window, run: OpenLoop, setting: Setting, noise: NoiseLevels) -> InputVariance:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.phases import phases_of
 from observer_rt.engine.estimation.parameters import FLOWS, SCALARS, WEIGHTS, Parameter, Theta, sensor_lag
@@ -17,6 +16,7 @@ from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, expected_in
 from observer_rt.engine.learning.noise import Colour, mask_of
 from observer_rt.engine.stream.state import Constants, Reason
+from observer_rt.foundation.units import Floats
 
 # A phase is coloured when some statistic, pooled over recent events, exceeds white noise by this many of its
 # standard deviations and by this factor. The first keeps false alarms rare (below 1e-4 an event for white noise),
@@ -56,7 +56,7 @@ class Objection:
 class Innovations(NamedTuple):
     """Innovations e~ (n,) of an event and their standard deviation if the model is right, both in units of p_0."""
 
-    values: NDArray[np.float64]
+    values: Floats
     sigma: float
 
 
@@ -111,7 +111,7 @@ def objections(
     return result
 
 
-def is_worn_beyond_limits(theta: NDArray[np.float64]) -> bool:
+def is_worn_beyond_limits(theta: Floats) -> bool:
     """Whether theta (m,) stands at a limit of nozzle or seat: it is no minimum there, and its interval says nothing.
 
     An opening that was none makes it so: only a blocked nozzle explains that no pressure moved.

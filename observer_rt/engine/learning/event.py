@@ -35,7 +35,7 @@ from observer_rt.engine.learning.noise import LAGS, SEGMENT, mask_of
 from observer_rt.engine.learning.run import EventCost, EventRun
 from observer_rt.engine.stream.standstill import RestPoint, Standstill
 from observer_rt.engine.stream.state import Constants
-from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, Floats
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
 BLOCK = 1 * MILLISECOND  # of which means are taken: about a period of the line
@@ -56,8 +56,8 @@ class RestingPressure:
     """
 
     theta: parameters.Theta
-    means: NDArray[np.float64]
-    slopes: NDArray[np.float64]
+    means: Floats
+    slopes: Floats
     noise: float
     pressure_scale: float
 
@@ -158,12 +158,12 @@ class EventReader:
         return max(round(SEGMENT / self.interval), LAGS + 1)
 
     @cached_property
-    def wide(self) -> NDArray[np.float64]:
+    def wide(self) -> Floats:
         """Standard deviations (m,) of theta before any event."""
         return parameters.with_gain(parameters.SCALARS.prior(self.pressure_scale), self.calibration.gain)
 
     @cached_property
-    def drift(self) -> NDArray[np.float64]:
+    def drift(self) -> Floats:
         """Standard deviations (m,) of the change of theta from event to event."""
         return parameters.with_gain(
             parameters.SCALARS.drift(self.pressure_scale), parameters.GAIN_DRIFT * self.calibration.gain

@@ -8,7 +8,6 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation import scales
 from observer_rt.engine.estimation.belief import Belief, HeldBelief
@@ -21,6 +20,7 @@ from observer_rt.engine.learning.fit import BEYOND, EventFitter, Fit, Limits, ev
 from observer_rt.engine.learning.kinds import BEFORE, FILED, QUICK, Drift, Kind, Mode, drift_of, transitions
 from observer_rt.engine.learning.knowledge import Account, LearnedInjector
 from observer_rt.engine.learning.run import EventRun
+from observer_rt.foundation.units import Floats
 from observer_rt.model.effective import LAG_UNIT
 
 LIFT_DELAYS = (-60e-6, -40e-6, -20e-6, 20e-6, 40e-6, 60e-6)  # s, at which a fit of the lift's delay may begin; M
@@ -110,7 +110,7 @@ class _KindEvidence:
     held: HeldBelief
     part: Belief
     pairs: Pairs
-    scale_log_priors: NDArray[np.float64]
+    scale_log_priors: Floats
     log: float = field(init=False)
     cost: EventRun = field(init=False)
     scales: ScaleChoice = field(init=False)

@@ -12,13 +12,12 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.engine.estimation.parameters import NEEDLE_LAW, LearnedModel
 from observer_rt.engine.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
 from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.foundation.units import MEGAPASCAL, Floats
 from observer_rt.model.baseline import Appearance, Baseline, HealthyRemainder, HealthyShape, PhaseFigures, Remainder
 from observer_rt.model.effective import LAG_UNIT, Coefficients
 
@@ -52,12 +51,12 @@ class EventStretch(NamedTuple):
         """Rail pressure in the unit by which courses change."""
         return (self.rail_pressure - CENTRE) / SPAN
 
-    def times(self, at: float) -> NDArray[np.float64]:
+    def times(self, at: float) -> Floats:
         """Times [s] (n,) of the samples after a position."""
         return np.asarray(self.interval * (np.arange(self.samples) - at), np.float64)
 
 
-def expected(shape: HealthyShape, stretch: EventStretch) -> NDArray[np.float64]:
+def expected(shape: HealthyShape, stretch: EventStretch) -> Floats:
     """Mean innovation [Pa] (n,) of a healthy injector over a stretch."""
     courses, total = _courses(shape, stretch), np.zeros(stretch.samples)
     for edges in stretch.openings:
@@ -66,7 +65,7 @@ def expected(shape: HealthyShape, stretch: EventStretch) -> NDArray[np.float64]:
     return total
 
 
-def expected_in(shape: HealthyShape, window: Window, c: Coefficients, interval: float) -> NDArray[np.float64]:
+def expected_in(shape: HealthyShape, window: Window, c: Coefficients, interval: float) -> Floats:
     """Mean innovation [p_0] (n,) over a window of samples of an interval [s], whose lift was recorded."""
     return expected(shape, stretch_of(window, c, interval))[: window.output.size] / c.pressure_scale
 
@@ -74,9 +73,9 @@ def expected_in(shape: HealthyShape, window: Window, c: Coefficients, interval: 
 class NeedleCourse(NamedTuple):
     """Mean innovation over a window whose needle answers commands, and how it changes with the needle."""
 
-    expected: NDArray[np.float64]  # (n,) [p_0]
-    by_numbers: NDArray[np.float64]  # (n, NEEDLE_NUMBERS) by the columns of theta that are numbers of its law
-    by_shots: NDArray[np.float64]  # (n, 2 shots) by both delays of each [LAG_UNIT]
+    expected: Floats  # (n,) [p_0]
+    by_numbers: Floats  # (n, NEEDLE_NUMBERS) by the columns of theta that are numbers of its law
+    by_shots: Floats  # (n, 2 shots) by both delays of each [LAG_UNIT]
 
 
 def needle_course(shape: HealthyShape, window: Window, learned: LearnedModel, setting: Setting) -> NeedleCourse:
@@ -114,7 +113,7 @@ def _rail_pressure(window: Window, c: Coefficients) -> float:
     return before * c.pressure_scale + c.chamber_pressure
 
 
-def _beyond(area: NDArray[np.float64], edge: int, inwards: int) -> float:
+def _beyond(area: Floats, edge: int, inwards: int) -> float:
     """Share of a sample by which a flank begins beyond the last sample on it."""
     further = edge + inwards
     if not 0 <= further < area.size or area[further] <= area[edge]:
@@ -122,13 +121,13 @@ def _beyond(area: NDArray[np.float64], edge: int, inwards: int) -> float:
     return min(float(area[edge] / (area[further] - area[edge])), 1.0)
 
 
-def _courses(shape: HealthyShape, stretch: EventStretch) -> NDArray[np.float64]:
+def _courses(shape: HealthyShape, stretch: EventStretch) -> Floats:
     """Courses [Pa] (2, knots) after an opening and after a closing, at the pressure of a stretch."""
     at_centre, slope = (shape.opening, shape.closing), (shape.opening_slope, shape.closing_slope)
     return MEGAPASCAL * (np.array(at_centre) + stretch.pressure * np.array(slope))
 
 
-def _edges_by_needle(stroke: NeedleStroke) -> tuple[tuple[float, NDArray[np.float64]], ...]:
+def _edges_by_needle(stroke: NeedleStroke) -> tuple[tuple[float, Floats], ...]:
     """Opening and closing of a stroke [s], and how they move with delay and speed of opening, then of closing."""
     falls = stroke.closed - stroke.closing
     if stroke.top < stroke.closing:  # it gets to its stop
@@ -148,7 +147,7 @@ def together(first: HealthyShape, second: HealthyShape) -> HealthyShape:
     return HealthyShape(**added)
 
 
-Seen = Sequence[tuple[EventStretch, NDArray[np.float64]]]
+Seen = Sequence[tuple[EventStretch, Floats]]
 """Events with their normalised innovations (n,)."""
 
 
@@ -170,7 +169,7 @@ class ShapeFit:
         return HealthyShape(**dict(zip(HealthyShape.model_fields, courses, strict=True)))
 
 
-def _normal_equations(seen: Seen) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _normal_equations(seen: Seen) -> tuple[Floats, Floats]:
     """Information (p, p) and gradient (p,) of the knots, opening and closing, each constant and with pressure."""
     size = KNOTS.size
     information, gradient = np.zeros((4 * size, 4 * size)), np.zeros(4 * size)
@@ -186,7 +185,7 @@ def _normal_equations(seen: Seen) -> tuple[NDArray[np.float64], NDArray[np.float
     return information, gradient
 
 
-def _hats(after: NDArray[np.float64]) -> NDArray[np.float64]:
+def _hats(after: Floats) -> Floats:
     """Weights of the knots (n, knots) of a course that is straight between them, at times (n,) [s]."""
     result = np.zeros((after.size, KNOTS.size))
     rows = np.flatnonzero((after >= KNOTS[0]) & (after < KNOTS[-1]))
@@ -201,8 +200,8 @@ def _hats(after: NDArray[np.float64]) -> NDArray[np.float64]:
 class Healthy:
     """Innovations of the healthy injector; by default those of an exact model: white, and no event scatters more."""
 
-    variance: NDArray[np.float64] = field(default_factory=lambda: np.ones(PHASES))  # at least 1, without the shape
-    colour: NDArray[np.float64] = field(default_factory=lambda: np.ones((PHASES, len(BLOCKS))))  # the same, of blocks
+    variance: Floats = field(default_factory=lambda: np.ones(PHASES))  # at least 1, without the shape
+    colour: Floats = field(default_factory=lambda: np.ones((PHASES, len(BLOCKS))))  # the same, of blocks
     mass_share: float = 0.0  # standard deviation of a mass, as a share, by the model
     adequate: bool = True  # whether the fitted model may be learned, or named, with at all
     live_variance: float = 1.0  # largest variance of a phase with the shape in it
@@ -278,12 +277,12 @@ def healthy_for_naming(
     return Healthy(variance, colour, adequate=adequate, rate=rate, **kept_fields)
 
 
-def at_least_noise(*figures: PhaseFigures) -> NDArray[np.float64]:
+def at_least_noise(*figures: PhaseFigures) -> Floats:
     """Mean squares (PHASES, len(figures)), none below that of noise alone."""
     return np.maximum([[each.at(phase.name) for each in figures] for phase in Phase], 1.0)
 
 
-def _with_scatter(left: PhaseFigures) -> NDArray[np.float64]:
+def _with_scatter(left: PhaseFigures) -> Floats:
     variance = at_least_noise(left)[:, 0]
     variance[list(EDGES)] = np.maximum(variance[list(EDGES)], SCATTER)
     return variance

@@ -15,7 +15,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.belief import Belief, GatedBelief, held_at, prior_belief
 from observer_rt.engine.estimation.parameters import EXACTLY, SCALARS, Parameter, Theta, with_gain
@@ -32,6 +31,7 @@ from observer_rt.engine.learning.run import EventRun
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift, SensorSlope, Standstill
 from observer_rt.engine.stream.state import Constants, Reason
 from observer_rt.foundation.records import NOT_KEPT, Count
+from observer_rt.foundation.units import Floats
 
 USUAL_SCORE = 1.2  # of events that scatter by noise alone; their mean is 1
 SCORES_REMEMBERED = 0.95  # weight of the scores before an event
@@ -125,7 +125,7 @@ class TemperedEvent(NamedTuple):
     """The run of an event with the belief before it, and the covariance (m, m) of that belief."""
 
     run: EventRun
-    covariance: NDArray[np.float64]
+    covariance: Floats
 
     def ratio(self, factor: float) -> float:
         """Ratio of a score to the usual one, tempered by a factor."""
@@ -221,8 +221,8 @@ class Outcome:
     schedule: GainSchedule
     forward: tuple[Objection, ...]  # to the learned state
     objections: tuple[Objection, ...]  # those, and the objections to the event's own mass
-    estimate: NDArray[np.float64]  # (m,) new theta, adopted or not
-    covariance: NDArray[np.float64]  # (m, m) of its error
+    estimate: Floats  # (m,) new theta, adopted or not
+    covariance: Floats  # (m, m) of its error
     resimulated: Resimulation | None = None  # the event with the estimate; None: nothing was learned
     outliers: int = 0  # samples of the line pressure left out, without those that the stream had bridged
     known_flow: KnownFlow = EVERYWHERE  # where the flow is known well enough to be used

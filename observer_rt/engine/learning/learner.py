@@ -12,7 +12,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.parameters import FLOWS, Parameter, Theta, learned_of
 from observer_rt.engine.estimation.phases import no_statistics
@@ -49,6 +48,7 @@ from observer_rt.engine.learning.noise import RestingNoise
 from observer_rt.engine.learning.verdict import facts_of, first_objection, look_alikes, named, verdict_of
 from observer_rt.engine.stream.standstill import Standstill, offset_between
 from observer_rt.engine.stream.state import Constants, Reason
+from observer_rt.foundation.units import Floats
 
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 OTHER_NOISE = 1.25  # times a level
@@ -240,7 +240,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     )
 
 
-def _apart(explained: ExplainedEvent, mass: EventMass, within: float) -> NDArray[np.float64]:
+def _apart(explained: ExplainedEvent, mass: EventMass, within: float) -> Floats:
     """Covariance (m, m) by hypotheses that agree on the mass with another theta."""
     total = np.zeros((mass.theta.size, mass.theta.size))
     for explanation, learned in explained.explanations:

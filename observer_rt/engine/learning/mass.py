@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.learning.predictor import follow
@@ -26,7 +25,7 @@ from observer_rt.engine.estimation.predictor import (
     open_loop,
 )
 from observer_rt.engine.learning.run import JITTER_SIZE, ShotDelays
-from observer_rt.foundation.units import Z_95
+from observer_rt.foundation.units import Z_95, Floats
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.network import OF_NOZZLE, activations
 
@@ -69,7 +68,7 @@ class Resimulation:
 
     run: OpenLoop  # over the event's window
     by_inputs: InputVariance  # variance by the noise of the inputs
-    covariance: NDArray[np.float64]  # (m, m) of the error of the run's theta
+    covariance: Floats  # (m, m) of the error of the run's theta
     interval: float  # of the samples [s]
     systematic: float = 0.0  # error of the model on a healthy injector, as a share of the volume (one sigma)
     unknown: float = 0.0  # the same on this injector by recent events
@@ -104,7 +103,7 @@ class VolumeBudget(NamedTuple):
 
 
 def resimulated(
-    window: Window, setting: Setting, noise: NoiseLevels, theta: NDArray[np.float64], covariance: NDArray[np.float64]
+    window: Window, setting: Setting, noise: NoiseLevels, theta: Floats, covariance: Floats
 ) -> Resimulation:
     """Re-simulate an event with the theta (m,) learned from it, with an error covariance (m, m)."""
     run = open_loop(window, setting, theta)
@@ -145,7 +144,7 @@ def volume_budget(event: Resimulation, window: slice) -> VolumeBudget:
     )
 
 
-def rate_sigma(event: Resimulation, window: slice) -> NDArray[np.float64]:
+def rate_sigma(event: Resimulation, window: slice) -> Floats:
     """Standard deviation [m3/s] of `corrected_rate`."""
     slopes = event.run.slopes[window]
     by_parameters = ((slopes @ event.covariance) * slopes).sum(axis=1)
@@ -160,7 +159,7 @@ def volume_in(event: Resimulation, window: slice) -> float:
     return float(np.trapezoid(corrected_rate(event, window))) * event.interval
 
 
-def corrected_rate(event: Resimulation, window: slice) -> NDArray[np.float64]:
+def corrected_rate(event: Resimulation, window: slice) -> Floats:
     """Rate [m3/s] at the samples of a window of the event, by its own pressures."""
     return np.asarray((1.0 + event.moved) * event.run.rate[window], np.float64)
 
@@ -215,7 +214,7 @@ class EventMass:
         flow: float = model.flow_scale * model.line.control_flow / model.line.a1
         return flow * float(np.sqrt(opened).sum()) * self.setting.interval / max(self.volume, LEAST_VOLUME)
 
-    def variance(self, covariance: NDArray[np.float64]) -> float:
+    def variance(self, covariance: Floats) -> float:
         """Variance of the volume, as a share, by a covariance (m, m) of theta."""
         return max(float(self.slopes @ covariance @ self.slopes), 0.0)
 
@@ -343,11 +342,7 @@ NOWHERE = KnownFlow(math.inf, -math.inf, (0.0,) * RAIL_BINS, (0.0,) * RAIL_BINS)
 
 
 def known_flow(
-    event: Resimulation,
-    theta: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    point: EventPoint,
-    transfer: Transfer,
+    event: Resimulation, theta: Floats, covariance: Floats, point: EventPoint, transfer: Transfer
 ) -> KnownFlow:
     """Range of the flow that is known with theta (m,), whose error has the covariance (m, m).
 
@@ -368,7 +363,7 @@ def known_flow(
     here = np.ones(event.run.rate.size) @ event.run.slopes / injected  # of the logarithm of what was injected
     filled = min(max(here[_NOZZLE] / full[_NOZZLE], 0.0), FULL)
 
-    def sigma(fullness: float, by_rail: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
+    def sigma(fullness: float, by_rail: Floats | float = 0.0) -> Floats:
         """Standard deviation of a flow, as a share, its slopes interpolated between the event's and a full sac's.
 
         by_rail: slopes of a full sac at other rail pressures less those at the event's.

@@ -18,6 +18,7 @@ from observer_rt.core.learning.whitening import NO_HIGH_PASS, high_passed, take_
 from observer_rt.engine.estimation.belief import Vector
 from observer_rt.engine.estimation.phases import BLOCKS, deviate
 from observer_rt.engine.estimation.predictor import Window
+from observer_rt.foundation.units import Floats
 
 GAUSSIAN = 1.4826  # standard deviation over the median of the sizes
 FEWEST = 16  # samples that tell a level
@@ -125,9 +126,9 @@ class Whitening:
     """The filter (1 - z)/(1 - theta z) (1 + a_1 z + .. + a_p z^p), z the delay of one sample."""
 
     forgetting: float | None  # theta; None: no high pass
-    taps: NDArray[np.float64]  # a (p,)
+    taps: Floats  # a (p,)
 
-    def of(self, values: NDArray[np.float64], masked: NDArray[np.bool_] = NONE_MASKED) -> NDArray[np.float64]:
+    def of(self, values: Floats, masked: NDArray[np.bool_] = NONE_MASKED) -> Floats:
         """Innovations (n,) or their slopes (n, m), whitened; the filter is linear, and the same for both.
 
         The first value becomes 0, as that of innovations is. masked: (n,) where there is no value, or (0,): the value
@@ -175,7 +176,7 @@ def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
 
 
 @lru_cache
-def _choices(interval: float) -> NDArray[np.float64]:
+def _choices(interval: float) -> Floats:
     """Shares that the high passes to choose from leave from one sample to the next, none first."""
     return np.array([NO_HIGH_PASS, *(math.exp(-interval / constant) for constant in TIME_CONSTANTS)])
 
@@ -187,11 +188,11 @@ class RestingNoise:
     By high pass, in samples of one interval: products of neighbours, and by lag.
     """
 
-    products: NDArray[np.float64] = field(default_factory=lambda: np.zeros((_HIGH_PASSES, ORDERS + 1, ORDERS + 1)))
-    by_lag: NDArray[np.float64] = field(default_factory=lambda: np.zeros((_HIGH_PASSES, LAGS)))
+    products: Floats = field(default_factory=lambda: np.zeros((_HIGH_PASSES, ORDERS + 1, ORDERS + 1)))
+    by_lag: Floats = field(default_factory=lambda: np.zeros((_HIGH_PASSES, LAGS)))
     count: float = 0.0
 
-    def after(self, segments: Sequence[NDArray[np.float64]], interval: float) -> "RestingNoise":
+    def after(self, segments: Sequence[Floats], interval: float) -> "RestingNoise":
         """Adds an event's innovations [p_0], a stretch of rest each; interval: of samples [s]."""
         choices = _choices(interval)
         weight, before = self._weights(segments, choices)
@@ -202,7 +203,7 @@ class RestingNoise:
             count += len(values) - ORDERS
         return RestingNoise(products, by_lag, count)
 
-    def _weights(self, segments: Sequence[NDArray[np.float64]], choices: NDArray[np.float64]) -> tuple[float, float]:
+    def _weights(self, segments: Sequence[Floats], choices: Floats) -> tuple[float, float]:
         """Factors that make up for how loud an event is: of its innovations, and of the squares before it.
 
         By what the slowest high pass lets through: levels differ from event to event.
@@ -243,7 +244,7 @@ class RestingNoise:
         whitening = Whitening(forgetting, self._taps(choice, order))
         return Colour(whitening, interval, math.sqrt(variances[choice, order]))
 
-    def _best_orders(self, criteria: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def _best_orders(self, criteria: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Best order of each high pass, and its BIC: the least of the filters that leave no colour.
 
         criteria: (choices, orders), BIC. Without such a filter those with.
@@ -267,18 +268,18 @@ class RestingNoise:
                 return True
         return False
 
-    def _variance_of(self, choice: int, weights: NDArray[np.float64]) -> float:
+    def _variance_of(self, choice: int, weights: Floats) -> float:
         """Variance of a weighted sum of neighbouring innovations behind a high pass."""
         products = np.correlate(weights, weights, "full")[weights.size - 1 :]
         products[1:] *= 2.0
         return float(products @ self.by_lag[choice, : weights.size]) / self.count
 
-    def _taps(self, choice: int, order: int) -> NDArray[np.float64]:
+    def _taps(self, choice: int, order: int) -> Floats:
         products = self.products[choice]
         return -np.linalg.solve(products[1 : order + 1, 1 : order + 1], products[1 : order + 1, 0])
 
 
-def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+def _residual_variances(covariances: Floats) -> Floats:
     """Variances of the newest value, given none of those before it, one, .. all: (c, m) of covariances (c, m, m).
 
     Their first row is that of the newest.

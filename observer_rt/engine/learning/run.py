@@ -23,7 +23,7 @@ from observer_rt.engine.estimation.predictor import (
 )
 from observer_rt.engine.learning.healthy import expected_in, needle_course
 from observer_rt.engine.learning.noise import Whitening
-from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.foundation.units import MEGAPASCAL, Floats
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import LAG_UNIT
 
@@ -68,38 +68,38 @@ class EventRun:
     the parabola touches, None where the lift is recorded, or the cost is not finite.
     """
 
-    theta: NDArray[np.float64]
+    theta: Floats
     value: float
-    gradient: NDArray[np.float64]
-    information: NDArray[np.float64]
-    innovations: NDArray[np.float64] = field(default_factory=lambda: NO_RATE)
-    unfiltered: NDArray[np.float64] = field(default_factory=lambda: NO_RATE)
-    slopes: NDArray[np.float64] = field(default_factory=lambda: NO_SLOPES)
-    unfiltered_slopes: NDArray[np.float64] = field(default_factory=lambda: NO_SLOPES)
-    jitter: NDArray[np.float64] = field(default_factory=lambda: NO_RATE)
+    gradient: Floats
+    information: Floats
+    innovations: Floats = field(default_factory=lambda: NO_RATE)
+    unfiltered: Floats = field(default_factory=lambda: NO_RATE)
+    slopes: Floats = field(default_factory=lambda: NO_SLOPES)
+    unfiltered_slopes: Floats = field(default_factory=lambda: NO_SLOPES)
+    jitter: Floats = field(default_factory=lambda: NO_RATE)
     delays: ShotDelays | None = None
 
     @property
-    def vector(self) -> NDArray[np.float64]:
+    def vector(self) -> Floats:
         """information @ (the minimum of the parabola), (m,)."""
         return self.information @ self.theta - self.gradient
 
-    def expected(self, theta: NDArray[np.float64]) -> float:
+    def expected(self, theta: Floats) -> float:
         """The cost at another theta (m,) by the parabola."""
         step = theta - self.theta
         return self.value + float(self.gradient @ step) + 0.5 * float(step @ self.information @ step)
 
-    def gradient_at(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gradient_at(self, theta: Floats) -> Floats:
         """The gradient at another theta (m,) by the parabola."""
         return self.gradient + self.information @ (theta - self.theta)
 
-    def centred(self, theta: NDArray[np.float64]) -> "EventRun":
+    def centred(self, theta: Floats) -> "EventRun":
         """The parabola round another theta (m,)."""
         if theta is self.theta:
             return self
         return EventRun(theta, self.expected(theta), self.gradient_at(theta), self.information)
 
-    def to_first_order(self, theta: NDArray[np.float64]) -> "EventRun":
+    def to_first_order(self, theta: Floats) -> "EventRun":
         """The run at another theta (m,), with innovations along their slopes and no shot late."""
         innovations = self.innovations + self.slopes @ (theta - self.theta)
         return replace(self, theta=theta, value=self.expected(theta), innovations=innovations, delays=None)
@@ -109,7 +109,7 @@ class EventRun:
         value, gradient, information = self.value / factor, self.gradient / factor, self.information / factor
         return replace(self, value=value, gradient=gradient, information=information)
 
-    def score(self, covariance: NDArray[np.float64]) -> float:
+    def score(self, covariance: Floats) -> float:
         """Score test of a belief with this covariance (m, m) and its mean here: chi2 over its degrees of freedom.
 
         The expected value is 1 when the belief is right. Only directions that the event informs count as degrees of
@@ -128,9 +128,9 @@ class EventRun:
 class _Innovations(NamedTuple):
     """Innovations (n,) of x~ over an event, with the noise's colour and whitened, and delays of the shots."""
 
-    unfiltered: NDArray[np.float64]
-    innovations: NDArray[np.float64]
-    jitter: NDArray[np.float64]
+    unfiltered: Floats
+    innovations: Floats
+    jitter: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,15 +163,15 @@ class EventCost:
         """Number of squares that J sums."""
         return (self.window.output.size - self.burn_in) // self._together
 
-    def offset_cost(self, theta: NDArray[np.float64]) -> float:
+    def offset_cost(self, theta: Floats) -> float:
         """Part of J, before it is divided by `temper`, of line over rail pressure at rest by theta (m,)."""
         return 0.5 * self._offset_weight * self._offset_error(theta) ** 2
 
-    def innovations(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def innovations(self, theta: Floats) -> Floats:
         """Innovations (n,) at theta (m,), whitened."""
         return self._follow(theta, None).innovations
 
-    def at(self, theta: NDArray[np.float64], near: EventRun) -> EventRun:
+    def at(self, theta: Floats, near: EventRun) -> EventRun:
         """The event run with theta (m,), its parabola and slopes those of a run near by; J is inf if not finite."""
         unfiltered, innovations, jitter = self._follow(theta, near)
         return replace(
@@ -184,7 +184,7 @@ class EventCost:
             jitter=jitter,
         )
 
-    def linearised(self, theta: NDArray[np.float64], near: EventRun | None = None) -> EventRun:
+    def linearised(self, theta: Floats, near: EventRun | None = None) -> EventRun:
         """The event run with theta (m,) and its slopes; near: a run whose shots are about as late, None: none is."""
         followed, unfiltered_slopes, delays = self._follow_with_slopes(theta, self._jitter(near))
         slopes, by_theta = np.ascontiguousarray(self.whitened(unfiltered_slopes)), NO_SLOPES
@@ -215,11 +215,11 @@ class EventCost:
             delays,
         )
 
-    def whitened(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def whitened(self, values: Floats) -> Floats:
         """Innovations (n,), or slopes of them (n, m), as they count in J."""
         return values if self.whitening is None else self.whitening.of(values, self.window.masked)
 
-    def _wide(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _wide(self, values: Floats) -> Floats:
         """Values (.., k) by `columns` among those by all of theta (.., m), which are 0 for the others."""
         if self.columns.size == EVERY.size:
             return values
@@ -245,35 +245,31 @@ class EventCost:
         return (self.setting.coefficients.pressure_scale / OFFSET_SIGMA) ** 2
 
     @cached_property
-    def _expected(self) -> NDArray[np.float64] | None:
+    def _expected(self) -> Floats | None:
         """Mean innovation (n,) of a healthy injector whose lift is recorded; None: 0."""
         if self.shape is None or self.window.needle is not None:
             return None
         return expected_in(self.shape, self.window, self.setting.coefficients, self.setting.interval)
 
-    def _offset_error(self, theta: NDArray[np.float64]) -> float:
+    def _offset_error(self, theta: Floats) -> float:
         """Line over rail pressure at rest by theta (m,), less the measured one [p_0]."""
         return float(theta[_OFFSET] + theta[_GAIN] * self._rail_pressure) - (self.offset or 0.0)
 
-    def _value(
-        self, theta: NDArray[np.float64], innovations: NDArray[np.float64], jitter: NDArray[np.float64]
-    ) -> float:
+    def _value(self, theta: Floats, innovations: Floats, jitter: Floats) -> float:
         cost = robust_cost(innovations, self.burn_in, self.sigma, self._together)
         cost += self.offset_cost(theta) + 0.5 * float(jitter @ jitter)
         return cost / self.temper if math.isfinite(cost) else math.inf
 
-    def _jitter(self, near: EventRun | None) -> NDArray[np.float64]:
+    def _jitter(self, near: EventRun | None) -> Floats:
         """Delays of the shots from which on they are sought."""
         return np.zeros(self.window.shot_columns) if near is None else near.jitter
 
-    def _as_counted(
-        self, unfiltered: NDArray[np.float64], expected: NDArray[np.float64] | None, jitter: NDArray[np.float64]
-    ) -> _Innovations:
+    def _as_counted(self, unfiltered: Floats, expected: Floats | None, jitter: Floats) -> _Innovations:
         if expected is not None:
             unfiltered -= expected
         return _Innovations(unfiltered, self.whitened(unfiltered), jitter)
 
-    def _follow(self, theta: NDArray[np.float64], near: EventRun | None) -> _Innovations:
+    def _follow(self, theta: Floats, near: EventRun | None) -> _Innovations:
         """Run the event with theta (m,), the shots as late as explains most."""
         jitter = self._jitter(near)
         if jitter.size:
@@ -282,9 +278,7 @@ class EventCost:
         innovations(self.window, self.setting, learned_of(theta, self.setting.coefficients), unfiltered)
         return self._as_counted(unfiltered, self._expected, jitter)
 
-    def _follow_with_slopes(
-        self, theta: NDArray[np.float64], jitter: NDArray[np.float64]
-    ) -> tuple[_Innovations, NDArray[np.float64], ShotDelays | None]:
+    def _follow_with_slopes(self, theta: Floats, jitter: Floats) -> tuple[_Innovations, Floats, ShotDelays | None]:
         """The same, with slopes (n, k) of the innovations by `columns`, not whitened, and delays of the shots."""
         followed, slopes = self._slopes(theta, self.columns, jitter)
         if not jitter.size:
@@ -296,7 +290,7 @@ class EventCost:
             followed, delays, _ = self._move_shots(followed, slopes[:, self.columns.size :])
         return followed, slopes[:, : self.columns.size], delays
 
-    def _settle_shots(self, theta: NDArray[np.float64], jitter: NDArray[np.float64]) -> _Innovations:
+    def _settle_shots(self, theta: Floats, jitter: Floats) -> _Innovations:
         """Run the event with theta (m,) until its shots are as late as explains most, at most `MOST_RUNS` times."""
         for _ in range(MOST_RUNS):
             followed, slopes = self._slopes(theta, NEEDLE_LAW.columns, jitter)
@@ -306,9 +300,7 @@ class EventCost:
             jitter = followed.jitter
         return followed
 
-    def _slopes(
-        self, theta: NDArray[np.float64], columns: NDArray[np.int64], jitter: NDArray[np.float64]
-    ) -> tuple[_Innovations, NDArray[np.float64]]:
+    def _slopes(self, theta: Floats, columns: NDArray[np.int64], jitter: Floats) -> tuple[_Innovations, Floats]:
         """Run the event with theta (m,) and delays of its shots; slopes by columns (k,) of theta and by delays."""
         setting, unfiltered = self.setting, np.empty(self.window.output.size)
         window = self.window.with_jitter(jitter * NEEDLE_JITTER, setting.interval)
@@ -322,9 +314,7 @@ class EventCost:
             slopes[:, columns.size :] -= course.by_shots
         return self._as_counted(unfiltered, expected, jitter), slopes
 
-    def _move_shots(
-        self, followed: _Innovations, by_shots: NDArray[np.float64]
-    ) -> tuple[_Innovations, ShotDelays | None, bool]:
+    def _move_shots(self, followed: _Innovations, by_shots: Floats) -> tuple[_Innovations, ShotDelays | None, bool]:
         """One Gauss-Newton step of the shots' delays, by slopes (n, k) of the innovations.
 
         Returns the delays, None where an innovation is not finite, and whether the step was small enough to be

@@ -7,14 +7,13 @@ from enum import StrEnum
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import RING
 from observer_rt.engine.observer import remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import LIFT, LINE, RAIL, Constants, Observer, Reason
 from observer_rt.engine.stream.validity import OF_MODEL
-from observer_rt.foundation.units import Z_95
+from observer_rt.foundation.units import Z_95, Floats
 
 LEAD = 4e-3  # s of shut needle kept before an event, in which a model that is run along it settles
 TAIL = 14e-3  # s of ringing kept after it
@@ -60,7 +59,7 @@ class EventEvidence:
     opening_pressure: float  # rail pressure at the opening [Pa]
     open_time: float  # for which the needle is open, all injections together [s]
     belief: dict[str, Any]  # JSON: model, verdict, masses and indicators of its injections
-    signals: NDArray[np.float64]  # (3, n) rail pressure [Pa], needle lift [m], line pressure [Pa]; nan: did not count
+    signals: Floats  # (3, n) rail pressure [Pa], needle lift [m], line pressure [Pa]; nan: did not count
 
     def packed(self) -> bytes:
         """A line of JSON, followed by the signals as float64, for `unpacked`."""
@@ -69,7 +68,7 @@ class EventEvidence:
         return line.encode() + b"\n" + self.signals.tobytes()
 
     @classmethod
-    def unpacked(cls, line: bytes, values: NDArray[np.float64]) -> Self:
+    def unpacked(cls, line: bytes, values: Floats) -> Self:
         """Evidence from its line of JSON and its three signals one after another (3 n,)."""
         said = json.loads(line)
         del said["samples"]
@@ -81,7 +80,7 @@ class EventInputs(NamedTuple):
 
     start: int
     first_index: int
-    signals: NDArray[np.float64]
+    signals: Floats
 
 
 def event_inputs(observer: Observer, start: int, end: int) -> EventInputs:
@@ -96,7 +95,7 @@ def event_inputs(observer: Observer, start: int, end: int) -> EventInputs:
     start += int(broken[-1]) if broken.size else 0
     bridged = remembered(observer.ring["bridged"], start, end)
 
-    def counted(values: NDArray[np.float64], channel: int) -> NDArray[np.float64]:
+    def counted(values: Floats, channel: int) -> Floats:
         return np.where(bridged & (1 << channel), np.nan, values)
 
     rail, line = (

@@ -10,7 +10,6 @@ from itertools import chain
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.signals import in_units
 from observer_rt.core.model.needle import NeedleStroke
@@ -29,7 +28,7 @@ from observer_rt.engine.learning.verdict import WRONG
 from observer_rt.engine.reports.indicators import Indicators, indicators_of
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import contested, reason_of_injection, until_learned
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, Z_95
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, Z_95, Floats
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.surroundings import Surroundings
@@ -75,8 +74,8 @@ class InjectionReport:
     mass: float  # kg
     live_mass: float  # of the live rate [kg]; nan: some sample had no rate
     predicted_mass: float  # of x^ [kg]: what was learned before its event says of it
-    rate_sigma: NDArray[np.float64] | None  # (n,) standard deviation of `corrected_rate` [m3/s]
-    corrected_rate: NDArray[np.float64] | None  # (n,) by its own pressures [m3/s]; None: not learned from
+    rate_sigma: Floats | None  # (n,) standard deviation of `corrected_rate` [m3/s]
+    corrected_rate: Floats | None  # (n,) by its own pressures [m3/s]; None: not learned from
     peak_rate: float  # of the live rate [m3/s]; nan: some sample had no rate
     rail_pressure: float  # at the opening [Pa]
     valid: bool  # whether rate and mass are to be used

@@ -14,7 +14,7 @@ from observer_rt.engine.estimation.scales import law_probabilities
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.mass import FULL, NEAR, EventPoint, nozzle_change, seat_change
 from observer_rt.engine.reports.indicators import SEAT_AREA, SEAT_DROP
-from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, Z_95
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, Z_95, Floats
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import IS_PAIR
 
@@ -31,9 +31,9 @@ class LearnedLaw:
 
     flow: str  # name of its indicator
     variables: tuple[str, ...]  # inputs, whose units end the names
-    inputs: tuple[NDArray[np.float64], ...]  # (n,) of each
-    change: NDArray[np.float64]
-    half_width: NDArray[np.float64]  # of the 95 % interval
+    inputs: tuple[Floats, ...]  # (n,) of each
+    change: Floats
+    half_width: Floats  # of the 95 % interval
     is_seen: NDArray[np.bool_]  # an event was there
     probability: float  # that the flow goes by this input, or by both at once
 
@@ -129,8 +129,8 @@ class _Axis(NamedTuple):
     variable: str
     unit: float  # of the network's units, in those of the variable
     origin: float  # 0 of the network, in the units of the variable
-    grid: NDArray[np.float64]  # (n,) in the network's units
-    reached: NDArray[np.float64]  # (events, 2) from where to where each went
+    grid: Floats  # (n,) in the network's units
+    reached: Floats  # (events, 2) from where to where each went
 
     @property
     def is_seen(self) -> NDArray[np.bool_]:
@@ -144,7 +144,7 @@ def _axes(points: Sequence[EventPoint], c: Coefficients) -> tuple[_Axis, ...]:
     rails, logs, areas = np.array(points).T
     times = np.exp(logs)
 
-    def axis(variable: str, unit: float, grid: NDArray[np.float64], reach: NDArray[np.float64]) -> _Axis:
+    def axis(variable: str, unit: float, grid: Floats, reach: Floats) -> _Axis:
         return _Axis(variable, unit, 0.0, grid, np.column_stack((0.0 * reach, reach)))
 
     around, chamber = rails[:, None] + (-NEAR, NEAR), c.chamber_pressure / MEGAPASCAL
@@ -157,7 +157,7 @@ def _axes(points: Sequence[EventPoint], c: Coefficients) -> tuple[_Axis, ...]:
     )
 
 
-def _grid(first: float, last: float) -> NDArray[np.float64]:
+def _grid(first: float, last: float) -> Floats:
     """Inputs of a curve (n,), none where the range is too narrow."""
     if last - first < LEAST_SPAN * 0.5 * (first + last):
         return np.empty(0)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from operator import itemgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, EnergizingSignal
 from observer_rt.core.stream.stream import INJECTIONS, RING
@@ -18,7 +17,7 @@ from observer_rt.engine.observer import energize, samples_between, was_shut
 from observer_rt.engine.reports.injection_report import CommandedOpening
 from observer_rt.engine.reports.news import MissingInjection
 from observer_rt.engine.service.messages import CompiledPipeline
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECONDS
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECONDS, Floats
 
 OVERTAKEN = 10 * MILLISECOND  # by which a frame may be older than the one before; more is a new count
 MOST_COMMANDS = 64  # remembered; the oldest is forgotten
@@ -152,7 +151,7 @@ class EnergizingWatch:
         self._newest = 0  # index of the last processed sample
         self._commands = self._missing = 0
 
-    def take(self, values: NDArray[np.float64], stamp: int, follows: bool, processed: int) -> None:
+    def take(self, values: Floats, stamp: int, follows: bool, processed: int) -> None:
         """Take what a frame says, as of `EnergizingLayout.reading`; processed: samples when it came."""
         for command in self._reader.read(self._energizing.reading(values, stamp, follows)):
             self._tell_valve()

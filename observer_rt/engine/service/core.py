@@ -29,6 +29,7 @@ from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_f
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import ServiceCondition, state_of_service
 from observer_rt.engine.words import Topic, is_good
+from observer_rt.foundation.units import Floats
 from observer_rt.foundation.version import __version__
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.surroundings import filed
@@ -207,7 +208,7 @@ class Core:
         """
         return samples_at(self.compiled.observer, max(start, end - RING), end)
 
-    def inputs(self, first: int, most: int) -> dict[Role, NDArray[np.float64]]:
+    def inputs(self, first: int, most: int) -> dict[Role, Floats]:
         """Processed samples (n,) of every role [m; Pa above the chamber pressure] from position `first` on.
 
         Only remembered ones; of more than `most` evenly spaced ones.
@@ -221,7 +222,7 @@ class Core:
         }
 
     @property
-    def newest(self) -> NDArray[np.float64]:
+    def newest(self) -> Floats:
         """Last value received [SI] of every role (roles,), in the order of `Role`; nan: not available."""
         return np.asarray(self.compiled.pipeline.receiver["sample"][0], np.float64)
 

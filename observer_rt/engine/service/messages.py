@@ -22,7 +22,7 @@ from observer_rt.engine.estimation.parameters import OFFSET
 from observer_rt.engine.observer import INDICES, with_constants
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Constants, Observer
-from observer_rt.foundation.units import MM3_PER_MS, Z_95
+from observer_rt.foundation.units import MM3_PER_MS, Z_95, Floats
 from observer_rt.model.surroundings import Surroundings
 
 
@@ -50,7 +50,7 @@ class InputMemory(NamedTuple):
     memory: NDArray[np.void]  # (1,)
     newest: NDArray[np.void]  # (optional inputs,)
     readings: NDArray[np.void]  # (READINGS,)
-    values: NDArray[np.float64]  # (READINGS, most signals of an input) SI
+    values: Floats  # (READINGS, most signals of an input) SI
 
 
 def make_input_memory(inputs: Inputs, may_learn: bool, assumed: Surroundings) -> InputMemory:
@@ -78,7 +78,7 @@ class Publisher(NamedTuple):
 
     memory: NDArray[np.void]  # (1,) PUBLISHER
     table: NDArray[np.void]  # SIGNAL
-    values: NDArray[np.float64]  # to encode, the block's rates last
+    values: Floats  # to encode, the block's rates last
     out: NDArray[np.void]  # (FRAMES,) OUT_FRAME, of which `memory[0].frames` are for the caller
 
 
@@ -161,7 +161,7 @@ class FrameWriter:
         return frames
 
 
-def _written(layout: MessageLayout, page: OutputPage, values: NDArray[np.float64], number: int) -> OutputFrame:
+def _written(layout: MessageLayout, page: OutputPage, values: Floats, number: int) -> OutputFrame:
     """The `number`-th frame of a message, with values (signals of the page,)."""
     payload = page.blank.copy()
     core.encode_signals(values, page.table, payload)

@@ -16,6 +16,7 @@ from observer_rt.engine.observer import commands_at, remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.service.injector import bench_constants
 from observer_rt.engine.stream.state import Constants, Observer
+from observer_rt.foundation.units import Floats
 from observer_rt.model.effective import NO_CLOCK, Clock, Coefficients
 
 
@@ -27,11 +28,11 @@ class Follower:
         """Constants in force from the next block on."""
         self.begin(np.full(constants.coefficients.states, np.nan))
 
-    def begin(self, x: NDArray[np.float64], clock: Clock = NO_CLOCK) -> None:
+    def begin(self, x: Floats, clock: Clock = NO_CLOCK) -> None:
         """Be in a state x (states,) at a sample, at which the clock of the terms shows this."""
         self._x, self._terms = x, Terms(self.constants.program, *clock)
 
-    def along(self, rows: NDArray[np.void], commands: NDArray[np.float64] = NO_COMMANDS) -> NDArray[np.float64]:
+    def along(self, rows: NDArray[np.void], commands: Floats = NO_COMMANDS) -> Floats:
         """Injection rate (n,) [m3/s] at samples (n,); the state belongs to the first, where the rate is 0.
 
         rows: dtype `SAMPLE` or `sample_dtype`; commands (k, 2): as of `Window`.
@@ -59,7 +60,7 @@ class NominalModel:
         self._follower = Follower(constants)
         self._end = self._injections = 0
 
-    def rates(self, observer: Observer, first: int, end: int) -> NDArray[np.float64]:
+    def rates(self, observer: Observer, first: int, end: int) -> Floats:
         """Rates [m3/s] at positions [first, end), processed and remembered; nan where the observer has none."""
         if first != self._end:
             self._follower.begin(np.full(observer.constants.coefficients.states, np.nan))
@@ -85,7 +86,7 @@ class ComparedRate(NamedTuple):
     """Reference of an injection: its rate [m3/s] over the injection's samples, and its mass [kg]."""
 
     name: str
-    rate: NDArray[np.float64]
+    rate: Floats
     mass: float
 
 

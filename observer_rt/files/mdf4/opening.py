@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 from asammdf import MDF, Signal
-from numpy.typing import NDArray
 
 from observer_rt.files.mdf4.reader_process import READABLE, Answer
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Floats
 
 MAGICS = (b"MDF     ", b"UnFinMF ")  # complete, and as a logger leaves it
 MAJOR_VERSION = b"4."
@@ -111,10 +111,10 @@ def _unit(file: MDF, group: int, index: int) -> str:
     return str(unit or "").strip()
 
 
-def _numbers(signal: Signal, count: int) -> NDArray[np.float64]:
+def _numbers(signal: Signal, count: int) -> Floats:
     if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "buif":
         return np.empty(0)
-    values: NDArray[np.float64] = signal.samples.astype(np.float64)
+    values: Floats = signal.samples.astype(np.float64)
     marks = values if signal.invalidation_bits is None else signal.invalidation_bits
     if not values.size == signal.timestamps.size == len(marks) == count:
         raise ValueError(f"{signal.name} has {values.size} samples, {signal.timestamps.size} stamps, not {count}")

@@ -20,7 +20,7 @@ from observer_rt.files.signals.stream import Sampled
 from observer_rt.files.signals.table_writers import PRINTED
 from observer_rt.files.signals.time_axis import refuse_wrong_clock
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MICROMETRE, MILLISECOND
+from observer_rt.foundation.units import MICROMETRE, MILLISECOND, Floats
 from observer_rt.model.surroundings import Surroundings
 
 WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
@@ -168,7 +168,7 @@ class Framer:
             yield _merged([self._encode(number, values, span) for number in range(len(self._counters))])
         self.next_index += recording.samples
 
-    def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> "FramedRecording":
+    def _encode(self, number: int, values: Floats, span: Span) -> "FramedRecording":
         """The frames of one input message."""
         message, inputs = self._bus.inputs.messages[number], self._bus.inputs
         steps = int(timing_row(self._bus, number)["steps"])

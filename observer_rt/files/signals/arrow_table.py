@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
-from observer_rt.files.signals.table import TIME, FileTable, Heading, Table, TablePart, Values, find_columns
+from observer_rt.files.signals.table import TIME, FileTable, Heading, Table, TablePart, find_columns
 from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS, NANOSECONDS_PER_US
+from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS, NANOSECONDS_PER_US, Floats
 
 READABLE = "give a complete Parquet file"
 _OF_DAY = "time32", "time64"  # types whose values may pass midnight
@@ -58,7 +58,7 @@ class ArrowTable(Table):
     def location(self, row: int, raster: int) -> str:
         return f"{self.path}, row {row}"
 
-    def _numbers(self, column: Any, name: str) -> Values:
+    def _numbers(self, column: Any, name: str) -> Floats:
         """An array of Arrow as doubles. Raises `UserError` for other types."""
         import pyarrow
 

@@ -14,9 +14,10 @@ import numpy as np
 from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.files.signals.csv_dialect import COMMENT, MISSING, dialect_of, refuse_long, split_line, whole_lines
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
-from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values
+from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart
 from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Floats
 
 ENOUGH = 60  # cells with three digits behind the sign, none of which ends so by chance
 _SPELLED = sorted({form(mark) for mark in MISSING for form in (str, str.upper, str.title)} | {"NaN", "-NaN"})
@@ -96,7 +97,7 @@ class CsvTable(FileTable):
                 yield before, lines
                 before += SAMPLES_AT_ONCE
 
-    def _columns(self, before: int, lines: list[str]) -> dict[str, Values]:
+    def _columns(self, before: int, lines: list[str]) -> dict[str, Floats]:
         table = self._at_once(lines)
         if table is None:
             table = self._one_by_one(before, lines)
@@ -180,7 +181,7 @@ class CsvTable(FileTable):
             raise UserError(location, f"'{cell}' is not a number with decimal '{decimal}'", remedy)
         return float(text)
 
-    def _seconds(self, before: int, lines: list[str], stamps: Any) -> Values:
+    def _seconds(self, before: int, lines: list[str], stamps: Any) -> Floats:
         """The time [s] by the calendar."""
         assert self._calendar is not None
         moments = self._calendar.nanoseconds(stamps)
@@ -193,7 +194,7 @@ class CsvTable(FileTable):
                 raise UserError(f"{self.path}, line {before + number}", problem, remedy)
         return seconds_since(self._origin, moments, not self._calendar.has_date)
 
-    def _refuse_thousands(self, before: int, lines: list[str], columns: Mapping[str, Values]) -> None:
+    def _refuse_thousands(self, before: int, lines: list[str], columns: Mapping[str, Floats]) -> None:
         """Raise `UserError` for whole numbers with a separator of thousands, which reads as a decimal sign.
 
         `999` and `1.002` in one column are 999 and 1002, or 999 and 1.002. A writer of decimals leaves out zeros at

@@ -13,11 +13,11 @@ import numpy as np
 from observer_rt.config.injector_sections import HIGHEST_RATE, LOWEST_RATE
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, Stretch
-from observer_rt.files.signals.table import NO_ROWS, TIME, Table, TablePart, Values
+from observer_rt.files.signals.table import NO_ROWS, TIME, Table, TablePart
 from observer_rt.files.signals.table_signals import TableSignals
 from observer_rt.files.signals.time_axis import AxisSurvey, RowRun, has_limits, rate_of, refuse_wrong_clock
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MILLISECOND, first_of
+from observer_rt.foundation.units import MILLISECOND, Floats, first_of
 
 MOST_STRETCHES = 10_000
 MOST_RESTARTS = 0.01  # of the rows, where the time may begin anew
@@ -74,11 +74,11 @@ class MappedSignals(TableSignals):
         self.names = {name: column.column for name, column in self._mapped.items() if name != TIME}
         self.details = self._details()
 
-    def _instants(self, part: TablePart) -> Values:
+    def _instants(self, part: TablePart) -> Floats:
         """Stamps of rows, each once where it has two limits."""
         return part.time[np.diff(part.time, append=np.inf) != 0.0] if self._has_limits else part.time
 
-    def _own_rate(self, stamps: Values) -> float:
+    def _own_rate(self, stamps: Floats) -> float:
         rate = rate_of(stamps)
         if rate is None:
             self._refuse_disorder(int(np.count_nonzero(np.diff(stamps) < 0.0)), stamps.size)
@@ -112,15 +112,15 @@ class MappedSignals(TableSignals):
             main.drop(run.first - main.first)
             for first in range(0, stretch.samples, SAMPLES_AT_ONCE):
                 grid = np.arange(first, min(first + SAMPLES_AT_ONCE, stretch.samples), dtype=np.float64)
-                signals: dict[str, Values] = {}
+                signals: dict[str, Floats] = {}
                 for raster, axis in enumerate(self._axes):
                     last = run.last if raster == self._main else None
                     signals |= self._on_grid(rows[raster], axis, run.begin, last, grid)
                 yield self._chunk(run.begin + grid / self.sample_rate, signals, number, first)
 
     def _on_grid(
-        self, rows: _Rows, axis: AxisSurvey, begin: float, last: int | None, grid: Values
-    ) -> dict[str, Values]:
+        self, rows: _Rows, axis: AxisSurvey, begin: float, last: int | None, grid: Floats
+    ) -> dict[str, Floats]:
         """The signals of an axis at places of a grid that begins at a time [s]; last: row of the main axis."""
         until = begin + (grid[-1] + 1.0) / self.sample_rate
         while (

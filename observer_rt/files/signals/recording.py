@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.config.signals import OPTIONAL_SIGNALS, OptionalRole
 from observer_rt.core.plant.plant import show_slowly
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Floats
 from observer_rt.model.surroundings import Surroundings
 
 STEP_TOLERANCE = 0.2
@@ -46,7 +46,7 @@ def is_needed(signal: str, has_energizing: bool) -> bool:
     return signal not in OPTIONAL and not (signal == "needle_lift" and has_energizing)
 
 
-Arrays = Mapping[str, NDArray[np.float64]]
+Arrays = Mapping[str, Floats]
 """Time and signals by name, each (n,)."""
 
 
@@ -67,7 +67,7 @@ class TimeGrid:
         self._period = self._step = 0.0  # median and mean of the steps in the first part
         self._extremes: list[tuple[int, float]] = []  # row, and its distance [s] from a grid of steps `_step`
 
-    def take(self, time: NDArray[np.float64]) -> UnevenTime | None:
+    def take(self, time: Floats) -> UnevenTime | None:
         """Check the next stamps (n,) [s], at least two in the first part; returns the first that is off the grid."""
         not_finite = np.flatnonzero(~np.isfinite(time))
         if not_finite.size:
@@ -149,11 +149,11 @@ class Recording:
     an infinite value or `time` is not an even, rising grid.
     """
 
-    time: NDArray[np.float64]
-    rail_pressure: NDArray[np.float64]
-    needle_lift: NDArray[np.float64]
-    line_pressure: NDArray[np.float64]
-    injection_rate: NDArray[np.float64] | None = None
+    time: Floats
+    rail_pressure: Floats
+    needle_lift: Floats
+    line_pressure: Floats
+    injection_rate: Floats | None = None
     """Measured [m3/s]; None where no rate was measured."""
     path: Path | None = None
     """File of the recording; None for one made in memory."""
@@ -161,11 +161,11 @@ class Recording:
     """Meaning of a sample; None: as the bench file states, without one an instant."""
     meter: tuple[float, ...] | None = field(default=None, kw_only=True)
     """Time constants [s] of the meter of the injection rate; None: not known, taken for none."""
-    energizing: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    energizing: Floats | None = field(default=None, kw_only=True)
     """More than 0.5 while the injector is energized; None where that was not recorded."""
-    chamber_pressure: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    chamber_pressure: Floats | None = field(default=None, kw_only=True)
     """Absolute [Pa], a change between two injections; None where it is as in the injector file."""
-    fuel_temperature: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    fuel_temperature: Floats | None = field(default=None, kw_only=True)
     """In the feed line [K], as the chamber pressure."""
     notes: tuple[str, ...] = field(default=(), kw_only=True)
     """Notes on what its reader left out or found odd."""
@@ -187,7 +187,7 @@ class Recording:
         refuse_impossible(self.signals, lambda row: f"{name}, sample {row}")
 
     @property
-    def signals(self) -> dict[str, NDArray[np.float64]]:
+    def signals(self) -> dict[str, Floats]:
         """The signals by name, without time and those that were not recorded."""
         return {name: values for name in SIGNALS if (values := getattr(self, name)) is not None}
 
@@ -206,7 +206,7 @@ class Recording:
         return tuple(name for name in self.signals if self.has_lift or name != "needle_lift")
 
     @property
-    def arrays(self) -> dict[str, NDArray[np.float64]]:
+    def arrays(self) -> dict[str, Floats]:
         """Time and signals by name."""
         return {"time": self.time, **self.signals}
 
@@ -242,7 +242,7 @@ class Chunk(Recording):
         """Check nothing: the reader of a recording in parts has checked its grid."""
 
 
-def shown_slowly(values: NDArray[np.float64], interval: float, *lags: float) -> NDArray[np.float64]:
+def shown_slowly(values: Floats, interval: float, *lags: float) -> Floats:
     """Values (n,) at every interval [s] behind first-order lags of these time constants [s], at rest before."""
     for lag in lags:
         shown = np.empty(values.size)

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.engine.signal_survey import Survey
 from observer_rt.files.signals.recording import OPTIONAL, Chunk, Recording
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Floats
 
 SAMPLES_AT_ONCE = 1 << 14
 LONGEST_HOLE = 1 << 24  # samples that may lie between two stretches put into one array
@@ -95,7 +95,7 @@ class SignalStream(ABC):
         parts = takewhile(lambda part: part.first < most, self.on_one_grid())
         return replace(joined(list(parts)), meaning=self.meaning, meter=self.meter, notes=self.notes)
 
-    def _grid(self, first: int, end: int) -> NDArray[np.float64]:
+    def _grid(self, first: int, end: int) -> Floats:
         """Times [s] of samples [first, end) of the one grid."""
         return self.stretches[0].start + np.arange(first, end) / self.sample_rate
 
@@ -121,7 +121,7 @@ def joined(parts: Sequence[Recording]) -> Recording:
     return Recording(**_concatenated(parts), path=parts[0].path)  # type: ignore[arg-type]
 
 
-def _concatenated(parts: Sequence[Recording]) -> dict[str, NDArray[np.float64]]:
+def _concatenated(parts: Sequence[Recording]) -> dict[str, Floats]:
     """Time and signals of all parts, which have the same."""
     if len(parts) == 1:
         return parts[0].arrays

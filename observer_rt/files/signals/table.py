@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import ColumnConfig, RecordingConfig
 from observer_rt.files.signals.recording import is_needed
 from observer_rt.foundation.errors import UserError, hint
+from observer_rt.foundation.units import Floats
 
 TIME = "time"
 LARGEST = 1e30  # no measurement, but what can be written in any unit
-Values = NDArray[np.float64]
 
 
 class Heading(NamedTuple):
@@ -30,8 +29,8 @@ class Heading(NamedTuple):
 class TablePart(NamedTuple):
     """Rows that follow one another: time and signals by name as printed in the file, each (n,)."""
 
-    time: Values
-    signals: Mapping[str, Values]
+    time: Floats
+    signals: Mapping[str, Floats]
 
     def followed_by(self, part: "TablePart") -> "TablePart":
         """These rows, and those of a part that follows; `NO_ROWS` are followed by any."""
@@ -98,7 +97,7 @@ class Table(ABC):
             )
         return dict(self.config.signals)
 
-    def _part(self, columns: dict[str, Values], row: int) -> TablePart:
+    def _part(self, columns: dict[str, Floats], row: int) -> TablePart:
         """Columns by signal, from a row on; without a time they follow each other at the rate stated."""
         if TIME in columns:
             return TablePart(columns.pop(TIME), columns)

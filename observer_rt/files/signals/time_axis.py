@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import TimeConfig
 from observer_rt.files.signals.recording import roundest
-from observer_rt.files.signals.table import TablePart, Values
+from observer_rt.files.signals.table import TablePart
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Floats
 
 ISO_8601 = "ISO8601"  # as pandas calls it
 TIMEDELTA = "N days HH:MM:SS"  # as pandas writes time that has passed
@@ -75,7 +76,7 @@ def calendar_of(time: TimeConfig | None, cells: Iterable[str]) -> Calendar | Non
     return next((Calendar(form) for form, pattern in forms.items() if any(map(pattern.match, cells))), None)
 
 
-def seconds_since(origin: int, moments: NDArray[np.int64], of_day: bool = False) -> NDArray[np.float64]:
+def seconds_since(origin: int, moments: NDArray[np.int64], of_day: bool = False) -> Floats:
     """Moments or times [ns] (n,) as exact seconds since `origin` [ns]; NaN for an invalid stamp.
 
     of_day: they are times of a day, and may pass midnight once.
@@ -86,7 +87,7 @@ def seconds_since(origin: int, moments: NDArray[np.int64], of_day: bool = False)
     return np.where(moments == NO_MOMENT, np.nan, after / 1e9)
 
 
-def rate_of(stamps: Values) -> float | None:
+def rate_of(stamps: Floats) -> float | None:
     """Rate [Hz] of stamps [s] (n,): the roundest that they allow, or the one of the roundest period.
 
     None where they do not rise nearly everywhere.
@@ -168,7 +169,7 @@ class AxisSurvey:
         """Whether the stamps are the grid's but for their jitter."""
         return self.off_grid <= SNAPPED
 
-    def take(self, time: Values) -> None:
+    def take(self, time: Floats) -> None:
         """Go on with stamps [s], (n,), n >= 1, all finite."""
         if not self.period:
             rising = np.diff(time)
@@ -194,7 +195,7 @@ class AxisSurvey:
             self.off_grid = max(self.off_grid, float(np.abs(position - np.rint(position)).max()))
         self.rows += time.size
 
-    def knots(self, time: Values, begin: float) -> tuple[Values, NDArray[np.bool_]]:
+    def knots(self, time: Floats, begin: float) -> tuple[Floats, NDArray[np.bool_]]:
         """Places of stamps [s] on the grid that begins at `begin`, and which of them rise: the last of equal ones."""
         position = (time - begin) * self._rate
         if self.is_on_grid:
@@ -203,8 +204,8 @@ class AxisSurvey:
         rises[rises] = np.diff(position[rises], append=np.inf) > 0.0
         return position, rises
 
-    def at(self, grid: Values, position: Values, values: Values) -> Values:
-        """Values at places of the grid by lines between knots; NaN beyond the knots, and between distant ones."""
+    def at(self, grid: Floats, position: Floats, values: Floats) -> Floats:
+        """Floats at places of the grid by lines between knots; NaN beyond the knots, and between distant ones."""
         available = ~np.isnan(values)
         position, values = position[available], values[available]
         if not position.size:

@@ -16,10 +16,10 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.observer_run import HistorySamples
-from observer_rt.desk.evaluation.trace import Signal
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.signals.recording import OPTIONAL, Chunk, Recording
 from observer_rt.files.signals.stream import HeldSignals, SignalStream, Stretch, cut
+from observer_rt.foundation.units import Floats
 from observer_rt.model.effects import effective_model
 from tests.desk.evaluation.documents import recording_json
 from tests.device import frames_of, later, simulated
@@ -104,7 +104,7 @@ def test_what_is_remembered_does_not_grow(monkeypatch: pytest.MonkeyPatch) -> No
     sizes: list[int] = []
     give = HistorySamples.give
 
-    def watched(self: HistorySamples, first: int, time: Signal, measured_rate: Signal | None) -> None:
+    def watched(self: HistorySamples, first: int, time: Floats, measured_rate: Floats | None) -> None:
         give(self, first, time, measured_rate)
         sizes.append(self.held.size)
 
@@ -129,7 +129,7 @@ def test_a_trace_is_in_the_format_of_its_suffix(tmp_path: Path, suffix: str) -> 
     assert "ADAPTED" in state
 
 
-def _columns(path: Path) -> tuple[Signal, Signal, list[str]]:
+def _columns(path: Path) -> tuple[Floats, Floats, list[str]]:
     if path.suffix == ".mf4":
         from asammdf import MDF
 

@@ -11,10 +11,11 @@ import pyarrow as pa
 import pytest
 
 from observer_rt.desk.fleet.recordings import PathPattern, TimeFrom
-from observer_rt.desk.fleet.trend import FEWEST, InjectorTrend, Limit, Signal, WearLine, as_json, table_of, trends
+from observer_rt.desk.fleet.trend import FEWEST, InjectorTrend, Limit, WearLine, as_json, table_of, trends
 from observer_rt.desk.fleet.trend_figure import draw
 from observer_rt.foundation.console import results
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Floats
 from tests.desk.fleet.rows import campaign, rows
 
 
@@ -104,7 +105,7 @@ def test_a_limit_too_far_ahead_or_the_other_way_is_not_before_some_day(size: flo
 
 @pytest.mark.parametrize("value", [[0.1] * FEWEST, [0.0, 0.1, 0.1, 0.3]])
 def test_recordings_without_noise_do_no_harm(value: list[float]) -> None:
-    days: Signal = np.arange(float(FEWEST))
+    days: Floats = np.arange(float(FEWEST))
     level, half = WearLine.of(days, np.array(value), np.zeros(FEWEST)).at(days)
     assert level == pytest.approx(np.polyval(np.polyfit(days, value, 1), days))
     assert np.isfinite(half).all()

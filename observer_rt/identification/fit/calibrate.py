@@ -11,7 +11,6 @@ from scipy.optimize import least_squares
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.files.signals.recording import shown_slowly
-from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import Floats
 from observer_rt.identification.fit import search
 from observer_rt.identification.fit.causes import TriedCause, tried_causes
@@ -19,7 +18,7 @@ from observer_rt.identification.fit.comparison import Comparison, compared
 from observer_rt.identification.fit.forms import INERTANCE, NEEDLE, NOZZLE, STRUCTURES, FreeParameter, Structure
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import GROUPS_OF_FOLD, Calibration, Fold, by_meter, folds_of, thinned
-from observer_rt.identification.fit.structures import Choice, Trial, choose, tried_structures
+from observer_rt.identification.fit.structures import Choice, choose, tried_structures
 from observer_rt.identification.fit.suitability import share_between_samples
 from observer_rt.identification.likelihood.likelihood import JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement, Rows
@@ -170,7 +169,7 @@ def calibrate(
     coarse = tuple(thinned(fold, search.ROUGH_EVENTS) for fold in folds)  # structures are compared on
     further = (() if source is LevelSource.FILE else (INERTANCE,)) + (NEEDLE if recordings[0].is_answered else ())
     tried = tried_structures(structures, file, further, coarse, lambda share: progress(COMPARISON_TIME * share))
-    choice = _chosen(tried)
+    choice = choose(tried)
     misfit = rate_misfit(choice.best.calibration, choice.best.judged)
     meter = recordings[0].recording.meter
     has_shape = misfit <= RATE_MISFIT and not meter  # poles are not known so well that V_S could be told from them
@@ -185,16 +184,6 @@ def calibrate(
         result = replace(result, causes=tried_causes(choice.best))
     progress(1.0)
     return result
-
-
-def _chosen(tried: Sequence[Trial]) -> Choice:
-    """The choice among structures. Raises `RunError` with the reasons if none was fitted."""
-    choice = choose(tried)
-    if choice is None:
-        failures = (one for one in tried if isinstance(one, search.FailedStructure))
-        reasons = "; ".join(f"{one.structure.name}: {one.reason}" for one in failures)
-        raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
-    return choice
 
 
 class MeteredFit(NamedTuple):

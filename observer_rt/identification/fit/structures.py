@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer_rt.engine.estimation.phases import Phase
+from observer_rt.foundation.errors import RunError
 from observer_rt.identification.fit import forms, search
 from observer_rt.identification.fit.comparison import UnexplainedSignal
 from observer_rt.identification.fit.forms import OPTIONAL_GROUPS, FreeParameter, Structure, with_values
@@ -138,11 +139,17 @@ def _as_stated(
     return injector
 
 
-def choose(tried: Sequence[Trial]) -> Choice | None:
-    """Choose the simplest structure as good as the best, first one that conserves mass; None if none was fitted."""
+def choose(tried: Sequence[Trial]) -> Choice:
+    """Choose the simplest structure as good as the best, first one that conserves mass.
+
+    Raises `RunError` with the reasons if none was fitted.
+    """
     candidates = [one for one in tried if isinstance(one, FittedStructure)]
     if not candidates:
-        return None
+        reasons = "; ".join(
+            f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, FailedStructure)
+        )
+        raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
     best, as_good = _simplest(candidates), _as_good(candidates)
     return Choice(best, tried, as_good, _reason(best, as_good))
 

@@ -16,12 +16,11 @@ from observer_rt.files.canlog.candump import CANDUMP
 from observer_rt.files.canlog.python_can import ASC, CSV_LOG, TRC
 from observer_rt.files.mdf4.can_log import MDF4_LOG
 from observer_rt.files.signals.arrow_table import ParquetTable
-from observer_rt.files.signals.csv_table import CsvTable
+from observer_rt.files.signals.csv_table import CsvTable, take_shots
 from observer_rt.files.signals.mapped_signals import MappedSignals
 from observer_rt.files.signals.mdf4_table import Mdf4Table
 from observer_rt.files.signals.naming import in_words, layout_of
 from observer_rt.files.signals.recording import COMPANION_SUFFIXES, SHOTS_SUFFIX, Recording
-from observer_rt.files.signals.shots import take_shots
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.files.signals.table import SignalFormat
 from observer_rt.files.signals.table_signals import EvenSignals, TableSignals

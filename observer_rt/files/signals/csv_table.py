@@ -1,4 +1,4 @@
-"""CSV in any dialect, which is found out, read by pandas a block of lines at a time; also of shots beside a recording.
+"""CSV in any dialect, which is found out, read by pandas a block of lines at a time; also shots beside a recording.
 
 Such a table of shots, a row a shot, is what an ECU exports: when the injector was energized.
 """

@@ -21,7 +21,7 @@ from observer_rt.bus.mapping.timing import GridRelation
 from observer_rt.core.frames import frames as core
 from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.core.stream.stream import Break
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECOND, NANOSECONDS
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECOND, NANOSECONDS, Ints
 
 LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
 
@@ -89,7 +89,7 @@ class Timekeeping(NamedTuple):
     shifts: NDArray[np.void]  # SHIFT
 
 
-def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leading: int) -> Timekeeping:
+def make_timekeeping(timing: NDArray[np.void], samples: Ints, leading: int) -> Timekeeping:
     """Memory of all messages before the first frame.
 
     timing: rows TIMING; samples: of every role in one frame of each message; leading: number of the grid's message.

@@ -23,7 +23,7 @@ from observer_rt.daemon.arrivals import Arrivals
 from observer_rt.daemon.feeder import Feeder, Pace
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame, output_frame
-from observer_rt.foundation.units import MICROSECOND, NANOSECOND
+from observer_rt.foundation.units import MICROSECOND, NANOSECOND, Ints
 
 _TIMEVAL = struct.Struct("@ll")
 SHORTEST = 1024  # ns, where the first of the octaves begins that are counted in quarters
@@ -69,7 +69,7 @@ class Latency(NamedTuple):
 
 def latency_of(memory: np.void) -> Latency | None:
     """Latency by the counts of a `memory.PUMP`; None before rates were sent."""
-    counts: NDArray[np.int64] = memory["latencies"]
+    counts: Ints = memory["latencies"]
     total, largest = int(counts.sum()), int(memory["largest_latency"])
     if not total:
         return None

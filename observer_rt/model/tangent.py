@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import BY_LINE, BY_NOZZLE, BY_SEAT, COLUMNS, FIRST_OF_SEAT
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Floats, Ints
 from observer_rt.model.effective import Coefficients
 
 
@@ -17,19 +17,19 @@ class ByTheta(NamedTuple):
     nozzle_weight: int
     seat_bias: int
     seat_weight: int
-    neurons: NDArray[np.int64]  # (CURVES,), of every curve
+    neurons: Ints  # (CURVES,), of every curve
     basis: Floats  # (CURVES, PIECES, 4, MOST_NEURONS), of the neurons
-    nozzle: NDArray[np.int64]  # (NOZZLE_NUMBERS,)
-    valve: NDArray[np.int64]  # (VALVE_NUMBERS,)
+    nozzle: Ints  # (NOZZLE_NUMBERS,)
+    valve: Ints  # (VALVE_NUMBERS,)
     valve_sizes: Floats  # of theta = 1
-    needle: NDArray[np.int64]  # (NEEDLE_NUMBERS,)
+    needle: Ints  # (NEEDLE_NUMBERS,)
     needle_sizes: Floats
     shots: int  # commands of an event, with two columns of delays each
     first_shot: int  # the first of these columns
-    sensor: NDArray[np.int64]  # (SENSOR_NUMBERS,)
+    sensor: Ints  # (SENSOR_NUMBERS,)
     offset: int  # of the line-pressure sensor
-    line_columns: NDArray[np.int64]  # (k,) of theta, those of a column one after another
-    line_coefficients: NDArray[np.int64]  # (k,)
+    line_columns: Ints  # (k,) of theta, those of a column one after another
+    line_coefficients: Ints  # (k,)
     line_slopes: Floats  # (k,) d(coefficient)/d(theta) of these pairs, all that are not 0
     elsewhere: int  # a column behind all others, for numbers that are not wanted
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.links.controller import BusCondition
 from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.units import Ints
 
 LONGEST_WAIT = 0.02  # s until a reading thread notices that it is to end
 BLOCK_FRAMES = 256  # which bring far fewer samples than the observer remembers
@@ -139,11 +140,11 @@ class Link(Protocol):
 class FrameBlock(NamedTuple):
     """Frames in the order received (n of them)."""
 
-    keys: NDArray[np.int64]
+    keys: Ints
     """(n,), as by `frame_key`."""
-    stamps: NDArray[np.int64]
+    stamps: Ints
     """(n,), when each was received [ns], as of `Frame`."""
-    starts: NDArray[np.int64]
+    starts: Ints
     """(n + 1,), where the payload of each begins in `data`, and where that of the last one ends."""
     data: NDArray[np.uint8]
     """The payloads, one after another."""

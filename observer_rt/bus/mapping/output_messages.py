@@ -14,6 +14,7 @@ from observer_rt.bus.database.lookup import PROFILES, MessageLayout, signal_name
 from observer_rt.bus.mapping.output_signals import signals_of
 from observer_rt.core.frames.frames import Header, shortest_protected
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Ints
 
 HEADER_SIGNALS = signals_of(Header)
 RATE_PATTERN = "InjectionRate_{:02d}"
@@ -29,7 +30,7 @@ class OutputPage(NamedTuple):
     names: tuple[str, ...]
     table: NDArray[np.void]
     blank: NDArray[np.uint8]
-    places: NDArray[np.int64]
+    places: Ints
     selection: multiplexing.Selection
 
 

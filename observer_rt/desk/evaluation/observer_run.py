@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.bus.links.link import FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap
@@ -24,7 +23,7 @@ from observer_rt.engine.stream.state import Observer
 from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, cut
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Bools, Floats, Ints
 from observer_rt.model.surroundings import Surroundings
 
 PIECE = 5e-3  # s of a recording, in which the surroundings are the same
@@ -50,7 +49,7 @@ class Run:
         """Number after its last sample."""
         return self.number + self.samples
 
-    def times(self, numbers: NDArray[np.int64]) -> Floats:
+    def times(self, numbers: Ints) -> Floats:
         """Times [s] (n,) of samples by their numbers, where a log brings no times of its own."""
         return np.asarray(self.start + (self.offset + numbers - self.number) / self.rate)
 
@@ -84,7 +83,7 @@ class HistorySamples:
             samples.measured_rate = measured_rate
         self._append(samples)
 
-    def note(self, observer: Observer, position: int, index: NDArray[np.int64], nominal: Floats) -> None:
+    def note(self, observer: Observer, position: int, index: Ints, nominal: Floats) -> None:
         """Take what the observer made of samples, the first of them at a position of its stream.
 
         index (n,): those they were sent with; nominal [m3/s] (n,): rate of the nominal model.
@@ -106,7 +105,7 @@ class HistorySamples:
             places = np.searchsorted(self.held.number, numbers)
             self._note(observer, (position + first + inside) % RING, places, nominal[first + inside])
 
-    def _note(self, observer: Observer, rows: NDArray[np.int64], places: NDArray[np.int64], nominal: Floats) -> None:
+    def _note(self, observer: Observer, rows: Ints, places: Ints, nominal: Floats) -> None:
         """Copy rows (k,) of the observer's ring to the places (k,) of their samples."""
         ring, trace = observer.ring, self.held
         trace.line_pressure[places] = np.where(ring["interpolated"][rows], np.nan, ring["line_pressure"][rows])
@@ -117,7 +116,7 @@ class HistorySamples:
         trace.x[places[is_known]] = observer.x_hat[rows[is_known], :3]
         trace.phi[places[is_known]] = ring["phi"][rows[is_known]]
 
-    def _by_run(self, index: NDArray[np.int64]) -> Iterator[tuple[Run, int, NDArray[np.int64]]]:
+    def _by_run(self, index: Ints) -> Iterator[tuple[Run, int, Ints]]:
         """Split samples by the run they belong to: it, and the place of the first and the indices of its samples."""
         begins_anew = set(np.flatnonzero(np.diff(index, prepend=self._last_index) <= 0).tolist())
         for begin, end in pairwise(sorted({0, *begins_anew, len(index)})):
@@ -261,7 +260,7 @@ class ObserverRun:
             self._core.optional.take(Surroundings(**values))
             self._observe(self._device.blocks(cut(chunk, first, min(first + piece, chunk.samples))))
 
-    def _energize(self, first_index: int, level: NDArray[np.bool_]) -> None:
+    def _energize(self, first_index: int, level: Bools) -> None:
         """Tell the observer the commands in samples (n,) of a level, which no frame carries."""
         observer = self._core.compiled.observer
         for row in np.flatnonzero(np.diff(level, prepend=self._is_energized)).tolist():

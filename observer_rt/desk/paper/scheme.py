@@ -22,12 +22,11 @@ while (16) divides by H. Here the BFGS update of the inverse is used.
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.laws import take_tanh
 from observer_rt.core.paper.scheme import sweep
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Bools, Floats
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import Network, constant_network
 
@@ -153,7 +152,7 @@ class EventPass(NamedTuple):
     phi: Floats  # (n, 3) [1/s]
     rate: Floats  # (n,) Q_H^ [m3/s]
     error: Floats  # (n,) e~ [p_0]
-    driven: NDArray[np.bool_]  # (n,) where x^ runs on phi; before the opening and with the needle long shut it is x~
+    driven: Bools  # (n,) where x^ runs on phi; before the opening and with the needle long shut it is x~
 
 
 def design_vector(c: Coefficients) -> Floats:

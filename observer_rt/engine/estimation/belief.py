@@ -11,12 +11,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.gating import search_subsets
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.engine.estimation.parameters import Gate
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Floats, Ints
 
 _EXACTLY = 1e-14  # variance of a held parameter
 Vector = Floats
@@ -65,13 +64,13 @@ class Belief:
         both = np.outer(factor, factor)
         return Belief(self.mean, both * self.covariance, both * self.error_covariance)
 
-    def part(self, columns: NDArray[np.int64]) -> "Belief":
+    def part(self, columns: Ints) -> "Belief":
         """The belief about the parameters of some columns (k,)."""
         return Belief(
             self.mean[columns], *self._of_each(lambda covariance: covariance.take(columns, 0).take(columns, 1))
         )
 
-    def complete(self, columns: NDArray[np.int64], variances: Vector) -> "Belief":
+    def complete(self, columns: Ints, variances: Vector) -> "Belief":
         """The belief about all m parameters, this one being a part; the others are 0, with variances (m,)."""
 
         def placed(covariance: Matrix) -> Matrix:

@@ -9,11 +9,10 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.model import FIRST_OF_SEAT, SENSOR_NUMBERS
 from observer_rt.core.model.needle import NEEDLE_NUMBERS
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MM3_PER_MS, Floats
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MM3_PER_MS, Floats, Ints
 from observer_rt.model.effective import LAG_UNIT, LIFT_UNIT, Coefficients
 from observer_rt.model.hydraulics import CONTROL_REFERENCE, Valve
 from observer_rt.model.line import stiffened
@@ -125,7 +124,7 @@ class Scalar:
 class Numbers(NamedTuple):
     """Columns of theta that are the numbers of an element's law, and SI sizes of theta = 1, of pressures in p_0."""
 
-    columns: NDArray[np.int64]
+    columns: Ints
     sizes: Floats
 
     def of(self, theta: Floats) -> Floats:
@@ -432,7 +431,7 @@ def network_of(theta: Floats) -> Network:
     return network
 
 
-def by_theta(theta: Floats, c: Coefficients, columns: NDArray[np.int64] = EVERY, shots: int = 0) -> ByTheta:
+def by_theta(theta: Floats, c: Coefficients, columns: Ints = EVERY, shots: int = 0) -> ByTheta:
     """Action of theta (m,) on a model without it: columns of the parameters, and slopes of the line by complex steps.
 
     columns (k,): of theta, by which a tangent is wanted: its first ones; shots: of an event, whose delays come next.

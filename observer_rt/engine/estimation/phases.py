@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning import phases as core
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Bools, Floats
 
 EDGE = 0.3e-3  # s after the needle leaves its seat, and before it is back on it
 AFTERGLOW = 0.05e-3  # s after it is shut that still count as closing
@@ -131,7 +131,7 @@ def phase_statistics(
     sigma: float,
     phases: NDArray[np.int8],
     first: int,
-    left_out: NDArray[np.bool_] | None = None,
+    left_out: Bools | None = None,
     limit: float = math.inf,
 ) -> PhaseStatistics:
     """Statistics of innovations (n,) with standard deviation `sigma`, from sample `first` on.

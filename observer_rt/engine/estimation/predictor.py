@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.gain import solve_riccati
 from observer_rt.core.learning.predictor import follow, move_lift, propagate_noise
@@ -15,7 +14,7 @@ from observer_rt.core.model.model import SENSOR_NUMBERS
 from observer_rt.core.model.needle import NEEDLE_NUMBERS, NeedleLaw, NeedleStroke, commanded_areas, stroke_of
 from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.engine.estimation.parameters import EVERY, SENSOR_LAW, LearnedModel, Parameter, by_theta, learned_of
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, Floats
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, Bools, Floats, Ints
 from observer_rt.model.effective import LAG_UNIT, NO_CLOCK, NO_PROGRAM, Clock, Coefficients
 from observer_rt.model.hydraulics import CONTROL_REFERENCE
 from observer_rt.model.tangent import ByTheta, Tangent, tangent_of
@@ -180,16 +179,16 @@ class Window(NamedTuple):
 
     inputs: Floats  # (n, 2) u = [p_R, A_S]
     output: Floats  # (n,) y, moved by the whole samples it is recorded late
-    resting: NDArray[np.bool_]  # (n,) needle shut so long that p_S = p_C
+    resting: Bools  # (n,) needle shut so long that p_S = p_C
     start: Floats  # (states + 1,) x~ and the indicated pressure at the first sample
     opening: int  # index of the first sample with an open needle
     knots: Floats = NO_KNOTS  # bends (n, 2) of the area as in `model.advance_over`; (0, 2): none
-    masked: NDArray[np.bool_] = np.empty(0, np.bool_)  # (n,) y is an outlier and does not count; (0,): none is
+    masked: Bools = np.empty(0, np.bool_)  # (n,) y is an outlier and does not count; (0,): none is
     clock: Clock = NO_CLOCK  # time and openings up to the first sample
     commands: Floats = NO_COMMANDS  # (k, 2) first samples with and without energizing; inf: unknown
     needle: NeedleLaw | None = None  # answers the commands; None: its lift is recorded
     by_needle: Floats = NO_NEEDLE  # (n, NEEDLE_NUMBERS) slopes of A_S; (0, ..): none
-    shots: NDArray[np.int64] = NO_SHOTS  # (n,) numbers of the commands; (0,): none
+    shots: Ints = NO_SHOTS  # (n,) numbers of the commands; (0,): none
 
     def until(self, end: int) -> "Window":
         """The first `end` samples of the window; its inputs go on, for a pilot valve is ahead of the lift."""
@@ -298,12 +297,7 @@ def innovations(window: Window, setting: Setting, learned: LearnedModel, result:
 
 
 def innovations_with_sensitivity(
-    window: Window,
-    setting: Setting,
-    theta: Floats,
-    result: Floats,
-    slopes: Floats,
-    columns: NDArray[np.int64] = EVERY,
+    window: Window, setting: Setting, theta: Floats, result: Floats, slopes: Floats, columns: Ints = EVERY
 ) -> None:
     """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, k): the filtered gradient.
 

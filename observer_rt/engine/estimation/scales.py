@@ -11,13 +11,13 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.evidence import weigh_scales
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.model.model import FIRST_OF_SEAT
 from observer_rt.engine.estimation.belief import Belief, Matrix, Vector, symmetric
 from observer_rt.engine.estimation.parameters import EVERY, SCALARS, WEIGHTS
+from observer_rt.foundation.units import Bools, Ints
 from observer_rt.model.network import IS_PAIR, NEURONS
 
 LAWLESS, ONE_SCALE = 0.6, 0.5  # probability that a flow has no law; of one that has, that all curves are alike; M
@@ -41,7 +41,7 @@ Pairs = frozenset[int]
 """Curves along two inputs that are in use."""
 
 
-def _offered(scales: NDArray[np.int64]) -> Vector:
+def _offered(scales: Ints) -> Vector:
     """Logarithms of how likely choices (k, curves) of a flow's scales are before any event.
 
     Of a flow with a law all curves have one scale as likely as not: a law over one input is nearly one over others.
@@ -80,7 +80,7 @@ class ScaleChoice(NamedTuple):
 
 
 def _measured(
-    belief: Belief, columns: NDArray[np.int64], prior: Vector, noises: Matrix, shares: Vector, has_errors: bool = True
+    belief: Belief, columns: Ints, prior: Vector, noises: Matrix, shares: Vector, has_errors: bool = True
 ) -> Belief:
     """Moments of the mixture of beliefs after weights in columns (k,) were measured to be 0.
 
@@ -106,7 +106,7 @@ def _measured(
     return Belief(mean, covariance, symmetric(error))
 
 
-def _in_units(covariance: Matrix, columns: NDArray[np.int64], prior: Vector) -> tuple[Matrix, Matrix]:
+def _in_units(covariance: Matrix, columns: Ints, prior: Vector) -> tuple[Matrix, Matrix]:
     """Covariance (k, m) of weights with theta, in units of their prior, and their own (k, k)."""
     across = covariance[columns] / prior[:, None]
     return across, across[:, columns] / prior
@@ -120,24 +120,24 @@ def _information(own: Matrix, noise: Vector) -> Matrix:
 
 
 @lru_cache(32)
-def _is_other(pairs: Pairs) -> NDArray[np.bool_]:
+def _is_other(pairs: Pairs) -> Bools:
     """Whether weights (HIDDEN,) are of pairs but these."""
     return np.asarray(IS_PAIR[_CURVE] & ~np.isin(_CURVE, list(pairs)), np.bool_)
 
 
 @lru_cache(32)
-def _others(pairs: Pairs) -> NDArray[np.int64]:
+def _others(pairs: Pairs) -> Ints:
     """Weights of all pairs but these."""
     return np.flatnonzero(_is_other(pairs))
 
 
-def other_columns(pairs: Pairs) -> NDArray[np.int64]:
+def other_columns(pairs: Pairs) -> Ints:
     """Columns of theta that are weights of all pairs but these."""
     return WEIGHTS[_others(pairs)]
 
 
 @lru_cache(32)
-def _measured_in_turn(pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _measured_in_turn(pairs: Pairs) -> tuple[Ints, Ints]:
     """Weights of all pairs but these, then those of curves along one input; where these and each of those end."""
     others = _others(pairs)
     return np.concatenate((others, _OF_SINGLE)), np.cumsum([others.size, *NEURONS[_SINGLE]])
@@ -157,13 +157,13 @@ def _in_use(belief: Belief, pairs: Pairs, has_errors: bool = True) -> Belief:
 
 
 @lru_cache(32)
-def columns_in_use(pairs: Pairs) -> NDArray[np.int64]:
+def columns_in_use(pairs: Pairs) -> Ints:
     """Columns of theta but weights of all pairs but these."""
     return np.setdiff1d(EVERY, other_columns(pairs))
 
 
 @lru_cache(32)
-def _single_in_use(pairs: Pairs) -> NDArray[np.int64]:
+def _single_in_use(pairs: Pairs) -> Ints:
     """Weights of curves along one input among the columns in use."""
     return np.searchsorted(columns_in_use(pairs), WEIGHTS[_OF_SINGLE])
 

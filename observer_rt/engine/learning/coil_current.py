@@ -15,13 +15,13 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.engine.estimation.parameters import PARAMETERS, Parameter
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.run import EventCost, EventRun
 from observer_rt.foundation.records import NOT_KEPT
+from observer_rt.foundation.units import Ints
 from observer_rt.model.effective import LAG_UNIT
 
 LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
@@ -177,7 +177,7 @@ class CoilPulse:
         return window._replace(output=output)
 
 
-def pulse_ends(interval: float) -> NDArray[np.int64]:
+def pulse_ends(interval: float) -> Ints:
     """Grid of ends of the pulse, in samples before the closing; interval: of samples [s]."""
     earliest, latest, step = (round(t / interval) for t in (EARLIEST_END, LATEST_END, END_STEP))
     return np.arange(latest, earliest, max(step, 1))
@@ -206,7 +206,7 @@ class CoilCurrent:
         return window if self.pulse is None else self.pulse.taken_out(window)
 
     def after(
-        self, window: Window, before: int, innovations: Innovations, theta: ThetaColumns, ends: NDArray[np.int64]
+        self, window: Window, before: int, innovations: Innovations, theta: ThetaColumns, ends: Ints
     ) -> "CoilCurrent":
         """The next value, after an event as it was recorded, with an edge so many samples before its openings.
 

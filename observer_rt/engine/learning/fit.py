@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.evidence import integrate_cost
 from observer_rt.core.learning.matrices import inverse_of
@@ -23,6 +22,7 @@ from observer_rt.engine.estimation.parameters import NEEDLE_LAW, SCALARS, Alike,
 from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.run import EventCost, EventRun
+from observer_rt.foundation.units import Ints
 from observer_rt.model.effective import LAG_UNIT, LIFT_UNIT, Coefficients
 
 LEAST_LAG = 30e-6  # s, of a line sensor, that shows beside a needle by commands; M: else 20 us are found of none
@@ -98,7 +98,7 @@ class EventFitter:
     cost: EventCost
     active: frozenset[int]
     limits: Limits
-    unused: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    unused: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
     def fit(self, start: EventRun, prior: Belief, iterations: int) -> Fit:
         """Minimise cost and distance from the prior, at most so many steps from `start`.
@@ -166,7 +166,7 @@ class Evidence(NamedTuple):
     covariance: Matrix
 
 
-def evidence_of(run: EventRun, prior: Belief, limits: Limits, columns: NDArray[np.int64]) -> Evidence:
+def evidence_of(run: EventRun, prior: Belief, limits: Limits, columns: Ints) -> Evidence:
     """Integrates exp(-cost) over a Gaussian prior of some columns (k,), the cost a parabola round where it was run.
 
     What that promises beyond the limits, or further off than slopes hold, is fiction: no more than `BEYOND` of it

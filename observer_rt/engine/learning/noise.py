@@ -11,14 +11,13 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.outliers import find_held, find_loud
 from observer_rt.core.learning.whitening import NO_HIGH_PASS, high_passed, take_in_products, whiten
 from observer_rt.engine.estimation.belief import Vector
 from observer_rt.engine.estimation.phases import BLOCKS, deviate
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Bools, Floats, Ints
 
 GAUSSIAN = 1.4826  # standard deviation over the median of the sizes
 FEWEST = 16  # samples that tell a level
@@ -83,7 +82,7 @@ def median(values: Vector) -> float:
     return above if values.size % 2 else 0.5 * (float(parted[:middle].max()) + above)
 
 
-def mask_of(window: Window) -> NDArray[np.bool_]:
+def mask_of(window: Window) -> Bools:
     """Samples of a window (n,) that do not count."""
     return window.masked if len(window.masked) else np.zeros(len(window.output), np.bool_)
 
@@ -110,7 +109,7 @@ def without_stretches(window: Window, innovations: Vector, sigmas: Sigmas, first
     return CleanWindow(window._replace(masked=mask), float(spans[:, 2].sum()) + max(0.5 * more, 0.0))
 
 
-def _beyond(y: Vector, level: float, noise: float) -> NDArray[np.bool_]:
+def _beyond(y: Vector, level: float, noise: float) -> Bools:
     """Samples of y (n,) about a level at which its range ends; none, where it goes on beyond it."""
     means = np.convolve(y - level, np.full(NEIGHBOURS, 1.0 / NEIGHBOURS), "same")
     inner = means[NEIGHBOURS:-NEIGHBOURS] / noise
@@ -128,7 +127,7 @@ class Whitening:
     forgetting: float | None  # theta; None: no high pass
     taps: Floats  # a (p,)
 
-    def of(self, values: Floats, masked: NDArray[np.bool_] = NONE_MASKED) -> Floats:
+    def of(self, values: Floats, masked: Bools = NONE_MASKED) -> Floats:
         """Innovations (n,) or their slopes (n, m), whitened; the filter is linear, and the same for both.
 
         The first value becomes 0, as that of innovations is. masked: (n,) where there is no value, or (0,): the value
@@ -244,7 +243,7 @@ class RestingNoise:
         whitening = Whitening(forgetting, self._taps(choice, order))
         return Colour(whitening, interval, math.sqrt(variances[choice, order]))
 
-    def _best_orders(self, criteria: Floats) -> tuple[NDArray[np.int64], Floats]:
+    def _best_orders(self, criteria: Floats) -> tuple[Ints, Floats]:
         """Best order of each high pass, and its BIC: the least of the filters that leave no colour.
 
         criteria: (choices, orders), BIC. Without such a filter those with.

@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.learning.whitening import robust_cost, weigh
@@ -23,7 +22,7 @@ from observer_rt.engine.estimation.predictor import (
 )
 from observer_rt.engine.learning.healthy import expected_in, needle_course
 from observer_rt.engine.learning.noise import Whitening
-from observer_rt.foundation.units import MEGAPASCAL, Floats
+from observer_rt.foundation.units import MEGAPASCAL, Floats, Ints
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import LAG_UNIT
 
@@ -156,7 +155,7 @@ class EventCost:
     offset: float | None = None
     temper: float = 1.0
     shape: HealthyShape | None = None
-    columns: NDArray[np.int64] = field(default_factory=lambda: EVERY)
+    columns: Ints = field(default_factory=lambda: EVERY)
 
     @property
     def terms(self) -> int:
@@ -300,7 +299,7 @@ class EventCost:
             jitter = followed.jitter
         return followed
 
-    def _slopes(self, theta: Floats, columns: NDArray[np.int64], jitter: Floats) -> tuple[_Innovations, Floats]:
+    def _slopes(self, theta: Floats, columns: Ints, jitter: Floats) -> tuple[_Innovations, Floats]:
         """Run the event with theta (m,) and delays of its shots; slopes by columns (k,) of theta and by delays."""
         setting, unfiltered = self.setting, np.empty(self.window.output.size)
         window = self.window.with_jitter(jitter * NEEDLE_JITTER, setting.interval)

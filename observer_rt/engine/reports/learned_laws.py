@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.model.model import FIRST_OF_SEAT, INPUTS, inputs_along
 from observer_rt.engine.estimation.parameters import NOZZLE, SEAT
@@ -14,7 +13,7 @@ from observer_rt.engine.estimation.scales import law_probabilities
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.mass import FULL, NEAR, EventPoint, nozzle_change, seat_change
 from observer_rt.engine.reports.indicators import SEAT_AREA, SEAT_DROP
-from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, Z_95, Floats
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, Z_95, Bools, Floats
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import IS_PAIR
 
@@ -34,7 +33,7 @@ class LearnedLaw:
     inputs: tuple[Floats, ...]  # (n,) of each
     change: Floats
     half_width: Floats  # of the 95 % interval
-    is_seen: NDArray[np.bool_]  # an event was there
+    is_seen: Bools  # an event was there
     probability: float  # that the flow goes by this input, or by both at once
 
     @property
@@ -133,7 +132,7 @@ class _Axis(NamedTuple):
     reached: Floats  # (events, 2) from where to where each went
 
     @property
-    def is_seen(self) -> NDArray[np.bool_]:
+    def is_seen(self) -> Bools:
         """(events, n): which of them reached which values."""
         return (self.reached[:, :1] <= self.grid) & (self.grid <= self.reached[:, 1:])
 

@@ -16,7 +16,7 @@ from observer_rt.config.signals import Role
 from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.engine.estimation.predictor import NoiseLevels
 from observer_rt.engine.stream.state import Doubt, Observer
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, Floats
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, Floats, Ints
 
 SIGNALS = {  # short name, unit, its size
     Role.RAIL_PRESSURE: ("rail", "MPa", MEGAPASCAL),
@@ -99,7 +99,7 @@ def noise_text(white: NoiseLevels, slow: Mapping[Role, SlowNoise]) -> str:
     return ", ".join(noises)
 
 
-def slow_noise(values: Floats, index: NDArray[np.int64], sample_rate: float, white: float) -> SlowNoise | None:
+def slow_noise(values: Floats, index: Ints, sample_rate: float, white: float) -> SlowNoise | None:
     """Slow noise of samples (n,) at rest with their sample index; None: they are white, or too few.
 
     white: standard deviation of the white part; sample_rate [Hz].
@@ -119,16 +119,14 @@ def slow_noise(values: Floats, index: NDArray[np.int64], sample_rate: float, whi
     return SlowNoise(None, math.sqrt(beyond))
 
 
-def _decays(values: Floats, stretches: list[NDArray[np.int64]]) -> bool:
+def _decays(values: Floats, stretches: list[Ints]) -> bool:
     """Whether values are smaller in the second halves of the stretches: an echo of the motion before these."""
     first = sum(float(np.sum(values[s[: s.size // 2]] ** 2)) for s in stretches)
     second = sum(float(np.sum(values[s[-(s.size // 2) :]] ** 2)) for s in stretches if s.size > 1)
     return first > DECAYING * second
 
 
-def _slow_tone(
-    values: Floats, index: NDArray[np.int64], stretches: list[NDArray[np.int64]], sample_rate: float
-) -> tuple[float, float]:
+def _slow_tone(values: Floats, index: Ints, stretches: list[Ints], sample_rate: float) -> tuple[float, float]:
     """Frequency [Hz] and mean square of the strongest slow tone, over all stretches at once; 0 without a block."""
     from scipy.signal import lombscargle
 

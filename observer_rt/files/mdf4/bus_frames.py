@@ -19,7 +19,7 @@ from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, STANDARD_MA
 from observer_rt.files.mdf4.can_log import CHANNEL_NAME, MAX_LENGTH, RECORD
 from observer_rt.files.mdf4.opening import open_mdf, record_size, refuse_outside, stored_bytes, stored_records
 from observer_rt.files.mdf4.reader_process import Answer
-from observer_rt.foundation.units import NANOSECONDS
+from observer_rt.foundation.units import NANOSECONDS, Bools, Ints
 
 DATA, ERROR, REMOTE = "CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame"
 EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
@@ -137,14 +137,14 @@ class _Frames:
         seconds = identifiers.timestamps.astype(np.float64)
         if not np.all((seconds >= -start / NANOSECONDS) & (seconds <= (_LARGEST_TIME - start) / NANOSECONDS)):
             raise ValueError("its frames have times before 1970, or after 2262")
-        self.stamps: NDArray[np.int64] = np.rint(seconds * NANOSECONDS).astype(np.int64) + start
+        self.stamps: Ints = np.rint(seconds * NANOSECONDS).astype(np.int64) + start
         self.is_valid = np.ones(self.stamps.size, np.bool_)
         for signal in (identifiers, self._get(DATA)):
             if signal.invalidation_bits is not None:
                 self.is_valid &= ~np.asarray(signal.invalidation_bits, np.bool_)
         self._rows = range(0)
 
-    def following(self, count: int) -> tuple[NDArray[np.void], NDArray[np.bool_]]:
+    def following(self, count: int) -> tuple[NDArray[np.void], Bools]:
         """The next records, and which of them are valid."""
         rows = self._rows = range(self._rows.stop, self._rows.stop + count)
         result = np.zeros(count, RECORD)
@@ -183,7 +183,7 @@ class _Frames:
         values: NDArray[Any] = channel.conversion.convert(raw, ignore_value2text_conversions=not keeps_text)
         return values
 
-    def _numbers(self, field: str, default: NDArray[Any] | None = None) -> NDArray[np.int64]:
+    def _numbers(self, field: str, default: NDArray[Any] | None = None) -> Ints:
         """Whole numbers that a field holds, the default without it. Raises `ValueError` for others."""
         if default is not None and field not in self._places:
             return default.astype(np.int64)
@@ -220,7 +220,7 @@ class _Frames:
         result["data"][:, : data.shape[1]] = data
 
 
-def _whole_numbers(field: str, values: NDArray[Any]) -> NDArray[np.int64]:
+def _whole_numbers(field: str, values: NDArray[Any]) -> Ints:
     """Whole numbers that a field of a frame may hold. Raises `ValueError` for others."""
     if values.dtype.kind not in "buif" or values.ndim != 1:
         raise ValueError(f"the {field} of its frames is no number")

@@ -20,7 +20,7 @@ from observer_rt.files.signals.stream import Sampled
 from observer_rt.files.signals.table_writers import PRINTED
 from observer_rt.files.signals.time_axis import refuse_wrong_clock
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MICROMETRE, MILLISECOND, Floats
+from observer_rt.foundation.units import MICROMETRE, MILLISECOND, Floats, Ints
 from observer_rt.model.surroundings import Surroundings
 
 WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
@@ -196,9 +196,9 @@ class FramedRecording(NamedTuple):
     starts (n + 1,): where each begins in `data`, and where the last one ends.
     """
 
-    numbers: NDArray[np.int64]
-    due: NDArray[np.int64]
-    starts: NDArray[np.int64]
+    numbers: Ints
+    due: Ints
+    starts: Ints
     data: NDArray[np.uint8]
 
     def payloads(self) -> Iterator[bytes]:

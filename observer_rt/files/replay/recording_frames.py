@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock
 from observer_rt.bus.mapping.bus_map import BusMap, timing_row
@@ -12,7 +11,7 @@ from observer_rt.files.signals.doubts import refuse_without_lift
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, cut, followed
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.units import NANOSECONDS
+from observer_rt.foundation.units import NANOSECONDS, Ints
 
 ENCODED_AT_ONCE = 1000  # samples, so that encoding delays no frame by much
 PAUSE = 1.0  # s, between two recordings, and between two stretches of one
@@ -126,7 +125,7 @@ class Device:
         for framed, stamps in self._stamped(chunk):
             yield FrameBlock(self._keys[framed.numbers], stamps, framed.starts, framed.data)
 
-    def _stamped(self, chunk: Chunk) -> Iterator[tuple[framing.FramedRecording, NDArray[np.int64]]]:
+    def _stamped(self, chunk: Chunk) -> Iterator[tuple[framing.FramedRecording, Ints]]:
         interval = 1.0 / chunk.sample_rate
         for framed in self._framer.framed(chunk, framing.all_samples(chunk)):
             since = np.rint((chunk.first + framed.due) * interval * NANOSECONDS).astype(np.int64)

@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import RecordingConfig
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, Table, TablePart, find_columns
 from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS, NANOSECONDS_PER_US, Floats
+from observer_rt.foundation.units import NANOSECONDS, NANOSECONDS_PER_MS, NANOSECONDS_PER_US, Floats, Ints
 
 READABLE = "give a complete Parquet file"
 _OF_DAY = "time32", "time64"  # types whose values may pass midnight
@@ -110,12 +109,12 @@ def _is_number(kind: Any) -> bool:
     return any(check(kind) for check in checks)
 
 
-def _moments(column: Any) -> NDArray[np.int64]:
+def _moments(column: Any) -> Ints:
     """Stamps of a calendar as nanoseconds, `NO_MOMENT` for null."""
     import pyarrow
 
     stamps = column.cast(f"int{column.type.bit_width}").cast(pyarrow.int64())
-    result: NDArray[np.int64] = stamps.fill_null(0).to_numpy(zero_copy_only=False) * _NANOSECONDS[column.type.unit]
+    result: Ints = stamps.fill_null(0).to_numpy(zero_copy_only=False) * _NANOSECONDS[column.type.unit]
     return np.where(stamps.is_valid().to_numpy(zero_copy_only=False), result, NO_MOMENT)
 
 

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import TimeConfig
 from observer_rt.files.signals.recording import roundest
 from observer_rt.files.signals.table import TablePart
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Bools, Floats, Ints
 
 ISO_8601 = "ISO8601"  # as pandas calls it
 TIMEDELTA = "N days HH:MM:SS"  # as pandas writes time that has passed
@@ -45,7 +44,7 @@ class Calendar(NamedTuple):
         """Whether the stamps are more than a time of day."""
         return _DATE.search(self.form) is not None
 
-    def nanoseconds(self, cells: Any) -> NDArray[np.int64]:
+    def nanoseconds(self, cells: Any) -> Ints:
         """Nanoseconds since 1970, or since midnight, of stamps (n,); `NO_MOMENT` for invalid ones."""
         import pandas  # slow to import
 
@@ -57,7 +56,7 @@ class Calendar(NamedTuple):
         except ValueError as error:
             remedy = "write it as '%d.%m.%Y %H:%M:%S.%f', with the letters of strptime"
             raise UserError(f"[recording.time] format = '{self.form}'", str(error), remedy) from None
-        moments: NDArray[np.int64] = stamps.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
+        moments: Ints = stamps.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
         return moments if self.has_date else np.where(moments == NO_MOMENT, NO_MOMENT, moments % _DAY)
 
     def as_text(self, origin: int) -> str:
@@ -76,7 +75,7 @@ def calendar_of(time: TimeConfig | None, cells: Iterable[str]) -> Calendar | Non
     return next((Calendar(form) for form, pattern in forms.items() if any(map(pattern.match, cells))), None)
 
 
-def seconds_since(origin: int, moments: NDArray[np.int64], of_day: bool = False) -> Floats:
+def seconds_since(origin: int, moments: Ints, of_day: bool = False) -> Floats:
     """Moments or times [ns] (n,) as exact seconds since `origin` [ns]; NaN for an invalid stamp.
 
     of_day: they are times of a day, and may pass midnight once.
@@ -195,7 +194,7 @@ class AxisSurvey:
             self.off_grid = max(self.off_grid, float(np.abs(position - np.rint(position)).max()))
         self.rows += time.size
 
-    def knots(self, time: Floats, begin: float) -> tuple[Floats, NDArray[np.bool_]]:
+    def knots(self, time: Floats, begin: float) -> tuple[Floats, Bools]:
         """Places of stamps [s] on the grid that begins at `begin`, and which of them rise: the last of equal ones."""
         position = (time - begin) * self._rate
         if self.is_on_grid:

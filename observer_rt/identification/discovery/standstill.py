@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.foundation.documents import Entry, Figure
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS, Floats
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS, Bools, Floats
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT_EXCESS
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -128,7 +127,7 @@ def _slope(means: _PeriodMeans, stretches: int) -> tuple[float, float]:
     return slope, math.sqrt(float(left @ left) / freedom / spread)
 
 
-def _calm(measurement: Measurement) -> NDArray[np.bool_]:
+def _calm(measurement: Measurement) -> Bools:
     """Samples (n,) with both pressures, SETTLED and more after the last one with an open or unknown needle."""
     recording = measurement.recording
     opens, _ = dead_band(measurement.noise.needle_lift)

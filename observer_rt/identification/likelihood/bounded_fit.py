@@ -7,10 +7,9 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.learning.whitening import HUBER, robust_cost
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Floats, Ints
 
 MAX_ITERATIONS = 15
 MAX_TRIALS = 8  # of ever shorter steps in one iteration
@@ -29,7 +28,7 @@ class Residuals:
     """Normalised residuals of a model on all recordings."""
 
     z: Floats  # (n,) in groups, one after another
-    counts: NDArray[np.int64]  # (groups,) how many
+    counts: Ints  # (groups,) how many
     log_sigma: Floats  # (groups,) logarithm of the standard deviation they were divided by
 
     @classmethod

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.predictor import SETTLE
 from observer_rt.engine.observer import Durations
 from observer_rt.files.signals.recording import Recording
-from observer_rt.foundation.units import MICROMETRE, Floats
+from observer_rt.foundation.units import MICROMETRE, Bools, Floats
 from observer_rt.identification.likelihood.openings import Opening, find_openings, ramp_samples
 from observer_rt.model.effective import NO_CLOCK, Clock
 
@@ -76,7 +75,7 @@ def open_time(event: JudgedEvent, recording: Recording) -> float:
     return sum(o.last - o.first + 1 for o in event.openings) / recording.sample_rate
 
 
-def missing_samples(recording: Recording) -> NDArray[np.bool_]:
+def missing_samples(recording: Recording) -> Bools:
     """Samples (n,) whose inputs or line pressure are not available."""
     return np.isnan(recording.rail_pressure + recording.needle_lift + recording.line_pressure)
 
@@ -132,7 +131,7 @@ def events_of(
     return tuple(events), tuple(left_out)
 
 
-def shut_mask(recording: Recording, openings: Sequence[Opening]) -> NDArray[np.bool_]:
+def shut_mask(recording: Recording, openings: Sequence[Opening]) -> Bools:
     """Samples (n,) at which the needle has been shut for `SETTLE` and more."""
     result = np.ones(recording.samples, np.bool_)
     for opening in openings:
@@ -140,7 +139,7 @@ def shut_mask(recording: Recording, openings: Sequence[Opening]) -> NDArray[np.b
     return result
 
 
-def noise_level(values: Floats, chosen: NDArray[np.bool_], sample_rate: float) -> float:
+def noise_level(values: Floats, chosen: Bools, sample_rate: float) -> float:
     """Standard deviation of the white noise that is as strong as the signal's at the frequencies of a line's waves.
 
     An anti-alias filter makes single samples differ less, but hardly the means of their pairs: where these tell of
@@ -152,7 +151,7 @@ def noise_level(values: Floats, chosen: NDArray[np.bool_], sample_rate: float) -
     return by_pairs if sample_rate >= _FINE_RATE and by_pairs > _COLOUR_RATIO * by_samples else by_samples
 
 
-def white_noise(values: Floats, chosen: NDArray[np.bool_], order: int = _ORDER) -> float:
+def white_noise(values: Floats, chosen: Bools, order: int = _ORDER) -> float:
     """Standard deviation of a sample's white noise: the clipped one of differences. nan: of too few.
 
     values, chosen: (n,); only runs of chosen samples without a nan count. order: of the differences.

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.core.stream.stream import dead_band
@@ -17,7 +16,7 @@ from observer_rt.engine.learning.healthy import EventStretch, Healthy, expected
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS, Floats
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS, Bools, Floats, Ints
 from observer_rt.identification.likelihood.events import (
     EVENT_GAP,
     LEAD,
@@ -91,7 +90,7 @@ class Measurement:
         """The recording as it was measured: without a lift that follows from commands."""
         return self.recording.without_lift() if self.is_answered else self.recording
 
-    def shots_in(self, event: JudgedEvent) -> NDArray[np.int64]:
+    def shots_in(self, event: JudgedEvent) -> Ints:
         """Numbers (k,) of the commands that begin in an event."""
         begun = np.empty(0) if self.commands is None else self.commands[:, 0]
         return np.flatnonzero((begun >= event.start) & (begun < event.end))
@@ -185,7 +184,7 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
     return levels, max(noise_level(recording.injection_rate, shut, rate), RATE_FLOOR)
 
 
-def in_mass_window(measurement: Measurement, event: JudgedEvent, samples: NDArray[np.int64]) -> NDArray[np.bool_]:
+def in_mass_window(measurement: Measurement, event: JudgedEvent, samples: Ints) -> Bools:
     """Selects the samples (n,) of a recording over which an event's mass is summed."""
     lead, tail = (round(t / measurement.interval) for t in (MASS_LEAD, MASS_TAIL))
     inside = np.zeros(samples.size, np.bool_)

@@ -11,12 +11,11 @@ from typing import Annotated
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.stream.state import noise_gain
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.foundation.documents import key, unit
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, Floats
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, Floats, Ints
 from observer_rt.identification.likelihood import windows
 from observer_rt.identification.likelihood.events import JudgedEvent
 from observer_rt.identification.likelihood.measurement import Measurement, Rows, in_mass_window
@@ -36,9 +35,9 @@ class SimulatedInjection:
     """A model on one event: n samples from the opening to the end of the ringing, SI."""
 
     event: JudgedEvent
-    samples: NDArray[np.int64]  # (n,) of the recording, that the line pressure belongs to
+    samples: Ints  # (n,) of the recording, that the line pressure belongs to
     line_pressure: Floats
-    rate_samples: NDArray[np.int64]  # (n,) of the recording, that the rate belongs to
+    rate_samples: Ints  # (n,) of the recording, that the rate belongs to
     rate: Floats
     shown_rate: Floats  # as its meter shows it
 

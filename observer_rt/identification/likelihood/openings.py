@@ -5,11 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import CONFIRM, FOOT, LOOK_BACK, dead_band
 from observer_rt.engine.stream.state import noise_gain
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Bools, Floats, Ints
 
 MOST_RAMP_SAMPLES = 8  # samples at most, through which the straight line of a ramp is laid
 RAMP_TIME = 80e-6  # s, of these samples
@@ -67,7 +66,7 @@ def opening_between(lift: Floats, first: int, last: int, ramp: int) -> Opening:
     return Opening(first, last, _ramp(inside, ramp), _ramp(inside[::-1], ramp))
 
 
-def _runs(true: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _runs(true: Bools) -> Ints:
     """Samples from which on CONFIRM samples are true."""
     run = true.copy()
     for ahead in range(1, CONFIRM):
@@ -76,7 +75,7 @@ def _runs(true: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.flatnonzero(run)
 
 
-def _next(starts: NDArray[np.int64], k: int) -> int | None:
+def _next(starts: Ints, k: int) -> int | None:
     index = int(np.searchsorted(starts, k))
     return int(starts[index]) if index < starts.size else None
 

@@ -27,7 +27,7 @@ from observer_rt.engine.estimation.predictor import (
     gain_schedule,
     smoothing_of,
 )
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Bools, Floats, Ints
 from observer_rt.identification.likelihood.events import shut_mask
 from observer_rt.identification.likelihood.measurement import Measurement, Rows
 from observer_rt.identification.likelihood.true_inputs import TrueInputs
@@ -36,7 +36,7 @@ from observer_rt.model.effective import Clock, Coefficients, EffectiveModel
 START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
 
 ShotDelays = Sequence[Floats]  # (k, 2) of the k shots of every event [s]
-Bounds = NDArray[np.int64]
+Bounds = Ints
 Run = Callable[[ShotDelays], tuple[Floats, Floats]]
 """Innovations (n,) and injection rate (n,) of a model whose shots have these delays."""
 DELAY_STEP = 5e-6  # s, of the finite difference by a delay
@@ -50,10 +50,10 @@ class Batch(NamedTuple):
 
     inputs: Floats  # (n, 2)
     output: Floats  # (n,)
-    resting: NDArray[np.bool_]  # (n,)
+    resting: Bools  # (n,)
     starts: Floats  # (w, states + 1)
-    bounds: NDArray[np.int64]  # (w + 1,) window i is [bounds[i], bounds[i+1])
-    openings: NDArray[np.int64]  # (w,) in the window
+    bounds: Ints  # (w + 1,) window i is [bounds[i], bounds[i+1])
+    openings: Ints  # (w,) in the window
     knots: Floats  # (n, 2) or (0, 2)
     clocks: Floats  # (w, 2) as of `Clock`
     commands: tuple[Floats, ...] = ()  # of a needle that is free
@@ -157,7 +157,7 @@ def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:
 class ShotJitter:
     """Delays of the shots in one recording."""
 
-    def __init__(self, commands: Sequence[Floats], counted: NDArray[np.bool_], bounds: Bounds) -> None:
+    def __init__(self, commands: Sequence[Floats], counted: Bools, bounds: Bounds) -> None:
         """commands: of every event (k, 2); counted: judged innovations; bounds (events + 1,): of events in these."""
         self.nominal_delays = [np.zeros_like(of_event) for of_event in commands]  # (k, 2) by the nominal model [s]
         self.sigma = LEAST_JITTER  # standard deviation of the delays [s]

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Floats, Ints
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
 
@@ -22,7 +22,7 @@ class Scores:
     """Slopes of the n residuals of a model by the sizes of m effects, and the gain of each effect alone."""
 
     effects: tuple[Effect, ...]
-    numbers: NDArray[np.int64]  # (m,) of the effects among those tried
+    numbers: Ints  # (m,) of the effects among those tried
     information_of: Floats  # (parts, m, m) of every part of the data
     gradient_of: Floats  # (parts, m) half the fall of -2 log L
     slopes: WeightedSlopes  # (n, m)
@@ -79,7 +79,7 @@ def bounds_of(effect: Effect) -> tuple[float, float]:
     return (effect.parameters[0].lowest, effect.parameters[0].highest) if effect.parameters else (0.0, SWITCH_SIZE)
 
 
-def scored(effects: Sequence[Effect], numbers: NDArray[np.int64], slopes: WeightedSlopes, here: Residuals) -> Scores:
+def scored(effects: Sequence[Effect], numbers: Ints, slopes: WeightedSlopes, here: Residuals) -> Scores:
     """Scores of effects (m,) by the slopes (n, m) of the residuals. numbers: as of `Scores`."""
     left = np.asarray(here.roots * here.z, np.float32)
     ends = np.cumsum(here.counts)

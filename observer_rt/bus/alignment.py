@@ -14,14 +14,13 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import GridRelation
 from observer_rt.core.frames import frames as core
 from observer_rt.core.frames.frames import Joining, Numbering
 from observer_rt.core.stream.stream import Break
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECOND, NANOSECONDS, Ints
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECOND, NANOSECONDS, Ints, Structs
 
 LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
 
@@ -29,14 +28,14 @@ LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another s
 class Alignment(NamedTuple):
     """Alignment as compiled functions see it; `memory[0].decided` samples were written to `recorded`."""
 
-    memory: NDArray[np.void]  # (1,) ALIGNMENT
-    streams: NDArray[np.void]  # (MAX_INPUTS,) STREAM
-    followers: NDArray[np.void]  # (MAX_INPUTS,) FOLLOWER
-    slots: NDArray[np.void]  # (SLOTS,) SLOT
-    recorded: NDArray[np.void]  # (RECORDED_RING,) RECORDED
+    memory: Structs  # (1,) ALIGNMENT
+    streams: Structs  # (MAX_INPUTS,) STREAM
+    followers: Structs  # (MAX_INPUTS,) FOLLOWER
+    slots: Structs  # (SLOTS,) SLOT
+    recorded: Structs  # (RECORDED_RING,) RECORDED
 
 
-def make_alignment(relations: Sequence[GridRelation | None], closed_lift: float, ring: NDArray[np.void]) -> Alignment:
+def make_alignment(relations: Sequence[GridRelation | None], closed_lift: float, ring: Structs) -> Alignment:
     """Empty alignment of messages by their relations to the grid, None where all of a message is on it.
 
     closed_lift: largest lift [m] of a closed needle; ring: of the observer, to which samples are written.
@@ -82,14 +81,14 @@ def is_stale(alignment: Alignment) -> bool:
 class Timekeeping(NamedTuple):
     """Clocks and counts of all messages, one row each."""
 
-    memory: NDArray[np.void]  # (1,) TIMEKEEPING
-    timing: NDArray[np.void]  # TIMING
-    clocks: NDArray[np.void]  # CLOCK
-    counts: NDArray[np.void]  # COUNTING
-    shifts: NDArray[np.void]  # SHIFT
+    memory: Structs  # (1,) TIMEKEEPING
+    timing: Structs  # TIMING
+    clocks: Structs  # CLOCK
+    counts: Structs  # COUNTING
+    shifts: Structs  # SHIFT
 
 
-def make_timekeeping(timing: NDArray[np.void], samples: Ints, leading: int) -> Timekeeping:
+def make_timekeeping(timing: Structs, samples: Ints, leading: int) -> Timekeeping:
     """Memory of all messages before the first frame.
 
     timing: rows TIMING; samples: of every role in one frame of each message; leading: number of the grid's message.

@@ -23,7 +23,7 @@ from observer_rt.daemon.arrivals import Arrivals
 from observer_rt.daemon.feeder import Feeder, Pace
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame, output_frame
-from observer_rt.foundation.units import MICROSECOND, NANOSECOND, Ints
+from observer_rt.foundation.units import MICROSECOND, NANOSECOND, Ints, Structs
 
 _TIMEVAL = struct.Struct("@ll")
 SHORTEST = 1024  # ns, where the first of the octaves begins that are counted in quarters
@@ -33,10 +33,10 @@ QUANTILE = 0.999  # of the rates, that `Latency.p999` is about
 class Pump(NamedTuple):
     """Memory that Python reads and writes beside the loop."""
 
-    memory: NDArray[np.void]  # (1,) PUMP
-    buses: NDArray[np.void]  # PUMP_BUS
-    errors: NDArray[np.void]  # ERROR_FRAME, ERRORS of every bus
-    arrivals: NDArray[np.void]  # ARRIVAL
+    memory: Structs  # (1,) PUMP
+    buses: Structs  # PUMP_BUS
+    errors: Structs  # ERROR_FRAME, ERRORS of every bus
+    arrivals: Structs  # ARRIVAL
     waiting: NDArray[np.uint8]  # WAITING results as the kernel takes them
 
 

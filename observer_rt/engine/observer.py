@@ -19,7 +19,7 @@ from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.mailbox import begin_with
 from observer_rt.engine.stream import state
 from observer_rt.engine.stream.standstill import Standstill, standstill_of
-from observer_rt.foundation.units import MILLISECOND, Floats
+from observer_rt.foundation.units import MILLISECOND, Floats, Structs
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import Clock, averaged, sensor_of
@@ -242,7 +242,7 @@ def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:
     return ring[first:last] if first < last else np.concatenate((ring[first:], ring[:last]))
 
 
-def samples_at(observer: state.Observer, start: int, end: int) -> NDArray[np.void]:
+def samples_at(observer: state.Observer, start: int, end: int) -> Structs:
     """Samples at positions [start, end), with x~ and x^, copied; dtype `sample_dtype`."""
     rows = np.empty(max(0, end - start), state.sample_dtype(observer.x_hat.shape[1]))
     rows[list(core.SAMPLE.names or ())] = remembered(observer.ring, start, end)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]  # values in such a unit
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+Structs = NDArray[np.void]  # of the core, whose fields have names
 MEGAPASCAL = 1e6  # Pa
 MILLIMETRE = 1e-3  # m
 MICROMETRE = 1e-6  # m

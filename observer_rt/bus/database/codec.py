@@ -21,11 +21,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from cantools.database.can import Message, Signal
-from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import find_signal, reserved_codes
 from observer_rt.core.frames import frames as core
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Structs
 
 RANGE_MARGIN = 0.01  # of a declared range, by which noise may leave it
 _J1939_NO_VALUE = 0xFB  # most significant byte of the first code that is no value, except in enumerations
@@ -33,7 +33,7 @@ _FLOAT_KIND = {32: core.FLOAT32, 64: core.FLOAT64}
 _LARGEST_FLOAT = {32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.float64).max)}
 
 
-def signal_table(message: Message, names: Sequence[str], counter: str | None = None) -> NDArray[np.void]:
+def signal_table(message: Message, names: Sequence[str], counter: str | None = None) -> Structs:
     """Compile the signals `names` of `message`, in this order, into a table of dtype `SIGNAL`.
 
     counter: the index or counter among them, whose every code counts.

@@ -15,6 +15,7 @@ from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.lookup import find_signal
 from observer_rt.core.frames import frames as core
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Structs
 
 
 class Condition(NamedTuple):
@@ -34,8 +35,8 @@ class Selection(NamedTuple):
     Rows of `conditions` that follow each other with one selector are its alternatives; every selector must match.
     """
 
-    selectors: NDArray[np.void]  # SIGNAL
-    conditions: NDArray[np.void]  # CONDITION
+    selectors: Structs  # SIGNAL
+    conditions: Structs  # CONDITION
 
 
 def conditions_of(message: Message, name: str) -> Conditions:

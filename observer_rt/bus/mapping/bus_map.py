@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from cantools.database.can import Message
-from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import STANDARD_MASK, frame_key
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, locating
@@ -21,7 +20,7 @@ from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import INPUT_GROUP
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
+from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS, Structs
 
 if TYPE_CHECKING:
     from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowMessage
@@ -188,11 +187,7 @@ def _map_inputs(
 
 
 def _map_message(
-    injector: BenchInjector,
-    message: Message,
-    roles: Sequence[Role],
-    row: NDArray[np.void],
-    tables: input_tables.InputTables,
+    injector: BenchInjector, message: Message, roles: Sequence[Role], row: Structs, tables: input_tables.InputTables
 ) -> list[list[Role]]:
     """Add a message to the tables; returns the roles of each of its streams."""
     signals, places = injector.config.signals, {role: injector.location(f"signals.{role}") for role in roles}

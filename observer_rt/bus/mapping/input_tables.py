@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from cantools.database.can import Message
-from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import length_code, length_of
 from observer_rt.bus.database import multiplexing
@@ -22,6 +21,7 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import OptionalRole, Role
 from observer_rt.core.frames import frames as core
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import Structs
 
 ROLES = tuple(Role)
 OPTIONAL_ROLES = tuple(OptionalRole)
@@ -84,11 +84,11 @@ class OptionalInput:
     """Signals of a message that carry an optional input, compiled."""
 
     names: tuple[str, ...]
-    table: NDArray[np.void]
+    table: Structs
     """`SIGNAL`: the index of the first sample, where there is one, then its signals."""
     selection: multiplexing.Selection
     """Selector values of a multiplexed frame that carries it."""
-    row: NDArray[np.void]
+    row: Structs
     """`OPTIONAL_INPUT`, without its places in the tables."""
     default: float
     """Value in frames that are made of a recording [unit of the database]; nan: not available."""
@@ -97,33 +97,33 @@ class OptionalInput:
 class Inputs(NamedTuple):
     """Tables by which compiled code decodes the input frames."""
 
-    messages: NDArray[np.void]  # INPUT_MESSAGE, those with samples first
-    streams: NDArray[np.void]  # INPUT_STREAM
-    groups: NDArray[np.void]  # INPUT_GROUP, of all messages one after another
-    optional: NDArray[np.void]  # OPTIONAL_INPUT, of all messages one after another
-    signals: NDArray[np.void]  # SIGNAL, of all groups one after another, then of the optional inputs
+    messages: Structs  # INPUT_MESSAGE, those with samples first
+    streams: Structs  # INPUT_STREAM
+    groups: Structs  # INPUT_GROUP, of all messages one after another
+    optional: Structs  # OPTIONAL_INPUT, of all messages one after another
+    signals: Structs  # SIGNAL, of all groups one after another, then of the optional inputs
     selection: multiplexing.Selection
-    kinds: NDArray[np.void]  # INPUT_KIND
+    kinds: Structs  # INPUT_KIND
 
-    timing: NDArray[np.void]  # TIMING, of every stream
+    timing: Structs  # TIMING, of every stream
 
 
 class InputTables:
     """Rows of `Inputs`, message after message."""
 
     def __init__(self) -> None:
-        self._groups: list[NDArray[np.void]] = []
+        self._groups: list[Structs] = []
         self.streams: list[tuple[int, int]] = []
         """By stream: samples of each role that the frames with one sample index carry, and its roles, a bit mask."""
-        self._messages: list[NDArray[np.void]] = []
-        self._optional: list[NDArray[np.void]] = []
-        self._kinds: list[NDArray[np.void]] = []
+        self._messages: list[Structs] = []
+        self._optional: list[Structs] = []
+        self._kinds: list[Structs] = []
         self._signals = [np.zeros(0, core.SIGNAL)]
         self._selectors = [np.zeros(0, core.SIGNAL)]
         self._conditions = [np.zeros(0, core.CONDITION)]
 
     def add_group(
-        self, row: NDArray[np.void], message: Message, names: Sequence[str], group: SampleGroup, counter: str | None
+        self, row: Structs, message: Message, names: Sequence[str], group: SampleGroup, counter: str | None
     ) -> None:
         """Add a group to the next stream; `names`: signals of its index or `counter`, then of its samples."""
         if len(names) > core.MAX_SIGNALS:
@@ -135,7 +135,7 @@ class InputTables:
         self._add_signals(row, table, multiplexing.compile_conditions(message, group.conditions))
         self._groups.append(row)
 
-    def add_message(self, row: NDArray[np.void], message: Message, groups: Sequence[SampleGroup]) -> None:
+    def add_message(self, row: Structs, message: Message, groups: Sequence[SampleGroup]) -> None:
         """Add a message whose groups were added just before."""
         row["first_group"], row["group_count"] = len(self._groups) - len(groups), len(groups)
         row["first_kind"] = len(self._kinds)
@@ -161,7 +161,7 @@ class InputTables:
             self._add_signals(optional, entry.table, entry.selection)
             self._optional.append(optional)
 
-    def _add_signals(self, row: NDArray[np.void], table: NDArray[np.void], selection: multiplexing.Selection) -> None:
+    def _add_signals(self, row: Structs, table: Structs, selection: multiplexing.Selection) -> None:
         """Add the table of a row's signals, and the conditions that a frame with them meets."""
         row["first_signal"], row["signal_count"] = _rows(self._signals), len(table)
         row["first_condition"], row["condition_count"] = _rows(self._conditions), len(selection.conditions)
@@ -171,7 +171,7 @@ class InputTables:
         self._selectors.append(selection.selectors)
         self._conditions.append(conditions)
 
-    def inputs(self, timing: NDArray[np.void]) -> Inputs:
+    def inputs(self, timing: Structs) -> Inputs:
         """Tables of all inputs added, with the timing of every stream."""
         return Inputs(
             np.array(self._messages, core.INPUT_MESSAGE),
@@ -185,7 +185,7 @@ class InputTables:
         )
 
 
-def frame_row(layout: MessageLayout) -> NDArray[np.void]:
+def frame_row(layout: MessageLayout) -> Structs:
     """A row `INPUT_MESSAGE` with the fields by which a frame is checked; all others are 0."""
     row = np.zeros((), core.INPUT_MESSAGE)
     row["key"] = layout.key
@@ -195,5 +195,5 @@ def frame_row(layout: MessageLayout) -> NDArray[np.void]:
     return row
 
 
-def _rows(tables: Sequence[NDArray[np.void]]) -> int:
+def _rows(tables: Sequence[Structs]) -> int:
     return sum(len(table) for table in tables)

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from cantools.database.can import Message
-from numpy.typing import NDArray
 
 from observer_rt.bus.database import lookup
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, locating
@@ -32,7 +31,7 @@ from observer_rt.config.signals import (
 )
 from observer_rt.core.frames.frames import OPTIONAL_INPUT, Joining, Numbering, carries, encode_signals
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECONDS, TIME_UNITS, Floats, factor_of
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, NANOSECONDS, TIME_UNITS, Floats, Structs, factor_of
 from observer_rt.model.surroundings import Surroundings
 
 NO_UNITS = ("", "-", "1")  # of a level
@@ -125,7 +124,7 @@ class SlowMessage(NamedTuple):
 
 
 def map_optional(
-    injector: BenchInjector, databases: BenchDatabases, tables: input_tables.InputTables, timing: NDArray[np.void]
+    injector: BenchInjector, databases: BenchDatabases, tables: input_tables.InputTables, timing: Structs
 ) -> tuple[SlowMessage, ...]:
     """Add the optional inputs to the tables; returns the messages that carry them. timing: of all streams.
 

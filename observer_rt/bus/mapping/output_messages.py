@@ -14,7 +14,7 @@ from observer_rt.bus.database.lookup import PROFILES, MessageLayout, signal_name
 from observer_rt.bus.mapping.output_signals import signals_of
 from observer_rt.core.frames.frames import Header, shortest_protected
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import Ints
+from observer_rt.foundation.units import Ints, Structs
 
 HEADER_SIGNALS = signals_of(Header)
 RATE_PATTERN = "InjectionRate_{:02d}"
@@ -28,7 +28,7 @@ class OutputPage(NamedTuple):
     """
 
     names: tuple[str, ...]
-    table: NDArray[np.void]
+    table: Structs
     blank: NDArray[np.uint8]
     places: Ints
     selection: multiplexing.Selection

@@ -3,12 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import FLOAT32, FLOAT64, decode_signals, encode_signals
+from observer_rt.foundation.units import Structs
 
 _FLOAT_TYPES = {FLOAT32: np.float32, FLOAT64: np.float64}
 
@@ -40,7 +40,7 @@ def role_range(bus: BusMap, role: Role) -> RoleRange:
     return RoleRange(max(lowest), min(highest))
 
 
-def _received(value: float, signal: NDArray[np.void], length: int) -> float:
+def _received(value: float, signal: Structs, length: int) -> float:
     """What the receiver makes of a value in the database's unit; signal: its table; length: of the frame [bytes]."""
     payload, decoded = np.zeros(length, np.uint8), np.empty(1)
     encode_signals(np.array([value]), signal, payload)
@@ -63,7 +63,7 @@ def _groups(bus: BusMap, number: int, role: Role) -> list[np.void]:
     return [group for group in groups if int(roles[group["stream"]]) >> ROLES.index(role) & 1]
 
 
-def _samples(bus: BusMap, role: Role) -> list[NDArray[np.void]]:
+def _samples(bus: BusMap, role: Role) -> list[Structs]:
     """Tables of one signal each, of all samples of a role."""
     tables = []
     for group in _groups(bus, message_of(bus, role), role):

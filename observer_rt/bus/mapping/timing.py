@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from cantools.database.can import Message, Signal
-from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import frame_time
 from observer_rt.bus.database.lookup import INDEX_BITS, USUAL_INDEX, MessageLayout, find_signal
@@ -21,7 +20,7 @@ from observer_rt.config.signals import Role, undone_in_alignment
 from observer_rt.core.frames import frames
 from observer_rt.core.frames.frames import MAX_INTERPOLATED, Joining
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND, Structs
 
 LONGEST_COUNTER = 16  # bits
 HELD_CYCLES = 2.5  # of a slower signal, where the bench file states no max_hold_ms: one may be lost
@@ -39,7 +38,7 @@ def map_timing(
     messages: Sequence[tuple[Message, Sequence[Role]]],
     links: Sequence[LinkConfig],
     samples: Sequence[int],
-) -> NDArray[np.void]:
+) -> Structs:
     """Rows TIMING, one for each message with its roles; `links` they come by, `samples` of every role in a frame.
 
     Raises `UserError` naming bench file and key.
@@ -219,7 +218,7 @@ class GridRelation(NamedTuple):
     """Whether its samples are at places of the grid; else they lie between them."""
 
 
-def grid_relations(injector: BenchInjector, timing: NDArray[np.void], roles: list[int]) -> list[GridRelation | None]:
+def grid_relations(injector: BenchInjector, timing: Structs, roles: list[int]) -> list[GridRelation | None]:
     """Relation of each message to the grid, None where all of it is on it; timing, roles (bits): of each message.
 
     The value of a mean is that of half a sample period earlier, a filtered value that of the stated delay earlier.

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 
 from observer_rt.bus.links.link import BLOCK_FRAMES, BusFrame, block_of
@@ -22,7 +21,7 @@ from observer_rt.files.signals.recording import COMPANION_SUFFIXES, Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import Floats, first_of
+from observer_rt.foundation.units import Floats, Structs, first_of
 
 LARGEST_HOLE = 1 << 28  # samples between two that came
 
@@ -118,7 +117,7 @@ class LoggedSignals(SignalStream):
                 first, held = end, held[-3:]  # a lift is interpolated from its neighbours
         yield from self._placed(held, number, first, len(self.logged[number]))
 
-    def _rows(self, core: Core, watch: LogWatch | None = None) -> Iterator[NDArray[np.void]]:
+    def _rows(self, core: Core, watch: LogWatch | None = None) -> Iterator[Structs]:
         """The samples that the observer received, in blocks."""
         seen = 0
         for frames in self._together(core, watch):
@@ -132,7 +131,7 @@ class LoggedSignals(SignalStream):
         core.finish()
         yield self._rows_since(seen, core)
 
-    def _rows_since(self, seen: int, core: Core) -> NDArray[np.void]:
+    def _rows_since(self, seen: int, core: Core) -> Structs:
         """Samples from a position on, whose pressures count from that in the chamber of the injector file."""
         rows = core.rows(seen, core.processed)
         if rise := core.coefficients.chamber_pressure - self._coefficients.chamber_pressure:
@@ -152,7 +151,7 @@ class LoggedSignals(SignalStream):
         if held:
             yield held
 
-    def _placed(self, rows: NDArray[np.void], number: int, first: int, end: int) -> Iterator[Chunk]:
+    def _placed(self, rows: Structs, number: int, first: int, end: int) -> Iterator[Chunk]:
         """Samples [first, end) of a stretch in chunks: the rows at their places, NaN where none came."""
         index = rows["index"].astype(np.int64)
         lift = np.interp(index, index + rows["lift_after"], rows["needle_lift"])
@@ -171,13 +170,13 @@ class LoggedSignals(SignalStream):
             rail, line = (signal(self._pressure(rows, name)) for name in ("rail_pressure", "line_pressure"))
             yield Chunk(time, rail, signal(lift), line, None, self.path, self.sample_rate, number, start)
 
-    def _signals(self, rows: NDArray[np.void]) -> dict[Role, Floats]:
+    def _signals(self, rows: Structs) -> dict[Role, Floats]:
         """Signals [SI] of the samples that came; the lift before its interpolation."""
         came = rows[~rows["interpolated"]]
         pressures = {role: self._pressure(came, role) for role in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE)}
         return {**pressures, Role.NEEDLE_LIFT: came["needle_lift"]} if self.has_lift else pressures
 
-    def _pressure(self, rows: NDArray[np.void], name: str) -> Floats:
+    def _pressure(self, rows: Structs, name: str) -> Floats:
         c = self._coefficients
         pressure: Floats = rows[name] * c.pressure_scale + c.chamber_pressure
         return pressure

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.stream.state import State
 from observer_rt.files.signals.table_writers import TABLE_WRITERS, TableWriter, WrittenColumn
-from observer_rt.foundation.units import MM3_PER_MS, Floats
+from observer_rt.foundation.units import MM3_PER_MS, Floats, Structs
 
 SUFFIXES = tuple(TABLE_WRITERS)
 TRACE_SUFFIX = ".trace.csv"  # added to a recording's name, in a folder
@@ -65,7 +65,7 @@ class InjectionSamples(NamedTuple):
     is_whole: bool
 
 
-def trace_of(samples: NDArray[np.void]) -> Trace:
+def trace_of(samples: Structs) -> Trace:
     """Trace of samples (n,) of dtype `SAMPLE`."""
     return samples.view(np.recarray)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.injector_sections import SamplingConfig
@@ -24,7 +24,7 @@ from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import cut, followed
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS, Structs
 from observer_rt.model.parameters import InjectorParameters
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ class SampleObserver(KnowledgeHolder):
         if isinstance(news, InjectionReport):
             self._reports.append(news)
 
-    def _sent(self, chunk: Chunk) -> Iterator[NDArray[np.void]]:
+    def _sent(self, chunk: Chunk) -> Iterator[Structs]:
         """Sends samples in parts that its ring remembers, and yields those observed."""
         step = RING // 4 - RING // 4 % self._device.block
         for first in range(0, chunk.samples, step):
@@ -173,12 +173,12 @@ class SampleObserver(KnowledgeHolder):
                 self._core.handle_many(block)
             yield self._observed()
 
-    def _observed(self) -> NDArray[np.void]:
+    def _observed(self) -> Structs:
         """Samples observed since the last call."""
         first, self._seen = self._seen, self._core.processed
         return self._core.rows(first, self._seen)
 
-    def _table(self, parts: Iterable[NDArray[np.void]]) -> pd.DataFrame:
+    def _table(self, parts: Iterable[Structs]) -> pd.DataFrame:
         rows = np.concatenate([self._core.rows(0, 0), *parts])
         return pd.DataFrame(
             {

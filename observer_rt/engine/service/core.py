@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.bus.alignment import MessageTiming, indices_of, is_stale, make_alignment, make_timekeeping, timing_of
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
@@ -29,7 +28,7 @@ from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_f
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import ServiceCondition, state_of_service
 from observer_rt.engine.words import Topic, is_good
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Floats, Structs
 from observer_rt.foundation.version import __version__
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.surroundings import filed
@@ -43,7 +42,7 @@ _NOT_LEARNED = "nothing was learned from an event: {}\n  remedy: see that memory
 class SecondSender:
     """Whether another node sends our results now, and between which samples it did so last."""
 
-    def __init__(self, publisher: NDArray[np.void], observer: NDArray[np.void]) -> None:
+    def __init__(self, publisher: Structs, observer: Structs) -> None:
         """publisher, observer: the memory of either; no rate that the publisher sends meanwhile is valid."""
         self._is_contested = publisher["contested"]
         self._processed = observer["positions"]["processed"]
@@ -201,7 +200,7 @@ class Core:
         """Samples processed since the start: the position of the next one."""
         return int(self.compiled.observer.memory[0]["positions"]["processed"])
 
-    def rows(self, start: int, end: int) -> NDArray[np.void]:
+    def rows(self, start: int, end: int) -> Structs:
         """Processed samples (n,) at positions [start, end) as a copy, dtype `stream.state.sample_dtype`.
 
         Only the last `RING` samples are remembered.

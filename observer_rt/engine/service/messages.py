@@ -22,11 +22,11 @@ from observer_rt.engine.estimation.parameters import OFFSET
 from observer_rt.engine.observer import INDICES, with_constants
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Constants, Observer
-from observer_rt.foundation.units import MM3_PER_MS, Z_95, Floats
+from observer_rt.foundation.units import MM3_PER_MS, Z_95, Floats, Structs
 from observer_rt.model.surroundings import Surroundings
 
 
-def make_receiver() -> NDArray[np.void]:
+def make_receiver() -> Structs:
     """Receiver that has seen no frame."""
     receiver = np.zeros(1, core.RECEIVER)
     receiver["last_counter"] = receiver["odd_length"] = -1
@@ -34,7 +34,7 @@ def make_receiver() -> NDArray[np.void]:
     return receiver
 
 
-def make_supervised(messages: NDArray[np.void], limits: E2EConfig) -> NDArray[np.void]:
+def make_supervised(messages: Structs, limits: E2EConfig) -> Structs:
     """State machines of input messages that have seen no frame, (messages,) `SUPERVISION`."""
     supervised = np.zeros(len(messages), core.SUPERVISION)
     supervised["counter"] = -1
@@ -47,9 +47,9 @@ def make_supervised(messages: NDArray[np.void], limits: E2EConfig) -> NDArray[np
 class InputMemory(NamedTuple):
     """Optional inputs as received; those whose order counts wait in a ring for Python."""
 
-    memory: NDArray[np.void]  # (1,)
-    newest: NDArray[np.void]  # (optional inputs,)
-    readings: NDArray[np.void]  # (READINGS,)
+    memory: Structs  # (1,)
+    newest: Structs  # (optional inputs,)
+    readings: Structs  # (READINGS,)
     values: Floats  # (READINGS, most signals of an input) SI
 
 
@@ -76,10 +76,10 @@ def make_input_memory(inputs: Inputs, may_learn: bool, assumed: Surroundings) ->
 class Publisher(NamedTuple):
     """Publisher of the observer's samples: every index once, in blocks that carry it."""
 
-    memory: NDArray[np.void]  # (1,) PUBLISHER
-    table: NDArray[np.void]  # SIGNAL
+    memory: Structs  # (1,) PUBLISHER
+    table: Structs  # SIGNAL
     values: Floats  # to encode, the block's rates last
-    out: NDArray[np.void]  # (FRAMES,) OUT_FRAME, of which `memory[0].frames` are for the caller
+    out: Structs  # (FRAMES,) OUT_FRAME, of which `memory[0].frames` are for the caller
 
 
 def make_publisher(message: RateMessage | None, learning: bool) -> Publisher:
@@ -100,8 +100,8 @@ class Pipeline(NamedTuple):
     """All memory of the receive-to-send path."""
 
     inputs: Inputs
-    receiver: NDArray[np.void]  # (1,) RECEIVER
-    supervised: NDArray[np.void]  # (messages,) SUPERVISION
+    receiver: Structs  # (1,) RECEIVER
+    supervised: Structs  # (messages,) SUPERVISION
     input_memory: InputMemory
     keeping: Timekeeping
     alignment: Alignment

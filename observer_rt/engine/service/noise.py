@@ -9,14 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.engine.estimation.predictor import NoiseLevels
 from observer_rt.engine.stream.state import Doubt, Observer
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, Floats, Ints
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, Floats, Ints, Structs
 
 SIGNALS = {  # short name, unit, its size
     Role.RAIL_PRESSURE: ("rail", "MPa", MEGAPASCAL),
@@ -57,7 +56,7 @@ def configured_noise(injector: BenchInjector) -> NoiseLevels:
     )
 
 
-def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels) -> Mapping[Role, SlowNoise]:
+def slow_noise_of(observer: Observer, rows: Structs, white: NoiseLevels) -> Mapping[Role, SlowNoise]:
     """Slow noise of line pressure [Pa] and needle lift [m] in processed samples `rows` (n,).
 
     For the line, innovations are used: slow changes of the rail pressure, which the line follows, are no noise.

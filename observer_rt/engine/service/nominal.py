@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.core.learning.predictor import follow
@@ -16,7 +15,7 @@ from observer_rt.engine.observer import commands_at, remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.service.injector import bench_constants
 from observer_rt.engine.stream.state import Constants, Observer
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import Floats, Structs
 from observer_rt.model.effective import NO_CLOCK, Clock, Coefficients
 
 
@@ -32,7 +31,7 @@ class Follower:
         """Be in a state x (states,) at a sample, at which the clock of the terms shows this."""
         self._x, self._terms = x, Terms(self.constants.program, *clock)
 
-    def along(self, rows: NDArray[np.void], commands: Floats = NO_COMMANDS) -> Floats:
+    def along(self, rows: Structs, commands: Floats = NO_COMMANDS) -> Floats:
         """Injection rate (n,) [m3/s] at samples (n,); the state belongs to the first, where the rate is 0.
 
         rows: dtype `SAMPLE` or `sample_dtype`; commands (k, 2): as of `Window`.
@@ -90,7 +89,7 @@ class ComparedRate(NamedTuple):
     mass: float
 
 
-References = Callable[[InjectionReport, NDArray[np.void]], Sequence[ComparedRate]]
+References = Callable[[InjectionReport, Structs], Sequence[ComparedRate]]
 """References for an injection and its samples, dtype `stream.state.sample_dtype`."""
 
 
@@ -101,7 +100,7 @@ class NominalInjection:
         self._constants = bench_constants(injector)
         self.coefficients: Coefficients = self._constants.coefficients
 
-    def __call__(self, report: InjectionReport, rows: NDArray[np.void]) -> Sequence[ComparedRate]:
+    def __call__(self, report: InjectionReport, rows: Structs) -> Sequence[ComparedRate]:
         """Rate and mass of the injection; none where the needle was open from the start."""
         is_open = rows["seat_area"] > 0.0
         if not is_open.any() or is_open[0]:

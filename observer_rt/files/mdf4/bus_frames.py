@@ -19,7 +19,7 @@ from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, STANDARD_MA
 from observer_rt.files.mdf4.can_log import CHANNEL_NAME, MAX_LENGTH, RECORD
 from observer_rt.files.mdf4.opening import open_mdf, record_size, refuse_outside, stored_bytes, stored_records
 from observer_rt.files.mdf4.reader_process import Answer
-from observer_rt.foundation.units import NANOSECONDS, Bools, Ints
+from observer_rt.foundation.units import NANOSECONDS, Bools, Ints, Structs
 
 DATA, ERROR, REMOTE = "CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame"
 EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
@@ -144,7 +144,7 @@ class _Frames:
                 self.is_valid &= ~np.asarray(signal.invalidation_bits, np.bool_)
         self._rows = range(0)
 
-    def following(self, count: int) -> tuple[NDArray[np.void], Bools]:
+    def following(self, count: int) -> tuple[Structs, Bools]:
         """The next records, and which of them are valid."""
         rows = self._rows = range(self._rows.stop, self._rows.stop + count)
         result = np.zeros(count, RECORD)
@@ -201,7 +201,7 @@ class _Frames:
             raise ValueError(f"'{max(texts, key=len)}' in its frames is longer than {CHANNEL_NAME} characters")
         return np.array([text.strip().lower() for text in texts], np.str_)
 
-    def _read_data(self, result: NDArray[np.void]) -> None:
+    def _read_data(self, result: Structs) -> None:
         if "DataLength" in self._places:
             lengths = self._numbers("DataLength")
         else:

@@ -38,7 +38,6 @@ from observer_rt.foundation.units import (
     MM3_PER_MS,
     NANOSECONDS,
     Floats,
-    Structs,
 )
 
 LONGEST_WAIT = 1.0  # s that a client waits for news at the most
@@ -65,7 +64,7 @@ class SnapshotKeeper:
         self._notice: snapshot.Fault | None = None  # why it does not run yet
         # The loop appends news and the samples of the last injections; a client's thread takes them out.
         self._news: deque[tuple[InjectionReport | MeasuredMass, int]] = deque(maxlen=snapshot.KEPT)
-        self._samples: deque[tuple[InjectionReport, Structs]] = deque(maxlen=snapshot.WITH_CURVES)
+        self._samples: deque[tuple[InjectionReport, NDArray[np.void]]] = deque(maxlen=snapshot.WITH_CURVES)
         self._lock = threading.Lock()  # of clients only
         self._learned: tuple[Knowledge | None, tuple[Mapping[str, Any], ...]] = None, ()  # and curves of it
         self._count = 0
@@ -125,7 +124,7 @@ class SnapshotKeeper:
                 report, shown = self._kept[-1 - snapshot.WITH_CURVES]
                 self._kept[-1 - snapshot.WITH_CURVES] = report, replace(shown, curves={})
 
-    def _shown(self, report: InjectionReport, rows: Structs | None, moment: int) -> snapshot.ShownInjection:
+    def _shown(self, report: InjectionReport, rows: NDArray[np.void] | None, moment: int) -> snapshot.ShownInjection:
         """Entry of an injection; rows: its samples (n,), None when they are no longer remembered."""
         compared = () if rows is None else self._references(report, rows)
         values = {
@@ -141,7 +140,7 @@ class SnapshotKeeper:
         return snapshot.ShownInjection(self._count, moment, values, masses, curves)
 
     def _curves(
-        self, report: InjectionReport, rows: Structs, compared: Sequence[ComparedRate]
+        self, report: InjectionReport, rows: NDArray[np.void], compared: Sequence[ComparedRate]
     ) -> dict[str, NDArray[np.float32]]:
         chamber = report.surroundings.chamber_pressure or self._c.chamber_pressure
 

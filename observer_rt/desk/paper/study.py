@@ -9,16 +9,8 @@ from observer_rt.config.bench import Bench
 from observer_rt.core.model.laws import normalised_area
 from observer_rt.core.model.model import phi_and_rate
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.desk.paper.scheme import (
-    BETA,
-    FreeNetwork,
-    PaperSetting,
-    free_network,
-    no_fault,
-    scaled_identity,
-    swept,
-    train,
-)
+from observer_rt.desk.paper import scheme
+from observer_rt.desk.paper.scheme import FreeNetwork, PaperSetting
 from observer_rt.desk.paper.table import Estimator, EstimatorCurves, Study, WearCase
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import FIRST_EVENT, make_schedule
@@ -139,16 +131,16 @@ def _wear_case(bench: Bench, wear: float) -> WearCase:
     several = _simulated(bench, wear, TRAININGS)
     (injection,) = injection_windows(single.truth.needle_lift, SAMPLE_RATE)
     span = injection.span
-    scheme = _Scheme(bench, single, injection)
+    by_paper = _Scheme(bench, single, injection)
     x, u = true_states(single.truth, c)[span], inputs(single.truth, c)[span]
     return WearCase(
         nozzle_wear=wear,
         time=single.truth.time[span] - FIRST_EVENT,
         truth=EstimatorCurves(x[:, 2], true_fault(x, u, c, wear), single.truth.injection_rate[span]),
         estimates={
-            Estimator.MODEL: scheme.estimate(scheme.trained(0)),
-            Estimator.PAPER: scheme.estimate(scheme.trained(1)),
-            Estimator.PAPER_TRAINED_ON: scheme.estimate(scheme.trained(TRAININGS)),
+            Estimator.MODEL: by_paper.estimate(by_paper.trained(0)),
+            Estimator.PAPER: by_paper.estimate(by_paper.trained(1)),
+            Estimator.PAPER_TRAINED_ON: by_paper.estimate(by_paper.trained(TRAININGS)),
             Estimator.OURS: _ours(bench, single, single, injection),
             Estimator.OURS_TRAINED_ON: _ours(bench, several, single, injection),
         },
@@ -175,12 +167,12 @@ class _Scheme:
 
     def trained(self, trainings: int) -> FreeNetwork:
         """The network after a number of trainings; every result takes force, good or bad. 0 trainings: phi = 0."""
-        in_force, start = no_fault(), scaled_identity(BETA)
+        in_force, start = scheme.no_fault(), scheme.scaled_identity(scheme.BETA)
         for _ in range(trainings):
-            in_force = start = train(self._window, self._setting, in_force, start)
-        return free_network(in_force, self._setting.gain)
+            in_force = start = scheme.train(self._window, self._setting, in_force, start)
+        return scheme.free_network(in_force, self._setting.gain)
 
     def estimate(self, network: FreeNetwork) -> EstimatorCurves:
         """The observer with this network over the injection."""
-        seen = swept(self._window, self._setting, network)
+        seen = scheme.swept(self._window, self._setting, network)
         return EstimatorCurves(seen.x[self._span, 2], seen.phi[self._span], seen.rate[self._span])

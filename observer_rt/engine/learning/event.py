@@ -14,18 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation import parameters
+from observer_rt.engine.estimation import parameters, predictor
 from observer_rt.engine.estimation.belief import Belief, HeldBelief, Matrix, Vector, held_at
 from observer_rt.engine.estimation.phases import PhaseStatistics, phase_statistics
-from observer_rt.engine.estimation.predictor import (
-    GainSchedule,
-    NoiseLevels,
-    Setting,
-    Window,
-    gain_schedule,
-    smoothed,
-    smoothing_of,
-)
+from observer_rt.engine.estimation.predictor import GainSchedule, NoiseLevels, Setting, Window
 from observer_rt.engine.learning.adequacy import BURN_IN, CLIP
 from observer_rt.engine.learning.fit import Limits, at_fault
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
@@ -144,7 +136,7 @@ class EventReader:
     limits: Limits
     healthy: Healthy = NOT_FITTED
     calibration: StatedAccuracy = EXACT
-    gains_for: Callable[..., GainSchedule] = gain_schedule
+    gains_for: Callable[..., GainSchedule] = predictor.gain_schedule
     _widths: dict[Kind, parameters.Theta] = field(default_factory=dict)
 
     @cached_property
@@ -207,7 +199,7 @@ def smoothing_in(constants: Constants) -> float:
 
     Noise of the rail that runs along a line with waves is less with a late sensor, whether that is late or not.
     """
-    return smoothing_of(constants.interval) if constants.coefficients.line.resolved > 0.0 else 0.0
+    return predictor.smoothing_of(constants.interval) if constants.coefficients.line.resolved > 0.0 else 0.0
 
 
 def with_smooth_rail(window: Window, constants: Constants) -> Window:
@@ -215,7 +207,7 @@ def with_smooth_rail(window: Window, constants: Constants) -> Window:
     if smoothing_in(constants) == 0.0:
         return window
     rail, area = window.inputs.T
-    return window._replace(inputs=np.column_stack((smoothed(rail, constants.interval), area)))
+    return window._replace(inputs=np.column_stack((predictor.smoothed(rail, constants.interval), area)))
 
 
 @dataclass(frozen=True, eq=False)

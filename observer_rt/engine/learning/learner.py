@@ -16,7 +16,7 @@ import numpy as np
 from observer_rt.engine.estimation.parameters import FLOWS, Parameter, Theta, learned_of
 from observer_rt.engine.estimation.phases import no_statistics
 from observer_rt.engine.estimation.predictor import NoiseLevels, Window, gain_schedule
-from observer_rt.engine.learning import kinds
+from observer_rt.engine.learning import kinds, mass
 from observer_rt.engine.learning.account import Continued, ExplainedEvent, explain
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.event import ClosedEvent, EventReader
@@ -32,18 +32,7 @@ from observer_rt.engine.learning.knowledge import (
     LearningState,
     Outcome,
 )
-from observer_rt.engine.learning.mass import (
-    HOLDS,
-    UNSEEN,
-    EventMass,
-    Shares,
-    extrapolation_sigma,
-    known_flow,
-    mass_of,
-    opening_points,
-    resimulated,
-    with_shots,
-)
+from observer_rt.engine.learning.mass import EventMass, Shares
 from observer_rt.engine.learning.noise import RestingNoise
 from observer_rt.engine.learning.verdict import facts_of, first_objection, look_alikes, named, verdict_of
 from observer_rt.engine.stream.standstill import Standstill, offset_between
@@ -188,18 +177,18 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     window, delays = explained.window, explanation.run.delays
     if delays is not None:
         window = window.with_jitter(delays.seconds(theta), setting.interval)
-    again = resimulated(window, setting, explained.state.noise, theta, covariance)
-    again = again if delays is None else with_shots(again, window, delays)
-    mass = mass_of(window, setting, theta, again)
+    again = mass.resimulated(window, setting, explained.state.noise, theta, covariance)
+    again = again if delays is None else mass.with_shots(again, window, delays)
+    event_mass = mass.mass_of(window, setting, theta, again)
     unlike = look_alikes_in(explained, reader)
     systematic = math.hypot(
         reader.healthy.mass_share,
-        UNSEEN * extrapolation_sigma(explained.point, explanation.before.learned_at),
+        mass.UNSEEN * mass.extrapolation_sigma(explained.point, explanation.before.learned_at),
         0.0 if window.needle is None else STROKE_SHARE,
         explained.state.sensor_slope.share,
     )
-    shares = shares_of(mass, explained, systematic)
-    verdict = verdict_of(explained, mass, shares, unlike.objections, reader.wide)
+    shares = shares_of(event_mass, explained, systematic)
+    verdict = verdict_of(explained, event_mass, shares, unlike.objections, reader.wide)
     state, forward = unlike.state, named(verdict.forward, explained, reader)
     if not unlike.begins_anew:
         changed = sum(each.weight for each, _ in explained.explanations if each.kind in kinds.UNLIKE_BEFORE)
@@ -207,14 +196,14 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         state = replace(state, account=explained.account, changes=changes)
     before = explanation.before
     if explanation.is_good:
-        holds = abs(mass.moved_far(before.theta)) <= HOLDS
-        openings = opening_points(explained.window, setting.interval)
+        holds = abs(event_mass.moved_far(before.theta)) <= mass.HOLDS
+        openings = mass.opening_points(explained.window, setting.interval)
         state = replace(state, elsewhere=state.elsewhere.after(holds, openings, before.learned_at))
     in_force = theta
     if explanation.kind is kinds.QUICK and velocity is not None:
         in_force = _ahead(theta, explanation, velocity, reader)
     by_coil = unlike.state.energizing.current.unsure
-    covariance = covariance + _apart(explained, mass, shares.agreement) + by_coil
+    covariance = covariance + _apart(explained, event_mass, shares.agreement) + by_coil
     again = replace(
         again,
         covariance=covariance,
@@ -222,7 +211,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         unknown=shares.remainder,
         moved=shares.moved,
         strokes=tuple(filter(None, window.strokes(learned_of(theta, setting.coefficients), setting))),
-        calibration=reader.calibration.of_event(mass.controlled),
+        calibration=reader.calibration.of_event(event_mass.controlled),
     )
     return Outcome(
         adoption=Adoption.REJECTED if np.array_equal(in_force, event.in_force) else Adoption.ADOPTED,
@@ -234,7 +223,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         covariance=covariance,
         resimulated=again,
         outliers=int(explained.window.masked.sum()) - int(explained.unmasked.masked.sum()),
-        known_flow=known_flow(again, theta, covariance, explained.point, state.elsewhere),
+        known_flow=mass.known_flow(again, theta, covariance, explained.point, state.elsewhere),
         change=verdict.change,
         posterior=posterior_of(explained.explanations),
     )

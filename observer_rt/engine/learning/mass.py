@@ -11,19 +11,10 @@ from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.core.stream.stream import FULL_LIFT, RAIL_BIN, RAIL_BINS
+from observer_rt.engine.estimation import predictor
 from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.engine.estimation.parameters import FLOWS, NOZZLE_LAW, WEIGHTS, Parameter, Theta, learned_of
-from observer_rt.engine.estimation.predictor import (
-    NO_SLOPES,
-    InputVariance,
-    NoiseLevels,
-    OpenLoop,
-    Setting,
-    Window,
-    input_variance,
-    level_of,
-    open_loop,
-)
+from observer_rt.engine.estimation.predictor import InputVariance, NoiseLevels, OpenLoop, Setting, Window
 from observer_rt.engine.learning.run import JITTER_SIZE, ShotDelays
 from observer_rt.foundation.units import Z_95, Floats
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
@@ -106,8 +97,8 @@ def resimulated(
     window: Window, setting: Setting, noise: NoiseLevels, theta: Floats, covariance: Floats
 ) -> Resimulation:
     """Re-simulate an event with the theta (m,) learned from it, with an error covariance (m, m)."""
-    run = open_loop(window, setting, theta)
-    by_inputs = input_variance(window, run, setting, noise)
+    run = predictor.open_loop(window, setting, theta)
+    by_inputs = predictor.input_variance(window, run, setting, noise)
     return Resimulation(run, by_inputs, covariance, setting.interval)
 
 
@@ -202,9 +193,9 @@ class EventMass:
         learned, interval = learned_of(theta, self.setting.coefficients), self.setting.interval
         window = self.window.as_learned(learned, self.setting).until(self.flows_until)
         rate, errors = np.empty((2, window.output.size))
-        follow(window, self.setting, learned, window.opening, errors, rate, None, NO_SLOPES)
+        follow(window, self.setting, learned, window.opening, errors, rate, None, predictor.NO_SLOPES)
         volume = float(np.trapezoid(rate[_part(window)])) * interval
-        return level_of(theta, self.setting) * volume / max(self.volume, LEAST_VOLUME) - 1.0
+        return predictor.level_of(theta, self.setting) * volume / max(self.volume, LEAST_VOLUME) - 1.0
 
     @property
     def controlled(self) -> float:

@@ -10,16 +10,10 @@ import numpy as np
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.learning.whitening import robust_cost, weigh
 from observer_rt.core.model.needle import NEEDLE_JITTER, NEEDLE_NUMBERS
+from observer_rt.engine.estimation import predictor
 from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.engine.estimation.parameters import EVERY, NEEDLE_LAW, Parameter, learned_of
-from observer_rt.engine.estimation.predictor import (
-    NO_RATE,
-    NO_SLOPES,
-    Setting,
-    Window,
-    innovations,
-    innovations_with_sensitivity,
-)
+from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.engine.learning.healthy import expected_in, needle_course
 from observer_rt.engine.learning.noise import Whitening
 from observer_rt.foundation.units import MEGAPASCAL, Floats, Ints
@@ -40,9 +34,9 @@ class ShotDelays(NamedTuple):
     slopes: Matrix  # (n, k) of the whitened innovations by the delays
     solved: Matrix  # (k, n) slopes of the likeliest delays by the innovations
     covariance: Matrix  # (k, k) of the delays with theta held
-    theta: Vector = NO_RATE  # (m,) where J is linearised
-    likeliest: Vector = NO_RATE  # (k,) delays with this theta
-    by_theta: Matrix = NO_SLOPES  # (k, m) slopes of the likeliest delays
+    theta: Vector = predictor.NO_RATE  # (m,) where J is linearised
+    likeliest: Vector = predictor.NO_RATE  # (k,) delays with this theta
+    by_theta: Matrix = predictor.NO_SLOPES  # (k, m) slopes of the likeliest delays
 
     @classmethod
     def of(cls, slopes: Matrix, burn_in: int, sigma: float) -> "ShotDelays":
@@ -71,11 +65,11 @@ class EventRun:
     value: float
     gradient: Floats
     information: Floats
-    innovations: Floats = field(default_factory=lambda: NO_RATE)
-    unfiltered: Floats = field(default_factory=lambda: NO_RATE)
-    slopes: Floats = field(default_factory=lambda: NO_SLOPES)
-    unfiltered_slopes: Floats = field(default_factory=lambda: NO_SLOPES)
-    jitter: Floats = field(default_factory=lambda: NO_RATE)
+    innovations: Floats = field(default_factory=lambda: predictor.NO_RATE)
+    unfiltered: Floats = field(default_factory=lambda: predictor.NO_RATE)
+    slopes: Floats = field(default_factory=lambda: predictor.NO_SLOPES)
+    unfiltered_slopes: Floats = field(default_factory=lambda: predictor.NO_SLOPES)
+    jitter: Floats = field(default_factory=lambda: predictor.NO_RATE)
     delays: ShotDelays | None = None
 
     @property
@@ -186,7 +180,7 @@ class EventCost:
     def linearised(self, theta: Floats, near: EventRun | None = None) -> EventRun:
         """The event run with theta (m,) and its slopes; near: a run whose shots are about as late, None: none is."""
         followed, unfiltered_slopes, delays = self._follow_with_slopes(theta, self._jitter(near))
-        slopes, by_theta = np.ascontiguousarray(self.whitened(unfiltered_slopes)), NO_SLOPES
+        slopes, by_theta = np.ascontiguousarray(self.whitened(unfiltered_slopes)), predictor.NO_SLOPES
         if delays is not None:
             by_theta = delays.solved @ slopes
             slopes += delays.slopes @ by_theta
@@ -274,7 +268,7 @@ class EventCost:
         if jitter.size:
             return self._settle_shots(theta, jitter)
         unfiltered = np.empty(self.window.output.size)
-        innovations(self.window, self.setting, learned_of(theta, self.setting.coefficients), unfiltered)
+        predictor.innovations(self.window, self.setting, learned_of(theta, self.setting.coefficients), unfiltered)
         return self._as_counted(unfiltered, self._expected, jitter)
 
     def _follow_with_slopes(self, theta: Floats, jitter: Floats) -> tuple[_Innovations, Floats, ShotDelays | None]:
@@ -304,7 +298,7 @@ class EventCost:
         setting, unfiltered = self.setting, np.empty(self.window.output.size)
         window = self.window.with_jitter(jitter * NEEDLE_JITTER, setting.interval)
         slopes = np.empty((unfiltered.size, columns.size + jitter.size))
-        innovations_with_sensitivity(window, setting, theta, unfiltered, slopes, columns)
+        predictor.innovations_with_sensitivity(window, setting, theta, unfiltered, slopes, columns)
         expected = self._expected
         if self.shape is not None and window.needle is not None:
             course = needle_course(self.shape, window, learned_of(theta, setting.coefficients), setting)

@@ -14,16 +14,10 @@ import numpy as np
 from observer_rt.config.signals import in_units
 from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.engine.estimation.parameters import NOZZLE, SCALARS, SEAT, ShownIndicator
+from observer_rt.engine.learning import mass
 from observer_rt.engine.learning.knowledge import EventRecord
 from observer_rt.engine.learning.learner import OFTEN
-from observer_rt.engine.learning.mass import (
-    VolumeBudget,
-    corrected_rate,
-    rate_sigma,
-    stroke_in,
-    volume_budget,
-    volume_in,
-)
+from observer_rt.engine.learning.mass import VolumeBudget
 from observer_rt.engine.learning.verdict import WRONG
 from observer_rt.engine.reports.indicators import Indicators, indicators_of
 from observer_rt.engine.stream.state import Reason, State
@@ -192,9 +186,9 @@ def report_of(
     if belongs and outcome is not None and outcome.resimulated is not None:
         again, first = outcome.resimulated, int(event["start_position"])
         window = slice(int(injection["start_position"]) - first, int(injection["end_position"]) - first + 1)
-        volume, budget = volume_in(again, window), volume_budget(again, window)
-        corrected, sigma = corrected_rate(again, window), rate_sigma(again, window)
-        stroke = stroke_in(again, window)
+        volume, budget = mass.volume_in(again, window), mass.volume_budget(again, window)
+        corrected, sigma = mass.corrected_rate(again, window), mass.rate_sigma(again, window)
+        stroke = mass.stroke_in(again, window)
     passed = not judged.objections
     reason = reason_of_injection(
         of_samples=Reason(int(injection["reason"])),

@@ -23,15 +23,11 @@ from observer_rt.identification.discovery.search.proposals import variance_by_ph
 from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
+from observer_rt.identification.likelihood import measurement
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.excerpts import by_operating_point
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
-from observer_rt.identification.likelihood.measurement import (
-    Measurement,
-    with_free_needle,
-    with_healthy_offset,
-    without_gain,
-)
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import chosen_words, refuse_rates_missing
 from observer_rt.model.baseline import Baseline, HealthyRemainder, Remainder
 from observer_rt.model.effective import EffectiveModel
@@ -85,7 +81,7 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     """
     nominal, task = effective_model(task.parameters), _as_the_fit_saw(task)
     healthy, warning = _remembered(nominal, [*task.measured, *task.healthy])
-    points = by_operating_point([with_healthy_offset(one, healthy) for one in task.measured])
+    points = by_operating_point([measurement.with_healthy_offset(one, healthy) for one in task.measured])
     measured = [point.measurement for point in points]
     workers, baseline, begin = len(os.sched_getaffinity(0)), healthy, 0.0
     if task.healthy:
@@ -142,10 +138,10 @@ def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
 
 def _as_the_fit_saw(task: DiscoveryTask) -> DiscoveryTask:
     """The task with a free needle where no lift was measured, and without the sensor gain that a fit found."""
-    measured, healthy = with_free_needle(task.measured), with_free_needle(task.healthy)
+    measured, healthy = measurement.with_free_needle(task.measured), measurement.with_free_needle(task.healthy)
     fitted = task.parameters.baseline
     if fitted is not None and (gain := fitted.line_pressure_sensor_gain):
-        measured, healthy = without_gain(measured, gain), without_gain(healthy, gain)
+        measured, healthy = measurement.without_gain(measured, gain), measurement.without_gain(healthy, gain)
     return replace(task, measured=measured, healthy=healthy)
 
 
@@ -229,7 +225,7 @@ def _judged_by_healthy(
     progress: Callable[[float], None],
 ) -> tuple[Healthy, str]:
     """The remembered healthy injector and what recordings of it add, and a warning if these contradict the model."""
-    found_with = [with_healthy_offset(one, remembered) for one in healthy]
+    found_with = [measurement.with_healthy_offset(one, remembered) for one in healthy]
     points = [point.measurement for point in by_operating_point(found_with)]
     baseline, discovery = healthy_baseline(nominal, points, workers, remembered, progress)
     if discovery.verdict is Verdict.NONE:

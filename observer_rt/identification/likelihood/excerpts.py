@@ -16,13 +16,7 @@ from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, copied, cut, followed
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.likelihood import events, measurement
-from observer_rt.identification.likelihood.events import (
-    MARGIN,
-    JudgedEvent,
-    noise_level,
-    open_time,
-    rail_pressure_before,
-)
+from observer_rt.identification.likelihood.events import JudgedEvent
 from observer_rt.identification.likelihood.measurement import PART_GAP, Measurement, joined
 
 POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these
@@ -67,11 +61,13 @@ def by_operating_point(recordings: Sequence[Measurement]) -> tuple[OperatingPoin
 
 def events_by_point(measurement: Measurement) -> list[list[JudgedEvent]]:
     """Events of a recording by operating point, in the order of rail pressure, then duration."""
-    pressure, duration = (partial(f, recording=measurement.recording) for f in (rail_pressure_before, open_time))
+    pressure, duration = (
+        partial(f, recording=measurement.recording) for f in (events.rail_pressure_before, events.open_time)
+    )
     return [
-        events
+        of_point
         for same_pressure in _clusters(measurement.events, pressure, POINT_PRESSURE / 2.0)
-        for events in _clusters(same_pressure, duration, POINT_DURATION / 2.0)
+        for of_point in _clusters(same_pressure, duration, POINT_DURATION / 2.0)
     ]
 
 
@@ -88,11 +84,11 @@ def _clusters(
     return clusters
 
 
-def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measurement:
+def _part(measurement: Measurement, chosen: Sequence[JudgedEvent]) -> Measurement:
     """A recording of some of the events, one stretch after another, without the samples between them."""
     recording = measurement.recording
-    margin = round((MARGIN + SMOOTHING_REACH) / measurement.interval) + 1
-    ordered = sorted(events, key=lambda event: event.start)
+    margin = round((events.MARGIN + SMOOTHING_REACH) / measurement.interval) + 1
+    ordered = sorted(chosen, key=lambda event: event.start)
     last = recording.samples - 1
     stretches = [np.clip(np.arange(event.start - margin, event.end + margin), 0, last) for event in ordered]
     kept = np.concatenate(stretches)
@@ -105,8 +101,8 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
 
     signals = {name: np.ascontiguousarray(values[kept]) for name, values in recording.signals.items()}
     part = recording.with_arrays({"time": np.arange(kept.size, dtype=np.float64) * measurement.interval, **signals})
-    pressure = float(np.mean([rail_pressure_before(event, recording) for event in ordered]))
-    duration = float(np.mean([open_time(event, recording) for event in ordered]))
+    pressure = float(np.mean([events.rail_pressure_before(event, recording) for event in ordered]))
+    duration = float(np.mean([events.open_time(event, recording) for event in ordered]))
     split = replace(measurement, recording=part, events=tuple(moved), rail_pressure=pressure, duration=duration)
     return replace(split, commands=np.concatenate(commands) if commands else None)
 
@@ -226,7 +222,7 @@ def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
 def _ends(block: Chunk) -> tuple[int, int]:
     """End of a block and begin of the next one, both in the longest standstill of the block's second half."""
     half, rate = block.samples // 2, block.sample_rate
-    noise = noise_level(block.needle_lift, np.ones(block.samples, np.bool_), rate)
+    noise = events.noise_level(block.needle_lift, np.ones(block.samples, np.bool_), rate)
     opens, _ = dead_band(noise if np.isfinite(noise) else 0.0)
     edges = np.flatnonzero(np.diff(~(block.needle_lift[half:] > opens), prepend=False, append=False))
     if not edges.size:

@@ -17,21 +17,8 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS, Bools, Floats, Ints
-from observer_rt.identification.likelihood.events import (
-    EVENT_GAP,
-    LEAD,
-    JudgedEvent,
-    LeftOut,
-    events_of,
-    lift_noise,
-    missing_samples,
-    noise_level,
-    open_time,
-    openings_of,
-    rail_pressure_before,
-    shut_mask,
-    white_noise,
-)
+from observer_rt.identification.likelihood import events
+from observer_rt.identification.likelihood.events import JudgedEvent, LeftOut
 from observer_rt.identification.likelihood.openings import Opening
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effect import SizedEffect
@@ -114,11 +101,11 @@ def measurements(recordings: Sequence[Recording]) -> tuple[Measurement, ...]:
     results = []
     for recording in recordings:
         refuse_slow(recording)
-        openings = openings_of(recording)
-        events, left_out = events_of(recording, openings)
-        missing = int(np.count_nonzero(missing_samples(recording)))
-        injections = FoundInjections(recording.samples, missing, len(events), left_out)
-        results.append(measurement_of(recording, openings, events, injections))
+        openings = events.openings_of(recording)
+        judged, left_out = events.events_of(recording, openings)
+        missing = int(np.count_nonzero(events.missing_samples(recording)))
+        injections = FoundInjections(recording.samples, missing, len(judged), left_out)
+        results.append(measurement_of(recording, openings, judged, injections))
     if not results:
         raise UserError("RECORDING", "no recordings", "give at least one recording with injections")
     return tuple(results)
@@ -132,23 +119,24 @@ def refuse_slow(recording: Sampled) -> None:
 
 
 def measurement_of(
-    recording: Recording, openings: Sequence[Opening], events: tuple[JudgedEvent, ...], injections: FoundInjections
+    recording: Recording, openings: Sequence[Opening], judged: tuple[JudgedEvent, ...], injections: FoundInjections
 ) -> Measurement:
     """A recording with its events, of all openings in it, and its noise. Errors as of `measurements`."""
-    if not events:
+    if not judged:
         refuse_unshut(recording)
         lacks = sorted({str(event.lack) for event in injections.left_out})
-        remedy = f"record {LEAD * 1e3:g} ms of shut needle before an injection and {EVENT_GAP * 1e3:g} ms after it"
+        lead, gap = f"{events.LEAD * 1e3:g} ms", f"{events.EVENT_GAP * 1e3:g} ms"
+        remedy = f"record {lead} of shut needle before an injection and {gap} after it"
         raise UserError(_name(recording), "no complete injection" + "".join(f"; {lack}" for lack in lacks), remedy)
-    pressure = float(np.mean([rail_pressure_before(event, recording) for event in events]))
-    duration = float(np.mean([open_time(event, recording) for event in events]))
-    return Measurement(recording, *_noise(recording, openings), events, pressure, duration, injections)
+    pressure = float(np.mean([events.rail_pressure_before(event, recording) for event in judged]))
+    duration = float(np.mean([events.open_time(event, recording) for event in judged]))
+    return Measurement(recording, *_noise(recording, openings), judged, pressure, duration, injections)
 
 
 def refuse_unshut(recording: Recording) -> None:
     """Raise `UserError` for a lift that the dead band takes for open where the needle is shut."""
     lift = recording.needle_lift[np.isfinite(recording.needle_lift)] / MICROMETRE
-    opens, shuts = (level / MICROMETRE for level in dead_band(lift_noise(recording)))
+    opens, shuts = (level / MICROMETRE for level in dead_band(events.lift_noise(recording)))
     if not lift.size:
         return
     low, zero, high = np.percentile(lift[lift <= np.min(lift) + 0.1 * np.ptp(lift)], (16, 50, 84))
@@ -167,21 +155,23 @@ def _name(recording: Sampled) -> str:
 
 def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLevels, float]:
     """Noise of pressures and rate while the needle is shut, of the lift while it is open; the rate's comes second."""
-    shut = shut_mask(recording, openings)
+    shut = events.shut_mask(recording, openings)
     is_open = np.zeros(recording.samples, np.bool_)
     for opening in openings:
         is_open[opening.first : opening.last + 1] = True
     rate = recording.sample_rate
-    rail, line = (noise_level(signal, shut, rate) for signal in (recording.rail_pressure, recording.line_pressure))
+    rail, line = (
+        events.noise_level(signal, shut, rate) for signal in (recording.rail_pressure, recording.line_pressure)
+    )
     if not np.isfinite(rail + line):
         problem = "too little standstill to measure the noise"
         raise UserError(_name(recording), problem, "record some ms more of shut needle")
     # clipped at 0 it has half its noise there; open it is too short for its colour
-    lift = float(np.fmax(white_noise(recording.needle_lift, is_open), lift_noise(recording)))
+    lift = float(np.fmax(events.white_noise(recording.needle_lift, is_open), events.lift_noise(recording)))
     levels = NoiseLevels(max(rail, PRESSURE_FLOOR), max(line, PRESSURE_FLOOR), lift)
     if recording.injection_rate is None:
         return levels, float("nan")
-    return levels, max(noise_level(recording.injection_rate, shut, rate), RATE_FLOOR)
+    return levels, max(events.noise_level(recording.injection_rate, shut, rate), RATE_FLOOR)
 
 
 def in_mass_window(measurement: Measurement, event: JudgedEvent, samples: Ints) -> Bools:

@@ -16,17 +16,10 @@ from observer_rt.core.learning.phases import phases_of
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.model.needle import NeedleLaw
+from observer_rt.engine.estimation import predictor
 from observer_rt.engine.estimation.parameters import nothing_learned
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
-from observer_rt.engine.estimation.predictor import (
-    NO_COMMANDS,
-    NO_SLOPES,
-    GainSchedule,
-    Setting,
-    Window,
-    gain_schedule,
-    smoothing_of,
-)
+from observer_rt.engine.estimation.predictor import GainSchedule, Setting, Window
 from observer_rt.foundation.units import Bools, Floats, Ints
 from observer_rt.identification.likelihood.events import shut_mask
 from observer_rt.identification.likelihood.measurement import Measurement, Rows
@@ -63,7 +56,7 @@ class Batch(NamedTuple):
         part = slice(self.bounds[number], self.bounds[number + 1])
         signals = self.inputs[part], self.output[part], self.resting[part]
         start, clock = self.starts[number], Clock(*self.clocks[number])
-        commands = self.commands[number] if self.commands else NO_COMMANDS
+        commands = self.commands[number] if self.commands else predictor.NO_COMMANDS
         return Window(*signals, start, self.openings[number], self.knots[part], clock=clock, commands=commands)
 
 
@@ -113,9 +106,9 @@ def schedule_of(measurement: Measurement, model: EffectiveModel) -> GainSchedule
     share, rate, smoothing = (
         (sensor.delay / interval) % 1.0,
         measurement.recording.sample_rate,
-        smoothing_of(interval),
+        predictor.smoothing_of(interval),
     )
-    return gain_schedule(c, measurement.noise, rate, sensor.lag, share, rail_smoothing=smoothing)
+    return predictor.gain_schedule(c, measurement.noise, rate, sensor.lag, share, rail_smoothing=smoothing)
 
 
 def setting_of(
@@ -143,7 +136,7 @@ def followed(
             window = window.with_jitter(delays[number] if delays else np.zeros(0), setting.interval)
             window = window._replace(needle=needle).as_learned(learned, setting)
         corrected = window.opening if until_opening else end - first
-        follow(window, setting, learned, corrected, innovation[part], rate[part], None, NO_SLOPES)
+        follow(window, setting, learned, corrected, innovation[part], rate[part], None, predictor.NO_SLOPES)
     return innovation, rate
 
 

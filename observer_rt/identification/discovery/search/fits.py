@@ -13,13 +13,8 @@ from typing import TypeVar
 import numpy as np
 
 from observer_rt.foundation.units import Floats
-from observer_rt.identification.discovery.search.candidates import (
-    Candidate,
-    CandidateKey,
-    Hypothesis,
-    equation_of,
-    minimum_from,
-)
+from observer_rt.identification.discovery.search import candidates
+from observer_rt.identification.discovery.search.candidates import Candidate, CandidateKey, Hypothesis
 from observer_rt.identification.discovery.search.scores import SWITCH_SIZE, Scores, WeightedSlopes, bounds_of, scored
 from observer_rt.identification.likelihood import appearance, bounded_fit
 from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Minimum, Problem, Residuals, fit
@@ -159,7 +154,7 @@ class Fitter:
                     slope = np.asarray(weights * (here.z - moved.z) / sizes[0], np.float32)
                     gain = max(float(slope @ left) * math.copysign(1.0, sizes[0]), 0.0) ** 2
                     probed.append((gain / max(float(slope @ slope), _TINY), slope))
-                if probed and is_term(effect) and equation_of(effect) != TermEquation.NEEDLE_LIFT:
+                if probed and is_term(effect) and candidates.equation_of(effect) != TermEquation.NEEDLE_LIFT:
                     break  # a needle is shut or open: its two directions differ
             return max(probed, key=itemgetter(0))[1] if probed else None
 
@@ -253,7 +248,7 @@ class Fitter:
             hypothesis, starts = task
             key = hypothesis.ids if max_iterations == MAX_ITERATIONS else (*hypothesis.ids, ROUGH)
             problem, further = self._problem(hypothesis), len(hypothesis.effects) > 1
-            search = partial(minimum_from, problem, hypothesis.ranges(), starts, max_iterations, further)
+            search = partial(candidates.minimum_from, problem, hypothesis.ranges(), starts, max_iterations, further)
             return self._remembered(hypothesis, key, search)
 
         return [one for one in self.map(fitted, tasks) if one is not None]
@@ -285,7 +280,7 @@ def _has_twins(hypothesis: Hypothesis, minimum: Minimum) -> bool:
     sized = [(end - len(effect.parameters), effect) for end, effect in places if effect.parameters]
     for pair in combinations(sized, 2):
         (first, effect), (second, other) = pair
-        if equation_of(effect) == equation_of(other):
+        if candidates.equation_of(effect) == candidates.equation_of(other):
             information = minimum.at.information
             alike = SAME_COSINE**2 * information[first, first] * information[second, second]
             at_bound = (minimum.theta[place] in bounds_of(one) for place, one in pair)

@@ -13,20 +13,11 @@ import numpy as np
 from observer_rt.core.model.model import FIRST_OF_SEAT, SENSOR_NUMBERS
 from observer_rt.core.model.needle import NEEDLE_NUMBERS
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MM3_PER_MS, Floats, Ints
+from observer_rt.model import network
 from observer_rt.model.effective import LAG_UNIT, LIFT_UNIT, Coefficients
 from observer_rt.model.hydraulics import CONTROL_REFERENCE, Valve
 from observer_rt.model.line import stiffened
-from observer_rt.model.network import (
-    BASIS,
-    GROUPS,
-    HIDDEN,
-    NEURONS,
-    OF_NOZZLE,
-    Group,
-    Network,
-    constant_network,
-    network_with,
-)
+from observer_rt.model.network import HIDDEN, OF_NOZZLE, Group, Network, network_with
 from observer_rt.model.tangent import ByTheta
 
 Theta = Floats
@@ -302,10 +293,10 @@ def _weights(groups: Sequence[Group], column: int) -> Iterator[Scalar]:
 SCALARS = Scalars((
     Scalar("nozzle_bias", Parameter.NOZZLE_BIAS, prior=0.45, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
            shown=ShownIndicator(NOZZLE, key="nozzle_v_H")),
-    *_weights(GROUPS[:FIRST_OF_SEAT], Parameter.NOZZLE_WEIGHT),
+    *_weights(network.GROUPS[:FIRST_OF_SEAT], Parameter.NOZZLE_WEIGHT),
     Scalar("seat_bias", Parameter.SEAT_BIAS, prior=0.4, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
            shown=ShownIndicator(SEAT, key="seat_v_S")),
-    *_weights(GROUPS[FIRST_OF_SEAT:], Parameter.SEAT_WEIGHT),
+    *_weights(network.GROUPS[FIRST_OF_SEAT:], Parameter.SEAT_WEIGHT),
     Scalar("friction", Parameter.LINE_FRICTION, prior=1.75, drift=2e-3, longest_step=1.2, bounds=(-0.95, 10.0),
            gated_from=-0.95, shown=ShownIndicator("line_friction", label="line friction k"),
            change=lambda line, k: line._replace(a4=line.a4 * (1.0 + k))),
@@ -410,7 +401,7 @@ class LearnedModel(NamedTuple):
 
 def nothing_learned(c: Coefficients) -> LearnedModel:
     """Meaning of theta = 0: the model in force, unchanged."""
-    return LearnedModel(constant_network(), c, 0.0, np.zeros(SENSOR_NUMBERS))
+    return LearnedModel(network.constant_network(), c, 0.0, np.zeros(SENSOR_NUMBERS))
 
 
 def learned_of(theta: Floats, c: Coefficients) -> LearnedModel:
@@ -450,7 +441,7 @@ def _by_columns(line: Any, values: tuple[float, ...], wanted: bytes, shots: int)
     is_wanted = column[acting.line_columns] < elsewhere
     return acting._replace(
         **{name: column[getattr(acting, name)] for name in _PLACED},
-        neurons=NEURONS * (column[Parameter.NOZZLE_WEIGHT] < elsewhere),
+        neurons=network.NEURONS * (column[Parameter.NOZZLE_WEIGHT] < elsewhere),
         shots=shots,
         first_shot=columns.size,
         line_columns=column[acting.line_columns[is_wanted]],
@@ -491,8 +482,8 @@ def _by_values(line: Any, values: tuple[float, ...]) -> ByTheta:
         nozzle_weight=int(Parameter.NOZZLE_WEIGHT),
         seat_bias=_SEAT,
         seat_weight=int(Parameter.SEAT_WEIGHT),
-        neurons=NEURONS,
-        basis=BASIS,
+        neurons=network.NEURONS,
+        basis=network.BASIS,
         nozzle=NOZZLE_LAW.columns,
         valve=VALVE_LAW.columns,
         valve_sizes=VALVE_LAW.sizes,

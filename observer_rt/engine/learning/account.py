@@ -14,13 +14,13 @@ from observer_rt.engine.estimation.parameters import LAWLESS, NEEDLE_LAW, SCALAR
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scales import shrink
+from observer_rt.engine.learning import noise
 from observer_rt.engine.learning.adequacy import pooled, tempering
 from observer_rt.engine.learning.event import (
     ClosedEvent,
     EventReader,
     EventReading,
     RestingPressure,
-    resting_pressure,
     with_smooth_rail,
 )
 from observer_rt.engine.learning.explanations import FIRST_STEPS, LATE_SENSOR, STARTED, Explanation, OfferedKinds
@@ -28,14 +28,7 @@ from observer_rt.engine.learning.fit import EventFitter, Fit
 from observer_rt.engine.learning.kinds import FILED, NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import Account, LearnedInjector, LearningState
 from observer_rt.engine.learning.mass import EventPoint, opening_points, with_point
-from observer_rt.engine.learning.noise import (
-    Colour,
-    RestingNoise,
-    Sigmas,
-    is_same,
-    resting_segments,
-    without_stretches,
-)
+from observer_rt.engine.learning.noise import Colour, RestingNoise, Sigmas, without_stretches
 from observer_rt.engine.learning.run import EventCost, EventRun
 from observer_rt.foundation.units import MEGAPASCAL, Z_95
 
@@ -114,7 +107,7 @@ class BeliefUpdate:
 
 def noise_after(learned: LearnedInjector, reading: EventReading, run: EventRun, reader: EventReader) -> Noise:
     """Noise by a belief, and by the innovations of a run of an event at rest."""
-    stretches = resting_segments(reading.window, reader.burn_in, reader.resting)
+    stretches = noise.resting_segments(reading.window, reader.burn_in, reader.resting)
     at_rest = learned.at_rest.after([run.unfiltered[each] for each in stretches], reader.interval)
     return Noise(at_rest, at_rest.colour(learned.colour, reader.interval, reading.white_sigma))
 
@@ -139,7 +132,7 @@ def account_after(before: Account, continued: Sequence[Continued]) -> tuple[Expl
     """
 
     def is_one(first: Continued, second: Continued) -> bool:
-        return is_alike(first[1].belief, second[1].belief) and is_same(first[1].colour, second[1].colour)
+        return is_alike(first[1].belief, second[1].belief) and noise.is_same(first[1].colour, second[1].colour)
 
     def support(of: Continued) -> float:
         return sum(each[0].weight for each in continued if each[0].kind.mode is of[0].kind.mode and is_one(of, each))
@@ -311,10 +304,10 @@ class _EventReadings:
     def _run(self, learned: LearnedInjector, cost: EventCost) -> tuple[EventRun, RestingPressure]:
         """Run an event at the belief, with offset and gain as rest says if these differ from the belief's."""
         first = self._first(learned, cost)
-        resting = resting_pressure(cost, first)
+        resting = RestingPressure.of(cost, first)
         move = resting.held(learned.belief).prior.mean - learned.belief.mean
         move[list(SCALARS.gate.columns)] = 0.0
         if np.abs(move[list(_SENSOR)]).max() * self._reader.pressure_scale < MOVED:
             return first, resting
         first = cost.linearised(first.theta + move, first)
-        return first, resting_pressure(cost, first)
+        return first, RestingPressure.of(cost, first)

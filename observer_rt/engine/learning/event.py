@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,21 @@ class RestingPressure:
     slopes: Floats
     noise: float
     pressure_scale: float
+
+    @classmethod
+    def of(cls, cost: EventCost, run: EventRun) -> Self:
+        """Rest of an event that was run with its slopes."""
+        window, setting = cost.window, cost.setting
+        length = max(round(BLOCK / setting.interval), 1)
+        counts = window.resting & ~mask_of(window)
+        counts[: cost.burn_in] = False
+        at_rest = np.flatnonzero(counts)
+        places = at_rest[at_rest.size % length :].reshape(-1, length)
+        means = run.unfiltered[places].mean(axis=1)
+        slopes = run.unfiltered_slopes[places][:, :, _BOTH].mean(axis=1)
+        scatter = 0.5 * float(np.mean(np.diff(means) ** 2)) if means.size > 1 else 0.0
+        noise = max(cost.sigma**2 / length, scatter)
+        return cls(run.theta, means, slopes, noise, setting.coefficients.pressure_scale)
 
     def held(self, belief: Belief) -> HeldBelief:
         """The belief with the gain held at that by the rest; the belief itself where sensors are exact."""
@@ -97,21 +112,6 @@ def _taught(prior: Matrix, slopes: Matrix, means: Vector, noise: float) -> tuple
     spread = slopes @ prior @ slopes.T + noise * np.eye(means.size)
     weights = np.linalg.solve(spread, along)
     return float(-weights @ means), float(prior[1, 1] - weights @ along)
-
-
-def resting_pressure(cost: EventCost, run: EventRun) -> RestingPressure:
-    """Rest of an event that was run with its slopes."""
-    window, setting = cost.window, cost.setting
-    length = max(round(BLOCK / setting.interval), 1)
-    counts = window.resting & ~mask_of(window)
-    counts[: cost.burn_in] = False
-    at_rest = np.flatnonzero(counts)
-    places = at_rest[at_rest.size % length :].reshape(-1, length)
-    means = run.unfiltered[places].mean(axis=1)
-    slopes = run.unfiltered_slopes[places][:, :, _BOTH].mean(axis=1)
-    scatter = 0.5 * float(np.mean(np.diff(means) ** 2)) if means.size > 1 else 0.0
-    noise = max(cost.sigma**2 / length, scatter)
-    return RestingPressure(run.theta, means, slopes, noise, setting.coefficients.pressure_scale)
 
 
 class ClosedEvent(NamedTuple):

@@ -10,7 +10,6 @@ from observer_rt.core.model.laws import normalised_area
 from observer_rt.core.model.model import phi_and_rate
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.paper import scheme
-from observer_rt.desk.paper.scheme import FreeNetwork, PaperSetting
 from observer_rt.desk.paper.table import Estimator, EstimatorCurves, Study, WearCase
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import FIRST_EVENT, make_schedule
@@ -161,18 +160,18 @@ class _Scheme:
     def __init__(self, bench: Bench, simulation: Simulation, injection: InjectionWindow) -> None:
         constants = bench_constants(bench_for(bench, simulation.recording).injector)
         c = constants.coefficients
-        self._setting = PaperSetting(constants.interval, constants.substeps, c, LARGEST_GAIN)
+        self._setting = scheme.PaperSetting(constants.interval, constants.substeps, c, LARGEST_GAIN)
         self._window, start = learning_window(simulation.truth, injection, c, simulation.recording.sample_rate)
         self._span = slice(injection.first - start, injection.last - start)
 
-    def trained(self, trainings: int) -> FreeNetwork:
+    def trained(self, trainings: int) -> scheme.FreeNetwork:
         """The network after a number of trainings; every result takes force, good or bad. 0 trainings: phi = 0."""
         in_force, start = scheme.no_fault(), scheme.scaled_identity(scheme.BETA)
         for _ in range(trainings):
             in_force = start = scheme.train(self._window, self._setting, in_force, start)
         return scheme.free_network(in_force, self._setting.gain)
 
-    def estimate(self, network: FreeNetwork) -> EstimatorCurves:
+    def estimate(self, network: scheme.FreeNetwork) -> EstimatorCurves:
         """The observer with this network over the injection."""
         seen = scheme.swept(self._window, self._setting, network)
         return EstimatorCurves(seen.x[self._span, 2], seen.phi[self._span], seen.rate[self._span])

@@ -132,7 +132,7 @@ def sums_beside_flow(
     for i, before in enumerate(at):
         pulses[: opening - before, i] = 0.0
         pulses[opening - before : opening, i] = response[first : first + before]
-    alone = theta.taken_from(pulses)
+    alone = pulses - theta.slopes @ theta.pull(pulses)  # less the part that theta explains
     sums = np.zeros((2, places.all))
     sums[0, at] = alone.T @ np.clip(innovations, -CLIP, CLIP)
     sums[1, at] = np.einsum("ij,ij->j", pulses, alone)
@@ -149,10 +149,6 @@ class ThetaColumns(NamedTuple):
     def of(cls, slopes: Matrix, prior: Vector) -> "ThetaColumns":
         """Columns of an event by slopes (n, m); prior: (m,) standard deviations of theta."""
         return cls(slopes, slopes.T @ slopes + np.diag(prior**-2))
-
-    def taken_from(self, columns: Matrix) -> Matrix:
-        """Columns (n, k) or (n,) less the part that theta explains."""
-        return np.asarray(columns - self.slopes @ self.pull(columns))
 
     def pull(self, columns: Matrix) -> Matrix:
         """Theta (m, k) or (m,) that explains columns (n, k) or (n,) best."""

@@ -16,22 +16,14 @@ import numpy as np
 from observer_rt.engine.estimation.parameters import FLOWS, Parameter, Theta, learned_of
 from observer_rt.engine.estimation.phases import no_statistics
 from observer_rt.engine.estimation.predictor import NoiseLevels, Window, gain_schedule
-from observer_rt.engine.learning import kinds, mass
+from observer_rt.engine.learning import kinds, knowledge, mass
 from observer_rt.engine.learning.account import Continued, ExplainedEvent, explain
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.event import ClosedEvent, EventReader
 from observer_rt.engine.learning.explanations import Explanation
 from observer_rt.engine.learning.fit import theta_limits
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
-from observer_rt.engine.learning.kinds import Velocity
-from observer_rt.engine.learning.knowledge import (
-    Account,
-    Adoption,
-    Knowledge,
-    LearnedInjector,
-    LearningState,
-    Outcome,
-)
+from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearnedInjector, LearningState, Outcome
 from observer_rt.engine.learning.mass import EventMass, Shares
 from observer_rt.engine.learning.noise import RestingNoise
 from observer_rt.engine.learning.verdict import facts_of, first_objection, look_alikes, named, verdict_of
@@ -239,7 +231,7 @@ def _apart(explained: ExplainedEvent, mass: EventMass, within: float) -> Floats:
     return total
 
 
-def _ahead(theta: Theta, explanation: Explanation, velocity: Velocity, reader: EventReader) -> Theta:
+def _ahead(theta: Theta, explanation: Explanation, velocity: kinds.Velocity, reader: EventReader) -> Theta:
     """Theta (m,) to carry where wear moves on: ahead of what was learned, for it is carried later."""
     theta = theta.copy()
     theta[list(FLOWS)] += AHEAD * explanation.weight * velocity.mean
@@ -291,5 +283,5 @@ def _with_coil(
         learned = explained.account.learned
         belief, at_rest = learned.belief.widened(reader.wide), RestingNoise()
         learned = replace(learned, belief=belief, statistics=no_statistics(), colour=None, at_rest=at_rest)
-        state = replace(state, account=Account(learned))
+        state = replace(state, account=knowledge.Account(learned))
     return state, is_disturbed, begins_anew

@@ -13,7 +13,6 @@ from observer_rt.core.model.needle import NEEDLE_JITTER, NEEDLE_NUMBERS
 from observer_rt.engine.estimation import predictor
 from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.engine.estimation.parameters import EVERY, NEEDLE_LAW, Parameter, learned_of
-from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.engine.learning.healthy import expected_in, needle_course
 from observer_rt.engine.learning.noise import Whitening
 from observer_rt.foundation.units import MEGAPASCAL, Floats, Ints
@@ -141,8 +140,8 @@ class EventCost:
     the others are 0.
     """
 
-    window: Window
-    setting: Setting
+    window: predictor.Window
+    setting: predictor.Setting
     sigma: float
     burn_in: int
     whitening: Whitening | None = None

@@ -11,7 +11,6 @@ from observer_rt.files.signals.stream import SignalStream, Stretch
 from observer_rt.files.signals.table import NO_ROWS, TIME, Table, TablePart
 from observer_rt.foundation import units
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import Floats
 
 MASS_RATE_UNITS = {"mg/ms": 1e-3, "g/s": 1e-3, "kg/s": 1.0, "mg/s": units.MILLIGRAM}
 RATE_UNITS = {
@@ -41,7 +40,7 @@ class _Scale(NamedTuple):
     offset: float
     is_decimal: bool
 
-    def to_si(self, values: Floats) -> Floats:
+    def to_si(self, values: units.Floats) -> units.Floats:
         with np.errstate(over="ignore"):  # what becomes infinite is refused
             if self.is_decimal:
                 return np.rint(values * STEPS_PER_UNIT) / float(round(STEPS_PER_UNIT / self.factor))
@@ -73,7 +72,7 @@ class TableSignals(SignalStream):
                 signals = {name: self._scales[name].to_si(values) for name, values in part.signals.items()}
                 yield TablePart(time_scale.to_si(part.time), signals)
 
-    def _chunk(self, time: Floats, signals: Mapping[str, Floats], stretch: int, first: int) -> Chunk:
+    def _chunk(self, time: units.Floats, signals: Mapping[str, units.Floats], stretch: int, first: int) -> Chunk:
         if not self.has_lift:
             signals = {"needle_lift": np.full(time.size, np.nan), **signals}
         if self.edges.size:  # each goes to the nearest sample

@@ -18,7 +18,6 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import Floats
 from observer_rt.identification.fit import forms, problem
 from observer_rt.identification.fit.comparison import UnexplainedSignal, pooled
-from observer_rt.identification.fit.forms import INERTANCE
 from observer_rt.identification.fit.problem import Calibration, Fold, thinned
 from observer_rt.identification.likelihood.bounded_fit import Minimum, Quadratic, fit, linearise
 from observer_rt.identification.likelihood.likelihood import JudgedModel
@@ -68,7 +67,7 @@ def without(calibration: Calibration, at: Quadratic, number: int) -> Floats:
     alone = linearise(partial(calibration.residuals_of, number=number), at.theta, own, calibration.ranges)
     information, gradient = at.information - alone.information, at.gradient - alone.gradient
     held = [len(calibration.free) + number]
-    held += [place for place, one in enumerate(calibration.free) if one is INERTANCE]
+    held += [place for place, one in enumerate(calibration.free) if one is forms.INERTANCE]
     kept = np.setdiff1d(np.arange(at.theta.size), held)
     theta = at.theta.copy()
     theta[kept] -= np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True) @ gradient[kept]

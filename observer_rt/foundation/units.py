@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]  # values in such a unit
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]  # places, counts, stamps
+Bools = NDArray[np.bool_]  # whether, of each
 Structs = NDArray[np.void]  # of the core, whose fields have names
 MEGAPASCAL = 1e6  # Pa
 MILLIMETRE = 1e-3  # m
